@@ -1,0 +1,189 @@
+"""Physical parameters, controller gains and the task's places: frozen, validated, in SI units.
+
+Every consumer receives these explicitly; nothing reads a module-level arm. The values are those of the
+arm's data sheet in docs/model.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from dtwin.errors import ModelError, ParameterError, choices
+
+Triple = tuple[float, float, float]
+
+GRAVITY: Final = 9.81
+"""m/s^2"""
+VOLTAGE_LIMIT: Final = 8.0
+"""V, of every motor"""
+PERIOD: Final = 0.010
+"""s, controller and sensor period"""
+PHYSICS_STEP: Final = 0.0025
+"""s, integration step of the emulation"""
+ROOT: Final = Path(__file__).resolve().parent.parent
+
+_SYMBOLS: Final = {
+    "K": "voltage_constant",
+    "m": "mass",
+    "I": "inertia",
+    "l": "length",
+    "c": "com",
+    "D": "damping",
+    "mu": "coulomb",
+}
+PARAMETER_NAMES: Final = tuple(f"{symbol}{joint}" for symbol in _SYMBOLS for joint in (1, 2, 3))
+"""K1, K2, K3, m1, ..., D3, mu1, mu2, mu3: the order of `ArmParameters.vector`."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmParameters:
+    """The three links, one value a link.
+
+    Attributes:
+        voltage_constant: K, N m/V.
+        mass: m, kg.
+        inertia: I, about the centre of mass, kg m^2.
+        length: l, m.
+        com: c, centre of mass from the joint along the link, m.
+        damping: D, viscous, N m s/rad.
+        coulomb: mu, Coulomb friction, N m.
+
+    Raises:
+        ParameterError: a value is not finite, or negative, or a mass, inertia, length or K is zero.
+    """
+
+    voltage_constant: Triple = (0.01765 / 0.075, 0.0118 / 0.075, 0.0118 / 0.075)
+    mass: Triple = (0.11804, 0.11604, 0.12993861)
+    inertia: Triple = (5.3325e-4, 3.7766e-4, 2.4296e-4)
+    length: Triple = (0.15786938, 0.13246938, 0.1608)
+    com: Triple = (0.120, 0.100, 0.140)
+    damping: Triple = (0.05, 0.05, 0.05)
+    coulomb: Triple = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for symbol, name in _SYMBOLS.items():
+            values = getattr(self, name)
+            if len(values) != 3:
+                raise ParameterError(f"{name}: expected 3 values, one a link, got {len(values)}")
+            for joint, value in enumerate(values, 1):
+                zero_allowed = symbol in ("D", "mu", "c")
+                if not math.isfinite(value) or value < 0 or (value == 0 and not zero_allowed):
+                    bound = "at least 0" if zero_allowed else "above 0"
+                    raise ParameterError(
+                        f"{symbol}{joint} ({name}): expected a finite number {bound}, got {value}"
+                    )
+
+    def vector(self) -> tuple[float, ...]:
+        """The 21 values in the order of PARAMETER_NAMES."""
+        return tuple(value for name in _SYMBOLS.values() for value in getattr(self, name))
+
+    @classmethod
+    def from_vector(cls, values: tuple[float, ...]) -> ArmParameters:
+        """Inverse of `vector`."""
+        if len(values) != len(PARAMETER_NAMES):
+            raise ParameterError(f"expected {len(PARAMETER_NAMES)} values, got {len(values)}")
+        triples = (tuple(float(v) for v in values[i : i + 3]) for i in range(0, len(values), 3))
+        return cls(*triples)  # type: ignore[arg-type]
+
+    def get(self, name: str) -> float:
+        """The value called e.g. `K2`."""
+        return self.vector()[_index(name)]
+
+    def with_values(self, values: Mapping[str, float]) -> ArmParameters:
+        """A copy with the named values (`{"K2": 0.1}`) replaced."""
+        vector = list(self.vector())
+        for name, value in values.items():
+            vector[_index(name)] = float(value)
+        return ArmParameters.from_vector(tuple(vector))
+
+
+def _index(name: str) -> int:
+    try:
+        return PARAMETER_NAMES.index(name)
+    except ValueError:
+        raise ParameterError(f"unknown parameter {name!r}: expected {choices(PARAMETER_NAMES)}") from None
+
+
+@dataclass(frozen=True, slots=True)
+class GripperParameters:
+    """One hinge between hard stops, decoupled from the arm.
+
+    Attributes: inertia kg m^2, voltage_constant N m/V, damping N m s/rad, closed and opened rad, volts V.
+    """
+
+    inertia: float = 0.1
+    voltage_constant: float = 0.0118 / 0.075
+    damping: float = 0.05
+    closed: float = 0.39265
+    opened: float = 0.9
+    volts: float = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """Gains of the computed-torque law, one a joint: kp 1/s^2, ki 1/s^3, kd 1/s.
+
+    Raises:
+        ParameterError: a gain is negative or not finite.
+    """
+
+    kp: Triple = (200.0, 500.0, 300.0)
+    ki: Triple = (75.0, 200.0, 150.0)
+    kd: Triple = (2.0, 2.0, 2.0)
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            for joint, value in enumerate(getattr(self, field.name), 1):
+                if not math.isfinite(value) or value < 0:
+                    raise ParameterError(
+                        f"{field.name}{joint}: expected a finite number at least 0, got {value}"
+                    )
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A point the arm serves: coordinates from joint 1 in m, and the joint angles the planner moves to in rad."""
+
+    x: float
+    y: float
+    theta: Triple
+
+
+PICKUP: Final = Place(0.2, -0.2, (-0.6699, -1.5931, 2.2630))
+PLACES: Final[Mapping[str, Place]] = {
+    "blue": Place(0.1, 0.0, (2.1855, -3.5259, 1.3404)),
+    "red": Place(0.15, 0.15, (2.5298, -2.0654, -0.4644)),
+    "green": Place(0.15, 0.28, (1.8515, -0.5320, -1.3195)),
+}
+HOME: Final[Triple] = (0.0, 0.0, 0.0)
+HANGING: Final[Triple] = (-math.pi / 2, 0.0, 0.0)
+
+
+def load_arm(path: Path) -> ArmParameters:
+    """Reads arm parameters from JSON: an object from parameter names (`K1` ... `mu3`) to numbers, all optional.
+
+    Raises:
+        ModelError: the file is missing or not such an object. ParameterError: a value is out of range.
+    """
+    try:
+        values: Any = msgspec.json.decode(path.read_bytes(), type=dict[str, float])
+    except OSError as error:
+        raise ModelError(f"{path}: {error.strerror}") from None
+    except msgspec.MsgspecError as error:
+        raise ModelError(f"{path}: expected a JSON object of parameter names and numbers: {error}") from None
+    return ArmParameters().with_values(values)
+
+
+def scaled(parameters: ArmParameters, symbol: str, factor: float) -> ArmParameters:
+    """A copy with the three values of one symbol (K, m, I, l, c, D, mu) multiplied."""
+    if symbol not in _SYMBOLS:
+        raise ParameterError(f"unknown symbol {symbol!r}: expected {choices(_SYMBOLS)}")
+    name = _SYMBOLS[symbol]
+    values: dict[str, Any] = {name: tuple(factor * value for value in getattr(parameters, name))}
+    return replace(parameters, **values)
