@@ -75,9 +75,7 @@ class ArmParameters:
                 zero_allowed = symbol in ("D", "mu", "c")
                 if not math.isfinite(value) or value < 0 or (value == 0 and not zero_allowed):
                     bound = "at least 0" if zero_allowed else "above 0"
-                    raise ParameterError(
-                        f"{symbol}{joint} ({name}): expected a finite number {bound}, got {value}"
-                    )
+                    raise ParameterError(f"{symbol}{joint} ({name}): expected a finite number {bound}, got {value}")
 
     def vector(self) -> tuple[float, ...]:
         """The 21 values in the order of PARAMETER_NAMES."""
@@ -141,9 +139,7 @@ class Gains:
         for field in fields(self):
             for joint, value in enumerate(getattr(self, field.name), 1):
                 if not math.isfinite(value) or value < 0:
-                    raise ParameterError(
-                        f"{field.name}{joint}: expected a finite number at least 0, got {value}"
-                    )
+                    raise ParameterError(f"{field.name}{joint}: expected a finite number at least 0, got {value}")
 
 
 @dataclass(frozen=True, slots=True)
