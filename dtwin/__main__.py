@@ -1,0 +1,5 @@
+import sys
+
+from dtwin.cli import main
+
+sys.exit(main())

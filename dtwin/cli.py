@@ -1,0 +1,118 @@
+"""The `dtwin` command: finds the subcommand's module, reads its options, prints errors as one line.
+
+Only the chosen subcommand's module is imported, so that `dtwin --help` and short commands start fast.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import os
+import re
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from dtwin import __version__
+from dtwin.errors import DtwinError, choices
+
+
+DESCRIPTION: Final = "A digital twin of a box-sorting arm controlled by IEC 61499 function blocks."
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A subcommand: the module that holds its options, the name of the class there, and a line of help."""
+
+    module: str
+    options: str
+    summary: str
+
+
+COMMANDS: Final[dict[str, Entry]] = {
+    "run": Entry("dtwin.commands.run", "Run", "run the cell: arm, boxes and function blocks; record and summarise"),
+    "validate": Entry("dtwin.commands.validate", "Validate", "hold the emulation against the analytic twin"),
+    "bench": Entry("dtwin.commands.bench", "Bench", "measure the speed of the parts on this machine"),
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs one command line; returns the exit status (0 done, 1 a check failed, 2 bad input, 130 interrupted)."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        status = _dispatch(arguments)
+        sys.stdout.flush()
+        return status
+    except DtwinError as error:
+        print(f"dtwin: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("dtwin: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # the reader of our output has gone; keep the interpreter's own flush at exit from complaining
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+
+
+def _dispatch(arguments: list[str]) -> int:
+    name = arguments[0] if arguments else "--help"
+    if name in ("-h", "--help"):
+        print(_overview())
+        return 0
+    if name == "--version":
+        print(f"dtwin {__version__}")
+        return 0
+    words = 2 if " ".join(arguments[:2]) in COMMANDS else 1
+    name = " ".join(arguments[:words])
+    if name not in COMMANDS:
+        under = [key for key in COMMANDS if key.startswith(f"{name} ")]
+        raise DtwinError(f"unknown command {name!r}: expected {choices(under or COMMANDS)}")
+    entry = COMMANDS[name]
+    options = getattr(importlib.import_module(entry.module), entry.options)
+    command = parse_options(options, f"dtwin {name}", arguments[words:])
+    status: int = command.execute()
+    return status
+
+
+def parse_options(options: Callable[..., Any], prog: str, arguments: Sequence[str]) -> Any:
+    """An instance of the dataclass `options` from command-line arguments.
+
+    Raises:
+        DtwinError: the arguments cannot be read. SystemExit: help was asked for and printed.
+    """
+    import tyro
+
+    complaint = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(complaint):
+            return tyro.cli(
+                options,
+                prog=prog,
+                args=list(arguments),
+                config=(tyro.conf.UseAppendAction, tyro.conf.FlagCreatePairsOff),
+            )
+    except SystemExit as exit_:
+        if exit_.code == 0:
+            raise
+        raise DtwinError(_one_line(complaint.getvalue(), prog)) from None
+
+
+def _one_line(box: str, prog: str) -> str:
+    """The parser's boxed complaint as one line: what is wrong, the nearest options, where to read more."""
+    body = " ".join(line.strip("│ ") for line in box.splitlines()[1:])
+    complaint, _, rest = body.partition("──")
+    nearest = re.findall(r"--[a-z][a-z-]*", rest) if "Perhaps you meant" in rest else []
+    hint = f"; perhaps you meant {choices(dict.fromkeys(n for n in nearest if n != '--help'))}" if nearest else ""
+    return f"{complaint.strip()}{hint} (see {prog} --help)"
+
+
+def _overview() -> str:
+    width = max(len(name) for name in COMMANDS)
+    lines = [f"  {name:<{width}}  {entry.summary}" for name, entry in COMMANDS.items()]
+    return "\n".join(
+        ["usage: dtwin COMMAND [OPTIONS]", "", DESCRIPTION, "", "commands:", *lines]
+        + ["", "dtwin COMMAND --help shows the options of one command; dtwin --version the version."]
+    )
