@@ -1,0 +1,334 @@
+"""Equations of motion of the arm, compiled: K u = M(q) q'' + h(q, q') + g(q) + D q' + mu tanh(q'/width).
+
+u are the volts after the actuator's clip to +-VOLTAGE_LIMIT, as in the emulation. q are the joint angles, g
+includes gravity, h the centrifugal and Coriolis torques. The dynamics depend on masses, inertias and centres of
+mass only through six sums (the base parameters: Khalil and Dombre, Modeling, Identification and Control of
+Robots, ch. 9), with z_i a link's first and J_i its second moment about its joint, where a link carries
+those beyond it as point masses at its end:
+
+    z1 = m1 c1 + (m2 + m3) l1    J1 = I1 + m1 c1^2 + (m2 + m3) l1^2
+    z2 = m2 c2 + m3 l2           J2 = I2 + m2 c2^2 + m3 l2^2
+    z3 = m3 c3                   J3 = I3 + m3 c3^2
+
+Payload models: "point" (weight_only False) is a point mass m_p at the tip, adding m_p l_i to z_i and m_p l_i^2
+to J_i; "weight" (weight_only True) adds m_p l_i to z_i in gravity only, a weight without inertia.
+
+Coulomb friction is smoothed over `width` rad/s. RK4 with step h is stable around standstill while
+(D + mu / width) h / lambda < 2.78, with lambda the smallest eigenvalue of M, 2.2e-4 kg m^2 for the default arm without
+payload; beyond that the velocity chatters within about the width.
+
+Arguments of all kernels, as float64 arrays or numbers:
+    p: (21,), ArmParameters.vector().
+    q, omega, alpha: (3,), joint angles rad, velocities rad/s, accelerations rad/s^2.
+    state: (6,), q then omega.
+    volts: (3,), V, clipped here.
+    payload: m_p, kg.
+    weight_only: the payload model.
+    width: of the smoothed Coulomb friction, rad/s, above 0.
+
+Numba notices edits of this file but not of files whose kernels it inlined, so all kernels of a rollout live here.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final, NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.parameters import GRAVITY, VOLTAGE_LIMIT, Triple
+
+Array = NDArray[np.float64]
+Sextuple = tuple[float, float, float, float, float, float]
+
+COULOMB_WIDTH: Final = 0.1
+"""rad/s, where smoothed Coulomb friction reaches tanh 1 = 76 % of mu"""
+
+_kernel: Any = numba.njit(cache=True, error_model="numpy")
+
+
+class Coefficients(NamedTuple):
+    """What the equations of motion need of the parameters and the payload, constant between grips.
+
+    J1, J2, J3 are the second moments (kg m^2); A = l1 z2, B = l1 z3, E = l2 z3 couple the links (kg m^2);
+    G1, G2, G3 = g z_i are the weights' moments (N m); K, D, mu as in the parameters.
+    """
+
+    J1: float
+    J2: float
+    J3: float
+    A: float
+    B: float
+    E: float
+    G1: float
+    G2: float
+    G3: float
+    K1: float
+    K2: float
+    K3: float
+    D1: float
+    D2: float
+    D3: float
+    mu1: float
+    mu2: float
+    mu3: float
+
+
+@_kernel
+def coefficients(p: Array, payload: float, weight_only: bool) -> Coefficients:
+    """Collects the constants of the equations of motion."""
+    K1, K2, K3, m1, m2, m3, I1, I2, I3, l1, l2, l3, c1, c2, c3 = (
+        p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14],
+    )  # fmt: skip
+    inertial = 0.0 if weight_only else payload
+    z2 = m2 * c2 + (m3 + inertial) * l2
+    z3 = m3 * c3 + inertial * l3
+    return Coefficients(
+        I1 + m1 * c1 * c1 + (m2 + m3 + inertial) * l1 * l1,
+        I2 + m2 * c2 * c2 + (m3 + inertial) * l2 * l2,
+        I3 + m3 * c3 * c3 + inertial * l3 * l3,
+        l1 * z2,
+        l1 * z3,
+        l2 * z3,
+        GRAVITY * (m1 * c1 + (m2 + m3 + payload) * l1),
+        GRAVITY * (m2 * c2 + (m3 + payload) * l2),
+        GRAVITY * (m3 * c3 + payload * l3),
+        K1, K2, K3,
+        p[15], p[16], p[17], p[18], p[19], p[20],
+    )  # fmt: skip
+
+
+@_kernel
+def _mass(q2: float, q3: float, arm: Coefficients) -> Sextuple:
+    """M11, M21, M31, M22, M32, M33."""
+    A, B, E = arm.A * math.cos(q2), arm.B * math.cos(q2 + q3), arm.E * math.cos(q3)
+    M32 = arm.J3 + E
+    M31 = M32 + B
+    M22 = arm.J2 + arm.J3 + 2.0 * E
+    M21 = M22 + A + B
+    M11 = arm.J1 + arm.J2 + arm.J3 + 2.0 * (A + B + E)
+    return M11, M21, M31, M22, M32, arm.J3
+
+
+@_kernel
+def _coriolis(q2: float, q3: float, w1: float, w2: float, w3: float, arm: Coefficients) -> Triple:
+    A, B, E = arm.A * math.sin(q2), arm.B * math.sin(q2 + q3), arm.E * math.sin(q3)
+    a, b = A + B, B + E
+    w12, w13_23 = w1 * w2, (w1 + w2) * w3
+    return (
+        -a * (w2 * w2 + 2.0 * w12) - b * (w3 * w3 + 2.0 * w13_23),
+        a * w1 * w1 - E * (w3 * w3 + 2.0 * w13_23),
+        b * w1 * w1 + E * (w2 * w2 + 2.0 * w12),
+    )
+
+
+@_kernel
+def _gravity(q1: float, q2: float, q3: float, arm: Coefficients) -> Triple:
+    g3 = arm.G3 * math.cos(q1 + q2 + q3)
+    g2 = g3 + arm.G2 * math.cos(q1 + q2)
+    return g2 + arm.G1 * math.cos(q1), g2, g3
+
+
+@_kernel
+def _coulomb(w: float, mu: float, width: float) -> float:
+    return mu * math.tanh(w / width) if mu != 0.0 else 0.0
+
+
+@_kernel
+def _friction(w1: float, w2: float, w3: float, arm: Coefficients, width: float) -> Triple:
+    return (
+        arm.D1 * w1 + _coulomb(w1, arm.mu1, width),
+        arm.D2 * w2 + _coulomb(w2, arm.mu2, width),
+        arm.D3 * w3 + _coulomb(w3, arm.mu3, width),
+    )
+
+
+@_kernel
+def _clip(volts: float) -> float:
+    if volts > VOLTAGE_LIMIT:
+        return VOLTAGE_LIMIT
+    if volts < -VOLTAGE_LIMIT:
+        return -VOLTAGE_LIMIT
+    return volts
+
+
+@_kernel
+def _motor(volts: Array, arm: Coefficients) -> Triple:
+    return arm.K1 * _clip(volts[0]), arm.K2 * _clip(volts[1]), arm.K3 * _clip(volts[2])
+
+
+@_kernel
+def _solve(M: Sextuple, r1: float, r2: float, r3: float) -> Triple:
+    """Solves M x = r by M = L diag(d) L^T from the last row up; M is symmetric positive definite, so no pivoting."""
+    M11, M21, M31, M22, M32, d3 = M
+    L31, L32 = M31 / d3, M32 / d3
+    d2 = M22 - L32 * M32
+    u21 = M21 - L31 * M32
+    L21 = u21 / d2
+    d1 = M11 - L31 * M31 - L21 * u21
+    r2 -= L32 * r3
+    r1 -= L31 * r3 + L21 * r2
+    x1 = r1 / d1
+    x2 = r2 / d2 - L21 * x1
+    return x1, x2, r3 / d3 - L31 * x1 - L32 * x2
+
+
+@_kernel
+def _derivative(x: Sextuple, torque: Triple, arm: Coefficients, width: float) -> Sextuple:
+    q1, q2, q3, w1, w2, w3 = x
+    h1, h2, h3 = _coriolis(q2, q3, w1, w2, w3, arm)
+    g1, g2, g3 = _gravity(q1, q2, q3, arm)
+    f1, f2, f3 = _friction(w1, w2, w3, arm, width)
+    a1, a2, a3 = _solve(
+        _mass(q2, q3, arm), torque[0] - h1 - g1 - f1, torque[1] - h2 - g2 - f2, torque[2] - h3 - g3 - f3
+    )
+    return w1, w2, w3, a1, a2, a3
+
+
+@_kernel
+def _along(x: Sextuple, step: float, slope: Sextuple) -> Sextuple:
+    return (
+        x[0] + step * slope[0],
+        x[1] + step * slope[1],
+        x[2] + step * slope[2],
+        x[3] + step * slope[3],
+        x[4] + step * slope[4],
+        x[5] + step * slope[5],
+    )
+
+
+@_kernel
+def _rk4(x: Sextuple, torque: Triple, arm: Coefficients, width: float, step: float) -> Sextuple:
+    """One step of the classical Runge-Kutta method with the torque held."""
+    k1 = _derivative(x, torque, arm, width)
+    k2 = _derivative(_along(x, 0.5 * step, k1), torque, arm, width)
+    k3 = _derivative(_along(x, 0.5 * step, k2), torque, arm, width)
+    k4 = _derivative(_along(x, step, k3), torque, arm, width)
+    return _along(_along(_along(_along(x, step / 6.0, k1), step / 3.0, k2), step / 3.0, k3), step / 6.0, k4)
+
+
+@_kernel
+def integrate(
+    p: Array,
+    volts: Array,
+    payload: Array,
+    period: float,
+    substeps: int,
+    weight_only: bool,
+    width: float,
+    states: Array,
+) -> int:
+    """Fills states[1:] from states[0], RK4 with `substeps` steps a sample, volts and payload held over a sample.
+
+    Args:
+        p: (21,) parameters.
+        volts: (N, 3), V.
+        payload: (N,), kg.
+        period: s, between samples.
+        substeps: RK4 steps a sample.
+        weight_only: the payload model.
+        width: of the Coulomb friction, rad/s.
+        states: (N + 1, 6), rad and rad/s; row 0 is the start, the others are written.
+
+    Returns:
+        N, or the number of the last finite row when the next one is not finite.
+    """
+    samples = volts.shape[0]
+    step = period / substeps
+    x = (states[0, 0], states[0, 1], states[0, 2], states[0, 3], states[0, 4], states[0, 5])
+    for k in range(samples):
+        arm = coefficients(p, payload[k], weight_only)
+        torque = _motor(volts[k], arm)
+        for _ in range(substeps):
+            x = _rk4(x, torque, arm, width, step)
+        finite = True
+        for i in range(6):
+            states[k + 1, i] = x[i]
+            finite = finite and math.isfinite(x[i])
+        if not finite:
+            return k
+    return samples
+
+
+@_kernel
+def mass_matrix(q: Array, p: Array, payload: float = 0.0, weight_only: bool = False) -> Array:
+    """M(q), (3, 3), kg m^2."""
+    M11, M21, M31, M22, M32, M33 = _mass(q[1], q[2], coefficients(p, payload, weight_only))
+    return np.array(((M11, M21, M31), (M21, M22, M32), (M31, M32, M33)))
+
+
+@_kernel
+def coriolis(q: Array, omega: Array, p: Array, payload: float = 0.0, weight_only: bool = False) -> Array:
+    """h(q, q'), (3,), centrifugal and Coriolis torques, N m."""
+    return np.array(_coriolis(q[1], q[2], omega[0], omega[1], omega[2], coefficients(p, payload, weight_only)))
+
+
+@_kernel
+def gravity(q: Array, p: Array, payload: float = 0.0, weight_only: bool = False) -> Array:
+    """g(q), (3,), torques that hold the arm still, N m."""
+    return np.array(_gravity(q[0], q[1], q[2], coefficients(p, payload, weight_only)))
+
+
+@_kernel
+def friction(omega: Array, p: Array, width: float = COULOMB_WIDTH) -> Array:
+    """D q' + mu tanh(q'/width), (3,), N m."""
+    return np.array(_friction(omega[0], omega[1], omega[2], coefficients(p, 0.0, False), width))
+
+
+@_kernel
+def motor_torque(volts: Array, p: Array) -> Array:
+    """K u with u clipped to +-VOLTAGE_LIMIT, (3,), N m."""
+    return np.array(_motor(volts, coefficients(p, 0.0, False)))
+
+
+@_kernel
+def forward_dynamics(
+    state: Array,
+    volts: Array,
+    p: Array,
+    payload: float = 0.0,
+    weight_only: bool = False,
+    width: float = COULOMB_WIDTH,
+) -> Array:
+    """q'' under the volts, (3,), rad/s^2."""
+    arm = coefficients(p, payload, weight_only)
+    x = (state[0], state[1], state[2], state[3], state[4], state[5])
+    return np.array(_derivative(x, _motor(volts, arm), arm, width)[3:])
+
+
+@_kernel
+def inverse_dynamics(
+    q: Array,
+    omega: Array,
+    alpha: Array,
+    p: Array,
+    payload: float = 0.0,
+    weight_only: bool = False,
+    width: float = COULOMB_WIDTH,
+) -> Array:
+    """Motor torques that give the acceleration, (3,), N m."""
+    arm = coefficients(p, payload, weight_only)
+    M11, M21, M31, M22, M32, M33 = _mass(q[1], q[2], arm)
+    h1, h2, h3 = _coriolis(q[1], q[2], omega[0], omega[1], omega[2], arm)
+    g1, g2, g3 = _gravity(q[0], q[1], q[2], arm)
+    f1, f2, f3 = _friction(omega[0], omega[1], omega[2], arm, width)
+    return np.array(
+        (
+            M11 * alpha[0] + M21 * alpha[1] + M31 * alpha[2] + h1 + g1 + f1,
+            M21 * alpha[0] + M22 * alpha[1] + M32 * alpha[2] + h2 + g2 + f2,
+            M31 * alpha[0] + M32 * alpha[1] + M33 * alpha[2] + h3 + g3 + f3,
+        )
+    )
+
+
+@_kernel
+def energy(state: Array, p: Array, payload: float = 0.0, weight_only: bool = False) -> tuple[float, float]:
+    """Kinetic and potential energy, J; the potential is zero with all links level with joint 1."""
+    arm = coefficients(p, payload, weight_only)
+    q1, q2, q3, w1, w2, w3 = state[0], state[1], state[2], state[3], state[4], state[5]
+    M11, M21, M31, M22, M32, M33 = _mass(q2, q3, arm)
+    kinetic = 0.5 * (M11 * w1 * w1 + M22 * w2 * w2 + M33 * w3 * w3) + M21 * w1 * w2 + M31 * w1 * w3 + M32 * w2 * w3
+    potential = arm.G1 * math.sin(q1) + arm.G2 * math.sin(q1 + q2) + arm.G3 * math.sin(q1 + q2 + q3)
+    return kinetic, potential

@@ -1,0 +1,78 @@
+"""Where the tip is, and which angles put it there.
+
+x points right, y up, joint 1 is the origin. theta_1 is absolute, theta_2 and theta_3 are relative to the link
+before; phi = theta_1 + theta_2 + theta_3 is the angle of link 3 to x.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, Literal
+
+from dtwin.errors import ParameterError, UnreachableError, choices
+from dtwin.parameters import ArmParameters, Triple
+
+Elbow = Literal["up", "down"]
+_ELBOW_SIGN: Final = {"up": -1.0, "down": 1.0}
+_REACH_TOLERANCE: Final = 1e-9
+"""m; a point that rounding moved across the border of the reach still counts as on it"""
+
+Point = tuple[float, float]
+
+
+def joint_positions(theta: Triple, parameters: ArmParameters) -> tuple[Point, Point, Point, Point]:
+    """Joint 1, joint 2, joint 3 and tip, (x, y) in m: the polyline of the arm."""
+    points = [(0.0, 0.0)]
+    angle = 0.0
+    for joint, length in zip(theta, parameters.length, strict=True):
+        angle += joint
+        x, y = points[-1]
+        points.append((x + length * math.cos(angle), y + length * math.sin(angle)))
+    return points[0], points[1], points[2], points[3]
+
+
+def forward(theta: Triple, parameters: ArmParameters) -> tuple[float, float, float]:
+    """The tip's x and y in m and the angle phi of link 3 in rad."""
+    x, y = joint_positions(theta, parameters)[3]
+    return x, y, sum(theta)
+
+
+def inverse(x: float, y: float, parameters: ArmParameters, phi: float = 0.0, elbow: Elbow = "up") -> Triple:
+    """The angles that put the tip at (x, y) with link 3 at phi.
+
+    Law of cosines on the triangle joint 1, joint 2, joint 3:
+    cos theta_2 = (d^2 - l1^2 - l2^2) / (2 l1 l2), d the distance from joint 1 to joint 3.
+
+    Args:
+        x: of the tip, m.
+        y: of the tip, m.
+        parameters: whose lengths are used.
+        phi: angle of link 3 to x, rad.
+        elbow: "up" has theta_2 in [-pi, 0] (joint 2 to the left of the ray from joint 1 to joint 3), "down"
+            in [0, pi].
+
+    Returns:
+        theta_1 in [-pi, pi], theta_2 as above and theta_3 = phi - theta_1 - theta_2, not wrapped, rad.
+
+    Raises:
+        UnreachableError: joint 3 would be out of reach of links 1 and 2.
+        ParameterError: elbow is neither, or a number is not finite.
+    """
+    if elbow not in _ELBOW_SIGN:
+        raise ParameterError(f"unknown elbow {elbow!r}: expected {choices(_ELBOW_SIGN)}")
+    if not all(math.isfinite(value) for value in (x, y, phi)):
+        raise ParameterError(f"expected finite x, y and phi, got ({x}, {y}, {phi})")
+    l1, l2, l3 = parameters.length
+    wrist_x, wrist_y = x - l3 * math.cos(phi), y - l3 * math.sin(phi)
+    distance = math.hypot(wrist_x, wrist_y)
+    nearest, farthest = abs(l1 - l2), l1 + l2
+    if not nearest - _REACH_TOLERANCE <= distance <= farthest + _REACH_TOLERANCE:
+        raise UnreachableError(
+            f"point ({x:g}, {y:g}) m with link 3 at {phi:g} rad: joint 3 would be {distance:.4f} m from joint 1, "
+            f"the reach is {nearest:.4f} to {farthest:.4f} m"
+        )
+    cosine = (distance**2 - l1**2 - l2**2) / (2 * l1 * l2)
+    theta_2 = _ELBOW_SIGN[elbow] * math.acos(min(1.0, max(-1.0, cosine)))
+    theta_1 = math.atan2(wrist_y, wrist_x) - math.atan2(l2 * math.sin(theta_2), l1 + l2 * math.cos(theta_2))
+    theta_1 = math.remainder(theta_1, 2 * math.pi)
+    return theta_1, theta_2, phi - theta_1 - theta_2
