@@ -156,9 +156,10 @@ def read_log(path: Path) -> Log:
     try:
         with path.open("rb") as file:
             table = pq.read_table(file)
-    except (pa.ArrowException, OSError) as error:
-        reason = getattr(error, "strerror", None) or "expected a Parquet file"
-        raise RecordingError(f"{path}: {reason}") from None
+    except pa.ArrowInvalid:
+        raise RecordingError(f"{path}: expected a Parquet file") from None
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {_reason(error)}") from None
     columns = {field.name: _column(path, table, field) for field in _SCHEMA}
     steps = np.diff(columns["t"])
     if not np.all(steps > 0):
@@ -179,8 +180,7 @@ def ensure_writable(path: Path) -> None:
     Raises:
         RecordingError: the folder is missing or read-only, or the path is not a regular file.
     """
-    with contextlib.suppress(_Checked), replacing(path) as temporary:
-        temporary.touch()
+    with contextlib.suppress(_Checked), replacing(path):
         raise _Checked
 
 
@@ -201,13 +201,19 @@ def replacing(path: Path) -> Iterator[Path]:
         raise RecordingError(f"{path}: expected the path of a file, this is {kind}")
     temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
+        temporary.touch()
         yield temporary
         os.replace(temporary, target)
     except OSError as error:
-        raise RecordingError(f"{path}: cannot be written: {error.strerror or error}") from None
+        raise RecordingError(f"{path}: cannot be written: {_reason(error)}") from None
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
+
+
+def _reason(error: OSError) -> str:
+    """The operating system's words; Arrow's own text names temporary files."""
+    return os.strerror(error.errno) if error.errno else str(error).splitlines()[0]
 
 
 def _column(path: Path, table: pa.Table, expected: pa.Field) -> NDArray[Any]:
