@@ -14,8 +14,8 @@ Payload models: "point" (weight_only False) is a point mass m_p at the tip, addi
 to J_i; "weight" (weight_only True) adds m_p l_i to z_i in gravity only, a weight without inertia.
 
 Coulomb friction is smoothed over `width` rad/s. RK4 with step h is stable around standstill while
-(D + mu / width) h / lambda < 2.78, with lambda the smallest eigenvalue of M, 2.2e-4 kg m^2 for the default arm without
-payload; beyond that the velocity chatters within about the width.
+(D + mu / width) h / lambda < 2.78, with lambda the smallest eigenvalue of M (2.2e-4 kg m^2 for the default arm
+without payload); beyond that the velocity chatters within about the width.
 
 Arguments of all kernels, as float64 arrays or numbers:
     p: (21,), ArmParameters.vector().
