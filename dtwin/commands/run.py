@@ -1,0 +1,169 @@
+"""`dtwin run`."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from dtwin.cell import BLOCKS, Cell, CellSettings, Summary
+from dtwin.control import LAWS, ControlSettings
+from dtwin.emulation import ARM_MODEL, parse_fault
+from dtwin.errors import DtwinError, ParameterError
+from dtwin.parameters import PERIOD, PHYSICS_STEP, ArmParameters, Gains
+from dtwin.recording import Log, ensure_writable
+
+
+@dataclass(frozen=True)
+class Run:
+    """Run the cell: the emulated arm sorts boxes under its function blocks, as fast as the machine allows.
+
+    Writes a recording for the Rerun viewer and prints a summary. Ctrl-C ends the run and keeps what was recorded.
+    """
+
+    duration: float = 120.0
+    """Plant time to run, s."""
+    seed: int = 0
+    """Of the boxes and the noise; equal seeds give equal logs."""
+    noise: float = 0.0
+    """Encoder noise, rad: amplitude (uniform) or standard deviation (gaussian)."""
+    noise_kind: Literal["uniform", "gaussian"] = "uniform"
+    """uniform adds noise * u with u in [0, 1), so it is biased by half of it; gaussian is not biased."""
+    target_time: float = 2.0
+    """Duration of every motion, s."""
+    law: Literal["default", "seed"] = "default"
+    """Control law: computed torque, or the row-sum form without damping term."""
+    fault: tuple[str, ...] = ()
+    """TARGET OP VALUE @ START[-END], e.g. K2*=0.1@45 or freeze3@30-40; repeatable."""
+    set: tuple[str, ...] = ()
+    """A parameter of the emulated arm, e.g. m1=0.15; repeatable. The controller's model stays as it is."""
+    record: Path | None = None
+    """Recording for the Rerun viewer; run.rrd if not given, none with --json."""
+    log: Path | None = None
+    """Parquet log, one row per 10 ms tick."""
+    realtime: bool = False
+    """Run no faster than the wall clock."""
+    json: bool = False
+    """Print one JSON object on standard output and nothing else."""
+    step: float = PHYSICS_STEP
+    """Physics step, s; the 10 ms period must be a whole multiple of it."""
+    model: Path = ARM_MODEL
+    """MJCF file of the arm."""
+    blocks: Path = BLOCKS
+    """Folder of the function-block library."""
+
+    def execute(self) -> int:
+        record = self.record or (None if self.json else Path("run.rrd"))
+        for path in (record, self.log):
+            if path is not None:
+                ensure_writable(path)
+        cell = Cell(self.settings())
+        failure: DtwinError | None = None
+        with _Interruption() as interruption, _progress(cell, quiet=self.json) as progress:
+
+            def between(done: int) -> bool:
+                progress.update(progress.task_ids[0], completed=done * PERIOD)
+                return not interruption.requested
+
+            try:
+                cell.run(between, self.realtime)
+            except DtwinError as error:
+                failure = error
+            log = cell.log.freeze()
+            self._write(log, record)
+        if failure is not None:
+            raise failure
+        summary = cell.summary(log)
+        if self.json:
+            print(msgspec.json.encode(summary).decode())
+        else:
+            _print(summary, record, self.log)
+        return 130 if interruption.requested else 0
+
+    def settings(self) -> CellSettings:
+        """The settings the options stand for.
+
+        Raises:
+            DtwinError: an option is out of range or cannot be read.
+        """
+        return CellSettings(
+            duration=self.duration,
+            seed=self.seed,
+            noise=self.noise,
+            noise_kind=self.noise_kind,
+            faults=tuple(parse_fault(text) for text in self.fault),
+            arm=ArmParameters().with_values(dict(_assignment(text) for text in self.set)),
+            control=ControlSettings(target_time=self.target_time, gains=Gains(), law=self.law),
+            step=self.step,
+            model_file=self.model,
+            blocks=self.blocks,
+        )
+
+    def _write(self, log: Log, record: Path | None) -> None:
+        if self.log is not None:
+            log.write_parquet(self.log)
+        if record is not None:
+            from dtwin.view import write_recording  # rerun takes half a second to import
+
+            write_recording(log, self.model, record)
+
+
+class _Interruption:
+    """Turns Ctrl-C and a polite kill into a request to stop between two ticks."""
+
+    def __init__(self) -> None:
+        self.requested = False
+
+    def __enter__(self) -> _Interruption:
+        self._previous = {number: signal.signal(number, self._request) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
+
+    def _request(self, *_: object) -> None:
+        self.requested = True
+
+
+def _assignment(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise ParameterError(f"--set {text}: expected NAME=NUMBER, e.g. m1=0.15") from None
+
+
+def _progress(cell: Cell, quiet: bool) -> Progress:
+    columns = (TextColumn("running the cell"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    progress = Progress(*columns, console=Console(file=sys.stderr), transient=True, disable=quiet)
+    progress.add_task("", total=cell.ticks * PERIOD)
+    return progress
+
+
+def _print(summary: Summary, record: Path | None, log: Path | None) -> None:
+    boxes, errors = summary.boxes, summary.placement_error_mm
+    table = Table.grid(padding=(0, 2))
+    table.add_row("plant time", f"{summary.duration:g} s in {summary.wall_seconds:.2f} s ({summary.real_time_factor:.0f} x real time)")
+    table.add_row(
+        "boxes",
+        f"{boxes.arrived} arrived, {boxes.picked} picked, {boxes.delivered} delivered, {boxes.misplaced} misplaced,"
+        f" {boxes.dropped_arrivals} turned away",
+    )
+    table.add_row("placement error", f"{errors.max:.2f} mm at most, {errors.mean:.2f} mm on average")
+    worst = ", ".join(f"{value:.4f}" for value in summary.tracking_error_rad.max)
+    table.add_row("tracking error", f"({worst}) rad at most, joints 1 to 3")
+    table.add_row("saturated ticks", str(summary.saturated_ticks))
+    console = Console()
+    console.print(table)
+    if log is not None:
+        console.print(f"log        {log}")
+    if record is not None:
+        console.print(f"recording  {record}: look at it with `rerun {record}`")

@@ -1,0 +1,173 @@
+"""The emulation (MuJoCo) held against the analytic twin and against the known motion of the unpowered arm.
+
+Both integrate with RK4 at 2.5 ms, so where neither is chaotic the two must agree at machine precision.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.emulation import Plant
+from dtwin.parameters import HANGING, HOME, PHYSICS_STEP, ArmParameters, Triple, scaled
+from dtwin.twin import rollout
+
+Array = NDArray[np.float64]
+
+UPRIGHT: Triple = (math.pi / 2, 0.0, 0.0)
+TOLERANCE = 5e-4
+"""rad and s, of every expected value"""
+AGREEMENT = 1e-11
+"""rad, largest difference of the two physics"""
+AT_REST = 0.02
+"""rad, within which the arm counts as resting (or standing)"""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One unpowered run from rest.
+
+    expected gives values by the name of a `Motion` property, rad or s; within gives (low, high) bounds, s;
+    agreement_until is the time (s) to which the two physics are compared (beyond it rounding decides).
+    """
+
+    name: str
+    start: Triple
+    parameters: ArmParameters
+    duration: float
+    payload: float = 0.0
+    expected: dict[str, float] = field(default_factory=dict)
+    within: dict[str, tuple[float, float]] = field(default_factory=dict)
+    agreement_until: float = math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """A trajectory: time (n,) s, theta (n, 3) rad."""
+
+    time: Array
+    theta: Array
+
+    @property
+    def min_theta_1(self) -> float:
+        return float(self.theta[:, 0].min())
+
+    @property
+    def time_of_min(self) -> float:
+        return float(self.time[self.theta[:, 0].argmin()])
+
+    @property
+    def rests_at(self) -> float:
+        """s, after which the arm stays within AT_REST of hanging; inf if it never does."""
+        return self._first_after(np.abs(self.theta - np.array(HANGING)).max(axis=1) > AT_REST)
+
+    @property
+    def falls_at(self) -> float:
+        """s, when the arm first is further than AT_REST from where it started; inf if it never is."""
+        away = np.abs(self.theta - self.theta[0]).max(axis=1) > AT_REST
+        return float(self.time[away.argmax()]) if away.any() else math.inf
+
+    @property
+    def final(self) -> Triple:
+        a, b, c = self.theta[-1].tolist()
+        return (a, b, c)
+
+    def _first_after(self, condition: NDArray[np.bool_]) -> float:
+        last = len(condition) - 1 - condition[::-1].argmax() if condition.any() else -1
+        return float(self.time[last + 1]) if last + 1 < len(self.time) else math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One comparison: what was looked at, the value found, what was expected."""
+
+    name: str
+    value: float
+    expected: str
+    passed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """A case after both physics ran it; difference is their largest, rad, up to the case's agreement_until."""
+
+    case: Case
+    emulation: Motion
+    twin: Motion
+    difference: float
+    checks: tuple[Check, ...]
+
+    @property
+    def passed(self) -> bool:
+        return all(check.passed for check in self.checks)
+
+
+def cases() -> tuple[Case, ...]:
+    """The validation runs: the four of the arm's data sheet and the first once more with a box in the gripper."""
+    arm = ArmParameters()
+    return (
+        Case("drop", HOME, arm, 20.0, expected={"min_theta_1": -2.3422, "time_of_min": 0.670}, within={"rests_at": (5.0, 10.0)}),
+        Case("drop with 0.2 kg", HOME, arm, 20.0, payload=0.2),
+        Case(
+            "masses x 1.5",
+            HOME,
+            scaled(arm, "m", 1.5),
+            20.0,
+            expected={"min_theta_1": -2.4867, "time_of_min": 0.6575},
+            within={"rests_at": (10.0, 15.0)},
+        ),
+        Case("inertias x 2", HOME, scaled(arm, "I", 2.0), 20.0, expected={"min_theta_1": -2.3475, "time_of_min": 0.680}),
+        Case("upright", UPRIGHT, arm, 30.0, within={"falls_at": (8.0, 9.0)}, agreement_until=6.0),
+    )
+
+
+def validate(between: Callable[[Case], None] = lambda case: None) -> tuple[Outcome, ...]:
+    """Runs every case on both physics; `between` is told the case about to run."""
+    outcomes = []
+    for case in cases():
+        between(case)
+        outcomes.append(_examine(case, emulated(case), predicted(case)))
+    return tuple(outcomes)
+
+
+def emulated(case: Case) -> Motion:
+    """The case on MuJoCo, sampled every physics step."""
+    plant = Plant(case.parameters)
+    plant.set_payload(case.payload)
+    plant.reset(case.start, (0.0, 0.0, 0.0))
+    steps = round(case.duration / PHYSICS_STEP)
+    theta = np.empty((steps + 1, 3))
+    theta[0] = plant.theta
+    for k in range(1, steps + 1):
+        plant.advance(PHYSICS_STEP)
+        theta[k] = plant.theta
+    return Motion(np.arange(steps + 1) * PHYSICS_STEP, theta)
+
+
+def predicted(case: Case) -> Motion:
+    """The case on the analytic twin, sampled every physics step."""
+    steps = round(case.duration / PHYSICS_STEP)
+    state = np.array([*case.start, 0.0, 0.0, 0.0])
+    states = rollout(case.parameters, state, np.zeros((steps, 3)), case.payload, PHYSICS_STEP, substeps=1)
+    return Motion(np.arange(steps + 1) * PHYSICS_STEP, states[:, :3])
+
+
+def _examine(case: Case, emulation: Motion, twin: Motion) -> Outcome:
+    compared = emulation.time <= case.agreement_until
+    difference = float(np.abs(emulation.theta - twin.theta)[compared].max())
+    checks = [Check("emulation_vs_twin", difference, f"at most {AGREEMENT:g} rad", difference <= AGREEMENT)]
+    for name, motion in (("emulation", emulation), ("twin", twin)):
+        for quantity, expected in case.expected.items():
+            value = getattr(motion, quantity)
+            text = f"{expected:g} +- {TOLERANCE:g}"
+            checks.append(Check(f"{name} {quantity}", value, text, abs(value - expected) <= TOLERANCE))
+        for quantity, (low, high) in case.within.items():
+            value = getattr(motion, quantity)
+            checks.append(Check(f"{name} {quantity}", value, f"{low:g} to {high:g} s", low <= value <= high))
+        resting = max(abs(a - b) for a, b in zip(motion.final, HANGING, strict=True))
+        checks.append(Check(f"{name} final", resting, f"hanging within {AT_REST:g} rad", resting <= AT_REST))
+    return Outcome(case, emulation, twin, difference, tuple(checks))
