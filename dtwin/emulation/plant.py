@@ -1,0 +1,276 @@
+"""The physical arm and gripper, integrated by MuJoCo from models/arm.xml.
+
+Joint i is driven by tau_i = K_i V_i; V is clipped to the actuators' control range. Coulomb friction is MuJoCo's
+frictionloss: exactly mu sign(q') while a joint slides, a constraint that holds it while it sticks. With mu = 0 the
+constraint solver is off, and the motion is that of the analytic equations to rounding.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import re
+from collections.abc import Collection, Iterable
+from pathlib import Path
+from typing import Final
+
+import mujoco
+
+from dtwin.errors import DivergenceError, ModelError, ParameterError, choices
+from dtwin.parameters import PHYSICS_STEP, ROOT, ArmParameters, GripperParameters, Triple
+from dtwin.signals import Quad
+
+MODEL_FILE: Final = ROOT / "models" / "arm.xml"
+LINKS: Final = ("link_1", "link_2", "link_3")
+JOINTS: Final = ("joint_1", "joint_2", "joint_3", "gripper")
+ACTUATORS: Final = ("motor_1", "motor_2", "motor_3", "motor_gripper")
+SENSORS: Final = ("theta_1", "theta_2", "theta_3", "omega_1", "omega_2", "omega_3", "gripper")
+SITES: Final = ("tip", "pickup", "blue", "red", "green")
+
+_GRIPPER: Final = 3
+_SUM_LIMIT: Final = 1e6
+"""rad and rad/s: a state whose values sum to more has diverged, long before the numbers overflow"""
+_COMMAND_LIMIT: Final = 1e9
+"""V: MuJoCo replaces commands from 1e10 on by zero; they are refused here instead"""
+_LOCK_ARMATURE: Final = 1e9
+"""kg m^2 added to a locked joint: 2 N m turn it by 1e-5 rad in 100 s"""
+_AXIAL_INERTIA: Final = 0.1
+"""inertia about a link's own axis relative to the one in the plane of motion, which alone matters"""
+
+_log = logging.getLogger(__name__)
+
+
+class Plant:
+    """The arm and gripper as a physical system: voltages in, angles and speeds out.
+
+    Only what moves is simulated: the file's geoms, lights, cameras and stands are left out, they would make a step
+    half as long again. Its soft gripper limits are for viewers; here the gripper stops dead at
+    `GripperParameters.closed` and `opened`, checked once an `advance`.
+
+    Args:
+        parameters: the three links; they replace the file's values.
+        gripper: likewise.
+        model_file: MJCF with the names of models/arm.xml.
+        step: integration step, s.
+
+    Attributes:
+        model: the compiled mjModel (nq = nv = nu = 4), to be read only.
+        data: its mjData, to be read only.
+        steps: integration steps since the last `reset`.
+
+    Raises:
+        ModelError: the file is missing, malformed, or lacks a name. ParameterError: the step is not above 0.
+    """
+
+    def __init__(
+        self,
+        parameters: ArmParameters | None = None,
+        gripper: GripperParameters | None = None,
+        model_file: Path = MODEL_FILE,
+        step: float = PHYSICS_STEP,
+    ) -> None:
+        if not (math.isfinite(step) and step > 0):
+            raise ParameterError(f"integration step: expected a finite number above 0, got {step}")
+        # MuJoCo would write MUJOCO_LOG.TXT into the working directory; the state is checked in `advance` instead.
+        mujoco.set_mju_user_warning(_log.debug)
+        self.model = _compile(model_file)
+        self.model.opt.timestep = step
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_LIMIT
+        self.data = mujoco.MjData(self.model)
+        self._scratch = mujoco.MjData(self.model)
+        self._step = step
+        self._links = [self.model.body(name).id for name in LINKS]
+        self._tip = self.model.body("tip").id
+        self._qpos, self._qvel, self._ctrl = self.data.qpos, self.data.qvel, self.data.ctrl
+        self._period, self._period_steps = step, 1
+        self.steps = 0
+
+        gripper = gripper or GripperParameters()
+        self._closed, self._opened = gripper.closed, gripper.opened
+        jaw = self.model.body("jaw").id
+        # The compiler asks for a mass, the arm's equations for none; the joint's armature stands for the jaw.
+        self.model.body_mass[jaw] = 0.0
+        self.model.body_inertia[jaw] = 0.0
+        self.model.dof_armature[_GRIPPER] = gripper.inertia
+        self.model.dof_damping[_GRIPPER] = gripper.damping
+        self.model.actuator_gainprm[_GRIPPER, 0] = gripper.voltage_constant
+        self.set_parameters(parameters or ArmParameters())
+        self.reset((0.0, 0.0, 0.0))
+
+    def set_parameters(self, parameters: ArmParameters) -> None:
+        """Changes the links from now on; state, payload and locks stay."""
+        model = self.model
+        outward = (*self._links[1:], self._tip)
+        for i, (link, next_body) in enumerate(zip(self._links, outward, strict=True)):
+            inertia = parameters.inertia[i]
+            model.body_mass[link] = parameters.mass[i]
+            model.body_inertia[link] = (_AXIAL_INERTIA * inertia, inertia, inertia)
+            model.body_ipos[link, 0] = parameters.com[i]
+            model.body_pos[next_body, 0] = parameters.length[i]
+            model.dof_damping[i] = parameters.damping[i]
+            model.dof_frictionloss[i] = parameters.coulomb[i]
+            model.actuator_gainprm[i, 0] = parameters.voltage_constant[i]
+        constraint = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+        if any(parameters.coulomb):
+            model.opt.disableflags &= ~constraint
+        else:
+            model.opt.disableflags |= constraint
+        mujoco.mj_setConst(model, self._scratch)
+
+    def set_payload(self, mass: float) -> None:
+        """Holds a point mass (kg) at the tip; 0 is an empty gripper."""
+        if not (math.isfinite(mass) and mass >= 0):
+            raise ParameterError(f"payload: expected a finite mass of at least 0 kg, got {mass}")
+        self.model.body_mass[self._tip] = mass
+        mujoco.mj_setConst(self.model, self._scratch)
+
+    def set_locked(self, joints: Collection[int]) -> None:
+        """Holds the given joints (1 to 3) where they are and frees the others."""
+        for i in range(3):
+            locked = i + 1 in joints
+            self.model.dof_armature[i] = _LOCK_ARMATURE if locked else 0.0
+            if locked:
+                self._qvel[i] = 0.0
+        mujoco.mj_setConst(self.model, self._scratch)
+
+    def reset(self, theta: Triple, omega: Triple = (0.0, 0.0, 0.0)) -> None:
+        """Starts anew at time 0 from angles (rad) and speeds (rad/s), gripper open, all voltages 0."""
+        mujoco.mj_resetData(self.model, self.data)
+        self._qpos[:] = (*theta, self._opened)
+        self._qvel[:] = (*omega, 0.0)
+        self.steps = 0
+        self._read()
+
+    def apply(self, volts: Quad) -> None:
+        """Sets the voltages of motors 1 to 3 and the gripper until the next call, V.
+
+        Raises:
+            DivergenceError: a voltage is not a usable number.
+        """
+        v1, v2, v3, v4 = volts
+        if not abs(v1) + abs(v2) + abs(v3) + abs(v4) < _COMMAND_LIMIT:
+            raise DivergenceError("voltage command", self.time, volts)
+        ctrl = self._ctrl
+        ctrl[0] = v1
+        ctrl[1] = v2
+        ctrl[2] = v3
+        ctrl[3] = v4
+
+    def advance(self, period: float) -> None:
+        """Integrates over a period, s.
+
+        Raises:
+            ParameterError: the period is not a whole multiple of the step.
+            DivergenceError: the state left the finite numbers.
+        """
+        if period != self._period:
+            self._period_steps = self._whole_steps(period)
+            self._period = period
+        mujoco.mj_step(self.model, self.data, self._period_steps)
+        self.steps += self._period_steps
+        last_angles, last_speeds = self.angles, self._speeds
+        self._read()
+        q1, q2, q3, gripper = self.angles
+        v1, v2, v3, v4 = self._speeds
+        if not -_SUM_LIMIT < q1 + q2 + q3 + gripper + v1 + v2 + v3 + v4 < _SUM_LIMIT:
+            raise DivergenceError("emulation", self.time, last_angles + last_speeds)
+        if not self._closed <= gripper <= self._opened:
+            self._qpos[_GRIPPER] = self.angles[3] = self._closed if gripper < self._closed else self._opened
+            self._qvel[_GRIPPER] = self._speeds[3] = 0.0
+
+    @property
+    def time(self) -> float:
+        """s since the last `reset`."""
+        return self.steps * self._step
+
+    @property
+    def step(self) -> float:
+        """Integration step, s."""
+        return self._step
+
+    @property
+    def theta(self) -> Triple:
+        """Joint angles, rad."""
+        return self.angles[0], self.angles[1], self.angles[2]
+
+    @property
+    def omega(self) -> Triple:
+        """Joint speeds, rad/s."""
+        return self._speeds[0], self._speeds[1], self._speeds[2]
+
+    @property
+    def gripper(self) -> float:
+        """Gripper angle, rad."""
+        return self.angles[_GRIPPER]
+
+    @property
+    def payload(self) -> float:
+        """Mass at the tip, kg."""
+        return float(self.model.body_mass[self._tip])
+
+    def tip(self) -> tuple[float, float]:
+        """Where the tip is: x and height from joint 1, m."""
+        mujoco.mj_kinematics(self.model, self.data)
+        x, _, z = self.data.xpos[self._tip].tolist()
+        return x, z
+
+    def acceleration(self, theta: Triple, omega: Triple, volts: Quad) -> Triple:
+        """Joint accelerations (rad/s^2) in a state (rad, rad/s) under voltages (V); the plant's own state stays."""
+        data = self._scratch
+        mujoco.mj_resetData(self.model, data)
+        data.qpos[:] = (*theta, self._opened)
+        data.qvel[:] = (*omega, 0.0)
+        data.ctrl[:] = volts
+        mujoco.mj_forward(self.model, data)
+        first, second, third, _ = data.qacc.tolist()
+        return first, second, third
+
+    def _read(self) -> None:
+        self.angles: list[float] = self._qpos.tolist()
+        self._speeds: list[float] = self._qvel.tolist()
+
+    def _whole_steps(self, period: float) -> int:
+        steps = round(period / self._step) if math.isfinite(period) else 0
+        if steps < 1 or not math.isclose(steps * self._step, period, rel_tol=1e-9):
+            raise ParameterError(
+                f"period {period} s: expected a whole multiple, at least 1, of the integration step {self._step} s"
+            )
+        return steps
+
+
+def _compile(file: Path) -> mujoco.MjModel:
+    """The part of the MJCF that moves, with all the names this module relies on."""
+    try:
+        spec = mujoco.MjSpec.from_file(str(file))
+        _require(file, "body", spec.bodies, (*LINKS, "jaw", "tip"))
+        _require(file, "joint", spec.joints, JOINTS)
+        _require(file, "actuator", spec.actuators, ACTUATORS)
+        _require(file, "sensor", spec.sensors, SENSORS)
+        _require(file, "site", spec.sites, SITES)
+        for element in (*spec.geoms, *spec.cameras, *spec.lights, *spec.sensors, *spec.keys, *spec.sites):
+            spec.delete(element)
+        for body in spec.bodies:
+            if body.name not in ("world", *LINKS, "jaw", "tip"):
+                spec.delete(body)
+        model = spec.compile()
+    except ValueError as error:
+        raise ModelError(_one_line(file, str(error))) from None
+    joints = tuple(model.joint(i).name for i in range(model.njnt))
+    actuators = tuple(model.actuator(i).name for i in range(model.nu))
+    for kind, found, names in (("joint", joints, JOINTS), ("actuator", actuators, ACTUATORS)):
+        if found != names:
+            raise ModelError(f"{file}: {kind}s are {', '.join(found)}, expected exactly {', '.join(names)}")
+    return model
+
+
+def _require(file: Path, kind: str, elements: Iterable[mujoco.MjsElement], names: Iterable[str]) -> None:
+    present = {element.name for element in elements}
+    for name in names:
+        if name not in present:
+            raise ModelError(f"{file}: no {kind} is named {name!r}, expected {kind}s {choices(names)}")
+
+
+def _one_line(file: Path, message: str) -> str:
+    text = " ".join(message.split())
+    line = re.search(r"[Ll]ine(?: number=|\s+)(\d+)", text)
+    return f"{file}:{line.group(1)}: {text}" if line else f"{file}: {text}"
