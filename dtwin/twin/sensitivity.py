@@ -1,0 +1,251 @@
+"""Rollouts with their exact derivatives: how each state moves with parameters and initial state.
+
+The derivatives are those of the discrete RK4 map itself, not of the differential equation, so that they agree
+with `rollout` to rounding. With r(q, w, a) = M a + h + g + friction - K u = 0, a column s = (dq, dw) obeys
+
+    da = -M^-1 (r_q dq + r_w dw + r_c dc)
+
+in every Runge-Kutta stage, c being the `Coefficients` of `dtwin.twin.dynamics` and dc their change with the column's
+parameter. The kernels call none of another file, so that numba notices every edit they depend on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numba
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dtwin.errors import DivergenceError, ParameterError, choices
+from dtwin.parameters import PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters
+from dtwin.twin.dynamics import COULOMB_WIDTH, Array, Coefficients, coefficients
+from dtwin.twin.rollout import PayloadModel, check_stepping, checked_array, checked_payload, is_weight_only
+
+STATE_NAMES: Final = ("theta1", "theta2", "theta3", "omega1", "omega2", "omega3")
+"""of the initial state, rad and rad/s"""
+COLUMN_NAMES: Final = (*PARAMETER_NAMES, *STATE_NAMES)
+
+_COMPLEX_STEP: Final = 1e-30
+_kernel: Any = numba.njit(cache=True, error_model="numpy")
+
+
+def sensitivities(
+    parameters: ArmParameters,
+    state0: ArrayLike,
+    volts: ArrayLike,
+    payload: ArrayLike = 0.0,
+    *,
+    with_respect_to: Sequence[str],
+    period: float = PERIOD,
+    substeps: int = 4,
+    payload_model: PayloadModel = "point",
+    coulomb_width: float = COULOMB_WIDTH,
+) -> tuple[Array, Array]:
+    """`rollout` and its derivatives.
+
+    Args:
+        parameters: of the arm.
+        state0: (6,), theta rad then omega rad/s.
+        volts: (N, 3), V.
+        payload: kg at the tip, a number or (N,).
+        with_respect_to: n names out of COLUMN_NAMES: parameters (K1 ... mu3) and initial states (theta1 ... omega3).
+        period: s, between samples.
+        substeps: RK4 steps a sample.
+        payload_model: "point" or "weight".
+        coulomb_width: rad/s, over which Coulomb friction changes sign.
+
+    Returns:
+        The states (N + 1, 6) and their derivatives (N + 1, 6, n), SI units.
+
+    Raises:
+        ParameterError: a shape, number, name or option is wrong.
+        DivergenceError: the state or a derivative left the finite numbers.
+    """
+    start = checked_array("state0", state0, (6,))
+    commands = np.ascontiguousarray(volts, dtype=np.float64)
+    commands = checked_array("volts", commands, (commands.shape[0] if commands.ndim else 0, 3))
+    masses = checked_payload(payload, commands.shape[0])
+    check_stepping(period, substeps, coulomb_width)
+    directions = np.array([_direction(name) for name in with_respect_to]).reshape(-1, len(COLUMN_NAMES)).T
+    of_parameters, of_state = directions[: len(PARAMETER_NAMES)], directions[len(PARAMETER_NAMES) :]
+
+    vector, weight_only = np.array(parameters.vector()), is_weight_only(payload_model)
+    perturbed = vector[:, None] + 1j * _COMPLEX_STEP * of_parameters
+    levels, level_of = np.unique(masses, return_inverse=True)
+    held = np.empty((len(levels), len(Coefficients._fields)))
+    moved = np.empty((*held.shape, len(with_respect_to)))
+    for level, mass in enumerate(levels):
+        held[level] = coefficients(vector, mass, weight_only)
+        # The coefficients are polynomials: a complex step through their source gives their exact derivatives.
+        moved[level] = np.imag(coefficients.py_func(perturbed, mass, weight_only)) / _COMPLEX_STEP
+
+    states = np.empty((commands.shape[0] + 1, 6))
+    derivatives = np.empty((*states.shape, len(with_respect_to)))
+    states[0], derivatives[0] = start, of_state
+    limited = np.clip(commands, -VOLTAGE_LIMIT, VOLTAGE_LIMIT)
+    reached = _integrate(held, moved, level_of, limited, period, substeps, coulomb_width, states, derivatives)
+    if reached < commands.shape[0]:
+        raise DivergenceError("sensitivities of the analytic twin", reached * period, states[reached])
+    return states, derivatives
+
+
+def _direction(name: str) -> Array:
+    if name not in COLUMN_NAMES:
+        raise ParameterError(f"unknown name {name!r} in with_respect_to: expected {choices(COLUMN_NAMES)}")
+    return np.array([float(name == other) for other in COLUMN_NAMES])
+
+
+@_kernel
+def _linearise(x: Array, c: Array, u: Array, width: float, coulomb: bool, a: Array, slope: Array) -> None:
+    """Writes the acceleration a (3,) and its derivative slope (3, 24) by q, omega and the 18 coefficients c."""
+    q1, q2, q3, w1, w2, w3 = x[0], x[1], x[2], x[3], x[4], x[5]
+    J1, J2, J3, A, B, E, G1, G2, G3 = c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8]
+    s2, c2, s3, c3 = math.sin(q2), math.cos(q2), math.sin(q3), math.cos(q3)
+    s23, c23 = math.sin(q2 + q3), math.cos(q2 + q3)
+    c1, c12, c123 = math.cos(q1), math.cos(q1 + q2), math.cos(q1 + q2 + q3)
+    t1, t2, t3 = 0.0, 0.0, 0.0
+    if coulomb:
+        t1, t2, t3 = math.tanh(w1 / width), math.tanh(w2 / width), math.tanh(w3 / width)
+
+    w12, w123 = w1 + w2, w1 + w2 + w3
+    P, R, Q, S = w2 * (w2 + 2.0 * w1), w3 * (w3 + 2.0 * w12), w1 * w1, w12 * w12
+    sA, sB, sE, gA, gB, gE = A * s2, B * s23, E * s3, A * c2, B * c23, E * c3
+    g3 = G3 * c123
+    g2 = g3 + G2 * c12
+    r1 = c[9] * u[0] - c[12] * w1 - c[15] * t1 + sA * P + sB * (P + R) + sE * R - g2 - G1 * c1
+    r2 = c[10] * u[1] - c[13] * w2 - c[16] * t2 - sA * Q - sB * Q + sE * R - g2
+    r3 = c[11] * u[2] - c[14] * w3 - c[17] * t3 - sB * Q - sE * S - g3
+
+    # M^-1 by cofactors; the primal agrees with the factorised solution of the rollout to rounding.
+    M33, M32, M22 = J3, J3 + gE, J2 + J3 + 2.0 * gE
+    M31, M21, M11 = M32 + gB, M22 + gA + gB, J1 + J2 + J3 + 2.0 * (gA + gB + gE)
+    n11, n21, n31 = M22 * M33 - M32 * M32, M31 * M32 - M21 * M33, M21 * M32 - M31 * M22
+    scale = 1.0 / (M11 * n11 + M21 * n21 + M31 * n31)
+    n11, n21, n31 = n11 * scale, n21 * scale, n31 * scale
+    n22, n32 = (M11 * M33 - M31 * M31) * scale, (M21 * M31 - M11 * M32) * scale
+    n33 = (M11 * M22 - M21 * M21) * scale
+    a1 = n11 * r1 + n21 * r2 + n31 * r3
+    a2 = n21 * r1 + n22 * r2 + n32 * r3
+    a3 = n31 * r1 + n32 * r2 + n33 * r3
+    a[0], a[1], a[2] = a1, a2, a3
+
+    # Rows of -dr, first by the coefficients A, B, E, then by the angles they depend on.
+    b1, b2, b3 = 2.0 * a1 + a2, 2.0 * a1 + a2 + a3, 2.0 * (a1 + a2) + a3
+    A1, A2 = s2 * P - c2 * b1, -c2 * a1 - s2 * Q
+    B1, B2 = s23 * (P + R) - c23 * b2, -c23 * a1 - s23 * Q
+    E1, E3 = s3 * R - c3 * b3, -c3 * (a1 + a2) - s3 * S
+    dA1, dA2 = gA * P + sA * b1, sA * a1 - gA * Q
+    dB1, dB2 = gB * (P + R) + sB * b2, sB * a1 - gB * Q
+    dE1, dE3 = gE * R + sE * b3, sE * (a1 + a2) - gE * S
+    h3 = G3 * math.sin(q1 + q2 + q3)
+    h2 = h3 + G2 * math.sin(q1 + q2)
+    h1 = h2 + G1 * math.sin(q1)
+    v1 = c[12] + c[15] * (1.0 - t1 * t1) / width
+    v2 = c[13] + c[16] * (1.0 - t2 * t2) / width
+    v3 = c[14] + c[17] * (1.0 - t3 * t3) / width
+    p, r = 2.0 * (sA + sB), 2.0 * (sB + sE)
+    e = 2.0 * sE
+    d12, d123 = -(a1 + a2), -(a1 + a2 + a3)
+    rows = (
+        (h1, h2, h3),
+        (h2 + dA1 + dB1, h2 + dA2 + dB2, h3 + dB2),
+        (h3 + dB1 + dE1, h3 + dB2 + dE1, h3 + dB2 + dE3),
+        (p * w2 + r * w3 - v1, e * w3 - p * w1, -r * w1 - e * w2),
+        (p * w12 + r * w3, e * w3 - v2, -e * w12),
+        (r * w123, e * w123, -v3),
+        (-a1, 0.0, 0.0),
+        (d12, d12, 0.0),
+        (d123, d123, d123),
+        (A1, A2, 0.0),
+        (B1, B2, B2),
+        (E1, E1, E3),
+        (-c1, 0.0, 0.0),
+        (-c12, -c12, 0.0),
+        (-c123, -c123, -c123),
+        (u[0], 0.0, 0.0),
+        (0.0, u[1], 0.0),
+        (0.0, 0.0, u[2]),
+        (-w1, 0.0, 0.0),
+        (0.0, -w2, 0.0),
+        (0.0, 0.0, -w3),
+        (-t1, 0.0, 0.0),
+        (0.0, -t2, 0.0),
+        (0.0, 0.0, -t3),
+    )
+    for k in range(24):
+        y1, y2, y3 = rows[k]
+        slope[0, k] = n11 * y1 + n21 * y2 + n31 * y3
+        slope[1, k] = n21 * y1 + n22 * y2 + n32 * y3
+        slope[2, k] = n31 * y1 + n32 * y2 + n33 * y3
+
+
+@_kernel
+def _multiply_row(row: Array, z: Array, out: Array) -> None:
+    """out (n,) = row (24,) @ z (24, n), six terms at a time, which the compiler turns into vector instructions."""
+    out[:] = 0.0
+    for k in range(0, 24, 6):
+        for j in range(out.shape[0]):
+            out[j] += (
+                row[k] * z[k, j]
+                + row[k + 1] * z[k + 1, j]
+                + row[k + 2] * z[k + 2, j]
+                + row[k + 3] * z[k + 3, j]
+                + row[k + 4] * z[k + 4, j]
+                + row[k + 5] * z[k + 5, j]
+            )
+
+
+@_kernel
+def _integrate(
+    held: Array,
+    moved: Array,
+    level_of: Any,
+    volts: Array,
+    period: float,
+    substeps: int,
+    width: float,
+    states: Array,
+    derivatives: Array,
+) -> int:
+    """Fills states[1:] and derivatives[1:] from their rows 0; returns the number of the last finite row.
+
+    held (L, 18) and moved (L, 18, n) are the coefficients and their derivatives for L payloads, level_of (N,) which
+    of them holds in a sample, volts (N, 3) are within the limit.
+    """
+    samples, columns = volts.shape[0], derivatives.shape[2]
+    step = period / substeps
+    ahead = (0.5 * step, 0.5 * step, step, 0.0)
+    share = (step / 6.0, step / 3.0, step / 3.0, step / 6.0)
+    coulomb = bool(np.any(held[:, 15:]) or np.any(moved[:, 15:]))
+    x, x_stage, x_end, a = np.empty(6), np.empty(6), np.empty(6), np.empty(3)
+    s, s_end, da = np.empty((6, columns)), np.empty((6, columns)), np.empty((3, columns))
+    # Rows 0 to 5 are the stage's sensitivities, 6 to 23 those of the coefficients: da = slope @ z.
+    slope, z = np.empty((3, 24)), np.empty((24, columns))
+    x[:], s[:] = states[0], derivatives[0]
+    for sample in range(samples):
+        c, u = held[level_of[sample]], volts[sample]
+        z[6:] = moved[level_of[sample]]
+        for _ in range(substeps):
+            x_stage[:], x_end[:], z[:6], s_end[:] = x, x, s, s
+            for stage in range(4):
+                _linearise(x_stage, c, u, width, coulomb, a, slope)
+                for i in range(3):
+                    _multiply_row(slope[i], z, da[i])
+                    x_end[i] += share[stage] * x_stage[3 + i]
+                    x_end[3 + i] += share[stage] * a[i]
+                    x_stage[i] = x[i] + ahead[stage] * x_stage[3 + i]
+                    x_stage[3 + i] = x[3 + i] + ahead[stage] * a[i]
+                for i in range(3):
+                    for j in range(columns):
+                        s_end[i, j] += share[stage] * z[3 + i, j]
+                        s_end[3 + i, j] += share[stage] * da[i, j]
+                        z[i, j] = s[i, j] + ahead[stage] * z[3 + i, j]
+                        z[3 + i, j] = s[3 + i, j] + ahead[stage] * da[i, j]
+            x[:], s[:] = x_end, s_end
+        states[sample + 1], derivatives[sample + 1] = x, s
+        if not (np.isfinite(x).all() and np.isfinite(s).all()):
+            return sample
+    return samples
