@@ -1,0 +1,8 @@
+"""Pictures of a run in the Rerun viewer: the only part that knows Rerun.
+
+Nothing here runs inside the tick: a log becomes columns of a recording, on a time line in plant time.
+"""
+
+from dtwin.view.write import write_recording
+
+__all__ = ["write_recording"]

@@ -1,0 +1,89 @@
+"""Where the boxes are at any time, read from the columns of a log."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.parameters import PLACES
+from dtwin.recording import Log
+from dtwin.signals import NO_COLOUR
+
+NEAR: Final = 0.05
+"""m; a box released nearer than this to a place was put there"""
+
+
+@dataclass(frozen=True, slots=True)
+class Waiting:
+    """From `tick` on a box of this colour waits at the pickup point, or none ("")."""
+
+    tick: int
+    colour: str
+
+
+@dataclass(frozen=True, slots=True)
+class Transport:
+    """The arm holds a box in the ticks `start` to `end` - 1; `end` is None when the log ends before."""
+
+    start: int
+    end: int | None
+    colour: str
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """A box released at `position` (x, y, z), m; `place` is the place's name, or None beside all places."""
+
+    tick: int
+    colour: str
+    position: NDArray[np.float64]
+    place: str | None
+
+
+def waiting(log: Log) -> list[Waiting]:
+    """What the box sensor says: the first tick and every change."""
+    colours = np.where(log.columns["box_present"], log.columns["box_colour"], NO_COLOUR)
+    changes = np.flatnonzero(colours[1:] != colours[:-1]) + 1
+    return [Waiting(int(tick), str(colours[tick])) for tick in (0, *changes)]
+
+
+def transports(log: Log) -> list[Transport]:
+    """The boxes carried, in order.
+
+    A box is held while the grip is commanded and there is a payload: the command alone may miss the box, a payload
+    alone may be a fault. Its colour is that of the last box that waited.
+    """
+    held = log.columns["box_gripped"] & (log.columns["payload_mass"] > 0)
+    edges = np.diff(np.concatenate(([False], held, [False])).astype(np.int8))
+    seen = np.maximum.accumulate(np.where(log.columns["box_present"], np.arange(len(log)), -1))
+    found = []
+    for start, end in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True):
+        last_seen = int(seen[max(int(start) - 1, 0)])
+        colour = str(log.columns["box_colour"][last_seen]) if last_seen >= 0 else NO_COLOUR
+        found.append(Transport(int(start), int(end) if end < len(log) else None, colour))
+    return found
+
+
+def placements(carried: Sequence[Transport], released_at: NDArray[np.float64]) -> list[Placed]:
+    """Where the finished transports ended.
+
+    Args:
+        released_at: position of the tip at the end of every finished transport, shape (finished, 3), m.
+    """
+    finished = [(transport.end, transport.colour) for transport in carried if transport.end is not None]
+    return [
+        Placed(tick, colour, position, _place_at(position))
+        for (tick, colour), position in zip(finished, released_at, strict=True)
+    ]
+
+
+def _place_at(position: NDArray[np.float64]) -> str | None:
+    distances = {
+        name: float(np.hypot(position[0] - place.x, position[2] - place.y)) for name, place in PLACES.items()
+    }
+    nearest = min(distances, key=distances.__getitem__)
+    return nearest if distances[nearest] <= NEAR else None

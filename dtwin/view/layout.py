@@ -1,0 +1,88 @@
+"""The prepared layout of the viewer: the cell large on the left, plots on the right, events below."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import rerun.blueprint as rrb
+
+from dtwin.view import scene, series
+
+_TRAIL_SECONDS: Final = 2.0
+
+
+def blueprint() -> rrb.Blueprint:
+    """The layout of a recording."""
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(_cell(), _events(), row_shares=[3, 1]),
+            rrb.Tabs(_overview(), _joints(), _boxes(), active_tab=0),
+            column_shares=[1.15, 1],
+        ),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=series.TIMELINE, loop_mode="all"),
+    )
+
+
+def _cell() -> rrb.Spatial3DView:
+    trail = rrb.VisibleTimeRanges(
+        timeline=series.TIMELINE,
+        start=rrb.TimeRangeBoundary.cursor_relative(seconds=-_TRAIL_SECONDS),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+    return rrb.Spatial3DView(
+        name="Cell",
+        origin=scene.ROOT,
+        background=[222, 228, 234],
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(
+            kind="orbital",
+            position=(0.75, -1.0, 0.25),
+            look_target=(0.08, 0.0, -0.06),
+            eye_up=(0.0, 0.0, 1.0),
+        ),
+        overrides={scene.TRAIL: trail},
+    )
+
+
+def _events() -> rrb.TextLogView:
+    return rrb.TextLogView(
+        name="Events",
+        origin=series.EVENTS,
+        columns=rrb.TextLogColumns(timeline_columns=[series.TIMELINE], text_log_columns=["loglevel", "body"]),
+    )
+
+
+def _overview() -> rrb.Vertical:
+    return rrb.Vertical(
+        _plot("Angles and targets (rad)", series.ANGLES),
+        _plot("Tracking error (mrad)", series.ERROR),
+        _plot("Voltages (V)", series.VOLTS),
+        name="Overview",
+    )
+
+
+def _joints() -> rrb.Vertical:
+    return rrb.Vertical(
+        *(_plot(f"Joint {joint}: angle and target (rad)", f"{series.ANGLES}/joint_{joint}") for joint in (1, 2, 3)),
+        name="Joints",
+    )
+
+
+def _boxes() -> rrb.Vertical:
+    return rrb.Vertical(
+        rrb.StateTimelineView(name="Boxes", origin=series.STATES),
+        _plot("Gripper angle (rad)", series.GRIPPER),
+        _plot("Payload (kg)", series.PAYLOAD),
+        name="Boxes",
+    )
+
+
+def _plot(name: str, origin: str) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(
+        name=name,
+        origin=origin,
+        axis_x=rrb.TimeAxis(link="linktoglobal"),
+        plot_legend=rrb.PlotLegend(corner="righttop"),
+    )

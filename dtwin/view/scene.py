@@ -1,0 +1,173 @@
+"""The cell in 3D: the model's geometry, its moving bodies and the boxes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+from rerun_loader_mjcf import MJCFLogger
+
+from dtwin.errors import ModelError
+from dtwin.parameters import PLACES
+from dtwin.recording import Log
+from dtwin.signals import NO_COLOUR
+from dtwin.view import style
+from dtwin.view.boxes import Placed, Transport, Waiting, placements
+from dtwin.view.kinematics import Pose, body_poses
+from dtwin.view.series import TIMELINE, time_column
+
+ROOT: Final = "cell"
+BOXES: Final = f"{ROOT}/boxes"
+COUNTS: Final = f"{ROOT}/counts"
+TRAIL: Final = f"{ROOT}/trail"
+STRIDE: Final = 2
+"""ticks between two drawn poses: 50 Hz"""
+
+_JOINTS: Final = {"joint_1": "theta_1", "joint_2": "theta_2", "joint_3": "theta_3", "gripper": "gripper"}
+"""Columns of the log by joints of the model."""
+_WAITING: Final = "box_waiting"
+_HELD: Final = "box_held"
+
+_Spot = tuple[str, Sequence[float] | NDArray[np.float64]]
+"""Colour and centre (m) of a drawn box."""
+
+
+class Scene:
+    """Draws logs of the cell that a model file describes."""
+
+    def __init__(self, model_file: Path) -> None:
+        """Compiles the model.
+
+        Raises:
+            ModelError: the file is missing, no MJCF, or lacks a joint or geom that is drawn.
+        """
+        try:
+            self._logger = MJCFLogger(model_file, ROOT)
+        except ValueError as error:
+            raise ModelError(f"{model_file}: {' '.join(str(error).split())}") from None
+        model = self._logger.model
+        _require(model_file, "joint", _JOINTS, (model.joint(index).name for index in range(model.njnt)))
+        _require(model_file, "geom", (_WAITING, _HELD), (model.geom(index).name for index in range(model.ngeom)))
+        self._half_size = model.geom(_HELD).size.copy()
+        self._pickup, self._tip = (model.body(model.geom(name).bodyid.item()).name for name in (_WAITING, _HELD))
+        # The loader would draw the model's transparent geoms black.
+        model.geom_size[model.geom_rgba[:, 3] == 0] = 0
+
+    def log_geometry(self, stream: rr.RecordingStream, t: float) -> None:
+        """Sends the model, to be seen from plant time t (s) on."""
+        stream.set_time(TIMELINE, duration=t)
+        self._logger.log_model(stream)
+        stream.reset_time()
+
+    def log_motion(self, stream: rr.RecordingStream, log: Log) -> None:
+        """Sends the poses of the moving bodies and the trail of the tip."""
+        times = time_column(log.columns["t"][::STRIDE])
+        poses = self._poses(log, slice(None, None, STRIDE))
+        for name, pose in poses.items():
+            columns = rr.Transform3D.columns(
+                translation=pose.position, quaternion=np.roll(pose.quaternion, -1, axis=1)
+            )
+            stream.send_columns(self._logger.paths.body_path(name), indexes=[times], columns=columns)
+        stream.log(TRAIL, rr.Points3D.from_fields(colors=style.TRAIL, radii=0.0015), static=True)
+        positions = rr.Points3D.columns(positions=poses[self._tip].position)
+        stream.send_columns(TRAIL, indexes=[times], columns=positions)
+
+    def log_boxes(
+        self, stream: rr.RecordingStream, log: Log, waiting: Sequence[Waiting], transports: Sequence[Transport]
+    ) -> None:
+        """Sends the boxes that wait, that are held and that were placed last, and how many each place got."""
+        t = log.columns["t"]
+        centre = np.zeros(3)
+
+        held: list[tuple[int, list[_Spot]]] = [(0, [])]
+        for transport in transports:
+            held.append((transport.start, [(transport.colour, centre)]))
+            if transport.end is not None:
+                held.append((transport.end, []))
+        waits = [(w.tick, [(w.colour, centre)] if w.colour != NO_COLOUR else []) for w in waiting]
+
+        ends = [transport.end for transport in transports if transport.end is not None]
+        placed = placements(transports, self._poses(log, ends)[self._tip].position)
+
+        self._send_boxes(stream, "waiting", t, waits, self._pickup)
+        self._send_boxes(stream, "held", t, held, self._tip)
+        self._send_boxes(stream, "placed", t, _placed_rows(placed), None)
+        _send_counts(stream, t, placed)
+
+    def _poses(self, log: Log, ticks: slice | list[int]) -> dict[str, Pose]:
+        return body_poses(self._logger.model, {joint: log.columns[name][ticks] for joint, name in _JOINTS.items()})
+
+    def _send_boxes(
+        self,
+        stream: rr.RecordingStream,
+        name: str,
+        t: NDArray[np.float64],
+        rows: Sequence[tuple[int, Sequence[_Spot]]],
+        body: str | None,
+    ) -> None:
+        """Sends one row of boxes for each (tick, boxes), relative to a body or to the world."""
+        entity = f"{BOXES}/{name}"
+        if body is not None:
+            stream.log(entity, rr.CoordinateFrame(self._logger.paths.body_frame(body)), static=True)
+        stream.log(entity, rr.Boxes3D.from_fields(fill_mode="solid"), static=True)
+        spots = [spot for _, row in rows for spot in row]
+        columns = rr.Boxes3D.columns(
+            half_sizes=np.tile(self._half_size, (len(spots), 1)),
+            centers=np.array([centre for _, centre in spots]).reshape(-1, 3),
+            colors=np.array([style.box_colour(colour) for colour, _ in spots], dtype=np.uint8).reshape(-1, 3),
+        )
+        stream.send_columns(
+            entity,
+            indexes=[time_column(t[[tick for tick, _ in rows]])],
+            columns=columns.partition([len(row) for _, row in rows]),
+        )
+
+
+def _placed_rows(placed: Sequence[Placed]) -> list[tuple[int, list[_Spot]]]:
+    """After every placement: the last box at each place, and all that lie beside the places."""
+    at_places: dict[str, _Spot] = {}
+    beside: list[_Spot] = []
+    rows: list[tuple[int, list[_Spot]]] = [(0, [])]
+    for box in placed:
+        spot = (box.colour, box.position)
+        if box.place is None:
+            beside.append(spot)
+        else:
+            at_places[box.place] = spot
+        rows.append((box.tick, [*at_places.values(), *beside]))
+    return rows
+
+
+def _send_counts(stream: rr.RecordingStream, t: NDArray[np.float64], placed: Sequence[Placed]) -> None:
+    """Sends a label at every place: how many boxes it got."""
+    counts: Counter[str] = Counter()
+    ticks, labels = [0], [f"{name} 0" for name in PLACES]
+    for box in placed:
+        if box.place is not None:
+            counts[box.place] += 1
+            ticks.append(box.tick)
+            labels += [f"{name} {counts[name]}" for name in PLACES]
+    stream.log(
+        COUNTS,
+        rr.Points3D(
+            [(place.x + 0.045, -0.02, place.y - 0.02) for place in PLACES.values()],
+            colors=[style.box_colour(name) for name in PLACES],
+            radii=0.0,
+            show_labels=True,
+        ),
+        static=True,
+    )
+    columns = rr.Points3D.columns(labels=labels).partition([len(PLACES)] * len(ticks))
+    stream.send_columns(COUNTS, indexes=[time_column(t[ticks])], columns=columns)
+
+
+def _require(model_file: Path, kind: str, expected: Iterable[str], found: Iterable[str]) -> None:
+    names = set(found)
+    for name in expected:
+        if name not in names:
+            raise ModelError(f"{model_file}: expected a {kind} named {name!r}, found {', '.join(sorted(names))}")

@@ -1,0 +1,21 @@
+"""Colours (RGB) of everything drawn, on the viewer's dark background."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+RGB = tuple[int, int, int]
+
+JOINTS: Final[tuple[RGB, RGB, RGB]] = ((86, 204, 242), (255, 183, 77), (190, 148, 255))
+"""Joints 1 to 3; apart from the colours of the boxes"""
+TARGET: Final[RGB] = (235, 235, 235)
+GRIPPER: Final[RGB] = (150, 160, 170)
+LIMIT: Final[RGB] = (200, 80, 80)
+TRAIL: Final[RGB] = (255, 160, 60)
+_BOXES: Final[Mapping[str, RGB]] = {"blue": (52, 112, 236), "red": (224, 52, 46), "green": (44, 172, 74)}
+
+
+def box_colour(name: str) -> RGB:
+    """The colour a box of this colour is drawn in; grey when its name is unknown."""
+    return _BOXES.get(name, (150, 150, 150))

@@ -1,0 +1,60 @@
+"""A finished run as a Rerun recording."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Final
+
+import rerun as rr
+
+from dtwin.errors import RecordingError
+from dtwin.recording import COLUMNS, Log, replacing
+from dtwin.view.boxes import transports, waiting
+from dtwin.view.layout import blueprint
+from dtwin.view.scene import Scene
+from dtwin.view.series import log_events, log_plots, log_states
+
+APPLICATION: Final = "dtwin"
+
+
+def write_recording(log: Log, model_file: Path, path: Path) -> None:
+    """Writes a run as an .rrd file with a prepared layout; the file appears complete or not at all.
+
+    Equal runs have equal contents and the same recording id; Rerun's own chunk ids still differ from file to file.
+
+    Args:
+        log: the run, of at least one tick.
+        model_file: MJCF of the cell.
+
+    Raises:
+        ModelError: the model cannot be drawn.
+        RecordingError: the log is empty, or the path cannot be written.
+    """
+    if not len(log):
+        raise RecordingError(f"{path}: expected a log of at least one tick to draw")
+    scene = Scene(model_file)
+    with replacing(path) as temporary, _stream(log) as stream:
+        stream.save(temporary, default_blueprint=blueprint())
+        log_run(stream, scene, log)
+
+
+def log_run(stream: rr.RecordingStream, scene: Scene, log: Log) -> None:
+    """Sends everything there is to see of a log."""
+    waits, carried = waiting(log), transports(log)
+    scene.log_geometry(stream, float(log.columns["t"][0]))
+    scene.log_motion(stream, log)
+    scene.log_boxes(stream, log, waits, carried)
+    log_plots(stream, log)
+    log_states(stream, log, waits, carried)
+    log_events(stream, log.events)
+
+
+def _stream(log: Log) -> rr.RecordingStream:
+    digest = hashlib.blake2b(repr((log.events, sorted(log.metadata.items()))).encode(), digest_size=16)
+    for name in COLUMNS:
+        digest.update(log.columns[name].tobytes())
+    stream = rr.RecordingStream(APPLICATION, recording_id=digest.hexdigest(), send_properties=False)
+    for enabled in (stream.set_log_tick_enabled, stream.set_log_time_enabled):
+        enabled(False)
+    return stream
