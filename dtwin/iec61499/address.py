@@ -1,0 +1,54 @@
+"""Where a communication block or a device is: `HOST:PORT`."""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+from typing import Final, NamedTuple
+
+from dtwin.errors import CommunicationError
+
+LOOPBACK: Final = "127.0.0.1"
+_LAYERED: Final = re.compile(r"fbdk\[\]\.ip\[([^\[\]]*)\]")
+
+
+class Address(NamedTuple):
+    """An IPv4 host and a port; port 0 lets the system choose when listening."""
+
+    host: str
+    port: int
+
+    def __str__(self) -> str:
+        return f"{self.host}:{self.port}"
+
+
+def parse_address(text: str, scheme: str = "") -> Address:
+    """Reads `HOST:PORT`, `:PORT` (loopback) or, with a scheme, `SCHEME://HOST:PORT`.
+
+    Raises:
+        CommunicationError: the text has another form, or the port is out of range.
+    """
+    expected = f"{scheme}://HOST:PORT" if scheme else "HOST:PORT"
+    prefix = f"{scheme}://" if scheme else ""
+    host, colon, port = text.removeprefix(prefix).rpartition(":")
+    valid = text.startswith(prefix) and colon and "/" not in host and re.fullmatch("[0-9]{1,5}", port)
+    if not valid or int(port) > 65535:
+        raise CommunicationError(f"address {text!r}: expected {expected} with a port from 0 to 65535")
+    return Address(LOOPBACK if host in ("", "localhost") else host, int(port))
+
+
+def parse_block_id(text: str) -> Address:
+    """Reads the ID input of a communication block: `HOST:PORT`, or the same as `fbdk[].ip[HOST:PORT]`.
+
+    Only numeric hosts and `localhost` are taken, as in 4diac FORTE: looking up a name would stop the event loop.
+
+    Raises:
+        CommunicationError: the text has another form.
+    """
+    layered = _LAYERED.fullmatch(text)
+    address = parse_address(layered[1] if layered else text)
+    try:
+        ipaddress.IPv4Address(address.host)
+    except ValueError:
+        raise CommunicationError(f"address {text!r}: expected localhost or a numeric IPv4 host") from None
+    return address

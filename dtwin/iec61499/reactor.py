@@ -1,0 +1,123 @@
+"""One thread's event loop: sockets that became readable or writable, and timers on the monotonic clock."""
+
+from __future__ import annotations
+
+import contextlib
+import heapq
+import itertools
+import selectors
+import socket
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Final
+
+READ: Final = selectors.EVENT_READ
+WRITE: Final = selectors.EVENT_WRITE
+
+
+class Timer:
+    """A call that is due at a time; `cancel` takes it back."""
+
+    __slots__ = ("callback",)
+
+    def __init__(self, callback: Callable[[], None]) -> None:
+        self.callback: Callable[[], None] | None = callback
+
+    def cancel(self) -> None:
+        self.callback = None
+
+
+class Reactor:
+    """Waits for sockets and timers and calls back, always in the thread that calls `run`.
+
+    Only `stop` may be called from another thread or from a signal handler.
+    """
+
+    def __init__(self) -> None:
+        self._selector = selectors.DefaultSelector()
+        self._callbacks: dict[int, Callable[[int], None]] = {}
+        self._timers: list[tuple[float, int, Timer]] = []
+        self._order = itertools.count()
+        self._stopping = False
+        self._bell, self._rope = socket.socketpair()
+        self._bell.setblocking(False)
+        self._rope.setblocking(False)
+        self.watch(self._bell, READ, self._silence)
+
+    def __enter__(self) -> Reactor:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def now(self) -> float:
+        """s, of the monotonic clock that timers are on."""
+        return time.monotonic()
+
+    def watch(self, sock: socket.socket, events: int, callback: Callable[[int], None]) -> None:
+        """Calls back with the events (READ, WRITE or both) when the socket is ready; replaces an earlier watch."""
+        if sock.fileno() in self._callbacks:
+            self._selector.modify(sock, events)
+        else:
+            self._selector.register(sock, events)
+        self._callbacks[sock.fileno()] = callback
+
+    def forget(self, sock: socket.socket) -> None:
+        """Ends a watch; call it before the socket is closed."""
+        if self._callbacks.pop(sock.fileno(), None) is not None:
+            self._selector.unregister(sock)
+
+    def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
+        """Calls back once at a time of `now`; calls due at the same time keep the order they were asked for."""
+        timer = Timer(callback)
+        heapq.heappush(self._timers, (when, next(self._order), timer))
+        return timer
+
+    def run(self) -> None:
+        """Serves until `stop`."""
+        while not self._stopping:
+            self.run_once(None)
+        self._stopping = False
+
+    def run_once(self, timeout: float | None) -> None:
+        """Serves what is ready, waiting for it at most `timeout` s (None: until something is)."""
+        due = self._until_next_timer()
+        waits = [wait for wait in (timeout, due) if wait is not None]
+        for key, events in self._selector.select(min(waits) if waits else None):
+            # an earlier callback of this round may have closed the socket
+            callback = self._callbacks.get(key.fd)
+            if callback is not None:
+                callback(events)
+        self._call_due()
+
+    def stop(self) -> None:
+        """Makes `run` return after the callback in progress."""
+        self._stopping = True
+        # a full pipe has woken the loop already
+        with contextlib.suppress(BlockingIOError):
+            self._rope.send(b"\0")
+
+    def close(self) -> None:
+        """Lets go of the loop's own resources; sockets under watch stay their owners'."""
+        self._selector.close()
+        self._bell.close()
+        self._rope.close()
+
+    def _silence(self, events: int) -> None:
+        self._bell.recv(4096)
+
+    def _until_next_timer(self) -> float | None:
+        while self._timers and self._timers[0][2].callback is None:
+            heapq.heappop(self._timers)
+        return max(0.0, self._timers[0][0] - self.now()) if self._timers else None
+
+    def _call_due(self) -> None:
+        now = self.now()
+        while self._timers and self._timers[0][0] <= now:
+            _, _, timer = heapq.heappop(self._timers)
+            if timer.callback is not None:
+                callback, timer.callback = timer.callback, None
+                callback()
