@@ -10,10 +10,12 @@ LAYERS = [
     {"dtwin.errors"},
     {"dtwin.parameters"},
     {"dtwin.signals"},
-    {"dtwin.recording", "dtwin.bus", "dtwin.view"},
+    {"dtwin.recording", "dtwin.bus"},
+    {"dtwin.view"},
     {"dtwin.emulation", "dtwin.twin", "dtwin.iec61499"},
     {"dtwin.control"},
     {"dtwin.loop"},
+    {"dtwin.cell", "dtwin.remote"},
     {"dtwin.validation", "dtwin.benchmark", "dtwin.identification", "dtwin.monitoring", "dtwin.simulation"},
     {"services", "dtwin.commands", "dtwin.cli", "dtwin.__main__"},
 ]

@@ -1,0 +1,6 @@
+"""Hypothesis without a deadline, since a first call may compile, and the same examples every time."""
+
+from hypothesis import settings
+
+settings.register_profile("dtwin", deadline=None, derandomize=True)
+settings.load_profile("dtwin")
