@@ -26,6 +26,8 @@ PERIOD: Final = 0.010
 """s, controller and sensor period"""
 PHYSICS_STEP: Final = 0.0025
 """s, integration step of the emulation"""
+COULOMB_WIDTH: Final = 0.1
+"""rad/s, over which Coulomb friction mu tanh(q'/width) changes sign: both physics integrate the same smooth law"""
 ROOT: Final = Path(__file__).resolve().parent.parent
 
 _SYMBOLS: Final = {

@@ -1,8 +1,9 @@
 """The physical arm and gripper, integrated by MuJoCo from models/arm.xml.
 
-Joint i is driven by tau_i = K_i V_i; V is clipped to the actuators' control range. Coulomb friction is MuJoCo's
-frictionloss: exactly mu sign(q') while a joint slides, a constraint that holds it while it sticks. With mu = 0 the
-constraint solver is off, and the motion is that of the analytic equations to rounding.
+Joint i is driven by tau_i = K_i V_i and braked by D_i q'_i + mu_i tanh(q'_i / COULOMB_WIDTH); V is clipped to the
+actuators' control range. MuJoCo's own frictionloss is not used: it reaches mu only where the joint would take many
+steps to stop, so it is not Coulomb's law at this arm's accelerations. Without constraints to solve, the motion is
+that of the analytic equations to rounding.
 """
 
 from __future__ import annotations
@@ -10,14 +11,15 @@ from __future__ import annotations
 import logging
 import math
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
 import mujoco
 
 from dtwin.errors import DivergenceError, ModelError, ParameterError, choices
-from dtwin.parameters import PHYSICS_STEP, ROOT, ArmParameters, GripperParameters, Triple
+from dtwin.parameters import COULOMB_WIDTH, PHYSICS_STEP, ROOT, ArmParameters, GripperParameters, Triple
 from dtwin.signals import Quad
 
 MODEL_FILE: Final = ROOT / "models" / "arm.xml"
@@ -57,6 +59,8 @@ class Plant:
         model: the compiled mjModel (nq = nv = nu = 4), to be read only.
         data: its mjData, to be read only.
         steps: integration steps since the last `reset`.
+        payload: mass at the tip, kg.
+        angles: of joints 1 to 3 and the gripper, rad.
 
     Raises:
         ModelError: the file is missing, malformed, or lacks a name. ParameterError: the step is not above 0.
@@ -75,7 +79,7 @@ class Plant:
         mujoco.set_mju_user_warning(_log.debug)
         self.model = _compile(model_file)
         self.model.opt.timestep = step
-        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_LIMIT
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         self.data = mujoco.MjData(self.model)
         self._scratch = mujoco.MjData(self.model)
         self._step = step
@@ -84,6 +88,7 @@ class Plant:
         self._qpos, self._qvel, self._ctrl = self.data.qpos, self.data.qvel, self.data.ctrl
         self._period, self._period_steps = step, 1
         self.steps = 0
+        self.payload = 0.0
 
         gripper = gripper or GripperParameters()
         self._closed, self._opened = gripper.closed, gripper.opened
@@ -108,13 +113,9 @@ class Plant:
             model.body_ipos[link, 0] = parameters.com[i]
             model.body_pos[next_body, 0] = parameters.length[i]
             model.dof_damping[i] = parameters.damping[i]
-            model.dof_frictionloss[i] = parameters.coulomb[i]
             model.actuator_gainprm[i, 0] = parameters.voltage_constant[i]
-        constraint = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-        if any(parameters.coulomb):
-            model.opt.disableflags &= ~constraint
-        else:
-            model.opt.disableflags |= constraint
+        self._coulomb = parameters.coulomb
+        self._rubs = any(parameters.coulomb)
         mujoco.mj_setConst(model, self._scratch)
 
     def set_payload(self, mass: float) -> None:
@@ -122,6 +123,7 @@ class Plant:
         if not (math.isfinite(mass) and mass >= 0):
             raise ParameterError(f"payload: expected a finite mass of at least 0 kg, got {mass}")
         self.model.body_mass[self._tip] = mass
+        self.payload = mass
         mujoco.mj_setConst(self.model, self._scratch)
 
     def set_locked(self, joints: Collection[int]) -> None:
@@ -166,7 +168,11 @@ class Plant:
         if period != self._period:
             self._period_steps = self._whole_steps(period)
             self._period = period
-        mujoco.mj_step(self.model, self.data, self._period_steps)
+        if self._rubs:
+            with self._friction():
+                mujoco.mj_step(self.model, self.data, self._period_steps)
+        else:
+            mujoco.mj_step(self.model, self.data, self._period_steps)
         self.steps += self._period_steps
         last_angles, last_speeds = self.angles, self._speeds
         self._read()
@@ -203,11 +209,6 @@ class Plant:
         """Gripper angle, rad."""
         return self.angles[_GRIPPER]
 
-    @property
-    def payload(self) -> float:
-        """Mass at the tip, kg."""
-        return float(self.model.body_mass[self._tip])
-
     def tip(self) -> tuple[float, float]:
         """Where the tip is: x and height from joint 1, m."""
         mujoco.mj_kinematics(self.model, self.data)
@@ -221,9 +222,28 @@ class Plant:
         data.qpos[:] = (*theta, self._opened)
         data.qvel[:] = (*omega, 0.0)
         data.ctrl[:] = volts
-        mujoco.mj_forward(self.model, data)
+        with self._friction():
+            mujoco.mj_forward(self.model, data)
         first, second, third, _ = data.qacc.tolist()
         return first, second, third
+
+    @contextmanager
+    def _friction(self) -> Iterator[None]:
+        """Adds Coulomb friction to whatever MuJoCo evaluates inside: its callback is global, so unset afterwards."""
+        mu1, mu2, mu3 = self._coulomb
+
+        def passive(_: mujoco.MjModel, data: mujoco.MjData) -> None:
+            w1, w2, w3, _gripper = data.qvel.tolist()
+            force = data.qfrc_passive
+            force[0] -= mu1 * math.tanh(w1 / COULOMB_WIDTH)
+            force[1] -= mu2 * math.tanh(w2 / COULOMB_WIDTH)
+            force[2] -= mu3 * math.tanh(w3 / COULOMB_WIDTH)
+
+        mujoco.set_mjcb_passive(passive)
+        try:
+            yield
+        finally:
+            mujoco.set_mjcb_passive(None)
 
     def _read(self) -> None:
         self.angles: list[float] = self._qpos.tolist()

@@ -1,0 +1,138 @@
+"""Boxes: their arrival, the grip, the places they belong to, and the score."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from dtwin.parameters import PICKUP, PLACES, GripperParameters, Place
+from dtwin.signals import Event
+
+REACH: Final = 0.020
+"""m: how far from the pickup point or a place the tip may be to grip or deliver"""
+GRIP_TOLERANCE: Final = 0.05
+"""rad: how far from its closed stop the gripper still holds a box"""
+
+Point = tuple[float, float]
+
+
+class Box(msgspec.Struct, frozen=True, gc=False):
+    """A box: mass kg, colour one of the places' names."""
+
+    mass: float
+    colour: str
+
+
+class Score(msgspec.Struct, frozen=True):
+    """What became of the boxes.
+
+    arrived counts those that came to wait, dropped_arrivals those that found the pickup point taken. Every picked box
+    ends as delivered (with its distance from the place in placement_errors_mm), misplaced, or is still held.
+    """
+
+    arrived: int = 0
+    dropped_arrivals: int = 0
+    picked: int = 0
+    delivered: int = 0
+    misplaced: int = 0
+    placement_errors_mm: tuple[float, ...] = ()
+
+
+class Boxes:
+    """The stream of boxes and the state of each: waiting, held or placed.
+
+    Arrivals follow from the generator alone: every arrival draws its mass and colour even if it is dropped, so the
+    stream does not depend on what the arm does.
+
+    Args:
+        generator: source of times, masses and colours, used for nothing else.
+        gripper: tells when the gripper is closed.
+    """
+
+    def __init__(self, generator: np.random.Generator, gripper: GripperParameters) -> None:
+        self._stream = _stream(generator)
+        self._closed = gripper.closed + GRIP_TOLERANCE
+        self._arrival, self._coming = next(self._stream)
+        self._counts = dict.fromkeys(("arrived", "dropped_arrivals", "picked", "delivered", "misplaced"), 0)
+        self._errors: list[float] = []
+        self.waiting: Box | None = None
+        self.held: Box | None = None
+
+    @property
+    def next_arrival(self) -> float:
+        """When the next box comes, s."""
+        return self._arrival
+
+    @property
+    def score(self) -> Score:
+        """So far."""
+        return Score(**self._counts, placement_errors_mm=tuple(self._errors))
+
+    def arrive(self, time: float) -> Event:
+        """The next box comes; it is dropped when another waits."""
+        box = self._coming
+        self._arrival, self._coming = next(self._stream)
+        if self.waiting:
+            text = f"a {box.colour} box was turned away: a {self.waiting.colour} one is still waiting"
+            return self._count(time, "dropped_arrivals", "dropped_arrival", text)
+        self.waiting = box
+        return self._count(time, "arrived", "arrived", f"a {box.colour} box of {1000 * box.mass:.1f} g arrived")
+
+    def grip(self, time: float, tip: Point, gripper: float) -> Event:
+        """The command to hold a box was given with the tip there (m) and the gripper at that angle (rad)."""
+        distance = _distance(tip, PICKUP)
+        if self.waiting is None:
+            missed = "no box is waiting"
+        elif distance > REACH:
+            missed = f"the tip is {1000 * distance:.1f} mm from the pickup point"
+        elif gripper > self._closed:
+            missed = f"the gripper is open at {gripper:.3f} rad"
+        else:
+            self.held, self.waiting = self.waiting, None
+            text = f"picked the {self.held.colour} box, {1000 * distance:.1f} mm from the pickup point"
+            return self._count(time, "picked", "picked", text)
+        return Event(time, "grip_missed", f"nothing gripped: {missed}")
+
+    def release(self, time: float, tip: Point) -> Event | None:
+        """The command to let go was given with the tip there (m); None when nothing was held."""
+        box, self.held = self.held, None
+        if box is None:
+            return None
+        distance = _distance(tip, PLACES[box.colour])
+        millimetres = f"{1000 * distance:.1f} mm from its place"
+        if distance > REACH:
+            return self._count(time, "misplaced", "misplaced", f"the {box.colour} box was let go {millimetres}")
+        self._errors.append(1000 * distance)
+        return self._count(time, "delivered", "delivered", f"the {box.colour} box was delivered, {millimetres}")
+
+    def slip(self, time: float) -> Event | None:
+        """The gripper loses its box, which counts as misplaced; None when nothing was held."""
+        box, self.held = self.held, None
+        if box is None:
+            return None
+        return self._count(time, "misplaced", "slipped", f"the {box.colour} box slipped out of the gripper")
+
+    def _count(self, time: float, counter: str, kind: str, text: str) -> Event:
+        self._counts[counter] += 1
+        return Event(time, kind, text)
+
+
+def _stream(generator: np.random.Generator) -> Iterator[tuple[float, Box]]:
+    """Arrival times (s, in hundredths, so counted in whole ones) and boxes.
+
+    The first comes at round(15 u, 2) + 0.5 s, each next one round(30 u, 2) s later, of mass 0.190 + 0.020 u kg.
+    """
+    colours = tuple(PLACES)
+    hundredths = round(1500 * generator.random()) + 50
+    while True:
+        mass = 0.190 + 0.020 * generator.random()
+        yield hundredths / 100, Box(mass, colours[int(generator.integers(len(colours)))])
+        hundredths += round(3000 * generator.random())
+
+
+def _distance(tip: Point, place: Place) -> float:
+    return math.hypot(tip[0] - place.x, tip[1] - place.y)

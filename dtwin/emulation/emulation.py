@@ -1,0 +1,175 @@
+"""The emulated cell behind one seam: read a sample, apply a command, advance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from dtwin.emulation.boxes import Boxes, Score
+from dtwin.emulation.encoders import Encoders, NoiseKind
+from dtwin.emulation.faults import Condition, Fault, schedule
+from dtwin.emulation.plant import MODEL_FILE, Plant
+from dtwin.errors import ParameterError
+from dtwin.parameters import HANGING, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
+from dtwin.signals import NO_COLOUR, Event, Sensors, Truth, Voltages
+
+_NEVER = 2**62
+_ROUNDING = 1e-6
+"""steps: a change due at 45 s takes place at 45 s however the step is rounded"""
+
+
+class Emulation:
+    """Plant, encoders, boxes and faults of one run that starts at rest with the gripper open.
+
+    Changes (faults, arrivals) happen at the end of the `advance` that reaches their time. Two cells with equal
+    arguments, given equal commands, are equal to the bit; noise and faults do not alter the boxes.
+
+    Args:
+        parameters: of the arm.
+        gripper: of the gripper.
+        noise: magnitude N of the encoder noise, rad.
+        noise_kind: "uniform" (of mean N/2), "gaussian" (standard deviation N) or "none".
+        seed: of boxes and noise.
+        faults: scheduled changes.
+        theta: joint angles at the start, rad.
+        model_file: MJCF of the plant.
+        step: integration step, s.
+
+    Raises:
+        ModelError: the model file cannot be used. ParameterError: an argument is out of range.
+    """
+
+    def __init__(
+        self,
+        *,
+        parameters: ArmParameters | None = None,
+        gripper: GripperParameters | None = None,
+        noise: float = 0.0,
+        noise_kind: NoiseKind = "uniform",
+        seed: int = 0,
+        faults: Iterable[Fault] = (),
+        theta: Triple = HANGING,
+        model_file: Path = MODEL_FILE,
+        step: float = PHYSICS_STEP,
+    ) -> None:
+        if seed < 0:
+            raise ParameterError(f"seed: expected a whole number of at least 0, got {seed}")
+        if not all(map(math.isfinite, theta)):
+            raise ParameterError(f"start angles: expected three finite numbers, got {theta}")
+        parameters = parameters or ArmParameters()
+        gripper = gripper or GripperParameters()
+        box_seed, noise_seed = np.random.SeedSequence(seed).spawn(2)
+        self._condition = Condition(parameters)
+        self._transitions = schedule(parameters, faults)[::-1]
+        self._boxes = Boxes(np.random.default_rng(box_seed), gripper)
+        self._encoders = Encoders(noise_kind, noise, np.random.default_rng(noise_seed))
+        self._plant = Plant(parameters, gripper, model_file, step)
+        self._plant.reset(theta)
+        self._events: list[Event] = []
+        self._gripped = False
+        self._sequence = 0
+        self._change_due()
+        self._sample()
+
+    @property
+    def score(self) -> Score:
+        """What became of the boxes so far."""
+        return self._boxes.score
+
+    def read(self) -> Sensors:
+        """What the encoders and the box sensor say now."""
+        return self._sensors
+
+    def apply(self, command: Voltages) -> None:
+        """Sets the voltages until the next command, and grips or lets go a box when box_gripped changes.
+
+        Raises:
+            DivergenceError: a voltage is not a usable number.
+        """
+        volts = command.volts
+        if self._condition.cut:
+            v1, v2, v3 = (0.0 if i in self._condition.cut else volts[i - 1] for i in (1, 2, 3))
+            volts = (v1, v2, v3, volts[3])
+        self._plant.apply(volts)
+        if command.box_gripped is not self._gripped:
+            self._gripped = command.box_gripped
+            self._change_grip()
+
+    def advance(self, period: float) -> None:
+        """Lets the cell run for a period, s.
+
+        Raises:
+            ParameterError: the period is not a whole multiple of the integration step.
+            DivergenceError: the state left the finite numbers.
+        """
+        self._plant.advance(period)
+        self._sequence += 1
+        if self._plant.steps >= self._due:
+            self._change_due()
+        self._sample()
+
+    def truth(self) -> Truth:
+        """The plant's state, which no sensor tells."""
+        plant = self._plant
+        return Truth(plant.time, plant.theta, plant.omega, plant.gripper, plant.payload)
+
+    def drain_events(self) -> list[Event]:
+        """What happened since the last call, in order of time."""
+        events, self._events = self._events, []
+        return events
+
+    def _sample(self) -> None:
+        time = self._plant.time
+        first, second, third, gripper = self._encoders.measure(self._plant.angles, time)
+        waiting = self._boxes.waiting
+        self._sensors = Sensors(
+            self._sequence,
+            time,
+            (first, second, third),
+            gripper,
+            waiting is not None,
+            waiting.colour if waiting else NO_COLOUR,
+        )
+
+    def _change_due(self) -> None:
+        """Carries out all changes whose time has come and finds when the next is due."""
+        steps = self._plant.steps
+        while self._transitions and self._steps_to(self._transitions[-1].time) <= steps:
+            transition = self._transitions.pop()
+            self._events += (Event(self._plant.time, "fault", text) for text in transition.texts)
+            self._enter(transition.condition)
+            if transition.slips:
+                self._record(self._boxes.slip(self._plant.time))
+            self._load()
+        while self._steps_to(self._boxes.next_arrival) <= steps:
+            self._record(self._boxes.arrive(self._plant.time))
+        next_fault = self._steps_to(self._transitions[-1].time) if self._transitions else _NEVER
+        self._due = min(next_fault, self._steps_to(self._boxes.next_arrival))
+
+    def _enter(self, condition: Condition) -> None:
+        self._plant.set_parameters(condition.parameters)
+        self._plant.set_locked(condition.locked)
+        self._encoders.set_faults(condition.encoders)
+        self._condition = condition
+
+    def _change_grip(self) -> None:
+        plant = self._plant
+        if self._gripped:
+            self._record(self._boxes.grip(plant.time, plant.tip(), plant.gripper))
+        else:
+            self._record(self._boxes.release(plant.time, plant.tip()))
+        self._load()
+
+    def _load(self) -> None:
+        box = self._boxes.held
+        self._plant.set_payload(self._condition.payload(box.mass) if box else 0.0)
+
+    def _record(self, event: Event | None) -> None:
+        if event:
+            self._events.append(event)
+
+    def _steps_to(self, time: float) -> int:
+        return math.ceil(time / self._plant.step - _ROUNDING)

@@ -1,0 +1,89 @@
+"""Absolute encoders of infinite resolution, with noise and faults: what the sensors say, as opposed to the truth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, Literal, get_args
+
+import numpy as np
+
+from dtwin.errors import ParameterError, choices
+from dtwin.parameters import Triple
+
+NoiseKind = Literal["none", "uniform", "gaussian"]
+NOISE_KINDS: Final[tuple[str, ...]] = get_args(NoiseKind)
+
+_BLOCK: Final = 4096
+"""samples drawn at once: one at a time costs more than the rest of the tick"""
+
+
+@dataclass(frozen=True, slots=True)
+class EncoderFaults:
+    """Additive errors offset + rate t of the three joint encoders, and which of them (1 to 3) have stopped.
+
+    offset in rad, rate in rad/s, t the plant's time in s.
+    """
+
+    offset: Triple = (0.0, 0.0, 0.0)
+    rate: Triple = (0.0, 0.0, 0.0)
+    frozen: frozenset[int] = frozenset()
+
+
+HEALTHY: Final = EncoderFaults()
+
+
+class Encoders:
+    """Measures the joints and the gripper.
+
+    Args:
+        kind: "none"; "uniform": theta + N u with u uniform in [0, 1), so of mean N/2; "gaussian": standard deviation N.
+        magnitude: N, rad.
+        generator: source of the noise, used for nothing else.
+
+    Raises:
+        ParameterError: the kind is unknown, or N is negative or not finite.
+    """
+
+    def __init__(self, kind: NoiseKind, magnitude: float, generator: np.random.Generator) -> None:
+        if kind not in NOISE_KINDS:
+            raise ParameterError(f"noise kind {kind!r}: expected {choices(NOISE_KINDS)}")
+        if not (math.isfinite(magnitude) and magnitude >= 0):
+            raise ParameterError(f"noise: expected a finite magnitude of at least 0 rad, got {magnitude}")
+        self._noisy = kind != "none" and magnitude > 0
+        self._noise = _noise(kind, magnitude, generator)
+        self._faults = HEALTHY
+        self._faulty = False
+        self._last: list[float] = []
+
+    def set_faults(self, faults: EncoderFaults) -> None:
+        """What is wrong from the next measurement on."""
+        self._faults = faults
+        self._faulty = faults != HEALTHY
+
+    def measure(self, angles: list[float], time: float) -> list[float]:
+        """Readings of joints 1 to 3 and the gripper (rad) for the true angles (4 values, rad) at a time (s)."""
+        if self._noisy:
+            angles = [angle + noise for angle, noise in zip(angles, next(self._noise), strict=True)]
+        if self._faulty:
+            angles = self._distort(angles, time)
+        self._last = angles
+        return angles
+
+    def _distort(self, angles: list[float], time: float) -> list[float]:
+        readings = list(angles)
+        faults = self._faults
+        for i in range(3):
+            if i + 1 in faults.frozen and self._last:
+                readings[i] = self._last[i]
+            else:
+                readings[i] += faults.offset[i] + faults.rate[i] * time
+        return readings
+
+
+def _noise(kind: NoiseKind, magnitude: float, generator: np.random.Generator) -> Iterator[list[float]]:
+    """One list of four errors a sample."""
+    draw = generator.random if kind == "uniform" else generator.standard_normal
+    while True:
+        yield from (magnitude * draw((_BLOCK, 4))).tolist()

@@ -1,0 +1,215 @@
+"""Faults of the cell as scheduled changes: `K2*=0.1@45`, `bias1+=0.02@30-60`, `lock2@30-35`, `slip@30`.
+
+    fault  = change "@" start [ "-" end ]                     seconds of plant time; without an end, for good
+    change = parameter ("*=" | "+=" | "=") number             K, m, I, l, c, D or mu of joint 1, 2 or 3
+           | "payload" ("*=" | "+=" | "=") number             kg, of any box while it is held
+           | ("bias" | "drift") joint "+=" number             rad, rad/s: added to what the encoder reads
+           | ("freeze" | "lock" | "cut") joint                encoder stops; joint is held; voltage does not arrive
+           | "slip"                                           the held box is lost
+
+Faults that overlap compose in the order of their starts; at its end a fault is undone and the others stay.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from dtwin.emulation.encoders import HEALTHY, EncoderFaults
+from dtwin.errors import FaultError, ParameterError, choices
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters
+
+GRAMMAR: Final = "TARGET [*=|+=|= NUMBER] @ START [- END], as in K2*=0.1@45, D1+=0.05@30-60, freeze2@30 or slip@30"
+
+_JOINTS: Final = (1, 2, 3)
+_ADDITIVE: Final = tuple(f"{kind}{joint}" for kind in ("bias", "drift") for joint in _JOINTS)
+_SWITCH_KINDS: Final = ("freeze", "lock", "cut")
+_SWITCHES: Final = tuple(f"{kind}{joint}" for kind in _SWITCH_KINDS for joint in _JOINTS)
+_SLIP: Final = "slip"
+_PAYLOAD: Final = "payload"
+TARGETS: Final = (*PARAMETER_NAMES, _PAYLOAD, *_ADDITIVE, *_SWITCHES, _SLIP)
+
+_OPERATIONS: Final[dict[str, tuple[str, ...]]] = {
+    **dict.fromkeys((*PARAMETER_NAMES, _PAYLOAD), ("*=", "+=", "=")),
+    **dict.fromkeys(_ADDITIVE, ("+=",)),
+    **dict.fromkeys((*_SWITCHES, _SLIP), ()),
+}
+_NUMBER: Final = r"\d+(?:\.\d*)?(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?"
+_PATTERN: Final = re.compile(
+    rf"\s*(?P<target>[A-Za-z]+\d*)\s*(?:(?P<operation>\*=|\+=|=)\s*(?P<value>[+-]?(?:{_NUMBER})))?"
+    rf"\s*@\s*(?P<start>{_NUMBER})\s*(?:-\s*(?P<end>{_NUMBER}))?\s*"
+)
+_LIGHTEST_BOX: Final = 0.190
+"""kg"""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One scheduled change.
+
+    Attributes:
+        target: one of TARGETS.
+        operation: "*=", "+=" or "=", "" for the targets that take no number.
+        value: the number; 0 for the targets that take none.
+        start: s, from when it holds.
+        end: s, from when it does not; infinite by default.
+
+    Raises:
+        FaultError: the target is unknown, takes another operation, or a number or time is out of range.
+    """
+
+    target: str
+    operation: str
+    value: float
+    start: float
+    end: float = math.inf
+
+    def __post_init__(self) -> None:
+        if self.target not in _OPERATIONS:
+            raise FaultError(f"unknown fault target {self.target!r}: expected {choices(TARGETS)}")
+        operations = _OPERATIONS[self.target]
+        if operations and self.operation not in operations:
+            raise FaultError(
+                f"fault {self.target}: expected {choices(operations)} and a number, got {self.operation!r}"
+            )
+        if not operations and self.operation:
+            raise FaultError(f"fault {self.target}: takes no number, expected {self.target}@START")
+        if not math.isfinite(self.value):
+            raise FaultError(f"fault {self.target}: expected a finite number, got {self.value}")
+        if not (math.isfinite(self.start) and self.start >= 0):
+            raise FaultError(f"fault {self.target}: expected a finite start of at least 0 s, got {self.start}")
+        if not self.end > self.start:
+            raise FaultError(
+                f"fault {self.target}: expected an end after its start at {self.start:g} s, got {self.end}"
+            )
+        if self.target == _SLIP and math.isfinite(self.end):
+            raise FaultError("fault slip: happens at one moment, expected slip@START without an end")
+
+    def __str__(self) -> str:
+        change = f"{self.operation}{_plain(self.value)}" if self.operation else ""
+        end = f"-{_plain(self.end)}" if math.isfinite(self.end) else ""
+        return f"{self.target}{change}@{_plain(self.start)}{end}"
+
+
+def parse_fault(text: str) -> Fault:
+    """Reads one fault; the inverse of `str(fault)`.
+
+    Raises:
+        FaultError: the text does not follow the grammar above.
+    """
+    match = _PATTERN.fullmatch(text)
+    if match is None:
+        raise FaultError(f"fault {text!r}: expected {GRAMMAR}; targets are {choices(TARGETS)}")
+    target, operation, value, start, end = match.groups()
+    return Fault(target, operation or "", float(value or 0), float(start), float(end) if end else math.inf)
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """What the faults of a moment amount to.
+
+    Attributes:
+        parameters: of the arm as it is now.
+        payload_factor, payload_offset: the held mass is factor x mass + offset, kg.
+        encoders: their errors.
+        locked: joints (1 to 3) that do not move.
+        cut: joints (1 to 3) without voltage.
+    """
+
+    parameters: ArmParameters
+    payload_factor: float = 1.0
+    payload_offset: float = 0.0
+    encoders: EncoderFaults = HEALTHY
+    locked: frozenset[int] = frozenset()
+    cut: frozenset[int] = frozenset()
+
+    def payload(self, mass: float) -> float:
+        """What a held box of that mass weighs on the arm, kg."""
+        return self.payload_factor * mass + self.payload_offset
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """From a time (s) on a condition holds; texts say which faults began and ended; slips is True if the box is lost."""
+
+    time: float
+    condition: Condition
+    texts: tuple[str, ...]
+    slips: bool
+
+
+def schedule(parameters: ArmParameters, faults: Iterable[Fault]) -> list[Transition]:
+    """All changes of condition, in order of time.
+
+    Raises:
+        FaultError: the faults make a parameter or the payload impossible at some time.
+    """
+    ordered = sorted(faults, key=lambda fault: fault.start)
+    times = sorted({t for fault in ordered for t in (fault.start, fault.end) if math.isfinite(t)})
+    transitions = []
+    for time in times:
+        began = [fault for fault in ordered if fault.start == time]
+        ended = [fault for fault in ordered if fault.end == time]
+        condition = _compose(parameters, [fault for fault in ordered if fault.start <= time < fault.end])
+        texts = (*(f"{fault} ended" for fault in ended), *(f"{fault} began" for fault in began))
+        transitions.append(Transition(time, condition, texts, any(fault.target == _SLIP for fault in began)))
+    return transitions
+
+
+def _compose(parameters: ArmParameters, active: Sequence[Fault]) -> Condition:
+    factor, extra = 1.0, 0.0
+    offset, rate = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+    switched: dict[str, set[int]] = {kind: set() for kind in _SWITCH_KINDS}
+    for fault in active:
+        if fault.target in PARAMETER_NAMES:
+            parameters = _changed(parameters, fault)
+            continue
+        if fault.target == _PAYLOAD:
+            factor, extra = _operate(fault, factor, extra)
+            if factor * _LIGHTEST_BOX + extra < 0:
+                raise FaultError(
+                    f"fault {fault}: expected a payload of at least 0 kg with a box of {_LIGHTEST_BOX} kg"
+                )
+            continue
+        if fault.target == _SLIP:
+            continue
+        kind, joint = fault.target[:-1], int(fault.target[-1])
+        if kind == "bias":
+            offset[joint - 1] += fault.value
+        elif kind == "drift":
+            offset[joint - 1] -= fault.value * fault.start
+            rate[joint - 1] += fault.value
+        else:
+            switched[kind].add(joint)
+    return Condition(
+        parameters,
+        factor,
+        extra,
+        EncoderFaults((offset[0], offset[1], offset[2]), (rate[0], rate[1], rate[2]), frozenset(switched["freeze"])),
+        frozenset(switched["lock"]),
+        frozenset(switched["cut"]),
+    )
+
+
+def _operate(fault: Fault, factor: float, extra: float) -> tuple[float, float]:
+    """The change applied to factor x quantity + extra."""
+    if fault.operation == "*=":
+        return factor * fault.value, extra * fault.value
+    if fault.operation == "+=":
+        return factor, extra + fault.value
+    return 0.0, fault.value
+
+
+def _changed(parameters: ArmParameters, fault: Fault) -> ArmParameters:
+    factor, extra = _operate(fault, 1.0, 0.0)
+    try:
+        return parameters.with_values({fault.target: factor * parameters.get(fault.target) + extra})
+    except ParameterError as error:
+        raise FaultError(f"fault {fault}: {error}") from None
+
+
+def _plain(number: float) -> str:
+    return repr(float(number)).removesuffix(".0")
