@@ -38,7 +38,7 @@ class Encoders:
     """Measures the joints and the gripper.
 
     Args:
-        kind: "none"; "uniform": theta + N u with u uniform in [0, 1), so of mean N/2; "gaussian": standard deviation N.
+        kind: "none"; "uniform": theta + N u, u uniform in [0, 1), so of mean N/2; "gaussian": standard deviation N.
         magnitude: N, rad.
         generator: source of the noise, used for nothing else.
 

@@ -72,19 +72,15 @@ class Fault:
             raise FaultError(f"unknown fault target {self.target!r}: expected {choices(TARGETS)}")
         operations = _OPERATIONS[self.target]
         if operations and self.operation not in operations:
-            raise FaultError(
-                f"fault {self.target}: expected {choices(operations)} and a number, got {self.operation!r}"
-            )
-        if not operations and self.operation:
+            raise FaultError(f"fault {self.target}: expected {choices(operations)} NUMBER, got {self.operation!r}")
+        if not operations and (self.operation or self.value):
             raise FaultError(f"fault {self.target}: takes no number, expected {self.target}@START")
         if not math.isfinite(self.value):
             raise FaultError(f"fault {self.target}: expected a finite number, got {self.value}")
         if not (math.isfinite(self.start) and self.start >= 0):
             raise FaultError(f"fault {self.target}: expected a finite start of at least 0 s, got {self.start}")
         if not self.end > self.start:
-            raise FaultError(
-                f"fault {self.target}: expected an end after its start at {self.start:g} s, got {self.end}"
-            )
+            raise FaultError(f"fault {self.target}: expected an end after its start {self.start} s, got {self.end}")
         if self.target == _SLIP and math.isfinite(self.end):
             raise FaultError("fault slip: happens at one moment, expected slip@START without an end")
 
@@ -133,7 +129,7 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """From a time (s) on a condition holds; texts say which faults began and ended; slips is True if the box is lost."""
+    """A condition that holds from a time (s) on; texts say which faults began and ended; slips: the box is lost."""
 
     time: float
     condition: Condition

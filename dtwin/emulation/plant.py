@@ -83,6 +83,7 @@ class Plant:
         self.data = mujoco.MjData(self.model)
         self._scratch = mujoco.MjData(self.model)
         self._step = step
+        self._rate = 1.0 / step
         self._links = [self.model.body(name).id for name in LINKS]
         self._tip = self.model.body("tip").id
         self._qpos, self._qvel, self._ctrl = self.data.qpos, self.data.qvel, self.data.ctrl
@@ -187,7 +188,7 @@ class Plant:
     @property
     def time(self) -> float:
         """s since the last `reset`."""
-        return self.steps * self._step
+        return self.steps / self._rate
 
     @property
     def step(self) -> float:
