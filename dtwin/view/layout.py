@@ -6,9 +6,11 @@ from typing import Final
 
 import rerun.blueprint as rrb
 
+from dtwin.parameters import VOLTAGE_LIMIT
 from dtwin.view import scene, series
 
 _TRAIL_SECONDS: Final = 2.0
+_VOLTS_SHOWN: Final = 1.1 * VOLTAGE_LIMIT
 
 
 def blueprint() -> rrb.Blueprint:
@@ -38,8 +40,8 @@ def _cell() -> rrb.Spatial3DView:
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
             kind="orbital",
-            position=(0.75, -1.0, 0.25),
-            look_target=(0.08, 0.0, -0.06),
+            position=(0.56, -0.85, 0.16),
+            look_target=(0.06, 0.0, -0.05),
             eye_up=(0.0, 0.0, 1.0),
         ),
         overrides={scene.TRAIL: trail},
@@ -58,7 +60,7 @@ def _overview() -> rrb.Vertical:
     return rrb.Vertical(
         _plot("Angles and targets (rad)", series.ANGLES),
         _plot("Tracking error (mrad)", series.ERROR),
-        _plot("Voltages (V)", series.VOLTS),
+        _plot("Voltages (V)", series.VOLTS, rrb.ScalarAxis(range=(-_VOLTS_SHOWN, _VOLTS_SHOWN))),
         name="Overview",
     )
 
@@ -75,14 +77,16 @@ def _boxes() -> rrb.Vertical:
         rrb.StateTimelineView(name="Boxes", origin=series.STATES),
         _plot("Gripper angle (rad)", series.GRIPPER),
         _plot("Payload (kg)", series.PAYLOAD),
+        row_shares=[1, 2, 2],
         name="Boxes",
     )
 
 
-def _plot(name: str, origin: str) -> rrb.TimeSeriesView:
+def _plot(name: str, origin: str, axis_y: rrb.ScalarAxis | None = None) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
         name=name,
         origin=origin,
         axis_x=rrb.TimeAxis(link="linktoglobal"),
+        axis_y=axis_y,
         plot_legend=rrb.PlotLegend(corner="righttop"),
     )

@@ -146,17 +146,17 @@ def _placed_rows(placed: Sequence[Placed]) -> list[tuple[int, list[_Spot]]]:
 def _send_counts(stream: rr.RecordingStream, t: NDArray[np.float64], placed: Sequence[Placed]) -> None:
     """Sends a label at every place: how many boxes it got."""
     counts: Counter[str] = Counter()
-    ticks, labels = [0], [f"{name} 0" for name in PLACES]
+    ticks, labels = [0], [f"{name}: 0" for name in PLACES]
     for box in placed:
         if box.place is not None:
             counts[box.place] += 1
             ticks.append(box.tick)
-            labels += [f"{name} {counts[name]}" for name in PLACES]
+            labels += [f"{name}: {counts[name]}" for name in PLACES]
     stream.log(
         COUNTS,
         rr.Points3D(
             [(place.x + 0.045, -0.02, place.y - 0.02) for place in PLACES.values()],
-            colors=[style.box_colour(name) for name in PLACES],
+            colors=style.LABEL,
             radii=0.0,
             show_labels=True,
         ),

@@ -47,15 +47,15 @@ def log_plots(stream: rr.RecordingStream, log: Log) -> None:
     for joint in numbers:
         colour = style.JOINTS[joint - 1]
         path = f"{ANGLES}/joint_{joint}"
-        _send(stream, f"{path}/target", times, target[:, joint - 1], [f"target {joint}"], [style.TARGET], 3.5)
-        _send(stream, f"{path}/measured", times, measured[:, joint - 1], [f"theta {joint}"], [colour], 1.5)
-    error_names = [f"joint {joint} (mrad)" for joint in numbers]
-    _send(stream, ERROR, times, 1e3 * (target - theta), error_names, style.JOINTS, 1.5)
-    volts_names = [*(f"V{joint}" for joint in numbers), "V gripper"]
-    _send(stream, f"{VOLTS}/motors", times, log.stack("volts"), volts_names, [*style.JOINTS, style.GRIPPER], 1.5)
+        _send(stream, f"{path}/measured", times, measured[:, joint - 1], [f"theta {joint}"], [colour], 3.5)
+        _send(stream, f"{path}/target", times, target[:, joint - 1], [f"target {joint}"], [style.TARGET], 1.0)
+    joints = [f"joint {joint}" for joint in numbers]
+    _send(stream, ERROR, times, 1e3 * (target - theta), joints, style.JOINTS, 1.5)
+    motors = [*joints, "gripper"]
+    _send(stream, f"{VOLTS}/motors", times, log.stack("volts"), motors, [*style.JOINTS, style.GRIPPER], 1.5)
     limits = np.full((2, 2), (VOLTAGE_LIMIT, -VOLTAGE_LIMIT))
     ends = time_column(t[[0, -1]])
-    _send(stream, f"{VOLTS}/limits", ends, limits, ["limit", "-limit"], [style.LIMIT] * 2, 1.0)
+    _send(stream, f"{VOLTS}/limits", ends, limits, ["limit", "limit"], [style.LIMIT] * 2, 1.0)
     _send(stream, GRIPPER, times, log.columns["gripper"], ["gripper angle (rad)"], [style.GRIPPER], 2.0)
     _send(stream, PAYLOAD, times, log.columns["payload_mass"], ["payload (kg)"], [style.JOINTS[1]], 2.0)
 

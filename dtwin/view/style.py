@@ -12,6 +12,7 @@ JOINTS: Final[tuple[RGB, RGB, RGB]] = ((86, 204, 242), (255, 183, 77), (190, 148
 TARGET: Final[RGB] = (235, 235, 235)
 GRIPPER: Final[RGB] = (150, 160, 170)
 LIMIT: Final[RGB] = (200, 80, 80)
+LABEL: Final[RGB] = (255, 255, 255)
 TRAIL: Final[RGB] = (255, 160, 60)
 _BOXES: Final[Mapping[str, RGB]] = {"blue": (52, 112, 236), "red": (224, 52, 46), "green": (44, 172, 74)}
 
