@@ -6,6 +6,7 @@ import hashlib
 from pathlib import Path
 from typing import Final
 
+import msgspec
 import rerun as rr
 
 from dtwin.errors import RecordingError
@@ -51,10 +52,13 @@ def log_run(stream: rr.RecordingStream, scene: Scene, log: Log) -> None:
 
 
 def _stream(log: Log) -> rr.RecordingStream:
-    digest = hashlib.blake2b(repr((log.events, sorted(log.metadata.items()))).encode(), digest_size=16)
+    """A stream whose id is the log's digest: the viewer keeps different runs apart and knows equal ones."""
+    notes = msgspec.json.encode((log.events, dict(log.metadata)), order="sorted")
+    digest = hashlib.blake2b(notes, digest_size=16)
     for name in COLUMNS:
         digest.update(log.columns[name].tobytes())
     stream = rr.RecordingStream(APPLICATION, recording_id=digest.hexdigest(), send_properties=False)
-    for enabled in (stream.set_log_tick_enabled, stream.set_log_time_enabled):
-        enabled(False)
+    # The wall clock has no place in a recording of plant time.
+    stream.set_log_tick_enabled(False)
+    stream.set_log_time_enabled(False)
     return stream
