@@ -1,0 +1,27 @@
+"""Structured Text (IEC 61131-3): parser, checker, printer, and compilers to Python and Lua."""
+
+from dtwin.iec61499.st.check import check_algorithm, check_expression
+from dtwin.iec61499.st.parser import parse_algorithm, parse_expression
+from dtwin.iec61499.st.python_expressions import python_name
+from dtwin.iec61499.st.to_python import (
+    CONDITION_GLOBALS,
+    PythonCode,
+    compile_algorithm,
+    compile_condition,
+    python_source,
+)
+from dtwin.iec61499.st.typed import CheckedAlgorithm
+
+__all__ = [
+    "CONDITION_GLOBALS",
+    "CheckedAlgorithm",
+    "PythonCode",
+    "check_algorithm",
+    "check_expression",
+    "compile_algorithm",
+    "compile_condition",
+    "parse_algorithm",
+    "parse_expression",
+    "python_name",
+    "python_source",
+]

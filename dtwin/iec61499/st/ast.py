@@ -1,0 +1,195 @@
+"""Syntax tree of Structured Text (IEC 61131-3, clause 7.3): what was written, before types are known.
+
+Two trees are equal when they say the same; positions do not count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeAlias
+
+
+class Position(NamedTuple):
+    """Where something was written; line and column count from 1, 0 when unknown."""
+
+    file: str = ""
+    line: int = 0
+    column: int = 0
+
+    def __str__(self) -> str:
+        return ":".join(str(part) for part in self if part)
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    at: Position = field(compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Literal(Node):
+    """A constant; type_name is "" for the untyped `5`, `1.5` and `TRUE`, otherwise the elementary type's name."""
+
+    value: bool | int | float | str
+    type_name: str
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Literal):
+            return NotImplemented
+        # 1, 1.0 and TRUE are equal in Python and differ here
+        return (repr(self.value), self.type_name) == (repr(other.value), other.type_name)
+
+    def __hash__(self) -> int:
+        return hash((repr(self.value), self.type_name))
+
+
+@dataclass(frozen=True, slots=True)
+class Variable(Node):
+    """`X`, `A[I]`, `M[I, J]` (the same as `M[I][J]`)."""
+
+    name: str
+    indices: tuple[Expression, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Unary(Node):
+    """operator is `-`, `+` or `NOT`."""
+
+    operator: str
+    operand: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Binary(Node):
+    """operator is one of `** * / MOD + - < > <= >= = <> AND XOR OR`."""
+
+    operator: str
+    left: Expression
+    right: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Call(Node):
+    """A function call; the name in upper case."""
+
+    function: str
+    arguments: tuple[Expression, ...]
+
+
+Expression: TypeAlias = Literal | Variable | Unary | Binary | Call
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment(Node):
+    target: Variable
+    value: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Branch(Node):
+    """`IF condition THEN body` or `ELSIF condition THEN body`."""
+
+    condition: Expression
+    body: tuple[Statement, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class If(Node):
+    branches: tuple[Branch, ...]
+    otherwise: tuple[Statement, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Range(Node):
+    """`low..high` of a CASE label."""
+
+    low: Expression
+    high: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class CaseBranch(Node):
+    labels: tuple[Expression | Range, ...]
+    body: tuple[Statement, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Case(Node):
+    selector: Expression
+    branches: tuple[CaseBranch, ...]
+    otherwise: tuple[Statement, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class For(Node):
+    """`FOR variable := start TO stop BY step DO body`; step is None when BY is absent."""
+
+    variable: Variable
+    start: Expression
+    stop: Expression
+    step: Expression | None
+    body: tuple[Statement, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class While(Node):
+    condition: Expression
+    body: tuple[Statement, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Repeat(Node):
+    body: tuple[Statement, ...]
+    condition: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Exit(Node):
+    pass
+
+
+@dataclass(frozen=True, slots=True)
+class Continue(Node):
+    pass
+
+
+@dataclass(frozen=True, slots=True)
+class Return(Node):
+    pass
+
+
+Statement: TypeAlias = Assignment | If | Case | For | While | Repeat | Exit | Continue | Return
+
+
+@dataclass(frozen=True, slots=True)
+class TypeName(Node):
+    """An elementary type, or with bounds an array of it (one pair a dimension)."""
+
+    name: str
+    bounds: tuple[Range, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Repeated(Node):
+    """`count(value)` in an array's initial value."""
+
+    count: int
+    value: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Declaration(Node):
+    """A temporary variable of an algorithm; initial is None, an expression, or the elements of an array."""
+
+    name: str
+    type_name: TypeName
+    initial: Expression | tuple[Expression | Repeated, ...] | None
+    constant: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Algorithm(Node):
+    """name is "" when the text has no `ALGORITHM name ... END_ALGORITHM` around it."""
+
+    name: str
+    declarations: tuple[Declaration, ...]
+    body: tuple[Statement, ...]

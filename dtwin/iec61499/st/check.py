@@ -1,0 +1,192 @@
+"""Checks whole algorithms and conditions: names, types, writability, loops."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Set
+
+from dtwin.errors import FunctionBlockError, choices
+from dtwin.iec61499 import types
+from dtwin.iec61499.st import ast, typed
+from dtwin.iec61499.st.expressions import ExpressionChecker, fail
+from dtwin.iec61499.types import BOOL, ArrayType, DataType, ElementaryType
+
+
+def check_algorithm(
+    algorithm: ast.Algorithm, scope: Mapping[str, DataType], writable: Set[str]
+) -> typed.CheckedAlgorithm:
+    """Resolves names, types every expression and makes conversions explicit.
+
+    Args:
+        algorithm: the syntax tree.
+        scope: the block's variables, as declared; the text may write them in any case.
+        writable: those the algorithm may assign.
+
+    Raises:
+        FunctionBlockError: with file, line, column and what would have been valid.
+    """
+    checker = _AlgorithmChecker(scope, writable)
+    body = checker.declarations(algorithm.declarations) + checker.body(algorithm.body)
+    used = {n.name for n in typed.walk(body) if isinstance(n, (typed.Load, typed.Element, typed.Store, typed.For))}
+    return typed.CheckedAlgorithm(
+        algorithm.name,
+        body,
+        {name: data_type for name, data_type in scope.items() if name in used},
+        checker.temporaries,
+    )
+
+
+def check_expression(
+    expression: ast.Expression, scope: Mapping[str, DataType], expected: ElementaryType = BOOL
+) -> typed.Expression:
+    """The typed expression, converted to the expected type. Raises as `check_algorithm` does."""
+    return ExpressionChecker(scope).checked(expression, expected)
+
+
+class _AlgorithmChecker:
+    def __init__(self, scope: Mapping[str, DataType], writable: Set[str]) -> None:
+        self._expressions = ExpressionChecker(scope)
+        self._writable = set(writable)
+        self._loops = 0
+        self._counters: dict[str, ast.Position] = {}
+        self.temporaries: dict[str, DataType] = {}
+
+    def declarations(self, declarations: tuple[ast.Declaration, ...]) -> typed.Body:
+        """Adds the temporaries to the scope; gives the statements that initialise them."""
+        return tuple(self._declaration(declaration) for declaration in declarations)
+
+    def _declaration(self, declaration: ast.Declaration) -> typed.Statement:
+        data_type = self._type(declaration.type_name)
+        value = self._initial(declaration, data_type)
+        self._expressions.declare(declaration.at, declaration.name, data_type)
+        self.temporaries[declaration.name] = data_type
+        if not declaration.constant:
+            self._writable.add(declaration.name)
+        return typed.Store(declaration.at, data_type, declaration.name, (), (), value)
+
+    def _type(self, name: ast.TypeName) -> DataType:
+        try:
+            data_type: DataType = types.elementary(name.name)
+            for bounds in reversed(name.bounds):
+                data_type = ArrayType(data_type, self._constant(bounds.low), self._constant(bounds.high))
+        except FunctionBlockError as error:
+            fail(name.at, error.message)
+        return data_type
+
+    def _initial(self, declaration: ast.Declaration, data_type: DataType) -> typed.Expression:
+        initial = declaration.initial
+        if initial is None:
+            return typed.Const(declaration.at, data_type, data_type.default)
+        if not isinstance(initial, tuple):
+            return self._expressions.coerce(self._expressions.infer(initial), data_type)
+        if not isinstance(data_type, ArrayType) or not isinstance(data_type.element, ElementaryType):
+            fail(declaration.at, f"{declaration.name} is a {data_type}: a list starts a one-dimensional array only")
+        values: list[object] = []
+        for item in initial:
+            count, value = (item.count, item.value) if isinstance(item, ast.Repeated) else (1, item)
+            constant = self._expressions.checked(value, data_type.element)
+            if not isinstance(constant, typed.Const):
+                fail(value.at, "expected a constant")
+            if len(values) + count > data_type.length:
+                fail(value.at, f"more values than the {data_type.length} elements of {declaration.name}")
+            values += [constant.value] * count
+        return typed.Const(declaration.at, data_type, data_type.wrap(values))
+
+    def body(self, statements: tuple[ast.Statement, ...]) -> typed.Body:
+        return tuple(self._statement(statement) for statement in statements)
+
+    def _statement(self, node: ast.Statement) -> typed.Statement:
+        match node:
+            case ast.Assignment(at, target, value):
+                name, data_type, indices, arrays = self._target(target)
+                checked = self._expressions.coerce(self._expressions.infer(value), data_type)
+                return typed.Store(at, data_type, name, indices, arrays, checked)
+            case ast.If(at, branches, otherwise):
+                checked_branches = tuple(
+                    typed.Branch(self._condition(b.condition), self.body(b.body)) for b in branches
+                )
+                return typed.If(at, checked_branches, self.body(otherwise))
+            case ast.Case():
+                return self._case(node)
+            case ast.For():
+                return self._for(node)
+            case ast.While(at, condition, body):
+                return typed.While(at, self._condition(condition), self._loop(body))
+            case ast.Repeat(at, body, condition):
+                return typed.Repeat(at, self._loop(body), self._condition(condition))
+            case ast.Exit(at):
+                self._demand_loop(at, "EXIT")
+                return typed.Exit(at)
+            case ast.Continue(at):
+                self._demand_loop(at, "CONTINUE")
+                return typed.Continue(at)
+            case ast.Return(at):
+                return typed.Return(at)
+
+    def _condition(self, expression: ast.Expression) -> typed.Expression:
+        return self._expressions.checked(expression, BOOL)
+
+    def _target(
+        self, target: ast.Variable
+    ) -> tuple[str, DataType, tuple[typed.Expression, ...], tuple[ArrayType, ...]]:
+        name, data_type, indices, arrays = self._expressions.resolve(target)
+        if name not in self._writable:
+            expected = choices(sorted(self._writable)) if self._writable else "none, nothing is writable here"
+            fail(target.at, f"{name} cannot be assigned here: expected {expected}")
+        if name in self._counters:
+            line = self._counters[name].line
+            fail(target.at, f"{name} counts the FOR loop of line {line} and cannot be assigned inside it")
+        return name, data_type, indices, arrays
+
+    def _case(self, node: ast.Case) -> typed.Case:
+        selector = self._expressions.default(self._expressions.infer(node.selector))
+        data_type = selector.type
+        if not isinstance(data_type, ElementaryType) or not (data_type.is_integer or data_type.kind == "bits"):
+            fail(node.selector.at, f"CASE selects by {data_type}: expected an integer or bit string")
+        branches = []
+        for branch in node.branches:
+            labels = tuple(self._label(label, data_type) for label in branch.labels)
+            branches.append(typed.CaseBranch(labels, self.body(branch.body)))
+        return typed.Case(node.at, selector, tuple(branches), self.body(node.otherwise))
+
+    def _label(self, label: ast.Expression | ast.Range, data_type: ElementaryType) -> tuple[int, int]:
+        if not isinstance(label, ast.Range):
+            value = self._constant(label, data_type)
+            return value, value
+        low, high = self._constant(label.low, data_type), self._constant(label.high, data_type)
+        if low > high:
+            fail(label.at, f"range {low}..{high} is empty: expected low <= high")
+        return low, high
+
+    def _constant(self, expression: ast.Expression, data_type: ElementaryType = types.DINT) -> int:
+        value = self._expressions.checked(expression, data_type)
+        if isinstance(value, typed.Unary) and isinstance(value.operand, typed.Const):
+            return -value.operand.value
+        if not isinstance(value, typed.Const):
+            fail(expression.at, "expected a constant")
+        return value.value
+
+    def _for(self, node: ast.For) -> typed.For:
+        name, data_type, indices, _ = self._target(node.variable)
+        if indices or not isinstance(data_type, ElementaryType) or not data_type.is_integer:
+            fail(node.variable.at, f"FOR counts with {data_type}: expected an integer variable without index")
+        start = self._expressions.checked(node.start, data_type)
+        stop = self._expressions.checked(node.stop, data_type)
+        step: typed.Expression = typed.Const(node.at, data_type, 1)
+        if node.step is not None:
+            step = self._expressions.checked(node.step, data_type)
+            if isinstance(step, typed.Const) and step.value == 0:
+                fail(node.step.at, "BY 0 never ends: expected another step")
+        self._counters[name] = node.at
+        body = self._loop(node.body)
+        del self._counters[name]
+        return typed.For(node.at, data_type, name, start, stop, step, body)
+
+    def _loop(self, statements: tuple[ast.Statement, ...]) -> typed.Body:
+        self._loops += 1
+        body = self.body(statements)
+        self._loops -= 1
+        return body
+
+    def _demand_loop(self, at: ast.Position, name: str) -> None:
+        if not self._loops:
+            fail(at, f"{name} stands outside of a loop: expected FOR, WHILE or REPEAT around it")

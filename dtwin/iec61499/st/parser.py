@@ -1,0 +1,259 @@
+"""Text to syntax tree."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+from lark import Lark, Token, Transformer, Tree
+from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken
+
+from dtwin.errors import FunctionBlockError, choices
+from dtwin.iec61499 import types
+from dtwin.iec61499.st import ast
+
+_TERMINALS: Final = {
+    "NAME": "a name",
+    "INTEGER": "an integer",
+    "REAL_NUMBER": "a number",
+    "TRUTH": "TRUE or FALSE",
+    "TYPED_LITERAL": "a typed literal",
+    "STRING_LITERAL": "a string",
+    "DURATION": "a duration",
+    "COMPARISON": "a comparison",
+    "EQUALITY": "= or <>",
+    "SIGN": "+ or -",
+    "PRODUCT": "* or /",
+    "POWER": "**",
+    "AND": "AND",
+    "$END": "the end",
+}
+_VALUE_STARTERS: Final = {
+    "INTEGER",
+    "REAL_NUMBER",
+    "TRUTH",
+    "TYPED_LITERAL",
+    "STRING_LITERAL",
+    "DURATION",
+    "LPAR",
+    "NOT",
+}
+_FUNCTION_KEYWORDS: Final = {"AND", "OR", "XOR", "MOD"}
+_OPERATORS: Final = {"OR", "XOR", "AND", "MOD", "EQUALITY", "COMPARISON", "SIGN", "PRODUCT", "POWER"}
+
+
+@cache
+def lark_parser() -> Lark:
+    """The LALR(1) parser, built on first use."""
+    grammar = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
+    return Lark(grammar, parser="lalr", start=["algorithm", "expression"], propagate_positions=True)
+
+
+@cache
+def parse_algorithm(text: str, file: str = "", line: int = 1, column: int = 1) -> ast.Algorithm:
+    """Parses statements, optionally with `VAR ... END_VAR` and `ALGORITHM name ... END_ALGORITHM` around them.
+
+    Args:
+        text: the source.
+        file, line, column: where the text starts, for the positions in the tree and in messages.
+
+    Raises:
+        FunctionBlockError: the text is not Structured Text; names the position, what was found and what fits there.
+    """
+    return _parse(text, "algorithm", ast.Position(file, line, column))
+
+
+@cache
+def parse_expression(text: str, file: str = "", line: int = 1, column: int = 1) -> ast.Expression:
+    """Parses one expression, such as the condition of a transition. Raises as `parse_algorithm` does."""
+    return _parse(text, "expression", ast.Position(file, line, column))
+
+
+def _parse(text: str, start: str, origin: ast.Position) -> Any:
+    try:
+        return TreeBuilder(origin).transform(lark_parser().parse(text, start=start))
+    except UnexpectedInput as error:
+        raise _syntax_error(error, text, origin) from None
+
+
+def _syntax_error(error: UnexpectedInput, text: str, origin: ast.Position) -> FunctionBlockError:
+    at = _shift(origin, max(error.line, 1), max(error.column, 1))
+    if isinstance(error, UnexpectedCharacters):
+        return FunctionBlockError(f"unexpected character {text[error.pos_in_stream]!r}", *at)
+    if isinstance(error, UnexpectedEOF) or (isinstance(error, UnexpectedToken) and error.token.type == "$END"):
+        at = _shift(origin, text.count("\n") + 1, len(text) - text.rfind("\n"))
+        found = "end of text"
+    else:
+        found = repr(str(error.token)) if isinstance(error, UnexpectedToken) else "text"
+    expected = set(getattr(error, "accepts", None) or getattr(error, "expected", None) or ())
+    return FunctionBlockError(f"unexpected {found}: expected {_describe(expected)}", *at)
+
+
+def _describe(terminals: set[str]) -> str:
+    if {"INTEGER", "NAME", "LPAR"} <= terminals:
+        # every expression can start in ten ways; one word for all of them
+        terminals = terminals - _VALUE_STARTERS - _FUNCTION_KEYWORDS - {"NAME", "SIGN"}
+        names = ["an expression"]
+    elif {"COMPARISON", "SIGN", "POWER"} <= terminals:
+        terminals = terminals - _OPERATORS
+        names = ["an operator"]
+    else:
+        names = []
+    patterns = {t.name: str(t.pattern.value) for t in lark_parser().terminals}
+    names += sorted(_TERMINALS.get(name) or patterns[name].replace("\\", "") for name in terminals)
+    return choices(names)
+
+
+def _shift(origin: ast.Position, line: int, column: int) -> ast.Position:
+    if line == 1:
+        return ast.Position(origin.file, origin.line, origin.column + column - 1)
+    return ast.Position(origin.file, origin.line + line - 1, column)
+
+
+class TreeBuilder(Transformer):
+    """One method a grammar rule (or alias); children arrive already built, tokens as they are."""
+
+    def __init__(self, origin: ast.Position) -> None:
+        super().__init__()
+        self._origin = origin
+
+    def _call_userfunc(self, tree: Tree, new_children: list[Any] | None = None) -> Any:
+        # a rule starts where its first token stood, also when its children are nodes already
+        self._at = _shift(self._origin, getattr(tree.meta, "line", 1), getattr(tree.meta, "column", 1))
+        return getattr(self, tree.data)(new_children if new_children is not None else tree.children)
+
+    def _position(self, token: Token) -> ast.Position:
+        return _shift(self._origin, token.line or 1, token.column or 1)
+
+    def named_algorithm(self, children: list[Any]) -> ast.Algorithm:
+        name, *blocks, body = children
+        return ast.Algorithm(self._at, str(name), tuple(d for block in blocks for d in block), body)
+
+    def plain_algorithm(self, children: list[Any]) -> ast.Algorithm:
+        *blocks, body = children
+        return ast.Algorithm(self._at, "", tuple(d for block in blocks for d in block), body)
+
+    def variables(self, children: list[Any]) -> list[ast.Declaration]:
+        return [declaration for declarations in children for declaration in declarations]
+
+    def constants(self, children: list[Any]) -> list[ast.Declaration]:
+        return [replace(declaration, constant=True) for declarations in children for declaration in declarations]
+
+    def declaration(self, children: list[Any]) -> list[ast.Declaration]:
+        names, type_name, initial = children
+        return [ast.Declaration(self._position(name), str(name), type_name, initial, False) for name in names]
+
+    def names(self, children: list[Token]) -> list[Token]:
+        return children
+
+    def simple_type(self, children: list[Token]) -> ast.TypeName:
+        return ast.TypeName(self._at, children[0].upper())
+
+    def array_type(self, children: list[Any]) -> ast.TypeName:
+        *bounds, name = children
+        return ast.TypeName(self._at, name.upper(), tuple(bounds))
+
+    def bounds(self, children: list[ast.Expression]) -> ast.Range:
+        return ast.Range(self._at, *children)
+
+    def array_initial(self, children: list[Any]) -> tuple[ast.Expression | ast.Repeated, ...]:
+        return tuple(children)
+
+    def repeated(self, children: list[Any]) -> ast.Repeated:
+        return ast.Repeated(self._at, types.parse_integer(children[0]), children[1])
+
+    def statements(self, children: list[ast.Statement | None]) -> tuple[ast.Statement, ...]:
+        return tuple(child for child in children if child is not None)
+
+    def assignment(self, children: list[Any]) -> ast.Assignment:
+        return ast.Assignment(self._at, *children)
+
+    def empty(self, children: list[Any]) -> None:
+        return None
+
+    def branch(self, children: list[Any]) -> ast.Branch:
+        return ast.Branch(self._at, *children)
+
+    def if_statement(self, children: list[Any]) -> ast.If:
+        *branches, otherwise = children
+        return ast.If(self._at, tuple(branches), otherwise or ())
+
+    def case_branch(self, children: list[Any]) -> ast.CaseBranch:
+        *labels, body = children
+        return ast.CaseBranch(self._at, tuple(labels), body)
+
+    def signed_label(self, children: list[Any]) -> ast.Unary:
+        return ast.Unary(self._at, str(children[0]), children[1])
+
+    def label_range(self, children: list[Any]) -> ast.Range:
+        return ast.Range(self._at, *children)
+
+    def case_statement(self, children: list[Any]) -> ast.Case:
+        selector, *branches, otherwise = children
+        return ast.Case(self._at, selector, tuple(branches), otherwise or ())
+
+    def for_statement(self, children: list[Any]) -> ast.For:
+        return ast.For(self._at, *children)
+
+    def while_statement(self, children: list[Any]) -> ast.While:
+        return ast.While(self._at, *children)
+
+    def repeat_statement(self, children: list[Any]) -> ast.Repeat:
+        return ast.Repeat(self._at, *children)
+
+    def exit_statement(self, children: list[Any]) -> ast.Exit:
+        return ast.Exit(self._at)
+
+    def continue_statement(self, children: list[Any]) -> ast.Continue:
+        return ast.Continue(self._at)
+
+    def return_statement(self, children: list[Any]) -> ast.Return:
+        return ast.Return(self._at)
+
+    def binary(self, children: list[Any]) -> ast.Binary:
+        left, operator, right = children
+        name = "AND" if operator == "&" else operator.upper()
+        return ast.Binary(self._position(operator), name, left, right)
+
+    def unary(self, children: list[Any]) -> ast.Unary:
+        return ast.Unary(self._at, children[0].upper(), children[1])
+
+    def call(self, children: list[Any]) -> ast.Call:
+        name, *arguments = children
+        return ast.Call(self._at, name.upper(), tuple(a for a in arguments if a is not None))
+
+    def variable(self, children: list[Any]) -> ast.Variable:
+        name, *subscripts = children
+        return ast.Variable(self._at, str(name), tuple(index for subscript in subscripts for index in subscript))
+
+    def subscript(self, children: list[ast.Expression]) -> list[ast.Expression]:
+        return children
+
+    def integer(self, children: list[Token]) -> ast.Literal:
+        return ast.Literal(self._at, self._value(children[0], types.parse_integer), "")
+
+    def real_number(self, children: list[Token]) -> ast.Literal:
+        return ast.Literal(self._at, types.parse_literal(children[0], types.LREAL, *self._at), "")
+
+    def truth(self, children: list[Token]) -> ast.Literal:
+        return ast.Literal(self._at, children[0].upper() == "TRUE", "")
+
+    def string(self, children: list[Token]) -> ast.Literal:
+        name = "STRING" if children[0][0] == "'" else "WSTRING"
+        return ast.Literal(self._at, self._value(children[0], types.parse_string), name)
+
+    def typed(self, children: list[Token]) -> ast.Literal:
+        data_type = types.elementary(children[0].partition("#")[0])
+        return ast.Literal(self._at, types.parse_literal(children[0], data_type, *self._at), data_type.name)
+
+    def duration(self, children: list[Token]) -> ast.Literal:
+        data_type = types.LTIME if children[0][0] in "lL" else types.TIME
+        return ast.Literal(self._at, types.parse_literal(children[0], data_type, *self._at), data_type.name)
+
+    def _value(self, token: Token, parse: Any) -> Any:
+        try:
+            return parse(token)
+        except FunctionBlockError as error:
+            raise FunctionBlockError(error.message, *self._at) from None

@@ -1,0 +1,322 @@
+"""What generated Python calls: functions with the results of C where Python would raise or differ.
+
+Two versions of the real functions exist. The fast ones are those of `math`; where C gives an infinity or a NaN
+they raise, and the generated code starts over with the exact ones.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+from collections.abc import Callable, Iterator
+from typing import Any, Final, NoReturn
+
+from dtwin.errors import FunctionBlockError
+from dtwin.iec61499.types import format_duration, parse_duration, round_to_real
+
+ITERATION_LIMIT: Final = 10_000_000
+"""Loop iterations of one call, all loops together; more is taken for a loop that never ends."""
+
+_INT64: Final = 1 << 63
+
+
+def endless(where: str) -> NoReturn:
+    raise FunctionBlockError(f"loop did not end within {ITERATION_LIMIT} iterations", *_position(where))
+
+
+def ended(budget: Iterator[int], where: str) -> None:
+    """Tells a FOR loop that ended from one that used up the budget."""
+    if next(budget, None) is None:
+        endless(where)
+
+
+def for_range(start: int, stop: int, step: int, where: str) -> range:
+    """The values of a FOR loop whose step is not a constant."""
+    if step == 0:
+        raise FunctionBlockError("BY 0 never ends: expected another step", *_position(where))
+    return range(start, stop + (1 if step > 0 else -1), step)
+
+
+def index(value: int, lower: int, upper: int, where: str) -> int:
+    """The offset of an array element, checked."""
+    if lower <= value <= upper:
+        return value - lower
+    raise FunctionBlockError(f"index {value}: expected {lower} to {upper}", *_position(where))
+
+
+def _position(where: str) -> tuple[str, int, int]:
+    file, line, column = where.rsplit("|", 2)
+    return file, int(line), int(column)
+
+
+def copy(value: Any) -> Any:
+    """A nested list's own copy."""
+    return [copy(item) for item in value] if isinstance(value, list) else value
+
+
+def divide(a: float, b: float) -> float:
+    """IEEE 754 division."""
+    try:
+        return a / b
+    except ZeroDivisionError:
+        if a == 0 or a != a:
+            return math.nan
+        return math.copysign(math.inf, a) * math.copysign(1.0, b)
+
+
+def power(a: float, b: float) -> float:
+    """C's pow."""
+    try:
+        return math.pow(a, b)
+    except OverflowError:
+        return -math.inf if a < 0 and b % 2 == 1 else math.inf
+    except ValueError:
+        if a != 0:
+            return math.nan  # negative base, fractional exponent
+        return math.copysign(math.inf, a) if b % 2 == 1 else math.inf
+
+
+def exp(x: float) -> float:
+    """C's exp."""
+    try:
+        return math.exp(x)
+    except OverflowError:
+        return math.inf
+
+
+def _logarithm(function: Callable[[float], float]) -> Callable[[float], float]:
+    def logarithm(x: float) -> float:
+        return -math.inf if x == 0 else function(x) if x > 0 else math.nan
+
+    return logarithm
+
+
+def _nan_outside(function: Callable[[float], float]) -> Callable[[float], float]:
+    """A function that gives NaN outside of its domain."""
+
+    def extended(x: float) -> float:
+        try:
+            return function(x)
+        except ValueError:
+            return math.nan
+
+    return extended
+
+
+def integer_divide(a: int, b: int) -> int:
+    """Truncates toward zero; 0 when b is 0, as FORTE's DIV."""
+    if b == 0:
+        return 0
+    quotient = abs(a) // abs(b)
+    return quotient if (a < 0) == (b < 0) else -quotient
+
+
+def integer_modulo(a: int, b: int) -> int:
+    """Has the sign of a; 0 when b is 0, as FORTE's MOD."""
+    if b == 0:
+        return 0
+    return abs(a) % abs(b) if a >= 0 else -(-a % abs(b))
+
+
+def time_divide(a: int, b: int) -> int:
+    """A duration by an integer, truncated; a itself when b is 0, as FORTE's DIVTIME."""
+    return integer_divide(a, b) if b else a
+
+
+def time_scale(a: int, factor: float) -> int:
+    """A duration times a number, truncated."""
+    return truncate(a * factor, -_INT64, 2 * _INT64 - 1)
+
+
+def time_divide_real(a: int, b: float) -> int:
+    """A duration by a number, truncated; a itself when b is 0, as FORTE's DIVTIME."""
+    return truncate(a / b, -_INT64, 2 * _INT64 - 1) if b else a
+
+
+def truncate(x: float, minimum: int, mask: int) -> int:
+    """Toward zero, then wrapped; what does not fit 64 bit (or is NaN) is -2^63 first, as on x86-64."""
+    whole = int(x) if -9.3e18 < x < 1.85e19 else -_INT64
+    if not -_INT64 <= whole < (_INT64 if minimum or mask < _INT64 else 2 * _INT64):
+        whole = -_INT64
+    return (whole - minimum & mask) + minimum
+
+
+def round_half_away(x: float, minimum: int, mask: int) -> int:
+    """FORTE's conversion of reals to integers: adds half toward the sign, then truncates and wraps."""
+    return truncate(x + 0.5 if x > 0 else x - 0.5 if x < 0 else x, minimum, mask)
+
+
+def shift_left(x: int, count: int, bits: int) -> int:
+    """Zeros move in; 0 for a negative count, as in FORTE, or one of all bits."""
+    return x << count & (1 << bits) - 1 if 0 <= count < bits else 0
+
+
+def shift_right(x: int, count: int, bits: int) -> int:
+    return x >> count if 0 <= count < bits else 0
+
+
+def rotate_left(x: int, count: int, bits: int) -> int:
+    """0 for a negative count, as in FORTE."""
+    if count < 0:
+        return 0
+    count %= bits
+    return (x << count | x >> bits - count) & (1 << bits) - 1
+
+
+def rotate_right(x: int, count: int, bits: int) -> int:
+    return rotate_left(x, -count % bits, bits) if count >= 0 else 0
+
+
+def multiplex(selector: int, *values: Any) -> Any:
+    """The selected value; the first or last one when the selector is out of range."""
+    return values[max(0, min(selector, len(values) - 1))]
+
+
+def left(text: str, length: int) -> str:
+    """The whole text when length is negative or beyond its end, as in FORTE."""
+    return text[:length] if length >= 0 else text
+
+
+def right(text: str, length: int) -> str:
+    return text[len(text) - length :] if 0 <= length <= len(text) else text
+
+
+def middle(text: str, length: int, position: int) -> str:
+    """length characters from the 1-based position; the text itself when either is not positive."""
+    return text[position - 1 : position - 1 + length] if length >= 0 and position > 0 else text
+
+
+def insert(text: str, addition: str, position: int) -> str:
+    """addition behind the position-th character; the text itself when there is no such."""
+    return text[:position] + addition + text[position:] if 0 <= position <= len(text) else text
+
+
+def replace(text: str, new: str, length: int, position: int) -> str:
+    """new in place of length characters from the 1-based position; the text itself when they are not there."""
+    if length < 0 or position < 1 or position - 1 + length > len(text):
+        return text
+    return text[: position - 1] + new + text[position - 1 + length :]
+
+
+def delete(text: str, length: int, position: int) -> str:
+    return replace(text, "", length, position)
+
+
+def find(text: str, part: str) -> int:
+    """1-based position of the first occurrence, 0 when there is none."""
+    return text.find(part) + 1
+
+
+def format_number(value: float, digits: int) -> str:
+    """C's `%.<digits>g`."""
+    return f"{value:.{digits}g}"
+
+
+def string_to_integer(text: str, minimum: int, mask: int) -> int:
+    """The leading integer, wrapped; 0 when there is none."""
+    match = re.match(r"\s*([+-]?[0-9]+)", text)
+    return ((int(match[1]) if match else 0) - minimum & mask) + minimum
+
+
+def string_to_real(text: str) -> float:
+    """The leading number; 0 when there is none."""
+    match = re.match(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)", text)
+    return float(match[1]) if match else 0.0
+
+
+def string_to_bool(text: str) -> bool:
+    return text.upper() in ("TRUE", "1")
+
+
+def string_to_time(text: str) -> int:
+    """The duration of `T#...`; 0 when it is none."""
+    prefix, _, rest = text.partition("#")
+    return (parse_duration(rest) or 0) if prefix.upper() in ("T", "TIME", "LT", "LTIME") else 0
+
+
+def time_to_string(value: int) -> str:
+    return "T#" + format_duration(value)
+
+
+def to_bits(value: float, code: str) -> int:
+    """The IEEE 754 pattern; code is the struct format of the real, `f` or `d`."""
+    return int.from_bytes(struct.pack(f"<{code}", value), "little")
+
+
+def from_bits(value: int, code: str) -> float:
+    return struct.unpack(f"<{code}", value.to_bytes(struct.calcsize(code), "little"))[0]
+
+
+FAST: Final[dict[str, Any]] = {
+    "_div": divide,
+    "_pow": math.pow,
+    "_sqrt": math.sqrt,
+    "_ln": math.log,
+    "_log": math.log10,
+    "_exp": math.exp,
+    "_sin": math.sin,
+    "_cos": math.cos,
+    "_tan": math.tan,
+    "_asin": math.asin,
+    "_acos": math.acos,
+    "_atan": math.atan,
+    "_atan2": math.atan2,
+}
+"""Real functions that raise where C gives an infinity or a NaN."""
+
+EXACT: Final[dict[str, Any]] = {
+    "_div": divide,
+    "_pow": power,
+    "_sqrt": _nan_outside(math.sqrt),
+    "_ln": _logarithm(math.log),
+    "_log": _logarithm(math.log10),
+    "_exp": exp,
+    "_sin": _nan_outside(math.sin),
+    "_cos": _nan_outside(math.cos),
+    "_tan": _nan_outside(math.tan),
+    "_asin": _nan_outside(math.asin),
+    "_acos": _nan_outside(math.acos),
+    "_atan": math.atan,
+    "_atan2": math.atan2,
+}
+
+COMMON: Final[dict[str, Any]] = {
+    "_budget": range(ITERATION_LIMIT),
+    "_endless": endless,
+    "_ended": ended,
+    "_for_range": for_range,
+    "_index": index,
+    "_copy": copy,
+    "_inf": math.inf,
+    "_nan": math.nan,
+    "_f32": round_to_real,
+    "_idiv": integer_divide,
+    "_imod": integer_modulo,
+    "_time_div": time_divide,
+    "_time_scale": time_scale,
+    "_time_div_real": time_divide_real,
+    "_trunc": truncate,
+    "_round": round_half_away,
+    "_shl": shift_left,
+    "_shr": shift_right,
+    "_rol": rotate_left,
+    "_ror": rotate_right,
+    "_mux": multiplex,
+    "_left": left,
+    "_right": right,
+    "_mid": middle,
+    "_insert": insert,
+    "_replace": replace,
+    "_delete": delete,
+    "_find": find,
+    "_format": format_number,
+    "_string_to_int": string_to_integer,
+    "_string_to_real": string_to_real,
+    "_string_to_bool": string_to_bool,
+    "_string_to_time": string_to_time,
+    "_time_to_string": time_to_string,
+    "_to_bits": to_bits,
+    "_from_bits": from_bits,
+}
+"""Functions both versions share."""

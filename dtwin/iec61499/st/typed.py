@@ -1,0 +1,213 @@
+"""The checked program: names resolved, every expression typed, every conversion explicit.
+
+This is what the backends translate. Operands of a Binary have one common type, except `TIME * number`,
+`TIME / number` and `**`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Literal, TypeAlias
+
+from dtwin.iec61499.st.ast import Position
+from dtwin.iec61499.types import ArrayType, DataType, ElementaryType
+
+CastKind = Literal["to", "trunc", "s", "ms", "us", "ns"]
+
+
+@dataclass(frozen=True, slots=True)
+class Const:
+    """A constant; an untyped one still takes the type its context asks for (only inside the checker)."""
+
+    at: Position
+    type: DataType
+    value: Any
+    untyped: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    at: Position
+    type: DataType
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Element:
+    """One element of the array `name`; arrays has the ArrayType each index applies to."""
+
+    at: Position
+    type: DataType
+    name: str
+    indices: tuple[Expression, ...]
+    arrays: tuple[ArrayType, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Convert:
+    """Implicit widening: keeps the value."""
+
+    at: Position
+    type: ElementaryType
+    operand: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Cast:
+    """`X_TO_Y`, `X_TRUNC_Y`, `TRUNC`, and `TIME_IN_<unit>_TO_Y` with the unit as how."""
+
+    at: Position
+    type: ElementaryType
+    operand: Expression
+    how: CastKind
+
+
+@dataclass(frozen=True, slots=True)
+class Unary:
+    """operator is `-` or `NOT`."""
+
+    at: Position
+    type: ElementaryType
+    operator: str
+    operand: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Binary:
+    at: Position
+    type: ElementaryType
+    operator: str
+    left: Expression
+    right: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A function of the table in functions.py that is not an operator or conversion."""
+
+    at: Position
+    type: DataType
+    function: str
+    arguments: tuple[Expression, ...]
+
+
+Expression: TypeAlias = Const | Load | Element | Convert | Cast | Unary | Binary | Call
+
+
+@dataclass(frozen=True, slots=True)
+class Store:
+    """Assignment to a variable, or with indices to one element of an array; type is the target's."""
+
+    at: Position
+    type: DataType
+    name: str
+    indices: tuple[Expression, ...]
+    arrays: tuple[ArrayType, ...]
+    value: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    condition: Expression
+    body: Body
+
+
+@dataclass(frozen=True, slots=True)
+class If:
+    at: Position
+    branches: tuple[Branch, ...]
+    otherwise: Body
+
+
+@dataclass(frozen=True, slots=True)
+class CaseBranch:
+    """labels are inclusive (low, high) pairs."""
+
+    labels: tuple[tuple[int, int], ...]
+    body: Body
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    at: Position
+    selector: Expression
+    branches: tuple[CaseBranch, ...]
+    otherwise: Body
+
+
+@dataclass(frozen=True, slots=True)
+class For:
+    """Bounds and step are evaluated once; afterwards the variable holds the first value beyond the stop.
+
+    `EXIT` leaves it as it is. Assigning it in the body is refused by the checker.
+    """
+
+    at: Position
+    type: ElementaryType
+    name: str
+    start: Expression
+    stop: Expression
+    step: Expression
+    body: Body
+
+
+@dataclass(frozen=True, slots=True)
+class While:
+    at: Position
+    condition: Expression
+    body: Body
+
+
+@dataclass(frozen=True, slots=True)
+class Repeat:
+    at: Position
+    body: Body
+    condition: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Exit:
+    at: Position
+
+
+@dataclass(frozen=True, slots=True)
+class Continue:
+    at: Position
+
+
+@dataclass(frozen=True, slots=True)
+class Return:
+    at: Position
+
+
+Statement: TypeAlias = Store | If | Case | For | While | Repeat | Exit | Continue | Return
+Body: TypeAlias = tuple[Statement, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedAlgorithm:
+    """What `check_algorithm` returns.
+
+    Attributes:
+        name: the algorithm's name, "" when the text had none.
+        body: statements; temporaries are initialised by the first ones.
+        variables: declared name and type of the block's variables that the body uses.
+        temporaries: the same for the algorithm's own variables.
+    """
+
+    name: str
+    body: Body
+    variables: Mapping[str, DataType]
+    temporaries: Mapping[str, DataType]
+
+
+def walk(node: Any) -> Iterator[Any]:
+    """The node and everything below it, outermost first."""
+    if isinstance(node, tuple) and not isinstance(node, Position):
+        for item in node:
+            yield from walk(item)
+    elif hasattr(node, "__dataclass_fields__") and not isinstance(node, (ElementaryType, ArrayType)):
+        yield node
+        for field in fields(node):
+            yield from walk(getattr(node, field.name))
