@@ -83,19 +83,19 @@ class Emulation:
         """What the encoders and the box sensor say now."""
         return self._sensors
 
-    def apply(self, command: Voltages) -> None:
+    def apply(self, voltages: Voltages) -> None:
         """Sets the voltages until the next command, and grips or lets go a box when box_gripped changes.
 
         Raises:
             DivergenceError: a voltage is not a usable number.
         """
-        volts = command.volts
+        volts = voltages.volts
         if self._condition.cut:
             v1, v2, v3 = (0.0 if i in self._condition.cut else volts[i - 1] for i in (1, 2, 3))
             volts = (v1, v2, v3, volts[3])
         self._plant.apply(volts)
-        if command.box_gripped is not self._gripped:
-            self._gripped = command.box_gripped
+        if voltages.box_gripped != self._gripped:
+            self._gripped = voltages.box_gripped
             self._change_grip()
 
     def advance(self, period: float) -> None:

@@ -36,8 +36,6 @@ _COMMAND_LIMIT: Final = 1e9
 """V: MuJoCo replaces commands from 1e10 on by zero; they are refused here instead"""
 _LOCK_ARMATURE: Final = 1e9
 """kg m^2 added to a locked joint: 2 N m turn it by 1e-5 rad in 100 s"""
-_AXIAL_INERTIA: Final = 0.1
-"""inertia about a link's own axis relative to the one in the plane of motion, which alone matters"""
 
 _log = logging.getLogger(__name__)
 
@@ -108,9 +106,8 @@ class Plant:
         model = self.model
         outward = (*self._links[1:], self._tip)
         for i, (link, next_body) in enumerate(zip(self._links, outward, strict=True)):
-            inertia = parameters.inertia[i]
             model.body_mass[link] = parameters.mass[i]
-            model.body_inertia[link] = (_AXIAL_INERTIA * inertia, inertia, inertia)
+            model.body_inertia[link, 1:] = parameters.inertia[i]
             model.body_ipos[link, 0] = parameters.com[i]
             model.body_pos[next_body, 0] = parameters.length[i]
             model.dof_damping[i] = parameters.damping[i]
