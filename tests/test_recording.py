@@ -125,6 +125,14 @@ def test_stack_gathers_the_columns_of_one_quantity() -> None:
     assert log.stack("volts").tolist() == [[1.0, 2.0, 3.0, -3.0]] * 5
 
 
+def test_a_part_is_a_window_on_the_log() -> None:
+    log = logged(10).freeze()
+    part = log.part(4, 99)
+    assert part.columns["t"].tolist() == log.columns["t"][4:].tolist()
+    assert np.shares_memory(part.columns["theta_1"], log.columns["theta_1"])
+    assert (len(part), part.metadata) == (6, log.metadata)
+
+
 def test_memory_of_an_hour_stays_small() -> None:
     ticks = 4000
     logged(1)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -13,7 +15,7 @@ from numpy.typing import NDArray
 from rerun_loader_mjcf import MJCFLogger
 
 from dtwin.errors import ModelError
-from dtwin.parameters import PLACES
+from dtwin.parameters import PLACES, ArmParameters
 from dtwin.recording import Log
 from dtwin.signals import NO_COLOUR
 from dtwin.view import style
@@ -40,8 +42,11 @@ _Spot = tuple[str, Sequence[float] | NDArray[np.float64]]
 class Scene:
     """Draws logs of the cell that a model file describes."""
 
-    def __init__(self, model_file: Path) -> None:
+    def __init__(self, model_file: Path, arm: ArmParameters) -> None:
         """Compiles the model.
+
+        Args:
+            arm: its link lengths replace those of the file.
 
         Raises:
             ModelError: the file is missing, no MJCF, or lacks a joint or geom that is drawn.
@@ -55,17 +60,23 @@ class Scene:
         _require(model_file, "geom", (_WAITING, _HELD), (model.geom(index).name for index in range(model.ngeom)))
         self._half_size = model.geom(_HELD).size.copy()
         self._pickup, self._tip = (model.body(model.geom(name).bodyid.item()).name for name in (_WAITING, _HELD))
+        ends = (model.joint("joint_2").bodyid, model.joint("joint_3").bodyid, model.geom(_HELD).bodyid)
+        for body, length in zip(ends, arm.length, strict=True):
+            model.body_pos[body, 0] = length
         # The loader would draw the model's transparent geoms black.
         model.geom_size[model.geom_rgba[:, 3] == 0] = 0
 
     def log_geometry(self, stream: rr.RecordingStream, t: float) -> None:
         """Sends the model, to be seen from plant time t (s) on."""
         stream.set_time(TIMELINE, duration=t)
-        self._logger.log_model(stream)
+        # What the loader says about geoms it leaves out is not for the caller's standard output.
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._logger.log_model(stream)
         stream.reset_time()
+        stream.log(TRAIL, rr.Points3D.from_fields(colors=style.TRAIL, radii=0.0015), static=True)
 
     def log_motion(self, stream: rr.RecordingStream, log: Log) -> None:
-        """Sends the poses of the moving bodies and the trail of the tip."""
+        """Sends the poses of the moving bodies and the trail of the tip of a log, or a part of one."""
         times = time_column(log.columns["t"][::STRIDE])
         poses = self._poses(log, slice(None, None, STRIDE))
         for name, pose in poses.items():
@@ -73,7 +84,6 @@ class Scene:
                 translation=pose.position, quaternion=np.roll(pose.quaternion, -1, axis=1)
             )
             stream.send_columns(self._logger.paths.body_path(name), indexes=[times], columns=columns)
-        stream.log(TRAIL, rr.Points3D.from_fields(colors=style.TRAIL, radii=0.0015), static=True)
         positions = rr.Points3D.columns(positions=poses[self._tip].position)
         stream.send_columns(TRAIL, indexes=[times], columns=positions)
 

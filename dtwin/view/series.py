@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import rerun as rr
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dtwin.parameters import PLACES, VOLTAGE_LIMIT
 from dtwin.recording import Log
@@ -32,32 +33,73 @@ _LEVELS: Final = {
 _NO_BOX: Final = "none"
 
 
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """Lines of one entity: a name and colour each, one width, and their values, shape (ticks, lines)."""
+
+    entity: str
+    names: Sequence[str]
+    colours: Sequence[style.RGB]
+    width: float
+    values: Callable[[Log], NDArray[np.float64]]
+
+
+def _joint_plots(joint: int) -> tuple[Plot, Plot]:
+    path = f"{ANGLES}/joint_{joint}"
+    measured, target = f"measured_{joint}", f"target_{joint}"
+    return (
+        Plot(
+            f"{path}/measured", [f"theta {joint}"], [style.JOINTS[joint - 1]], 3.5, lambda log: log.columns[measured]
+        ),
+        Plot(f"{path}/target", [f"target {joint}"], [style.TARGET], 1.0, lambda log: log.columns[target]),
+    )
+
+
+_NAMES: Final = ("joint 1", "joint 2", "joint 3")
+PLOTS: Final = (
+    *_joint_plots(1),
+    *_joint_plots(2),
+    *_joint_plots(3),
+    Plot(ERROR, _NAMES, style.JOINTS, 1.5, lambda log: 1e3 * (log.stack("target") - log.stack("theta"))),
+    Plot(
+        f"{VOLTS}/motors", (*_NAMES, "gripper"), (*style.JOINTS, style.GRIPPER), 1.5, lambda log: log.stack("volts")
+    ),
+    Plot(GRIPPER, ["gripper angle"], [style.GRIPPER], 2.0, lambda log: log.columns["gripper"]),
+    Plot(PAYLOAD, ["payload"], [style.PAYLOAD], 2.0, lambda log: log.columns["payload_mass"]),
+)
+LIMITS: Final = Plot(
+    f"{VOLTS}/limits",
+    ["limit", "limit"],
+    [style.LIMIT, style.LIMIT],
+    1.0,
+    lambda log: np.tile([VOLTAGE_LIMIT, -VOLTAGE_LIMIT], (2, 1)),
+)
+
+
 def time_column(t: ArrayLike) -> rr.TimeColumn:
     """Plant times in s on the recording's time line, rounded to whole nanoseconds."""
     nanoseconds = np.round(np.asarray(t, dtype=np.float64) * 1e9)
     return rr.TimeColumn(TIMELINE, duration=nanoseconds.astype("timedelta64[ns]"))
 
 
+def log_styles(stream: rr.RecordingStream) -> None:
+    """Sends names, colours and widths of the plotted lines."""
+    for plot in (*PLOTS, LIMITS):
+        lines = rr.SeriesLines(names=plot.names, colors=plot.colours, widths=[plot.width] * len(plot.names))
+        stream.log(plot.entity, lines, static=True)
+
+
+def log_limits(stream: rr.RecordingStream, log: Log) -> None:
+    """Sends the limits of the voltages as lines from end to end of a log."""
+    times = time_column(log.columns["t"][[0, -1]])
+    stream.send_columns(LIMITS.entity, indexes=[times], columns=rr.Scalars.columns(scalars=LIMITS.values(log)))
+
+
 def log_plots(stream: rr.RecordingStream, log: Log) -> None:
-    """Sends the plots of a log with at least one tick, at its full rate."""
-    t = log.columns["t"]
-    times = time_column(t)
-    theta, measured, target = (log.stack(name) for name in ("theta", "measured", "target"))
-    numbers = (1, 2, 3)
-    for joint in numbers:
-        colour = style.JOINTS[joint - 1]
-        path = f"{ANGLES}/joint_{joint}"
-        _send(stream, f"{path}/measured", times, measured[:, joint - 1], [f"theta {joint}"], [colour], 3.5)
-        _send(stream, f"{path}/target", times, target[:, joint - 1], [f"target {joint}"], [style.TARGET], 1.0)
-    joints = [f"joint {joint}" for joint in numbers]
-    _send(stream, ERROR, times, 1e3 * (target - theta), joints, style.JOINTS, 1.5)
-    motors = [*joints, "gripper"]
-    _send(stream, f"{VOLTS}/motors", times, log.stack("volts"), motors, [*style.JOINTS, style.GRIPPER], 1.5)
-    limits = np.full((2, 2), (VOLTAGE_LIMIT, -VOLTAGE_LIMIT))
-    ends = time_column(t[[0, -1]])
-    _send(stream, f"{VOLTS}/limits", ends, limits, ["limit", "limit"], [style.LIMIT] * 2, 1.0)
-    _send(stream, GRIPPER, times, log.columns["gripper"], ["gripper angle (rad)"], [style.GRIPPER], 2.0)
-    _send(stream, PAYLOAD, times, log.columns["payload_mass"], ["payload (kg)"], [style.JOINTS[1]], 2.0)
+    """Sends the plotted values of a log, or a part of one, at its full rate."""
+    times = time_column(log.columns["t"])
+    for plot in PLOTS:
+        stream.send_columns(plot.entity, indexes=[times], columns=rr.Scalars.columns(scalars=plot.values(log)))
 
 
 def log_states(
@@ -101,16 +143,3 @@ def log_events(stream: rr.RecordingStream, events: Sequence[Event]) -> None:
                 level=[_LEVELS.get(event.kind, rr.TextLogLevel.INFO) for event in events],
             ),
         )
-
-
-def _send(
-    stream: rr.RecordingStream,
-    entity: str,
-    times: rr.TimeColumn,
-    values: ArrayLike,
-    names: Sequence[str],
-    colours: Sequence[style.RGB],
-    width: float,
-) -> None:
-    stream.log(entity, rr.SeriesLines(names=names, colors=colours, widths=[width] * len(names)), static=True)
-    stream.send_columns(entity, indexes=[times], columns=rr.Scalars.columns(scalars=values))

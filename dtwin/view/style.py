@@ -11,6 +11,7 @@ JOINTS: Final[tuple[RGB, RGB, RGB]] = ((86, 204, 242), (255, 183, 77), (190, 148
 """Joints 1 to 3; apart from the colours of the boxes"""
 TARGET: Final[RGB] = (235, 235, 235)
 GRIPPER: Final[RGB] = (150, 160, 170)
+PAYLOAD: Final[RGB] = (255, 183, 77)
 LIMIT: Final[RGB] = (200, 80, 80)
 LABEL: Final[RGB] = (255, 255, 255)
 TRAIL: Final[RGB] = (255, 160, 60)

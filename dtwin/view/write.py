@@ -10,16 +10,20 @@ import msgspec
 import rerun as rr
 
 from dtwin.errors import RecordingError
+from dtwin.parameters import ArmParameters
 from dtwin.recording import COLUMNS, Log, replacing
 from dtwin.view.boxes import transports, waiting
 from dtwin.view.layout import blueprint
 from dtwin.view.scene import Scene
-from dtwin.view.series import log_events, log_plots, log_states
+from dtwin.view.series import log_events, log_limits, log_plots, log_states, log_styles
 
 APPLICATION: Final = "dtwin"
+_PART: Final = 1 << 15
+"""ticks sent at once, a multiple of the scene's stride"""
+_NOMINAL: Final = ArmParameters()
 
 
-def write_recording(log: Log, model_file: Path, path: Path) -> None:
+def write_recording(log: Log, model_file: Path, path: Path, arm: ArmParameters = _NOMINAL) -> None:
     """Writes a run as an .rrd file with a prepared layout; the file appears complete or not at all.
 
     Equal runs have equal contents and the same recording id; Rerun's own chunk ids still differ from file to file.
@@ -27,6 +31,7 @@ def write_recording(log: Log, model_file: Path, path: Path) -> None:
     Args:
         log: the run, of at least one tick.
         model_file: MJCF of the cell.
+        arm: the arm that ran; its link lengths are drawn.
 
     Raises:
         ModelError: the model cannot be drawn.
@@ -34,7 +39,7 @@ def write_recording(log: Log, model_file: Path, path: Path) -> None:
     """
     if not len(log):
         raise RecordingError(f"{path}: expected a log of at least one tick to draw")
-    scene = Scene(model_file)
+    scene = Scene(model_file, arm)
     with replacing(path) as temporary, _stream(log) as stream:
         stream.save(temporary, default_blueprint=blueprint())
         log_run(stream, scene, log)
@@ -44,9 +49,15 @@ def log_run(stream: rr.RecordingStream, scene: Scene, log: Log) -> None:
     """Sends everything there is to see of a log."""
     waits, carried = waiting(log), transports(log)
     scene.log_geometry(stream, float(log.columns["t"][0]))
-    scene.log_motion(stream, log)
+    log_styles(stream)
+    log_limits(stream, log)
+    for start in range(0, len(log), _PART):
+        part = log.part(start, start + _PART)
+        scene.log_motion(stream, part)
+        log_plots(stream, part)
+        # Otherwise an hour waits in memory for Rerun's writer.
+        stream.flush()
     scene.log_boxes(stream, log, waits, carried)
-    log_plots(stream, log)
     log_states(stream, log, waits, carried)
     log_events(stream, log.events)
 

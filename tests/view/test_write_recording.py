@@ -11,7 +11,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 from dtwin.errors import ModelError, RecordingError
-from dtwin.parameters import PICKUP, PLACES, ROOT
+from dtwin.parameters import PICKUP, PLACES, ROOT, ArmParameters
 from dtwin.recording import Log, RunLog
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
 from dtwin.view import write_recording
@@ -116,6 +116,17 @@ def test_tip_is_drawn_at_the_places(recording: Contents) -> None:
         np.testing.assert_allclose(at(rows, tick), [(place.x, 0.0, place.y)], rtol=0, atol=1e-4)
 
 
+def test_overridden_lengths_are_drawn(tmp_path: Path) -> None:
+    run = RunLog()
+    run.append(record(0, "", (0.0, 0.0, 0.0), False))
+    write_recording(run.freeze(), MODEL, tmp_path / "long.rrd", ArmParameters(length=(0.2, 0.3, 0.1)))
+    bodies = contents(tmp_path / "long.rrd")
+    for name, reach in {"link_2": 0.2, "link_3": 0.5, "tip": 0.6}.items():
+        np.testing.assert_allclose(
+            at(bodies[f"/cell/bodies/{name}"]["Transform3D:translation"], 0), [(reach, 0.0, 0.0)], atol=1e-6
+        )
+
+
 def test_every_moving_body_has_a_pose_and_every_geom_a_shape(recording: Contents) -> None:
     for body in ("link_1", "link_2", "link_3", "jaw", "tip"):
         assert len(recording[f"/cell/bodies/{body}"]["Transform3D:quaternion"]) == 1 + TICKS // 2
@@ -192,6 +203,21 @@ def test_equal_runs_have_equal_contents_and_recordings_of_others_stay_apart(tmp_
     assert seen[0] == seen[1]
     assert seen[0][1] == seen[3][1]
     assert len({identity for identity, _ in seen}) == 3
+
+
+def test_a_long_run_is_sent_in_parts_without_gap_or_overlap(log: Log, tmp_path: Path) -> None:
+    ticks = 70_000
+    columns = {name: np.resize(column, ticks) for name, column in log.columns.items()}
+    columns["t"] = 0.01 * np.arange(ticks)
+    write_recording(Log(columns), MODEL, tmp_path / "long.rrd")
+    times: dict[str, list[Any]] = {"/payload": [], "/cell/trail": []}
+    for chunk in RrdReader(tmp_path / "long.rrd").stream().to_chunks():
+        if chunk.entity_path in times and not chunk.is_static:
+            times[chunk.entity_path].append(chunk.to_record_batch()["plant_time"].cast(pa.int64()).to_numpy())
+    for entity, stride in {"/payload": 1, "/cell/trail": 2}.items():
+        assert len(times[entity]) > 1
+        expected = 10_000_000 * np.arange(0, ticks, stride)
+        assert np.array_equal(np.sort(np.concatenate(times[entity])), expected), entity
 
 
 def test_a_run_without_boxes_and_events_of_one_tick(tmp_path: Path) -> None:
