@@ -210,7 +210,7 @@ class Server:
         self._listener = Listener(reactor, address, self._accepted)
         self.address = self._listener.address
 
-    def respond(self, values: Sequence[Value]) -> None:
+    def send(self, values: Sequence[Value]) -> None:
         """Sends a message to the client; without one it is lost, as the client is.
 
         Raises:

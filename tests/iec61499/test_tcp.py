@@ -66,7 +66,7 @@ def reactor() -> Iterator[Reactor]:
 @pytest.fixture
 def doubler(reactor: Reactor) -> Iterator[Server]:
     """A server that answers every number with its double."""
-    server = Server(reactor, ANY_PORT, NUMBER, NUMBER, lambda message: server.respond([2 * message[0]]))
+    server = Server(reactor, ANY_PORT, NUMBER, NUMBER, lambda message: server.send([2 * message[0]]))
     yield server
     server.close()
 
@@ -148,7 +148,7 @@ def test_server_answers_split_and_joined_messages(reactor: Reactor, doubler: Ser
 
 
 def test_a_server_without_values_answers_null(reactor: Reactor) -> None:
-    server = Server(reactor, ANY_PORT, NOTHING, NOTHING, lambda message: server.respond([]))
+    server = Server(reactor, ANY_PORT, NOTHING, NOTHING, lambda message: server.send([]))
     with served(reactor), connect(server.address) as sock:
         sock.send(b"\x05")
         assert sock.recv(10) == b"\x05"
@@ -228,7 +228,7 @@ def flood(sock: socket.socket, data: bytes) -> None:
 
 def test_a_peer_that_does_not_read_is_dropped(reactor: Reactor, caplog: pytest.LogCaptureFixture) -> None:
     text = Signature([elementary("STRING")])
-    server = Server(reactor, ANY_PORT, NUMBER, text, lambda message: server.respond(["x" * 60000]))
+    server = Server(reactor, ANY_PORT, NUMBER, text, lambda message: server.send(["x" * 60000]))
     tracemalloc.start()
     with served(reactor), connect(server.address) as sock, pytest.raises((ConnectionResetError, BrokenPipeError)):
         flood(sock, NUMBER.encode([1]))
@@ -315,7 +315,7 @@ def test_blocking_client_refuses_two_answers(reactor: Reactor) -> None:
 
 def test_round_trip_over_loopback(reactor: Reactor) -> None:
     answer = (1.0, 2.0, 3.0, -3.0, True)
-    server = Server(reactor, ANY_PORT, SENSORS, VOLTAGES, lambda message: server.respond(answer))
+    server = Server(reactor, ANY_PORT, SENSORS, VOLTAGES, lambda message: server.send(answer))
     request = (0.1, 0.2, 0.3, 0.9, True, "green")
     durations = []
     with served(reactor), BlockingClient(server.address, SENSORS, VOLTAGES, PATIENCE) as client:
