@@ -1,0 +1,139 @@
+"""What runs on one resource of a system: its own blocks and the application blocks mapped to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from dtwin.errors import FunctionBlockError, choices
+from dtwin.iec61499.model import Block, Connection, Device, FBNetwork, ResourceDeclaration, SubApplication, System
+
+
+def resource_network(system: System, name: str = "") -> FBNetwork:
+    """The network that runs on a resource.
+
+    Application blocks lose the application's name (`App.PLANNER` is `PLANNER`), which connections of the
+    resource may still use. The resource's E_RESTART block `START`, which 4diac does not write, is added.
+
+    Args:
+        system: the configuration.
+        name: `DEVICE.RESOURCE`, or the resource's name alone; may be left out when there is only one.
+
+    Raises:
+        FunctionBlockError: unknown or ambiguous resource, a mapping to or of something unknown, two blocks of
+            one name, or a connection between blocks on different resources.
+    """
+    device, resource = _find_resource(system, name)
+    return _ResourceNetwork(system, f"{device.name}.{resource.name}", resource).build()
+
+
+def _find_resource(system: System, name: str) -> tuple[Device, ResourceDeclaration]:
+    pairs = [(device, resource) for device in system.devices for resource in device.resources]
+    names = [f"{device.name}.{resource.name}" for device, resource in pairs]
+    if not pairs:
+        raise FunctionBlockError(f"system {system.header.name} has no resource to run", system.header.file)
+    found = [pair for pair, full in zip(pairs, names, strict=True) if name in ("", full, full.partition(".")[2])]
+    if len(found) != 1:
+        problem = f"unknown resource {name!r}" if not found else "more than one resource fits"
+        raise FunctionBlockError(f"{problem}: expected {choices(names)}", system.header.file)
+    return found[0]
+
+
+class _ResourceNetwork:
+    """Puts the network of one resource together from applications and mappings."""
+
+    def __init__(self, system: System, full_name: str, resource: ResourceDeclaration) -> None:
+        self.system = system
+        self.full_name = full_name
+        self.resource = resource
+        self.file = system.header.file
+        self.applications = {application.name for application in system.applications}
+
+    def build(self) -> FBNetwork:
+        mapped = self._mapped()
+        blocks: list[Block] = []
+        subapplications: list[SubApplication] = []
+        events: list[Connection] = []
+        data: list[Connection] = []
+        for application in self.system.applications:
+            here = mapped.get(application.name, set())
+            network = application.network
+            blocks += [block for block in network.blocks if block.name in here]
+            subapplications += [sub for sub in network.subapplications if sub.name in here]
+            events += self._inside(network.events, here, application.name)
+            data += self._inside(network.data, here, application.name)
+        names = {block.name for block in blocks} | {sub.name for sub in subapplications}
+        if len(names) < len(blocks) + len(subapplications):
+            raise FunctionBlockError(
+                f"two applications map blocks of one name to {self.full_name}", self.file, self.resource.line
+            )
+        own = self.resource.network
+        blocks += [block for block in own.blocks if block.name not in names]
+        subapplications += [sub for sub in own.subapplications if sub.name not in names]
+        if all(block.name != "START" for block in blocks):
+            blocks.insert(0, Block("START", "E_RESTART", line=self.resource.line))
+        events = [self._plain(connection) for connection in own.events] + events
+        data = [self._plain(connection) for connection in own.data] + data
+        return FBNetwork(
+            tuple(blocks), tuple(subapplications), tuple(_unique(events)), tuple(_unique(data)), self.file
+        )
+
+    def _mapped(self) -> dict[str, set[str]]:
+        elements = {
+            f"{application.name}.{element.name}"
+            for application in self.system.applications
+            for element in _elements(application.network)
+        }
+        resources = [f"{d.name}.{r.name}" for d in self.system.devices for r in d.resources]
+        mapped: dict[str, set[str]] = {}
+        for mapping in self.system.mappings:
+            if mapping.source not in elements:
+                valid = choices(sorted(elements)) if elements else "a block of an application, and there is none"
+                raise FunctionBlockError(
+                    f"mapping of unknown block {mapping.source!r}: expected {valid}", self.file, mapping.line
+                )
+            if mapping.destination not in resources:
+                raise FunctionBlockError(
+                    f"mapping to unknown resource {mapping.destination!r}: expected {choices(resources)}",
+                    self.file,
+                    mapping.line,
+                )
+            if mapping.destination == self.full_name:
+                application, _, element = mapping.source.partition(".")
+                mapped.setdefault(application, set()).add(element)
+        return mapped
+
+    def _inside(self, connections: tuple[Connection, ...], here: set[str], application: str) -> list[Connection]:
+        inside = []
+        for connection in connections:
+            ends = [end.rpartition(".")[0] in here for end in (connection.source, connection.destination)]
+            if all(ends):
+                inside.append(connection)
+            elif any(ends):
+                raise FunctionBlockError(
+                    f"connection {connection.source} -> {connection.destination} of application {application} leaves "
+                    f"resource {self.full_name}: expected both blocks mapped to it, or communication blocks between",
+                    self.file,
+                    connection.line,
+                )
+        return inside
+
+    def _plain(self, connection: Connection) -> Connection:
+        return replace(
+            connection, source=self._strip(connection.source), destination=self._strip(connection.destination)
+        )
+
+    def _strip(self, endpoint: str) -> str:
+        first, _, rest = endpoint.partition(".")
+        return rest if first in self.applications and "." in rest else endpoint
+
+
+def _elements(network: FBNetwork) -> list[Block | SubApplication]:
+    return [*network.blocks, *network.subapplications]
+
+
+def _unique(connections: list[Connection]) -> list[Connection]:
+    """Without the copies of application connections that some versions of 4diac also write into the resource."""
+    seen: dict[tuple[str, str], Connection] = {}
+    for connection in connections:
+        seen.setdefault((connection.source, connection.destination), connection)
+    return list(seen.values())

@@ -1,0 +1,366 @@
+"""IEC 61499-2 library elements as frozen data: what a .fbt, .sub or .sys file says, with the lines it says it on.
+
+Nothing here runs. Names are kept as written; comments and coordinates are kept for export and for diagrams.
+A `line` is 1-based, 0 for elements that no file declares (the standard blocks).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Final, TypeAlias
+
+from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, parse_literal
+
+MAXIMUM_ARRAY_LENGTH: Final = 65_535
+"""elements, as in 4diac FORTE"""
+
+GENERIC_TYPES: Final = (
+    *("ANY", "ANY_ELEMENTARY", "ANY_MAGNITUDE", "ANY_NUM", "ANY_REAL", "ANY_INT", "ANY_SIGNED", "ANY_UNSIGNED"),
+    *("ANY_BIT", "ANY_STRING", "ANY_CHARS", "ANY_DURATION"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class GenericType:
+    """ANY, ANY_NUM, ...: stands for the type that a connection or a literal gives it (IEC 61131-3, 6.4.3)."""
+
+    name: str
+
+    def __str__(self) -> str:
+        return self.name
+
+    def admits(self, data_type: DataType) -> bool:
+        """Whether a variable of that type may stand for this one (IEC 61131-3, figure 5)."""
+        if self.name == "ANY":
+            return True
+        if isinstance(data_type, ArrayType):
+            return False
+        kinds = {
+            "ANY_MAGNITUDE": ("signed", "unsigned", "real", "time"),
+            "ANY_NUM": ("signed", "unsigned", "real"),
+            "ANY_REAL": ("real",),
+            "ANY_INT": ("signed", "unsigned"),
+            "ANY_SIGNED": ("signed",),
+            "ANY_UNSIGNED": ("unsigned",),
+            "ANY_BIT": ("bool", "bits"),
+            "ANY_STRING": ("string",),
+            "ANY_CHARS": ("string",),
+            "ANY_DURATION": ("time",),
+        }
+        return data_type.kind in kinds.get(self.name, (data_type.kind,))
+
+
+VariableType: TypeAlias = DataType | GenericType
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """An event port; `with_variables` are sampled (input) or published (output) when it occurs."""
+
+    name: str
+    with_variables: tuple[str, ...] = ()
+    comment: str = ""
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """A data port or internal variable; `initial` is the literal as written, "" for the type's default."""
+
+    name: str
+    type: VariableType
+    initial: str = ""
+    comment: str = ""
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Interface:
+    """The ports of a block type."""
+
+    event_inputs: tuple[Event, ...] = ()
+    event_outputs: tuple[Event, ...] = ()
+    inputs: tuple[Variable, ...] = ()
+    outputs: tuple[Variable, ...] = ()
+
+    def names(self) -> tuple[str, ...]:
+        """All port names, in the order of declaration."""
+        events = (event.name for event in (*self.event_inputs, *self.event_outputs))
+        return (*events, *(variable.name for variable in (*self.inputs, *self.outputs)))
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Structured Text and where it stands.
+
+    `exact` tells that line n of the text is line `line` + n - 1 of the file; text in an XML attribute has all its
+    lines on one line of the file.
+    """
+
+    text: str
+    line: int = 0
+    exact: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Algorithm:
+    """A named algorithm in Structured Text."""
+
+    name: str
+    source: Source
+    comment: str = ""
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """Run `algorithm`, then issue the event `output`; "" leaves that part out."""
+
+    algorithm: str = ""
+    output: str = ""
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """A state of an execution control chart."""
+
+    name: str
+    actions: tuple[Action, ...] = ()
+    x: float = 0.0
+    y: float = 0.0
+    comment: str = ""
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """A transition; it fires on `event` ("": without one) when the Boolean expression `guard` ("": always) holds."""
+
+    source: str
+    destination: str
+    event: str = ""
+    guard: str = ""
+    x: float = 0.0
+    y: float = 0.0
+    comment: str = ""
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Version:
+    """One VersionInfo entry."""
+
+    version: str = ""
+    author: str = ""
+    date: str = ""
+    organization: str = ""
+    remarks: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TypeHeader:
+    """What every library element has."""
+
+    name: str
+    file: str = ""
+    line: int = 0
+    comment: str = ""
+    standard: str = ""
+    description: str = ""
+    versions: tuple[Version, ...] = ()
+    package: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class BasicFBType:
+    """A block whose behaviour is an execution control chart; the first state is the initial one."""
+
+    header: TypeHeader
+    interface: Interface
+    internals: tuple[Variable, ...] = ()
+    states: tuple[State, ...] = ()
+    transitions: tuple[Transition, ...] = ()
+    algorithms: tuple[Algorithm, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SimpleFBType:
+    """A block without a chart: on an event input the actions of the state of that name run, and nothing else."""
+
+    header: TypeHeader
+    interface: Interface
+    internals: tuple[Variable, ...] = ()
+    states: tuple[State, ...] = ()
+    algorithms: tuple[Algorithm, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A literal given to a data input."""
+
+    name: str
+    value: str
+    comment: str = ""
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """An instance of a block type in a network."""
+
+    name: str
+    type_name: str
+    parameters: tuple[Parameter, ...] = ()
+    x: float = 0.0
+    y: float = 0.0
+    comment: str = ""
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Connection:
+    """From one port to another: `BLOCK.PORT`, or `PORT` of the enclosing type."""
+
+    source: str
+    destination: str
+    comment: str = ""
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class FBNetwork:
+    """Blocks, subapplications and the connections between them; `file` is where the lines are."""
+
+    blocks: tuple[Block, ...] = ()
+    subapplications: tuple[SubApplication, ...] = ()
+    events: tuple[Connection, ...] = ()
+    data: tuple[Connection, ...] = ()
+    file: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class SubApplication:
+    """An instance of a subapplication: of the type `type_name`, or ("") with its own interface and network."""
+
+    name: str
+    type_name: str = ""
+    interface: Interface = field(default_factory=Interface)
+    network: FBNetwork = field(default_factory=FBNetwork)
+    parameters: tuple[Parameter, ...] = ()
+    x: float = 0.0
+    y: float = 0.0
+    comment: str = ""
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class CompositeFBType:
+    """A block whose behaviour is a network."""
+
+    header: TypeHeader
+    interface: Interface
+    network: FBNetwork = field(default_factory=FBNetwork)
+
+
+@dataclass(frozen=True, slots=True)
+class SubApplicationType:
+    """A network that is laid into the network that uses it (it has no event queue entries of its own)."""
+
+    header: TypeHeader
+    interface: Interface
+    network: FBNetwork = field(default_factory=FBNetwork)
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceInterfaceFBType:
+    """A block known by its interface only; what it does is the platform's business."""
+
+    header: TypeHeader
+    interface: Interface
+
+
+FBType: TypeAlias = BasicFBType | SimpleFBType | CompositeFBType | ServiceInterfaceFBType
+LibraryElement: TypeAlias = FBType | SubApplicationType
+
+
+@dataclass(frozen=True, slots=True)
+class Application:
+    """A network that is independent of devices."""
+
+    name: str
+    network: FBNetwork
+    comment: str = ""
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ResourceDeclaration:
+    """A resource of a device and the blocks that only it has."""
+
+    name: str
+    type_name: str
+    network: FBNetwork = field(default_factory=FBNetwork)
+    parameters: tuple[Parameter, ...] = ()
+    comment: str = ""
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """A device and its resources."""
+
+    name: str
+    type_name: str
+    resources: tuple[ResourceDeclaration, ...] = ()
+    parameters: tuple[Parameter, ...] = ()
+    comment: str = ""
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Mapping:
+    """`APPLICATION.BLOCK` runs on `DEVICE.RESOURCE`."""
+
+    source: str
+    destination: str
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class System:
+    """A system configuration."""
+
+    header: TypeHeader
+    applications: tuple[Application, ...] = ()
+    devices: tuple[Device, ...] = ()
+    mappings: tuple[Mapping, ...] = ()
+
+
+def initial_value(variable: Variable, file: str = "") -> Any:
+    """The value a variable starts with; None for a generic type, which has no value yet.
+
+    Raises:
+        FunctionBlockError: the initial value is no literal of the variable's type.
+    """
+    if isinstance(variable.type, GenericType):
+        return None
+    return (
+        literal(variable.initial, variable.type, file, variable.line) if variable.initial else variable.type.default
+    )
+
+
+def literal(text: str, data_type: DataType, file: str = "", line: int = 0) -> Any:
+    """The value of a literal in a file; text for a STRING or WSTRING may lack quotes, as older tools write it.
+
+    Raises:
+        FunctionBlockError: no literal of that type; names file and line.
+    """
+    stripped = text.strip()
+    if isinstance(data_type, ElementaryType) and data_type.kind == "string":
+        bare = stripped.partition("#")[2] if stripped.upper().startswith(("STRING#", "WSTRING#")) else stripped
+        if not (len(bare) > 1 and bare[0] == bare[-1] and bare[0] in "'\""):
+            return bare
+        quote = "'" if data_type.name == "STRING" else '"'
+        stripped = quote + bare[1:-1] + quote
+    return parse_literal(stripped, data_type, file, line)

@@ -1,0 +1,272 @@
+"""A network laid out flat: every block that runs, with its dotted name, and who is connected to whom.
+
+Subapplications disappear: what crosses their border is one connection. Composite blocks stay, as in 4diac FORTE: an
+event that enters or leaves one is an entry of the event queue, with which the composite samples its inputs or
+publishes its outputs; blocks inside see the sampled inputs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Final, NoReturn
+
+from dtwin.errors import FunctionBlockError, choices
+from dtwin.iec61499 import model
+
+MAXIMUM_DEPTH: Final = 32
+"""composites and subapplications inside each other"""
+
+Finder = Callable[[str, str, int], model.LibraryElement]
+"""Finds a type by name; the file and line that use it are for errors."""
+
+
+@dataclass(slots=True)
+class Node:
+    """A block that runs, a composite, or (until they are gone) a subapplication or the network itself."""
+
+    name: str
+    type: model.FBType | None
+    interface: model.Interface
+    file: str
+    line: int
+    parameters: dict[str, model.Parameter] = field(default_factory=dict)
+
+    @property
+    def is_junction(self) -> bool:
+        """Whether its ports are no more than a place on a connection."""
+        return self.type is None
+
+
+@dataclass(frozen=True, slots=True)
+class Port:
+    """A port of a node; `inner` is the side of a composite that its network sees."""
+
+    node: int
+    name: str
+    inner: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A connection between ports and where it is written."""
+
+    source: Port
+    destination: Port
+    file: str
+    line: int
+
+
+@dataclass(slots=True)
+class Netlist:
+    """The flat network: data links go to a port each, event links of one source are in order."""
+
+    nodes: list[Node] = field(default_factory=list)
+    events: list[Link] = field(default_factory=list)
+    data: dict[Port, Link] = field(default_factory=dict)
+
+
+def flatten(network: model.FBNetwork, find: Finder) -> Netlist:
+    """Lays a network out flat.
+
+    Raises:
+        FunctionBlockError: unknown type, block or port, an event connected to data, two sources of one input, a
+            parameter that is not an input, or blocks that contain themselves; names file and line.
+    """
+    builder = _Builder(find)
+    builder.add_network(network, "", None, 0)
+    return builder.result()
+
+
+class _Builder:
+    def __init__(self, find: Finder) -> None:
+        self._find = find
+        self._nodes: list[Node] = []
+        self._events: list[Link] = []
+        self._data: dict[Port, Link] = {}
+
+    def add_network(self, network: model.FBNetwork, prefix: str, owner: int | None, depth: int) -> None:
+        """Adds the blocks and connections of a network inside the node `owner`."""
+        if depth > MAXIMUM_DEPTH:
+            raise FunctionBlockError(
+                f"{prefix.rstrip('.')} contains itself, or is nested deeper than {MAXIMUM_DEPTH}", network.file
+            )
+        inside: dict[str, int] = {}
+        for block in network.blocks:
+            found = self._find(block.type_name, network.file, block.line)
+            if isinstance(found, model.SubApplicationType):
+                inside[block.name] = self._add_junction(block, found.interface, found.network, network, prefix, depth)
+            else:
+                inside[block.name] = self._add_block(block, found, network.file, prefix, depth)
+        for sub in network.subapplications:
+            interface, body = self._subapplication(sub, network.file)
+            inside[sub.name] = self._add_junction(sub, interface, body, network, prefix, depth)
+        resolve = _Resolver(self._nodes, inside, owner, network.file)
+        for connection in network.events:
+            self._events.append(resolve.link(connection, is_event=True))
+        for connection in network.data:
+            link = resolve.link(connection, is_event=False)
+            other = self._data.setdefault(link.destination, link)
+            if other is not link:
+                raise FunctionBlockError(
+                    f"{connection.destination} already has a source in line {other.line}: expected one connection",
+                    network.file,
+                    connection.line,
+                )
+
+    def _add_block(self, block: model.Block, found: model.FBType, file: str, prefix: str, depth: int) -> int:
+        number = self._add_node(block, found, found.interface, file, prefix)
+        if isinstance(found, model.CompositeFBType):
+            self.add_network(found.network, f"{prefix}{block.name}.", number, depth + 1)
+        return number
+
+    def _subapplication(self, sub: model.SubApplication, file: str) -> tuple[model.Interface, model.FBNetwork]:
+        if not sub.type_name or sub.network.blocks or sub.network.subapplications:
+            return sub.interface, sub.network
+        found = self._find(sub.type_name, file, sub.line)
+        if not isinstance(found, model.SubApplicationType):
+            raise FunctionBlockError(
+                f"{sub.type_name} is a block type: expected a subapplication type", file, sub.line
+            )
+        return found.interface, found.network
+
+    def _add_junction(
+        self,
+        element: model.Block | model.SubApplication,
+        interface: model.Interface,
+        body: model.FBNetwork,
+        network: model.FBNetwork,
+        prefix: str,
+        depth: int,
+    ) -> int:
+        number = self._add_node(element, None, interface, network.file, prefix)
+        self.add_network(body, f"{prefix}{element.name}.", number, depth + 1)
+        return number
+
+    def _add_node(
+        self,
+        element: model.Block | model.SubApplication,
+        found: model.FBType | None,
+        interface: model.Interface,
+        file: str,
+        prefix: str,
+    ) -> int:
+        node = Node(prefix + element.name, found, interface, file, element.line)
+        inputs = [variable.name for variable in interface.inputs]
+        for parameter in element.parameters:
+            if parameter.name not in inputs:
+                raise FunctionBlockError(
+                    f"{node.name} has no data input {parameter.name}: {_expected(inputs)}", file, parameter.line
+                )
+            node.parameters[parameter.name] = parameter
+        if found is None:
+            for variable in interface.inputs:
+                if variable.initial and variable.name not in node.parameters:
+                    node.parameters[variable.name] = model.Parameter(
+                        variable.name, variable.initial, line=variable.line
+                    )
+        self._nodes.append(node)
+        return len(self._nodes) - 1
+
+    def result(self) -> Netlist:
+        """The netlist without junctions."""
+        kept = [number for number, node in enumerate(self._nodes) if not node.is_junction]
+        renumber = {old: new for new, old in enumerate(kept)}
+
+        def place(port: Port) -> Port:
+            return Port(renumber[port.node], port.name, port.inner)
+
+        netlist = Netlist([self._nodes[number] for number in kept])
+        outgoing: dict[Port, list[Link]] = {}
+        for link in self._events:
+            outgoing.setdefault(link.source, []).append(link)
+        for link in self._events:
+            if link.source.node in renumber:
+                for end in self._event_ends(link.destination, outgoing, ()):
+                    netlist.events.append(Link(place(link.source), place(end), link.file, link.line))
+        for destination, link in self._data.items():
+            if destination.node in renumber:
+                source = self._data_source(destination, link)
+                if source is not None:
+                    netlist.data[place(destination)] = Link(place(source), place(destination), link.file, link.line)
+        return netlist
+
+    def _event_ends(self, port: Port, outgoing: dict[Port, list[Link]], passed: tuple[Port, ...]) -> list[Port]:
+        if not self._nodes[port.node].is_junction:
+            return [port]
+        if port in passed:
+            return []
+        ends = []
+        for link in outgoing.get(port, ()):
+            ends += self._event_ends(link.destination, outgoing, (*passed, port))
+        return ends
+
+    def _data_source(self, destination: Port, link: Link) -> Port | None:
+        """Where the data come from; a literal on the way becomes the destination's parameter."""
+        passed = set()
+        source = link.source
+        while self._nodes[source.node].is_junction:
+            before = self._data.get(source)
+            if before is None or source in passed:
+                parameter = self._nodes[source.node].parameters.get(source.name)
+                if parameter is not None and not destination.inner:
+                    self._nodes[destination.node].parameters[destination.name] = parameter
+                return None
+            passed.add(source)
+            source = before.source
+        return source
+
+
+class _Resolver:
+    """Finds the ports that the connections of one network name."""
+
+    def __init__(self, nodes: Sequence[Node], inside: dict[str, int], owner: int | None, file: str) -> None:
+        self._nodes = nodes
+        self._inside = inside
+        self._owner = owner
+        self._file = file
+
+    def link(self, connection: model.Connection, is_event: bool) -> Link:
+        return Link(
+            self._port(connection, connection.source, is_event, is_source=True),
+            self._port(connection, connection.destination, is_event, is_source=False),
+            self._file,
+            connection.line,
+        )
+
+    def _port(self, connection: model.Connection, end: str, is_event: bool, is_source: bool) -> Port:
+        block, _, name = end.rpartition(".")
+        if block:
+            number = self._inside.get(block)
+            if number is None:
+                self._fail(connection, f"unknown block {block}", sorted(self._inside))
+            inner = False
+        elif self._owner is None:
+            self._fail(connection, f"{end} names no block", [f"{block}.PORT" for block in sorted(self._inside)])
+        else:
+            number, inner = self._owner, True
+        node = self._nodes[number]
+        # inside a composite its inputs are sources and its outputs destinations
+        valid = _ports(node.interface, is_event, is_output=is_source != inner)
+        if name not in valid:
+            kind = f"{'event' if is_event else 'data'} {'output' if is_source != inner else 'input'}"
+            other = " (it is another kind of port)" if name in node.interface.names() else ""
+            self._fail(connection, f"{node.name} has no {kind} {name}{other}", valid)
+        return Port(number, name, inner and not node.is_junction)
+
+    def _fail(self, connection: model.Connection, problem: str, valid: Sequence[str]) -> NoReturn:
+        raise FunctionBlockError(
+            f"connection {connection.source} -> {connection.destination}: {problem}: {_expected(valid)}",
+            self._file,
+            connection.line,
+        )
+
+
+def _ports(interface: model.Interface, is_event: bool, is_output: bool) -> list[str]:
+    if is_event:
+        return [event.name for event in (interface.event_outputs if is_output else interface.event_inputs)]
+    return [variable.name for variable in (interface.outputs if is_output else interface.inputs)]
+
+
+def _expected(valid: Sequence[str]) -> str:
+    return f"expected {choices(valid)}" if valid else "it has none"

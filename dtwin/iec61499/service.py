@@ -1,0 +1,29 @@
+"""What service interface blocks do when the embedded runtime executes them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+Handler = Callable[[Any], None]
+"""Executes a block for one event, given its instance."""
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """Behaviour of a service interface block.
+
+    Attributes:
+        handlers: by event input.
+        state: further attributes that belong to the block's state, and what they start with.
+        wiring: further attributes that do not.
+        fire: called when the time comes that the block asked for with `resource__.schedule`.
+        prepare: called once for every new instance.
+    """
+
+    handlers: Mapping[str, Handler] = field(default_factory=dict)
+    state: Mapping[str, Any] = field(default_factory=dict)
+    wiring: tuple[str, ...] = ()
+    fire: Handler | None = None
+    prepare: Handler | None = None

@@ -1,0 +1,97 @@
+"""Short notation for the standard blocks: ports as one line of text, behaviour as rows."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Final
+
+from dtwin.iec61499 import model
+from dtwin.iec61499.reader import split_condition
+from dtwin.iec61499.types import ArrayType, elementary
+
+Row = tuple[str, str, str]
+"""Condition on an event, Structured Text to run, event outputs to issue (separated by blanks)."""
+
+_EVENT: Final = re.compile(r"(\w+)(?:\(([^)]*)\))?")
+
+
+def interface(events: str, data: str) -> model.Interface:
+    """Ports from `EI(G) -> EO0, EO1` and `G: BOOL -> Q: BOOL`; `DT: TIME[4]` is an array of four."""
+    event_inputs, _, event_outputs = events.partition("->")
+    inputs, _, outputs = data.partition("->")
+    return model.Interface(_events(event_inputs), _events(event_outputs), variables(inputs), variables(outputs))
+
+
+def _events(text: str) -> tuple[model.Event, ...]:
+    return tuple(model.Event(name, tuple(with_list.split())) for name, with_list in _EVENT.findall(text))
+
+
+def variables(text: str) -> tuple[model.Variable, ...]:
+    """Variables from `IN1, IN2: ANY_NUM; K: UINT`."""
+    result: list[model.Variable] = []
+    for group in filter(str.strip, text.split(";")):
+        names, _, type_name = group.partition(":")
+        result += [model.Variable(name.strip(), _type(type_name.strip())) for name in names.split(",")]
+    return tuple(result)
+
+
+def _type(name: str) -> model.VariableType:
+    if name.startswith("ANY"):
+        return model.GenericType(name)
+    base, _, size = name.rstrip("]").partition("[")
+    return ArrayType(elementary(base), 0, int(size) - 1) if size else elementary(base)
+
+
+def basic(
+    name: str, comment: str, events: str, data: str, rows: Sequence[Row], internals: str = ""
+) -> model.BasicFBType:
+    """A block that waits in START; a row's condition takes it through a state with that row's action and back."""
+    ports = interface(events, data)
+    inputs = [event.name for event in ports.event_inputs]
+    states, transitions, algorithms = [model.State("START")], [], []
+    for number, (condition, text, outputs) in enumerate(rows, 1):
+        event, guard = split_condition(condition, inputs)
+        state, algorithm = f"{event}_{number}", ""
+        if text:
+            algorithm = f"ON_{state}"
+            algorithms.append(model.Algorithm(algorithm, model.Source(text)))
+        issued = outputs.split() or [""]
+        actions = [model.Action(algorithm, issued[0]), *(model.Action("", output) for output in issued[1:])]
+        states.append(model.State(state, tuple(actions)))
+        transitions += [model.Transition("START", state, event, guard), model.Transition(state, "START")]
+    header = model.TypeHeader(name, comment=comment)
+    return model.BasicFBType(
+        header, ports, variables(internals), tuple(states), tuple(transitions), tuple(algorithms)
+    )
+
+
+def function(name: str, comment: str, data: str, text: str) -> model.SimpleFBType:
+    """A block that computes its outputs from its inputs on REQ and confirms with CNF."""
+    ports = interface("", data)
+    inputs = tuple(variable.name for variable in ports.inputs)
+    outputs = tuple(variable.name for variable in ports.outputs)
+    ports = model.Interface(
+        (model.Event("REQ", inputs),), (model.Event("CNF", outputs),), ports.inputs, ports.outputs
+    )
+    state = model.State("REQ", (model.Action("REQ", "CNF"),))
+    algorithm = model.Algorithm("REQ", model.Source(text))
+    return model.SimpleFBType(model.TypeHeader(name, comment=comment), ports, (), (state,), (algorithm,))
+
+
+def composite(
+    name: str, comment: str, ports: model.Interface, blocks: str, events: str, data: str
+) -> model.CompositeFBType:
+    """A network from `CTR: E_CTU; DLY: E_DELAY` and connections `START -> CTR.R; ...`."""
+    network = model.FBNetwork(
+        tuple(model.Block(n.strip(), t.strip()) for n, t in (item.split(":") for item in blocks.split(";"))),
+        (),
+        _connections(events),
+        _connections(data),
+    )
+    return model.CompositeFBType(model.TypeHeader(name, comment=comment), ports, network)
+
+
+def _connections(text: str) -> tuple[model.Connection, ...]:
+    pairs = (item.split("->") for item in text.split(";"))
+    return tuple(model.Connection(source.strip(), destination.strip()) for source, destination in pairs)

@@ -1,0 +1,184 @@
+"""Event function blocks of IEC 61499-1, annex A, with the ports of 4diac FORTE.
+
+A block issues an event only where the annex says so: E_SR for example only when Q changes. The timed ones that
+cannot be described by a chart are in `timers`.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from dtwin.iec61499 import model
+from dtwin.iec61499.standard.declare import basic, composite, interface
+
+MAXIMUM_FAN: Final = 254
+"""events of one block, as in 4diac FORTE"""
+
+_BLOCKS: Final = (
+    basic(
+        "E_SWITCH",
+        "Switches an event by a Boolean",
+        "EI(G) -> EO0, EO1",
+        "G: BOOL ->",
+        [("EI[NOT G]", "", "EO0"), ("EI[G]", "", "EO1")],
+    ),
+    basic(
+        "E_SELECT",
+        "Selects between two events",
+        "EI0(G), EI1(G) -> EO",
+        "G: BOOL ->",
+        [("EI0[NOT G]", "", "EO"), ("EI1[G]", "", "EO")],
+    ),
+    basic("E_PERMIT", "Lets an event through", "EI(PERMIT) -> EO", "PERMIT: BOOL ->", [("EI[PERMIT]", "", "EO")]),
+    basic(
+        "E_REND",
+        "Rendezvous of two events",
+        "EI1, EI2, R -> EO",
+        "",
+        [
+            ("EI1[NOT E2]", "E1 := TRUE;", ""),
+            ("EI1[E2]", "E2 := FALSE;", "EO"),
+            ("EI2[NOT E1]", "E2 := TRUE;", ""),
+            ("EI2[E1]", "E1 := FALSE;", "EO"),
+            ("R", "E1 := FALSE; E2 := FALSE;", ""),
+        ],
+        "E1, E2: BOOL",
+    ),
+    basic(
+        "E_SR",
+        "Event-driven bistable, set first",
+        "S, R -> EO(Q)",
+        "-> Q: BOOL",
+        [("S[NOT Q]", "Q := TRUE;", "EO"), ("R[Q]", "Q := FALSE;", "EO")],
+    ),
+    basic(
+        "E_RS",
+        "Event-driven bistable, reset first",
+        "R, S -> EO(Q)",
+        "-> Q: BOOL",
+        [("R[Q]", "Q := FALSE;", "EO"), ("S[NOT Q]", "Q := TRUE;", "EO")],
+    ),
+    basic("E_D_FF", "Data latch", "CLK(D) -> EO(Q)", "D: BOOL -> Q: BOOL", [("CLK[D <> Q]", "Q := D;", "EO")]),
+    basic("E_D_FF_ANY", "Data latch", "CLK(D) -> EO(Q)", "D: ANY -> Q: ANY", [("CLK[D <> Q]", "Q := D;", "EO")]),
+    basic("E_T_FF", "Toggles with every event", "CLK -> EO(Q)", "-> Q: BOOL", [("CLK", "Q := NOT Q;", "EO")]),
+    basic(
+        "E_R_TRIG",
+        "Detects a rising edge",
+        "EI(QI) -> EO",
+        "QI: BOOL ->",
+        [("EI[QI AND NOT OLD]", "OLD := TRUE;", "EO"), ("EI[OLD AND NOT QI]", "OLD := FALSE;", "")],
+        "OLD: BOOL",
+    ),
+    basic(
+        "E_F_TRIG",
+        "Detects a falling edge",
+        "EI(QI) -> EO",
+        "QI: BOOL ->",
+        [("EI[OLD AND NOT QI]", "OLD := FALSE;", "EO"), ("EI[QI AND NOT OLD]", "OLD := TRUE;", "")],
+        "OLD: BOOL",
+    ),
+    basic(
+        "E_CTU",
+        "Counts events up",
+        "CU(PV), R -> CUO(Q CV), RO(Q CV)",
+        "PV: UINT -> Q: BOOL; CV: UINT",
+        [
+            ("CU[CV < 65535]", "CV := CV + 1; Q := CV >= PV;", "CUO"),
+            ("R", "CV := 0; Q := FALSE;", "RO"),
+        ],
+    ),
+    basic(
+        "E_CTD",
+        "Counts events down",
+        "CD, LD(PV) -> CDO(Q CV), LDO(Q CV)",
+        "PV: UINT -> Q: BOOL; CV: UINT",
+        [
+            ("CD[CV > 0]", "CV := CV - 1; Q := CV = 0;", "CDO"),
+            ("LD", "CV := PV; Q := CV = 0;", "LDO"),
+        ],
+    ),
+    basic(
+        "E_CTUD",
+        "Counts events up and down",
+        "CU(PV), CD, R, LD(PV) -> CO(QU QD CV), RO(QU QD CV), LDO(QU QD CV)",
+        "PV: UINT -> QU, QD: BOOL; CV: UINT",
+        [
+            ("CU[CV < 65535]", "CV := CV + 1; QU := CV >= PV; QD := CV = 0;", "CO"),
+            ("R", "CV := 0; QU := CV >= PV; QD := CV = 0;", "RO"),
+            ("CD[CV > 0]", "CV := CV - 1; QU := CV >= PV; QD := CV = 0;", "CO"),
+            ("LD", "CV := PV; QU := CV >= PV; QD := CV = 0;", "LDO"),
+        ],
+    ),
+    basic(
+        "E_TABLE_CTRL",
+        "Steps through the delays of an E_TABLE",
+        "INIT(DT N), CLK -> CLKO(DTO CV)",
+        "DT: TIME[4]; N: UINT -> DTO: TIME; CV: UINT",
+        [
+            ("INIT[N > 0]", "CV := 0; DTO := DT[0];", "CLKO"),
+            ("CLK[CV < 3 AND CV + 1 < N]", "CV := CV + 1; DTO := DT[CV];", "CLKO"),
+        ],
+    ),
+    composite(
+        "E_TRAIN",
+        "Issues N events, DT apart",
+        interface("START(DT N), STOP -> EO(CV)", "DT: TIME; N: UINT -> CV: UINT"),
+        "CTR: E_CTU; GATE: E_SWITCH; DLY: E_DELAY",
+        "CTR.CUO -> GATE.EI; CTR.RO -> GATE.EI; START -> CTR.R; GATE.EO0 -> DLY.START; STOP -> DLY.STOP;"
+        "DLY.EO -> EO; DLY.EO -> CTR.CU",
+        "N -> CTR.PV; CTR.CV -> CV; DT -> DLY.DT; CTR.Q -> GATE.G",
+    ),
+    composite(
+        "E_TABLE",
+        "Issues N events (4 at most), the n-th after a further delay DT[n]",
+        interface("START(DT N), STOP -> EO(CV)", "DT: TIME[4]; N: UINT -> CV: UINT"),
+        "CTRL: E_TABLE_CTRL; DLY: E_DELAY",
+        "START -> CTRL.INIT; STOP -> DLY.STOP; CTRL.CLKO -> DLY.START; DLY.EO -> EO; DLY.EO -> CTRL.CLK",
+        "DT -> CTRL.DT; N -> CTRL.N; CTRL.DTO -> DLY.DT; CTRL.CV -> CV",
+    ),
+    composite(
+        "E_N_TABLE",
+        "As E_TABLE, every event at its own output",
+        interface("START(DT N), STOP -> EO0, EO1, EO2, EO3", "DT: TIME[4]; N: UINT ->"),
+        "TABLE: E_TABLE; DEMUX: E_DEMUX",
+        "START -> TABLE.START; STOP -> TABLE.STOP; TABLE.EO -> DEMUX.EI;"
+        "DEMUX.EO0 -> EO0; DEMUX.EO1 -> EO1; DEMUX.EO2 -> EO2; DEMUX.EO3 -> EO3",
+        "DT -> TABLE.DT; N -> TABLE.N; TABLE.CV -> DEMUX.K",
+    ),
+)
+FIXED: Final = {block.header.name: block for block in _BLOCKS}
+"""The blocks of one size."""
+
+
+def split(name: str, count: int) -> model.BasicFBType:
+    """E_SPLIT_n: one event becomes n."""
+    outputs = [f"EO{i}" for i in range(1, count + 1)]
+    return basic(name, "Splits an event", f"EI -> {', '.join(outputs)}", "", [("EI", "", " ".join(outputs))])
+
+
+def merge(name: str, count: int) -> model.BasicFBType:
+    """E_MERGE_n: any of n events becomes one."""
+    inputs = [f"EI{i}" for i in range(1, count + 1)]
+    return basic(name, "Merges events", f"{', '.join(inputs)} -> EO", "", [(event, "", "EO") for event in inputs])
+
+
+def demultiplex(name: str, count: int) -> model.BasicFBType:
+    """E_DEMUX_n: the event goes to the K-th output, counted from 0; nowhere when K is n or more.
+
+    The outputs of E_DEMUX are EO0 to EO3, those of E_DEMUX_n EO1 to EOn, as in 4diac FORTE.
+    """
+    first = 0 if name == "E_DEMUX" else 1
+    outputs = [f"EO{first + i}" for i in range(count)]
+    rows = [(f"EI[K = {i}]", "", output) for i, output in enumerate(outputs)]
+    return basic(name, "Sends an event to output K", f"EI(K) -> {', '.join(outputs)}", "K: UINT ->", rows)
+
+
+def multiplex(name: str, count: int) -> model.BasicFBType:
+    """E_MUX_n: K tells from which input the event came, counted from 0."""
+    inputs = [f"EI{i}" for i in range(1, count + 1)]
+    rows = [(event, f"K := {i};", "EO") for i, event in enumerate(inputs)]
+    return basic(name, "Tells which event came", f"{', '.join(inputs)} -> EO(K)", "-> K: UINT", rows)
+
+
+SIZED: Final = {"E_SPLIT": (split, 2), "E_MERGE": (merge, 2), "E_DEMUX": (demultiplex, 4), "E_MUX": (multiplex, 2)}
+"""Makers of blocks whose name ends in their size, and the size of the block without a number."""

@@ -1,0 +1,126 @@
+"""Reads XML that may come from anywhere: no entities, no network, no DTD, bounded size and depth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+from lxml import etree
+
+from dtwin.errors import FunctionBlockError, choices
+
+MAXIMUM_SIZE: Final = 4 * 2**20
+"""bytes of a file"""
+MAXIMUM_DEPTH: Final = 64
+"""elements inside each other"""
+
+
+class Element:
+    """An element with its file and line, and readers that turn what is missing or wrong into one-line errors."""
+
+    __slots__ = ("_element", "file")
+
+    def __init__(self, element: Any, file: str) -> None:
+        self._element = element
+        self.file = file
+
+    @property
+    def tag(self) -> str:
+        return str(self._element.tag)
+
+    @property
+    def line(self) -> int:
+        return int(self._element.sourceline)
+
+    @property
+    def text(self) -> str:
+        """The character data directly inside."""
+        return self._element.text or ""
+
+    def children(self, tag: str = "") -> Iterator[Element]:
+        """The child elements, of one tag if it is given, in order."""
+        for child in self._element.iterchildren(tag or "*"):
+            yield Element(child, self.file)
+
+    def child(self, tag: str) -> Element | None:
+        """The first child of that tag."""
+        return next(self.children(tag), None)
+
+    def get(self, name: str, default: str = "") -> str:
+        """An attribute, or the default."""
+        return str(self._element.get(name, default))
+
+    def require(self, name: str) -> str:
+        """An attribute that must be there and not be empty."""
+        value = self.get(name)
+        if not value:
+            present = sorted(map(str, self._element.attrib))
+            has = f"it has {choices(present)}" if present else "it has none"
+            raise self.error(f"<{self.tag}> needs the attribute {name}, {has}")
+        return value
+
+    def number(self, name: str) -> float:
+        """An attribute as a number, 0 when it is missing or no number (a coordinate never stops a block)."""
+        try:
+            return float(self.get(name, "0"))
+        except ValueError:
+            return 0.0
+
+    def error(self, message: str) -> FunctionBlockError:
+        """An error at this element."""
+        return FunctionBlockError(message, self.file, self.line)
+
+
+def read_xml(path: Path) -> Element:
+    """The root element of a file.
+
+    Raises:
+        FunctionBlockError: the file cannot be read, is not well-formed, defines or uses entities, is larger than
+            MAXIMUM_SIZE or deeper than MAXIMUM_DEPTH.
+    """
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(MAXIMUM_SIZE + 1)
+    except OSError as error:
+        raise FunctionBlockError(f"cannot be read: {error.strerror}", str(path)) from None
+    return parse_xml(data, str(path))
+
+
+def parse_xml(data: bytes, file: str) -> Element:
+    """As `read_xml`, from bytes; `file` is the name errors use."""
+    if len(data) > MAXIMUM_SIZE:
+        raise FunctionBlockError(f"larger than {MAXIMUM_SIZE} bytes", file)
+    parser = etree.XMLParser(
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        dtd_validation=False,
+        huge_tree=False,
+        remove_comments=True,
+        remove_pis=True,
+    )
+    try:
+        root = etree.fromstring(data, parser)
+    except etree.XMLSyntaxError as error:
+        line, column = error.position
+        raise FunctionBlockError(f"not well-formed XML: {error.msg}", file, line, column) from None
+    except ValueError as error:
+        raise FunctionBlockError(f"not well-formed XML: {error}", file) from None
+    dtd = root.getroottree().docinfo.internalDTD
+    if dtd is not None and next(dtd.iterentities(), None) is not None:
+        raise FunctionBlockError("entity definitions are not accepted", file, 1)
+    _check_tree(root, file)
+    return Element(root, file)
+
+
+def _check_tree(root: Any, file: str) -> None:
+    level, elements = 1, [root]
+    while elements:
+        if level > MAXIMUM_DEPTH:
+            raise FunctionBlockError(f"elements nested deeper than {MAXIMUM_DEPTH}", file, elements[0].sourceline)
+        for element in elements:
+            if element.tag is etree.Entity:
+                raise FunctionBlockError("entity references are not accepted", file, element.sourceline)
+        elements = [child for element in elements for child in element]
+        level += 1
