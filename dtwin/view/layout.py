@@ -40,8 +40,8 @@ def _cell() -> rrb.Spatial3DView:
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
             kind="orbital",
-            position=(0.56, -0.85, 0.16),
-            look_target=(0.06, 0.0, -0.05),
+            position=(-0.3, -0.9, 0.15),
+            look_target=(0.1, 0.0, -0.02),
             eye_up=(0.0, 0.0, 1.0),
         ),
         overrides={scene.TRAIL: trail},

@@ -165,7 +165,7 @@ def _send_counts(stream: rr.RecordingStream, t: NDArray[np.float64], placed: Seq
     stream.log(
         COUNTS,
         rr.Points3D(
-            [(place.x + 0.045, -0.02, place.y - 0.02) for place in PLACES.values()],
+            [(place.x, -0.02, place.y + 0.055) for place in PLACES.values()],
             colors=style.LABEL,
             radii=0.0,
             show_labels=True,
