@@ -62,7 +62,8 @@ class Port:
         kind: SERVER, CLIENT, PUBLISH or SUBSCRIBE.
         sends: types of SD_1, ...
         receives: types of RD_1, ...
-        id: the ID it was opened with, "" before.
+        id: the ID it was opened with, "" before; a bare one is completed to `fbdk[].ip[...]`, or `loc[...]` for PUBL
+            and SUBL.
     """
 
     def __init__(self, instance: Any, block: model.ServiceInterfaceFBType) -> None:
@@ -71,7 +72,7 @@ class Port:
         kind = match[1] or match[4]
         self.name: str = instance.name__
         self.kind = _LOCAL.get(kind, kind)
-        self.is_local = kind in _LOCAL
+        self._default_layer = "loc[{}]" if kind in _LOCAL else "fbdk[].ip[{}]"
         self.sends = _types(block.interface.inputs, "SD_")
         self.receives = _types(block.interface.outputs, "RD_")
         self.id = ""
@@ -85,6 +86,11 @@ class Port:
     def is_open(self) -> bool:
         """Whether the block has been initialised and not terminated."""
         return self._instance.send__ is not None
+
+    @property
+    def is_local(self) -> bool:
+        """Whether the ID names a channel inside this process."""
+        return self.id.startswith("loc[")
 
     def attach(self, send: Send) -> None:
         """Lets `send` have what the block sends, in place of the transport, from the next initialisation on.
@@ -122,6 +128,11 @@ class Port:
         self._close_channel()
         self._report("INVALID_ID", "to__INITO")
 
+    def refuse_open(self) -> None:
+        """The channel cannot be made usable: INITO with QO = FALSE, as for an invalid ID."""
+        self.close()
+        self._report("INVALID_ID", "to__INITO")
+
     def terminate(self) -> None:
         """The channel has ended by itself: the block says so, except a server, which goes on listening."""
         if self.kind != "SERVER":
@@ -136,14 +147,15 @@ class Port:
             self._close_channel()
             instance.send__ = None
             self._report("TERMINATED", "to__INITO")
-        elif self._attached is not None:
-            self.id = instance.ID
+            return
+        bare = instance.ID and "]" not in instance.ID
+        self.id = self._default_layer.format(instance.ID) if bare else instance.ID
+        if self._attached is not None:
             instance.send__ = self._attached
             self._report("OK", "to__INITO")
         elif self._channel is not None:
             self._report("OK", "to__INITO")
         else:
-            self.id = instance.ID
             self._open()
 
     def _open(self) -> None:

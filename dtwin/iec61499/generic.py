@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.netlist import Link, Netlist, Node, Port
+from dtwin.iec61499.netlist import Link, Netlist, Node, Terminal
 from dtwin.iec61499.st.functions import common_type, widens
 from dtwin.iec61499.types import BOOL, DINT, ELEMENTARY, LREAL, STRING, TIME, WSTRING, DataType, ElementaryType
 
@@ -81,7 +81,7 @@ class _Groups:
         own = isinstance(self._nodes[number].type, model.ServiceInterfaceFBType)
         return number, variable.name if own else str(variable.type)
 
-    def type_at(self, port: Port) -> tuple[DataType | None, Group | None]:
+    def type_at(self, port: Terminal) -> tuple[DataType | None, Group | None]:
         """The type of a port as far as known, and the group it belongs to if it is generic."""
         variable = variable_at(self._nodes[port.node], port.name)
         if isinstance(variable.type, model.GenericType):

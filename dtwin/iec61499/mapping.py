@@ -91,14 +91,17 @@ class _ResourceNetwork:
                 raise FunctionBlockError(
                     f"mapping of unknown block {mapping.source!r}: expected {valid}", self.file, mapping.line
                 )
-            if mapping.destination not in resources:
+            application, _, element = mapping.source.partition(".")
+            destination = mapping.destination
+            if destination not in resources:
+                destination = destination.removesuffix(f".{element}")
+            if destination not in resources:
                 raise FunctionBlockError(
                     f"mapping to unknown resource {mapping.destination!r}: expected {choices(resources)}",
                     self.file,
                     mapping.line,
                 )
-            if mapping.destination == self.full_name:
-                application, _, element = mapping.source.partition(".")
+            if destination == self.full_name:
                 mapped.setdefault(application, set()).add(element)
         return mapped
 

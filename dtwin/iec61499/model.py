@@ -320,7 +320,7 @@ class Device:
 
 @dataclass(frozen=True, slots=True)
 class Mapping:
-    """`APPLICATION.BLOCK` runs on `DEVICE.RESOURCE`."""
+    """`APPLICATION.BLOCK` runs on `DEVICE.RESOURCE` (or `DEVICE.RESOURCE.BLOCK`, as older tools write it)."""
 
     source: str
     destination: str

@@ -39,7 +39,7 @@ class Node:
 
 
 @dataclass(frozen=True, slots=True)
-class Port:
+class Terminal:
     """A port of a node; `inner` is the side of a composite that its network sees."""
 
     node: int
@@ -51,8 +51,8 @@ class Port:
 class Link:
     """A connection between ports and where it is written."""
 
-    source: Port
-    destination: Port
+    source: Terminal
+    destination: Terminal
     file: str
     line: int
 
@@ -63,7 +63,7 @@ class Netlist:
 
     nodes: list[Node] = field(default_factory=list)
     events: list[Link] = field(default_factory=list)
-    data: dict[Port, Link] = field(default_factory=dict)
+    data: dict[Terminal, Link] = field(default_factory=dict)
 
 
 def flatten(network: model.FBNetwork, find: Finder) -> Netlist:
@@ -83,7 +83,7 @@ class _Builder:
         self._find = find
         self._nodes: list[Node] = []
         self._events: list[Link] = []
-        self._data: dict[Port, Link] = {}
+        self._data: dict[Terminal, Link] = {}
 
     def add_network(self, network: model.FBNetwork, prefix: str, owner: int | None, depth: int) -> None:
         """Adds the blocks and connections of a network inside the node `owner`."""
@@ -173,11 +173,11 @@ class _Builder:
         kept = [number for number, node in enumerate(self._nodes) if not node.is_junction]
         renumber = {old: new for new, old in enumerate(kept)}
 
-        def place(port: Port) -> Port:
-            return Port(renumber[port.node], port.name, port.inner)
+        def place(port: Terminal) -> Terminal:
+            return Terminal(renumber[port.node], port.name, port.inner)
 
         netlist = Netlist([self._nodes[number] for number in kept])
-        outgoing: dict[Port, list[Link]] = {}
+        outgoing: dict[Terminal, list[Link]] = {}
         for link in self._events:
             outgoing.setdefault(link.source, []).append(link)
         for link in self._events:
@@ -191,7 +191,9 @@ class _Builder:
                     netlist.data[place(destination)] = Link(place(source), place(destination), link.file, link.line)
         return netlist
 
-    def _event_ends(self, port: Port, outgoing: dict[Port, list[Link]], passed: tuple[Port, ...]) -> list[Port]:
+    def _event_ends(
+        self, port: Terminal, outgoing: dict[Terminal, list[Link]], passed: tuple[Terminal, ...]
+    ) -> list[Terminal]:
         if not self._nodes[port.node].is_junction:
             return [port]
         if port in passed:
@@ -201,7 +203,7 @@ class _Builder:
             ends += self._event_ends(link.destination, outgoing, (*passed, port))
         return ends
 
-    def _data_source(self, destination: Port, link: Link) -> Port | None:
+    def _data_source(self, destination: Terminal, link: Link) -> Terminal | None:
         """Where the data come from; a literal on the way becomes the destination's parameter."""
         passed = set()
         source = link.source
@@ -234,7 +236,7 @@ class _Resolver:
             connection.line,
         )
 
-    def _port(self, connection: model.Connection, end: str, is_event: bool, is_source: bool) -> Port:
+    def _port(self, connection: model.Connection, end: str, is_event: bool, is_source: bool) -> Terminal:
         block, _, name = end.rpartition(".")
         if block:
             number = self._inside.get(block)
@@ -252,7 +254,7 @@ class _Resolver:
             kind = f"{'event' if is_event else 'data'} {'output' if is_source != inner else 'input'}"
             other = " (it is another kind of port)" if name in node.interface.names() else ""
             self._fail(connection, f"{node.name} has no {kind} {name}{other}", valid)
-        return Port(number, name, inner and not node.is_junction)
+        return Terminal(number, name, inner and not node.is_junction)
 
     def _fail(self, connection: model.Connection, problem: str, valid: Sequence[str]) -> NoReturn:
         raise FunctionBlockError(

@@ -5,8 +5,10 @@ from __future__ import annotations
 import difflib
 import heapq
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from operator import attrgetter
 from typing import Any, Final
 
 from dtwin.errors import FunctionBlockError, choices
@@ -119,6 +121,11 @@ class Resource:
         """Whether no event waits in the queue."""
         return not self._queue
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether no event waits."""
+        return not self._queue
+
     def run_until_idle(self) -> None:
         """Delivers events until the queue is empty.
 
@@ -128,29 +135,28 @@ class Resource:
         """
         queue = self._queue
         next_entry = queue.popleft
-        entry = None
-        try:
-            for _ in range(ACTIVATION_LIMIT):
-                if not queue:
-                    return
-                entry = next_entry()
+        for _ in range(ACTIVATION_LIMIT):
+            if not queue:
+                return
+            entry = next_entry()
+            try:
                 entry()
-            raise FunctionBlockError(f"endless loop of events: {self._loop()}")
-        except FunctionBlockError as error:
-            queue.clear()
-            if entry is None or error.message.startswith("endless"):
-                raise
-            raise FunctionBlockError(
-                f"{self._names[entry]}: {error.message}", error.file, error.line, error.column
-            ) from None
+            except FunctionBlockError as error:
+                queue.clear()
+                message = f"{self._names[entry]}: {error.message}"
+                raise FunctionBlockError(message, error.file, error.line, error.column) from None
+        loop = self._loop()
+        queue.clear()
+        raise FunctionBlockError(f"endless loop of events: {loop}")
 
     def _loop(self) -> str:
         """The events that keep the queue going, in the order in which they come."""
         names: dict[str, None] = {}
         for _ in range(len(self._queue) + len(self._names)):
-            entry = self._queue.popleft()
-            names[self._names[entry]] = None
-            entry()
+            if self._queue:
+                entry = self._queue.popleft()
+                names[self._names[entry]] = None
+                entry()
         shown = list(names)[:12]
         return " -> ".join(shown + ["..."] * (len(names) > len(shown)))
 
@@ -209,8 +215,23 @@ class Resource:
             return block.states[self._instances[index].state__].name
         return getattr(self._instances[index], python_name(variable.name))
 
+    def reader(self, names: Sequence[str]) -> Callable[[], tuple[Any, ...]]:
+        """A function that reads several variables of one block at once, fast enough for every tick.
+
+        Raises:
+            FunctionBlockError: there is no such block or variable, or they are of more than one block.
+        """
+        places = [self._locate(name) for name in names]
+        variables = [python_name(variable.name) for _, variable in places if variable is not None]
+        if len({index for index, _ in places}) != 1 or len(variables) != len(names) or len(names) < 2:
+            raise FunctionBlockError(f"expected at least two variables of one block, got {', '.join(names)}")
+        return partial(attrgetter(*variables), self._instances[places[0][0]])
+
     def write(self, name: str, value: Any) -> None:
-        """Sets a variable. A connected input keeps the value until it is sampled.
+        """Sets a variable.
+
+        A connected input keeps the value until it is sampled. An output may be seen by the blocks connected to it
+        before the next event publishes it.
 
         Raises:
             FunctionBlockError: there is no such block or variable, or the value is not of its type.
@@ -261,7 +282,10 @@ class Resource:
         return Snapshot(self.time, self._sequence, tuple(self._timers), values)
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Goes back to a state of this resource, or of another one made from the same network and library."""
+        """Goes back to a state of this resource, or takes over that of another one made from the same network.
+
+        Whether communication blocks are open is not part of the state.
+        """
         self._queue.clear()
         self.time = snapshot.time
         self._sequence = snapshot.sequence

@@ -14,7 +14,7 @@ from typing import Any
 from dtwin.iec61499 import model
 from dtwin.iec61499.compile import CompiledType
 from dtwin.iec61499.generic import variable_at
-from dtwin.iec61499.netlist import Netlist, Node, Port
+from dtwin.iec61499.netlist import Netlist, Node, Terminal
 from dtwin.iec61499.st import python_name
 from dtwin.iec61499.types import ArrayType, DataType, ElementaryType
 
@@ -49,28 +49,28 @@ class _Wiring:
         self._instances = instances
         self._space: dict[str, Any] = {"extend": extend}
         self._lines: list[str] = []
-        self._functions: dict[Port, str] = {}
-        self._entries: dict[Port, Entry] = {}
+        self._functions: dict[Terminal, str] = {}
+        self._entries: dict[Terminal, Entry] = {}
 
     def wire(self) -> dict[Entry, str]:
         for number, instance in enumerate(self._instances):
             self._space[f"b{number}"] = instance
         for number, node in enumerate(self._netlist.nodes):
             for event in node.interface.event_inputs:
-                self._input_entry(Port(number, event.name), node, event)
+                self._input_entry(Terminal(number, event.name), node, event)
             if isinstance(node.type, model.CompositeFBType):
                 for event in node.interface.event_outputs:
-                    self._composite_output(Port(number, event.name, inner=True), event)
+                    self._composite_output(Terminal(number, event.name, inner=True), event)
         exec(compile("\n".join(self._lines), "<wiring>", "exec"), self._space)
         for port, function in self._functions.items():
             self._entries[port] = self._space[function]
         self._connect()
         return {entry: f"{self._netlist.nodes[port.node].name}.{port.name}" for port, entry in self._entries.items()}
 
-    def _input_entry(self, port: Port, node: Node, event: model.Event) -> None:
-        samples = self._copies(event.with_variables, lambda name: Port(port.node, name))
+    def _input_entry(self, port: Terminal, node: Node, event: model.Event) -> None:
+        samples = self._copies(event.with_variables, lambda name: Terminal(port.node, name))
         if isinstance(node.type, model.CompositeFBType):
-            self._function(port, [*samples, f"extend({self._targets(Port(port.node, port.name, inner=True))})"])
+            self._function(port, [*samples, f"extend({self._targets(Terminal(port.node, port.name, inner=True))})"])
             return
         handler = self._types[port.node].handlers[event.name]
         if samples:
@@ -80,20 +80,20 @@ class _Wiring:
         else:
             self._entries[port] = MethodType(handler, self._instances[port.node])
 
-    def _composite_output(self, port: Port, event: model.Event) -> None:
-        publications = self._copies(event.with_variables, lambda name: Port(port.node, name, inner=True))
-        self._function(port, [*publications, f"extend({self._targets(Port(port.node, port.name))})"])
+    def _composite_output(self, port: Terminal, event: model.Event) -> None:
+        publications = self._copies(event.with_variables, lambda name: Terminal(port.node, name, inner=True))
+        self._function(port, [*publications, f"extend({self._targets(Terminal(port.node, port.name))})"])
 
-    def _function(self, port: Port, lines: list[str]) -> None:
+    def _function(self, port: Terminal, lines: list[str]) -> None:
         name = f"deliver{len(self._functions)}"
         self._lines += [f"def {name}():", *("    " + line for line in lines)]
         self._functions[port] = name
 
-    def _targets(self, source: Port) -> str:
+    def _targets(self, source: Terminal) -> str:
         """The global name of the entries that an event of a composite queues."""
         return f"to{source.node}_{'inner' if source.inner else 'outer'}_{source.name}"
 
-    def _copies(self, names: Sequence[str], destination: Callable[[str], Port]) -> list[str]:
+    def _copies(self, names: Sequence[str], destination: Callable[[str], Terminal]) -> list[str]:
         """Assignments to data inputs, or to outputs of a composite, from what they are connected to."""
         lines = []
         for name in names:
@@ -125,19 +125,19 @@ class _Wiring:
         return f"{value} + 0" if source.kind == "bool" else value
 
     def _connect(self) -> None:
-        targets: dict[Port, list[Entry]] = {}
+        targets: dict[Terminal, list[Entry]] = {}
         for link in self._netlist.events:
             targets.setdefault(link.source, []).append(self._entries[link.destination])
         for number, node in enumerate(self._netlist.nodes):
             composite = isinstance(node.type, model.CompositeFBType)
             for event in node.interface.event_outputs:
-                port = Port(number, event.name)
+                port = Terminal(number, event.name)
                 if composite:
                     self._space[self._targets(port)] = tuple(targets.get(port, ()))
                 else:
                     setattr(self._instances[number], f"to__{event.name}", tuple(targets.get(port, ())))
             for event in node.interface.event_inputs if composite else ():
-                port = Port(number, event.name, inner=True)
+                port = Terminal(number, event.name, inner=True)
                 self._space[self._targets(port)] = tuple(targets.get(port, ()))
 
 
