@@ -18,7 +18,6 @@ from typing import Any, Final
 from dtwin import __version__
 from dtwin.errors import DtwinError, choices
 
-
 DESCRIPTION: Final = "A digital twin of a box-sorting arm controlled by IEC 61499 function blocks."
 
 
@@ -112,7 +111,6 @@ def _one_line(box: str, prog: str) -> str:
 def _overview() -> str:
     width = max(len(name) for name in COMMANDS)
     lines = [f"  {name:<{width}}  {entry.summary}" for name, entry in COMMANDS.items()]
-    return "\n".join(
-        ["usage: dtwin COMMAND [OPTIONS]", "", DESCRIPTION, "", "commands:", *lines]
-        + ["", "dtwin COMMAND --help shows the options of one command; dtwin --version the version."]
-    )
+    usage = f"usage: dtwin COMMAND [OPTIONS]\n\n{DESCRIPTION}\n\ncommands:"
+    hint = "dtwin COMMAND --help shows the options of one command; dtwin --version the version."
+    return "\n".join([usage, *lines, "", hint])

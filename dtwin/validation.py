@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.emulation import Plant
+from dtwin.emulation.plant import Plant
 from dtwin.parameters import HANGING, HOME, PHYSICS_STEP, ArmParameters, Triple, scaled
-from dtwin.twin import rollout
+from dtwin.twin.rollout import rollout
 
 Array = NDArray[np.float64]
 
@@ -23,8 +23,10 @@ TOLERANCE = 5e-4
 """rad and s, of every expected value"""
 AGREEMENT = 1e-11
 """rad, largest difference of the two physics"""
-AT_REST = 0.02
-"""rad, within which the arm counts as resting (or standing)"""
+AT_REST = 0.005
+"""rad, within which the arm counts as resting"""
+FALLEN = 0.5
+"""rad, beyond which an arm that stood upright has fallen"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +69,8 @@ class Motion:
 
     @property
     def falls_at(self) -> float:
-        """s, when the arm first is further than AT_REST from where it started; inf if it never is."""
-        away = np.abs(self.theta - self.theta[0]).max(axis=1) > AT_REST
+        """s, when the arm first is further than FALLEN from where it started; inf if it never is."""
+        away = np.abs(self.theta - self.theta[0]).max(axis=1) > FALLEN
         return float(self.time[away.argmax()]) if away.any() else math.inf
 
     @property
@@ -110,18 +112,27 @@ def cases() -> tuple[Case, ...]:
     """The validation runs: the four of the arm's data sheet and the first once more with a box in the gripper."""
     arm = ArmParameters()
     return (
-        Case("drop", HOME, arm, 20.0, expected={"min_theta_1": -2.3422, "time_of_min": 0.670}, within={"rests_at": (5.0, 10.0)}),
-        Case("drop with 0.2 kg", HOME, arm, 20.0, payload=0.2),
+        Case(
+            "drop",
+            HOME,
+            arm,
+            20.0,
+            expected={"min_theta_1": -2.3422, "time_of_min": 0.670},
+            within={"rests_at": (9.0, 10.5)},
+        ),
+        Case("drop with 0.2 kg", HOME, arm, 40.0, payload=0.2),
         Case(
             "masses x 1.5",
             HOME,
             scaled(arm, "m", 1.5),
-            20.0,
+            30.0,
             expected={"min_theta_1": -2.4867, "time_of_min": 0.6575},
-            within={"rests_at": (10.0, 15.0)},
+            within={"rests_at": (14.0, 15.5)},
         ),
-        Case("inertias x 2", HOME, scaled(arm, "I", 2.0), 20.0, expected={"min_theta_1": -2.3475, "time_of_min": 0.680}),
-        Case("upright", UPRIGHT, arm, 30.0, within={"falls_at": (8.0, 9.0)}, agreement_until=6.0),
+        Case(
+            "inertias x 2", HOME, scaled(arm, "I", 2.0), 20.0, expected={"min_theta_1": -2.3475, "time_of_min": 0.680}
+        ),
+        Case("upright", UPRIGHT, arm, 30.0, within={"falls_at": (8.0, 9.0)}, agreement_until=2.0),
     )
 
 
@@ -152,7 +163,7 @@ def predicted(case: Case) -> Motion:
     """The case on the analytic twin, sampled every physics step."""
     steps = round(case.duration / PHYSICS_STEP)
     state = np.array([*case.start, 0.0, 0.0, 0.0])
-    states = rollout(case.parameters, state, np.zeros((steps, 3)), case.payload, PHYSICS_STEP, substeps=1)
+    states = rollout(case.parameters, state, np.zeros((steps, 3)), case.payload, period=PHYSICS_STEP, substeps=1)
     return Motion(np.arange(steps + 1) * PHYSICS_STEP, states[:, :3])
 
 
@@ -169,5 +180,5 @@ def _examine(case: Case, emulation: Motion, twin: Motion) -> Outcome:
             value = getattr(motion, quantity)
             checks.append(Check(f"{name} {quantity}", value, f"{low:g} to {high:g} s", low <= value <= high))
         resting = max(abs(a - b) for a, b in zip(motion.final, HANGING, strict=True))
-        checks.append(Check(f"{name} final", resting, f"hanging within {AT_REST:g} rad", resting <= AT_REST))
+        checks.append(Check(f"{name} final", resting, f"hanging within {TOLERANCE:g} rad", resting <= TOLERANCE))
     return Outcome(case, emulation, twin, difference, tuple(checks))

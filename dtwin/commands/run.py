@@ -6,16 +6,15 @@ import signal
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import msgspec
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from dtwin.cell import BLOCKS, Cell, CellSettings, Summary
-from dtwin.control import LAWS, ControlSettings
-from dtwin.emulation import ARM_MODEL, parse_fault
+from dtwin.cell import Cell, CellSettings, Summary
+from dtwin.control import BLOCKS, ControlSettings, Law
+from dtwin.emulation import MODEL_FILE, NoiseKind, parse_fault
 from dtwin.errors import DtwinError, ParameterError
 from dtwin.parameters import PERIOD, PHYSICS_STEP, ArmParameters, Gains
 from dtwin.recording import Log, ensure_writable
@@ -34,11 +33,11 @@ class Run:
     """Of the boxes and the noise; equal seeds give equal logs."""
     noise: float = 0.0
     """Encoder noise, rad: amplitude (uniform) or standard deviation (gaussian)."""
-    noise_kind: Literal["uniform", "gaussian"] = "uniform"
+    noise_kind: NoiseKind = "uniform"
     """uniform adds noise * u with u in [0, 1), so it is biased by half of it; gaussian is not biased."""
     target_time: float = 2.0
     """Duration of every motion, s."""
-    law: Literal["default", "seed"] = "default"
+    law: Law = "default"
     """Control law: computed torque, or the row-sum form without damping term."""
     fault: tuple[str, ...] = ()
     """TARGET OP VALUE @ START[-END], e.g. K2*=0.1@45 or freeze3@30-40; repeatable."""
@@ -54,7 +53,7 @@ class Run:
     """Print one JSON object on standard output and nothing else."""
     step: float = PHYSICS_STEP
     """Physics step, s; the 10 ms period must be a whole multiple of it."""
-    model: Path = ARM_MODEL
+    model: Path = MODEL_FILE
     """MJCF file of the arm."""
     blocks: Path = BLOCKS
     """Folder of the function-block library."""
@@ -151,11 +150,14 @@ def _progress(cell: Cell, quiet: bool) -> Progress:
 def _print(summary: Summary, record: Path | None, log: Path | None) -> None:
     boxes, errors = summary.boxes, summary.placement_error_mm
     table = Table.grid(padding=(0, 2))
-    table.add_row("plant time", f"{summary.duration:g} s in {summary.wall_seconds:.2f} s ({summary.real_time_factor:.0f} x real time)")
+    table.add_row(
+        "plant time",
+        f"{summary.duration:g} s in {summary.wall_seconds:.2f} s ({summary.real_time_factor:.0f} x real time)",
+    )
     table.add_row(
         "boxes",
         f"{boxes.arrived} arrived, {boxes.picked} picked, {boxes.delivered} delivered, {boxes.misplaced} misplaced,"
-        f" {boxes.dropped_arrivals} turned away",
+        f" {boxes.held_at_end} held at the end, {boxes.dropped_arrivals} turned away",
     )
     table.add_row("placement error", f"{errors.max:.2f} mm at most, {errors.mean:.2f} mm on average")
     worst = ", ".join(f"{value:.4f}" for value in summary.tracking_error_rad.max)

@@ -86,9 +86,16 @@ def draw(outcomes: Sequence[Outcome], path: Path) -> None:
         motion, twin = outcome.emulation, outcome.twin
         sparse = np.arange(0, len(twin.time), max(1, len(twin.time) // 80))
         for joint, colour in enumerate(colours):
-            axis.plot(motion.time, motion.theta[:, joint], color=colour, lw=1.2, label=f"theta {joint + 1}, emulation")
             axis.plot(
-                twin.time[sparse], twin.theta[sparse, joint], ".", color=colour, ms=4, label=f"theta {joint + 1}, twin"
+                motion.time, motion.theta[:, joint], color=colour, lw=1.2, label=f"theta {joint + 1}, emulation"
+            )
+            axis.plot(
+                twin.time[sparse],
+                twin.theta[sparse, joint],
+                ".",
+                color=colour,
+                ms=4,
+                label=f"theta {joint + 1}, twin",
             )
         axis.set_title(f"{outcome.case.name}: largest difference {outcome.difference:.1e} rad", fontsize=10)
         axis.set_ylabel("rad")

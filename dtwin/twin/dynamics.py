@@ -32,19 +32,17 @@ Numba notices edits of this file but not of files whose kernels it inlined, so a
 from __future__ import annotations
 
 import math
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.parameters import GRAVITY, VOLTAGE_LIMIT, Triple
+from dtwin.parameters import COULOMB_WIDTH, GRAVITY, VOLTAGE_LIMIT, Triple
 
 Array = NDArray[np.float64]
 Sextuple = tuple[float, float, float, float, float, float]
 
-COULOMB_WIDTH: Final = 0.1
-"""rad/s, where smoothed Coulomb friction reaches tanh 1 = 76 % of mu"""
 
 _kernel: Any = numba.njit(cache=True, error_model="numpy")
 

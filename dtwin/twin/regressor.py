@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dtwin.parameters import GRAVITY, ArmParameters, Triple
-from dtwin.twin.dynamics import COULOMB_WIDTH, Array
+from dtwin.parameters import COULOMB_WIDTH, GRAVITY, ArmParameters, Triple
+from dtwin.twin.dynamics import Array
 
 BASE_NAMES: Final = ("J1", "J2", "J3", "z1", "z2", "z3", "D1", "D2", "D3", "mu1", "mu2", "mu3")
 """J in kg m^2, z in kg m, D in N m s/rad, mu in N m: the columns of `regressor`"""

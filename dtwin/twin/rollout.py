@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dtwin.errors import DivergenceError, ParameterError, choices
-from dtwin.parameters import PERIOD, ArmParameters
-from dtwin.twin.dynamics import COULOMB_WIDTH, Array, integrate
+from dtwin.parameters import COULOMB_WIDTH, PERIOD, ArmParameters
+from dtwin.twin.dynamics import Array, integrate
 
 PayloadModel = Literal["point", "weight"]
 _WEIGHT_ONLY: Final = {"point": False, "weight": True}

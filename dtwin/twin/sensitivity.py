@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dtwin.errors import DivergenceError, ParameterError, choices
-from dtwin.parameters import PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters
-from dtwin.twin.dynamics import COULOMB_WIDTH, Array, Coefficients, coefficients
+from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters
+from dtwin.twin.dynamics import Array, Coefficients, coefficients
 from dtwin.twin.rollout import PayloadModel, check_stepping, checked_array, checked_payload, is_weight_only
 
 STATE_NAMES: Final = ("theta1", "theta2", "theta3", "omega1", "omega2", "omega3")
