@@ -123,16 +123,6 @@ class Port:
             self._instance.send__ = self._channel.send
         self._report("OK", "to__INITO")
 
-    def refuse_open(self) -> None:
-        """The channel will not become usable: INITO with QO = FALSE."""
-        self._close_channel()
-        self._report("INVALID_ID", "to__INITO")
-
-    def refuse_open(self) -> None:
-        """The channel cannot be made usable: INITO with QO = FALSE, as for an invalid ID."""
-        self.close()
-        self._report("INVALID_ID", "to__INITO")
-
     def terminate(self) -> None:
         """The channel has ended by itself: the block says so, except a server, which goes on listening."""
         if self.kind != "SERVER":

@@ -121,11 +121,6 @@ class Resource:
         """Whether no event waits in the queue."""
         return not self._queue
 
-    @property
-    def is_idle(self) -> bool:
-        """Whether no event waits."""
-        return not self._queue
-
     def run_until_idle(self) -> None:
         """Delivers events until the queue is empty.
 
