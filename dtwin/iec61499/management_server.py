@@ -1,0 +1,82 @@
+"""Serves device management on a TCP port, to several clients at once."""
+
+from __future__ import annotations
+
+import logging
+import socket
+from collections.abc import Callable
+from typing import Final
+
+from dtwin.errors import CommunicationError
+from dtwin.iec61499.address import Address
+from dtwin.iec61499.management import REQUESTS, RESPONSES, Response, request_id
+from dtwin.iec61499.reactor import Reactor
+from dtwin.iec61499.tcp import Connection, Listener
+from dtwin.iec61499.wire import MessageReader
+
+log = logging.getLogger(__name__)
+
+CLIENTS: Final = 32
+"""At once; another one takes the place of the one that has been silent longest."""
+
+Handler = Callable[[str, str], str]
+"""The response to the resource's name and the request, as XML."""
+
+
+class ManagementServer:
+    """Listens for management clients.
+
+    Attributes:
+        address: bound.
+
+    Raises:
+        CommunicationError: the port cannot be bound.
+    """
+
+    def __init__(self, reactor: Reactor, address: Address, handle: Handler) -> None:
+        self._reactor = reactor
+        self._handle = handle
+        self._clients: dict[Connection, MessageReader] = {}
+        self._listener = Listener(reactor, address, self._accepted)
+        self.address = self._listener.address
+
+    def close(self) -> None:
+        self._listener.close()
+        for connection in self._clients:
+            connection.close()
+        self._clients.clear()
+
+    def _accepted(self, sock: socket.socket, peer: str) -> None:
+        if len(self._clients) >= CLIENTS:
+            next(iter(self._clients)).drop("silent longest of too many management clients")
+        connection = Connection(self._reactor, sock, peer, self._received, self._closed)
+        self._clients[connection] = MessageReader(REQUESTS)
+
+    def _received(self, connection: Connection, data: bytes) -> None:
+        # who has spoken last stands last
+        reader = self._clients.pop(connection)
+        self._clients[connection] = reader
+        try:
+            messages = reader.feed(data)
+        except CommunicationError as error:
+            connection.drop(str(error))
+            return
+        for resource, request in messages:
+            if connection.open:
+                connection.send(self._answer(_text(resource), _text(request)))
+
+    def _answer(self, resource: str, request: str) -> bytes:
+        response = self._handle(resource, request).encode().decode("latin-1")
+        try:
+            return RESPONSES.encode([response])
+        except CommunicationError:
+            log.warning("management: response of %d bytes is too long", len(response))
+            return RESPONSES.encode([Response(request_id(request), "OVERFLOW").xml()])
+
+    def _closed(self, connection: Connection) -> None:
+        del self._clients[connection]
+
+
+def _text(string: str) -> str:
+    """A STRING carries bytes: here those of UTF-8."""
+    return string.encode("latin-1").decode("utf-8", "replace")
