@@ -123,6 +123,11 @@ class Port:
             self._instance.send__ = self._channel.send
         self._report("OK", "to__INITO")
 
+    def refuse_open(self) -> None:
+        """The channel will not become usable: INITO with QO = FALSE, as for an invalid ID."""
+        self.close()
+        self._report("INVALID_ID", "to__INITO")
+
     def terminate(self) -> None:
         """The channel has ended by itself: the block says so, except a server, which goes on listening."""
         if self.kind != "SERVER":
@@ -137,22 +142,23 @@ class Port:
             self._close_channel()
             instance.send__ = None
             self._report("TERMINATED", "to__INITO")
-            return
-        bare = instance.ID and "]" not in instance.ID
-        self.id = self._default_layer.format(instance.ID) if bare else instance.ID
-        if self._attached is not None:
-            instance.send__ = self._attached
-            self._report("OK", "to__INITO")
         elif self._channel is not None:
             self._report("OK", "to__INITO")
         else:
             self._open()
 
     def _open(self) -> None:
+        instance = self._instance
+        bare = instance.ID and "]" not in instance.ID
+        self.id = self._default_layer.format(instance.ID) if bare else instance.ID
+        if self._attached is not None:
+            instance.send__ = self._attached
+            self._report("OK", "to__INITO")
+            return
         try:
             if not self.id:
                 raise CommunicationError(f"{self.name}: ID is empty")
-            self._channel = self._instance.resource__.transport.open(self)
+            self._channel = instance.resource__.transport.open(self)
         except CommunicationError:
             self._report("INVALID_ID", "to__INITO")
             return
