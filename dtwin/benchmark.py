@@ -14,7 +14,7 @@ import numpy as np
 from dtwin.cell import Cell, CellSettings
 from dtwin.control import EmbeddedController
 from dtwin.emulation import MODEL_FILE
-from dtwin.emulation.raw import raw_ticks
+from dtwin.emulation.raw import raw_file_ticks, raw_plant_ticks
 from dtwin.loop import run, tick_count
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.signals import Sensors
@@ -28,10 +28,14 @@ SUBSTEPS: Final = 4
 
 
 def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: None) -> dict[str, dict[str, float]]:
-    """Medians over the rounds, by part, and the closed loops' rates relative to raw MuJoCo steps."""
+    """Medians over the rounds, by part, and the rates relative to `raw_mj_step`: MuJoCo alone on models/arm.xml.
+
+    `raw_plant_step` is MuJoCo alone on what the plant compiles of that file: the same motion without what is only seen.
+    """
     ticks = tick_count(DURATION)
     parts: dict[str, Callable[[], float]] = {
-        "raw_mj_step": lambda: _raw(ticks),
+        "raw_mj_step": lambda: _raw(raw_file_ticks(), ticks),
+        "raw_plant_step": lambda: _raw(raw_plant_ticks(), ticks),
         "closed_loop": lambda: _closed_loop(ticks),
         "closed_loop_log": lambda: _closed_loop_log(),
         "closed_loop_recording": lambda: _closed_loop_recording(),
@@ -46,12 +50,13 @@ def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: Non
             between(name)
             seconds[name].append(part())
     middle = {name: median(values) for name, values in seconds.items()}
-    loops = ("raw_mj_step", "closed_loop", "closed_loop_log", "closed_loop_recording")
+    raw = seconds["raw_mj_step"]
+    loops = [name for name in parts if name not in ("twin_rollout", "controller_tick")]
     result: dict[str, dict[str, float]] = {
         name: {
             "ticks_per_second": ticks / middle[name],
             "real_time_factor": DURATION / middle[name],
-            "relative_to_raw": median(a / b for a, b in zip(seconds["raw_mj_step"], seconds[name], strict=True)),
+            "relative_to_raw": median(a / b for a, b in zip(raw, seconds[name], strict=True)),
         }
         for name in loops
     }
@@ -66,8 +71,8 @@ def _timed(work: Callable[[], Any]) -> float:
     return time.perf_counter() - began
 
 
-def _raw(ticks: int) -> float:
-    return _timed(lambda: raw_ticks(ticks))
+def _raw(step: Callable[[int], None], ticks: int) -> float:
+    return _timed(lambda: step(ticks))
 
 
 def _closed_loop(ticks: int) -> float:

@@ -156,7 +156,7 @@ def emulated(case: Case) -> Motion:
     for k in range(1, steps + 1):
         plant.advance(PHYSICS_STEP)
         theta[k] = plant.theta
-    return Motion(np.arange(steps + 1) * PHYSICS_STEP, theta)
+    return Motion(PHYSICS_STEP * np.arange(steps + 1, dtype=np.float64), theta)
 
 
 def predicted(case: Case) -> Motion:
@@ -164,7 +164,7 @@ def predicted(case: Case) -> Motion:
     steps = round(case.duration / PHYSICS_STEP)
     state = np.array([*case.start, 0.0, 0.0, 0.0])
     states = rollout(case.parameters, state, np.zeros((steps, 3)), case.payload, period=PHYSICS_STEP, substeps=1)
-    return Motion(np.arange(steps + 1) * PHYSICS_STEP, states[:, :3])
+    return Motion(PHYSICS_STEP * np.arange(steps + 1, dtype=np.float64), states[:, :3])
 
 
 def _examine(case: Case, emulation: Motion, twin: Motion) -> Outcome:

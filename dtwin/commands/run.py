@@ -76,7 +76,7 @@ class Run:
             except DtwinError as error:
                 failure = error
             log = cell.log.freeze()
-            self._write(log, record)
+            self._write(cell, log, record)
         if failure is not None:
             raise failure
         summary = cell.summary(log)
@@ -105,13 +105,13 @@ class Run:
             blocks=self.blocks,
         )
 
-    def _write(self, log: Log, record: Path | None) -> None:
+    def _write(self, cell: Cell, log: Log, record: Path | None) -> None:
         if self.log is not None:
             log.write_parquet(self.log)
-        if record is not None:
+        if record is not None and len(log):
             from dtwin.view import write_recording  # rerun takes half a second to import
 
-            write_recording(log, self.model, record)
+            write_recording(log, self.model, record, cell.settings.arm)
 
 
 class _Interruption:

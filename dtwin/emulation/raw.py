@@ -1,19 +1,32 @@
-"""MuJoCo alone: the yardstick that the closed loop is measured by."""
+"""MuJoCo alone: the yardsticks that the closed loop is measured by."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
 
-from dtwin.emulation.plant import MODEL_FILE
+from dtwin.emulation.plant import MODEL_FILE, Plant
 from dtwin.parameters import PERIOD
 
 
-def raw_ticks(ticks: int, model_file: Path = MODEL_FILE) -> None:
-    """Steps the MJCF file as it stands for a number of 10 ms ticks, with nothing around it."""
-    model = mujoco.MjModel.from_xml_path(str(model_file))
+def raw_file_ticks(model_file: Path = MODEL_FILE) -> Callable[[int], None]:
+    """A function that steps the MJCF file as it stands for a number of 10 ms ticks, with nothing around it."""
+    return _stepping(mujoco.MjModel.from_xml_path(str(model_file)))
+
+
+def raw_plant_ticks() -> Callable[[int], None]:
+    """The same for the plant's model, which leaves out what does not move."""
+    return _stepping(Plant().model)
+
+
+def _stepping(model: mujoco.MjModel) -> Callable[[int], None]:
     data = mujoco.MjData(model)
     steps = round(PERIOD / model.opt.timestep)
-    for _ in range(ticks):
-        mujoco.mj_step(model, data, steps)
+
+    def step(ticks: int) -> None:
+        for _ in range(ticks):
+            mujoco.mj_step(model, data, steps)
+
+    return step
