@@ -199,7 +199,7 @@ class PythonExpressions:
         return self._infix(operator, a, b)
 
     def _square(self, base: Fragment) -> Fragment:
-        """`x ** 2` is x * x: Lua computes it so, and the C library rounds to the same value."""
+        """`x ** 2` is x * x, as in `fast_power`."""
         name, first = self._once(base)
         return Fragment(f"{first} * {name}", PRODUCT)
 

@@ -65,10 +65,15 @@ def divide(a: float, b: float) -> float:
         return math.copysign(math.inf, a) * math.copysign(1.0, b)
 
 
+def fast_power(a: float, b: float) -> float:
+    """C's pow, except that `x ** 2` is x * x as in Lua; glibc's pow differs in the last bit for one in a thousand."""
+    return a * a if b == 2 else math.pow(a, b)
+
+
 def power(a: float, b: float) -> float:
-    """C's pow."""
+    """The same, with C's infinities and NaN."""
     try:
-        return math.pow(a, b)
+        return fast_power(a, b)
     except OverflowError:
         return -math.inf if a < 0 and b % 2 == 1 else math.inf
     except ValueError:
@@ -250,7 +255,7 @@ def from_bits(value: int, code: str) -> float:
 
 FAST: Final[dict[str, Any]] = {
     "_div": divide,
-    "_pow": math.pow,
+    "_pow": fast_power,
     "_sqrt": math.sqrt,
     "_ln": math.log,
     "_log": math.log10,

@@ -18,7 +18,7 @@ from dtwin.iec61499.st import runtime, typed
 from dtwin.iec61499.st.dataflow import Accesses, accesses
 from dtwin.iec61499.st.fragment import Fragment, bounds, is_integral
 from dtwin.iec61499.st.python_expressions import SUM, PythonExpressions, python_name, where
-from dtwin.iec61499.types import ArrayType, ElementaryType
+from dtwin.iec61499.types import BOOL, ArrayType, ElementaryType
 
 CONDITION_GLOBALS: Final[dict[str, Any]] = {**runtime.COMMON, **runtime.EXACT}
 """What the expressions of `compile_condition` may name beside the instance."""
@@ -178,7 +178,7 @@ class _Generator:
         return [line for statement in body for line in self._statement(statement)]
 
     def _negated(self, condition: typed.Expression) -> str:
-        return self._expressions.text(typed.Unary(condition.at, typed_bool(condition), "NOT", condition))
+        return self._expressions.text(typed.Unary(condition.at, BOOL, "NOT", condition))
 
     def _store(self, node: typed.Store) -> list[str]:
         target = python_name(node.name)
@@ -252,7 +252,7 @@ class _Generator:
 
     def _repeat(self, node: typed.Repeat) -> list[str]:
         condition = self._expressions.text(node.condition)
-        if not _continues(node.body):
+        if not typed.continues(node.body):
             return self._loop(node, [*self._plain(node.body), f"if {condition}: break"])
         # CONTINUE goes on with the condition, which therefore opens every round but the first
         again = self._expressions.temporary()
@@ -262,27 +262,6 @@ class _Generator:
     def _loop(self, node: typed.Statement, body: list[str]) -> list[str]:
         endless = f"{self._expressions.helper('_endless')}({where(node)})"
         return ["for _ in _ticks:", *_indented(body), "else:", _INDENT + endless]
-
-
-def typed_bool(condition: typed.Expression) -> ElementaryType:
-    """The type of a condition."""
-    assert isinstance(condition.type, ElementaryType)
-    return condition.type
-
-
-def _continues(body: typed.Body) -> bool:
-    """Whether a CONTINUE of this loop (not of one inside) is in the body."""
-    for node in body:
-        match node:
-            case typed.Continue():
-                return True
-            case typed.If(branches=branches, otherwise=otherwise):
-                if any(_continues(branch.body) for branch in branches) or _continues(otherwise):
-                    return True
-            case typed.Case(branches=cases, otherwise=otherwise):
-                if any(_continues(case.body) for case in cases) or _continues(otherwise):
-                    return True
-    return False
 
 
 def _matches(selector: str, labels: tuple[tuple[int, int], ...]) -> str:

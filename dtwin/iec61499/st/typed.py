@@ -211,3 +211,18 @@ def walk(node: Any) -> Iterator[Any]:
         yield node
         for field in fields(node):
             yield from walk(getattr(node, field.name))
+
+
+def continues(body: Body) -> bool:
+    """Whether a CONTINUE of the loop with this body (not of a loop inside) is in it."""
+    for node in body:
+        match node:
+            case Continue():
+                return True
+            case If(branches=branches, otherwise=otherwise):
+                if any(continues(branch.body) for branch in branches) or continues(otherwise):
+                    return True
+            case Case(branches=cases, otherwise=otherwise):
+                if any(continues(case.body) for case in cases) or continues(otherwise):
+                    return True
+    return False
