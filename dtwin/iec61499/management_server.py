@@ -17,7 +17,7 @@ from dtwin.iec61499.wire import MessageReader
 log = logging.getLogger(__name__)
 
 CLIENTS: Final = 32
-"""At once; another one takes the place of the one that has been silent longest."""
+"""At once; another one takes the place of one that has made no request yet, else of the one silent longest."""
 
 Handler = Callable[[str, str], str]
 """The response to the resource's name and the request, as XML."""
@@ -37,6 +37,7 @@ class ManagementServer:
         self._reactor = reactor
         self._handle = handle
         self._clients: dict[Connection, MessageReader] = {}
+        self._known: set[Connection] = set()
         self._listener = Listener(reactor, address, self._accepted)
         self.address = self._listener.address
 
@@ -45,22 +46,25 @@ class ManagementServer:
         for connection in self._clients:
             connection.close()
         self._clients.clear()
+        self._known.clear()
 
     def _accepted(self, sock: socket.socket, peer: str) -> None:
         if len(self._clients) >= CLIENTS:
-            next(iter(self._clients)).drop("silent longest of too many management clients")
+            unknown = (client for client in self._clients if client not in self._known)
+            next(unknown, next(iter(self._clients))).drop("silent longest of too many management clients")
         connection = Connection(self._reactor, sock, peer, self._received, self._closed)
         self._clients[connection] = MessageReader(REQUESTS)
 
     def _received(self, connection: Connection, data: bytes) -> None:
-        # who has spoken last stands last
-        reader = self._clients.pop(connection)
-        self._clients[connection] = reader
         try:
-            messages = reader.feed(data)
+            messages = self._clients[connection].feed(data)
         except CommunicationError as error:
             connection.drop(str(error))
             return
+        if messages:
+            # who has spoken last stands last
+            self._known.add(connection)
+            self._clients[connection] = self._clients.pop(connection)
         for resource, request in messages:
             if connection.open:
                 connection.send(self._answer(_text(resource), _text(request)))
@@ -75,6 +79,7 @@ class ManagementServer:
 
     def _closed(self, connection: Connection) -> None:
         del self._clients[connection]
+        self._known.discard(connection)
 
 
 def _text(string: str) -> str:
