@@ -26,6 +26,10 @@ class DivergenceError(DtwinError):
         self.time = time
 
 
+class IdentificationError(DtwinError):
+    """Data are too poor to identify a model from, or an estimate cannot be made."""
+
+
 class UnreachableError(DtwinError, ValueError):
     """A point lies outside the arm's reach."""
 

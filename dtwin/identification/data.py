@@ -1,0 +1,136 @@
+"""What an identification experiment measured: frozen, validated, with a fingerprint."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dtwin.errors import IdentificationError, ParameterError
+from dtwin.parameters import HOME, PERIOD, Triple
+from dtwin.recording import Log
+from dtwin.twin.rollout import PayloadModel, checked_payload
+
+Array = NDArray[np.float64]
+
+_LAST_SAMPLES = 12
+"""at the end of a log that no segment is made of: too short to tell a speed from noise"""
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """The state at the first sample: theta rad, omega rad/s; not known means that the fit estimates all six."""
+
+    theta: Triple = HOME
+    omega: Triple = (0.0, 0.0, 0.0)
+    known: bool = True
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Experiment:
+    """One stretch of samples under known voltages.
+
+    Attributes:
+        measured: (N, 3), joint angles as the encoders say, rad.
+        volts: (N, 3), V; row k is held from sample k to sample k + 1, so the last row moves nothing.
+        payload: (N,) kg, held like the volts; a number stands for all.
+        start: the state at sample 0.
+        period: s, between samples.
+        payload_model: "point" for a gripped box, "weight" for a load whose inertia does not act on the arm.
+        fingerprint: SHA-256 of all of the above.
+
+    Raises:
+        ParameterError: shapes do not agree. IdentificationError: a number is not finite.
+    """
+
+    measured: Array
+    volts: Array
+    payload: Array
+    start: Start = field(default_factory=Start)
+    period: float = PERIOD
+    payload_model: PayloadModel = "point"
+    fingerprint: str = field(init=False)
+
+    def __init__(
+        self,
+        measured: ArrayLike,
+        volts: ArrayLike,
+        payload: ArrayLike = 0.0,
+        start: Start | None = None,
+        period: float = PERIOD,
+        payload_model: PayloadModel = "point",
+    ) -> None:
+        angles = _checked("measured", measured)
+        commands = _checked("volts", volts)
+        if angles.shape != commands.shape:
+            raise ParameterError(
+                f"expected as many measured angles as volts, got {angles.shape} and {commands.shape}"
+            )
+        masses = checked_payload(payload, len(angles))
+        if start is None:
+            first, second, third = angles[0].tolist()
+            start = Start((first, second, third), known=False)
+        for name, value in (
+            ("measured", angles),
+            ("volts", commands),
+            ("payload", masses),
+            ("start", start),
+            ("period", period),
+            ("payload_model", payload_model),
+            ("fingerprint", _fingerprint(angles, commands, masses, (start, period, payload_model))),
+        ):
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.measured)
+
+
+def from_log(log: Log, box_mass: float, segment: float = 1.0) -> tuple[Experiment, ...]:
+    """A log of the running cell as consecutive experiments, each from an initial state to be estimated.
+
+    Open loop, the arm is unstable where it stands upright: a simulation of minutes would depend on its initial state
+    beyond any precision, one of a second does not.
+
+    Args:
+        log: of a run; only what sensors and commands say is used, not its truth.
+        box_mass: kg, taken for every gripped box.
+        segment: s, length of an experiment.
+
+    Raises:
+        IdentificationError: the log is shorter than a segment.
+    """
+    measured, volts = log.stack("measured"), log.stack("volts")[:, :3]
+    payload = np.where(log.columns["box_gripped"], box_mass, 0.0)
+    length = round(segment / PERIOD)
+    if len(measured) < length:
+        raise IdentificationError(f"too few samples: the log has {len(measured)}, expected at least {length}")
+    ends = [min(first + length, len(measured)) for first in range(0, len(measured) - _LAST_SAMPLES, length)]
+    firsts = range(0, len(measured), length)
+
+    return tuple(Experiment(measured[a:b], volts[a:b], payload[a:b]) for a, b in zip(firsts, ends, strict=False))
+
+
+def fingerprint(experiments: Sequence[Experiment]) -> str:
+    """SHA-256 over several experiments, in order."""
+    return hashlib.sha256("".join(e.fingerprint for e in experiments).encode()).hexdigest()
+
+
+def _checked(name: str, values: ArrayLike) -> Array:
+    array = np.array(values, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ParameterError(f"{name}: expected shape (N, 3), got {array.shape}")
+    if not np.isfinite(array).all():
+        sample, joint = np.argwhere(~np.isfinite(array))[0]
+        raise IdentificationError(f"{name} of joint {joint + 1} at sample {sample}: expected a finite number")
+    array.setflags(write=False)
+    return array
+
+
+def _fingerprint(angles: Array, commands: Array, masses: Array, rest: tuple[object, ...]) -> str:
+    digest = hashlib.sha256(repr(rest).encode())
+    for array in (angles, commands, masses):
+        digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,88 @@
+"""Reasons to refuse data before a fit: it would return numbers, and they would be wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from dtwin.errors import IdentificationError
+from dtwin.identification.data import Array, Experiment
+from dtwin.parameters import VOLTAGE_LIMIT
+
+MIN_SAMPLES_PER_UNKNOWN: Final = 4
+"""measured angles for every unknown"""
+SATURATED_SHARE: Final = 0.5
+"""of the samples of a motor beyond its limit"""
+MOTION_OVER_NOISE: Final = 5.0
+"""standard deviation of a joint's angle over that of its noise"""
+STILL: Final = 1e-3
+"""rad, standard deviation of an angle below which the joint stood still"""
+FASTEST: Final = 1.0
+"""rad a sample at 10 ms: 100 rad/s, ten times what the motors can do"""
+
+
+def check(experiments: Sequence[Experiment], unknowns: int) -> None:
+    """Refuses data no model should be made of.
+
+    Args:
+        experiments: to be fitted together.
+        unknowns: to be estimated from them.
+
+    Raises:
+        IdentificationError: too few samples, no motion, saturated, or diverged; the message says what to do.
+    """
+    angles = 3 * sum(len(experiment) for experiment in experiments)
+    if angles < MIN_SAMPLES_PER_UNKNOWN * unknowns:
+        needed = -(-MIN_SAMPLES_PER_UNKNOWN * unknowns // 3)
+        raise IdentificationError(
+            f"too few samples: {angles // 3} for {unknowns} unknowns, expected at least {needed}; record longer"
+        )
+    for experiment in experiments:
+        _check_range(experiment)
+    volts = np.concatenate([experiment.volts for experiment in experiments])
+    _check_saturation(volts)
+    _check_motion([experiment.measured for experiment in experiments])
+
+
+def noise(measured: Array) -> Array:
+    """(3,): standard deviation of the encoders' noise, rad, from third differences, which remove smooth motion."""
+    if len(measured) < 5:
+        return np.zeros(3)
+    differences = np.diff(measured, n=3, axis=0)
+    # Variance of the third difference of white noise is 1 + 9 + 9 + 1 times that of the noise.
+    result: Array = np.sqrt(np.mean(differences**2, axis=0) / 20.0)
+    return result
+
+
+def _check_range(experiment: Experiment) -> None:
+    jumps = np.abs(np.diff(experiment.measured, axis=0))
+    if jumps.size and jumps.max() > FASTEST * experiment.period / 0.01:
+        sample, joint = np.unravel_index(jumps.argmax(), jumps.shape)
+        raise IdentificationError(
+            f"the measurement diverged: joint {joint + 1} jumps by {jumps.max():.3g} rad from sample {sample}"
+            f" to {sample + 1}, expected at most {FASTEST:g} rad"
+        )
+
+
+def _check_saturation(volts: Array) -> None:
+    share = np.mean(np.abs(volts) > VOLTAGE_LIMIT, axis=0)
+    if share.max() > SATURATED_SHARE:
+        motor = int(share.argmax())
+        raise IdentificationError(
+            f"motor {motor + 1} was saturated in {100 * share[motor]:.0f} % of the samples, expected at most"
+            f" {100 * SATURATED_SHARE:.0f} %; lower the amplitude (limit {VOLTAGE_LIMIT:g} V)"
+        )
+
+
+def _check_motion(measured: Sequence[Array]) -> None:
+    moved = np.sqrt(np.mean(np.concatenate([(block - block.mean(axis=0)) ** 2 for block in measured]), axis=0))
+    noises = np.sqrt(np.mean([noise(block) ** 2 for block in measured], axis=0))
+    needed = np.maximum(STILL, MOTION_OVER_NOISE * noises)
+    if np.any(moved < needed):
+        joint = int(np.argmin(moved / needed))
+        raise IdentificationError(
+            f"no motion to identify from: joint {joint + 1} moved by {moved[joint]:.2g} rad (standard deviation) with"
+            f" noise of {noises[joint]:.2g} rad, expected at least {needed[joint]:.2g} rad; excite it more"
+        )
