@@ -118,10 +118,10 @@ class Port:
         instance.extend__(getattr(instance, self._answer))
 
     def confirm_open(self) -> None:
-        """The channel is usable: INITO with QO = TRUE."""
+        """The channel is usable: INITO with QO = TRUE; nothing if it has been closed meanwhile."""
         if self._channel is not None:
             self._instance.send__ = self._channel.send
-        self._report("OK", "to__INITO")
+            self._report("OK", "to__INITO")
 
     def refuse_open(self) -> None:
         """The channel will not become usable: INITO with QO = FALSE, as for an invalid ID."""
