@@ -102,6 +102,7 @@ class Cell:
             model_file=settings.model_file,
             step=settings.step,
         )
+        self.emulation.check_period(PERIOD)
         self.log = RunLog(_metadata(settings))
         self._wall = 0.0
 

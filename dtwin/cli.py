@@ -33,6 +33,9 @@ class Entry:
 COMMANDS: Final[dict[str, Entry]] = {
     "run": Entry("dtwin.commands.run", "Run", "run the cell: arm, boxes and function blocks; record and summarise"),
     "validate": Entry("dtwin.commands.validate", "Validate", "hold the emulation against the analytic twin"),
+    "fb run": Entry("dtwin.commands.fb", "FbRun", "serve function blocks as a device that management can build on"),
+    "fb watch": Entry("dtwin.commands.fb", "FbWatch", "read values of a running device"),
+    "fb stop": Entry("dtwin.commands.fb", "FbStop", "stop what runs on a device"),
     "bench": Entry("dtwin.commands.bench", "Bench", "measure the speed of the parts on this machine"),
 }
 
@@ -101,11 +104,12 @@ def parse_options(options: Callable[..., Any], prog: str, arguments: Sequence[st
 
 def _one_line(box: str, prog: str) -> str:
     """The parser's boxed complaint as one line: what is wrong, the nearest options, where to read more."""
-    body = " ".join(line.strip("│ ") for line in box.splitlines()[1:])
-    complaint, _, rest = body.partition("──")
-    nearest = re.findall(r"--[a-z][a-z-]*", rest) if "Perhaps you meant" in rest else []
-    hint = f"; perhaps you meant {choices(dict.fromkeys(n for n in nearest if n != '--help'))}" if nearest else ""
-    return f"{complaint.strip()}{hint} (see {prog} --help)"
+    sections = re.split(r"[─-]{3,}", " ".join(line.strip("│|╭╮╰╯+ ") for line in box.splitlines()[1:]))
+    complaint, *rest = [section.strip() for section in sections if section.strip()]
+    suggestion = next((section for section in rest if "Perhaps you meant" in section), "")
+    nearest = dict.fromkeys(re.findall(r"--[a-z][a-z-]*", suggestion))
+    hint = f"; perhaps you meant {choices(nearest)}" if nearest else ""
+    return f"{complaint}{hint} (see {prog} --help)"
 
 
 def _overview() -> str:

@@ -10,7 +10,6 @@ from pathlib import Path
 import msgspec
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from dtwin.cell import Cell, CellSettings, Summary
 from dtwin.control import BLOCKS, ControlSettings, Law
@@ -149,23 +148,19 @@ def _progress(cell: Cell, quiet: bool) -> Progress:
 
 def _print(summary: Summary, record: Path | None, log: Path | None) -> None:
     boxes, errors = summary.boxes, summary.placement_error_mm
-    table = Table.grid(padding=(0, 2))
-    table.add_row(
-        "plant time",
-        f"{summary.duration:g} s in {summary.wall_seconds:.2f} s ({summary.real_time_factor:.0f} x real time)",
-    )
-    table.add_row(
-        "boxes",
-        f"{boxes.arrived} arrived, {boxes.picked} picked, {boxes.delivered} delivered, {boxes.misplaced} misplaced,"
-        f" {boxes.held_at_end} held at the end, {boxes.dropped_arrivals} turned away",
-    )
-    table.add_row("placement error", f"{errors.max:.2f} mm at most, {errors.mean:.2f} mm on average")
     worst = ", ".join(f"{value:.4f}" for value in summary.tracking_error_rad.max)
-    table.add_row("tracking error", f"({worst}) rad at most, joints 1 to 3")
-    table.add_row("saturated ticks", str(summary.saturated_ticks))
-    console = Console()
-    console.print(table)
+    lines = {
+        "plant time": f"{summary.duration:g} s in {summary.wall_seconds:.2f} s,"
+        f" {summary.real_time_factor:.0f} x real time",
+        "boxes": f"{boxes.arrived} arrived, {boxes.picked} picked, {boxes.delivered} delivered,"
+        f" {boxes.misplaced} misplaced, {boxes.held_at_end} held at the end, {boxes.dropped_arrivals} turned away",
+        "placement error": f"{errors.max:.2f} mm at most, {errors.mean:.2f} mm on average",
+        "tracking error": f"{worst} rad at most, joints 1 to 3",
+        "saturated ticks": str(summary.saturated_ticks),
+    }
     if log is not None:
-        console.print(f"log        {log}")
+        lines["log"] = str(log)
     if record is not None:
-        console.print(f"recording  {record}: look at it with `rerun {record}`")
+        lines["recording"] = f"{record}: look at it with `rerun {record}`"
+    for name, text in lines.items():
+        print(f"{name:<16}  {text}")

@@ -79,6 +79,14 @@ class Emulation:
         """What became of the boxes so far."""
         return self._boxes.score
 
+    def check_period(self, period: float) -> None:
+        """Checks that the cell can be advanced by a period, s.
+
+        Raises:
+            ParameterError: it is not a whole multiple of the integration step.
+        """
+        self._plant.whole_steps(period)
+
     def read(self) -> Sensors:
         """What the encoders and the box sensor say now."""
         return self._sensors

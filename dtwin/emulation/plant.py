@@ -164,7 +164,7 @@ class Plant:
             DivergenceError: the state left the finite numbers.
         """
         if period != self._period:
-            self._period_steps = self._whole_steps(period)
+            self._period_steps = self.whole_steps(period)
             self._period = period
         if self._rubs:
             with self._friction():
@@ -181,6 +181,15 @@ class Plant:
         if not self._closed <= gripper <= self._opened:
             self._qpos[_GRIPPER] = self.angles[3] = self._closed if gripper < self._closed else self._opened
             self._qvel[_GRIPPER] = self._speeds[3] = 0.0
+
+    def whole_steps(self, period: float) -> int:
+        """Number of integration steps in a period, s. Raises ParameterError if it is not a whole number."""
+        steps = round(period / self._step) if math.isfinite(period) else 0
+        if steps < 1 or not math.isclose(steps * self._step, period, rel_tol=1e-9):
+            raise ParameterError(
+                f"period {period} s: expected a whole multiple, at least 1, of the integration step {self._step} s"
+            )
+        return steps
 
     @property
     def time(self) -> float:
@@ -246,14 +255,6 @@ class Plant:
     def _read(self) -> None:
         self.angles: list[float] = self._qpos.tolist()
         self._speeds: list[float] = self._qvel.tolist()
-
-    def _whole_steps(self, period: float) -> int:
-        steps = round(period / self._step) if math.isfinite(period) else 0
-        if steps < 1 or not math.isclose(steps * self._step, period, rel_tol=1e-9):
-            raise ParameterError(
-                f"period {period} s: expected a whole multiple, at least 1, of the integration step {self._step} s"
-            )
-        return steps
 
 
 def _compile(file: Path) -> mujoco.MjModel:
