@@ -37,18 +37,27 @@ def parse_address(text: str, scheme: str = "") -> Address:
     return Address(LOOPBACK if host in ("", "localhost") else host, int(port))
 
 
-def parse_block_id(text: str) -> Address:
-    """Reads the ID input of a communication block: `HOST:PORT`, or the same as `fbdk[].ip[HOST:PORT]`.
-
-    Only numeric hosts and `localhost` are taken, as in 4diac FORTE: looking up a name would stop the event loop.
+def parse_numeric_address(text: str) -> Address:
+    """Reads `HOST:PORT` with an IPv4 host in figures, or `localhost`.
 
     Raises:
         CommunicationError: the text has another form.
     """
-    layered = _LAYERED.fullmatch(text)
-    address = parse_address(layered[1] if layered else text)
+    address = parse_address(text)
     try:
         ipaddress.IPv4Address(address.host)
     except ValueError:
         raise CommunicationError(f"address {text!r}: expected localhost or a numeric IPv4 host") from None
     return address
+
+
+def parse_block_id(text: str) -> Address:
+    """Reads the ID input of a communication block: `HOST:PORT`, or the same as `fbdk[].ip[HOST:PORT]`.
+
+    Names are not looked up, as in 4diac FORTE: that would stop the event loop.
+
+    Raises:
+        CommunicationError: the text has another form.
+    """
+    layered = _LAYERED.fullmatch(text)
+    return parse_numeric_address(layered[1] if layered else text)

@@ -6,10 +6,12 @@ this machine. PUBL_n, SUBL_n and IDs such as `loc[NAME]` meet in process.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from dtwin.errors import CommunicationError
 from dtwin.iec61499.address import LOOPBACK, Address, parse_block_id
 from dtwin.iec61499.communication import Channel, Port
 from dtwin.iec61499.local import LocalTransport
@@ -18,11 +20,13 @@ from dtwin.iec61499.tcp import Client, Server
 from dtwin.iec61499.udp import Publisher, Subscriber
 from dtwin.iec61499.wire import Message, Signature
 
+log = logging.getLogger(__name__)
+
 Perform = Callable[[Callable[[], None]], None]
 
 
 class NetworkTransport:
-    """Opens channels on a reactor.
+    """Opens channels on a reactor; says in the log why it cannot, for a block's STATUS has no room for that.
 
     Args:
         reactor: that serves the sockets.
@@ -47,8 +51,13 @@ class NetworkTransport:
         Raises:
             CommunicationError: the ID is no address, the port is taken, or a type cannot be sent.
         """
-        if port.id.startswith("loc["):
-            return self._local.open(port)
+        try:
+            return self._local.open(port) if port.id.startswith("loc[") else self._open(port)
+        except CommunicationError as error:
+            log.warning("%s: %s", port.name, error)
+            raise
+
+    def _open(self, port: Port) -> Channel:
         address = parse_block_id(port.id)
         sends, receives = Signature(port.sends), Signature(port.receives)
         perform = self._perform
