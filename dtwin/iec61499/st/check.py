@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Set
+from typing import Final
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import types
 from dtwin.iec61499.st import ast, typed
 from dtwin.iec61499.st.expressions import ExpressionChecker, fail
 from dtwin.iec61499.types import BOOL, ArrayType, DataType, ElementaryType
+
+_MAXIMUM_DEPTH: Final = 60
+_MAXIMUM_LOOPS: Final = 15
+"""Python nests 20 blocks at most."""
 
 
 def check_algorithm(
@@ -46,6 +51,7 @@ class _AlgorithmChecker:
     def __init__(self, scope: Mapping[str, DataType], writable: Set[str]) -> None:
         self._expressions = ExpressionChecker(scope)
         self._writable = set(writable)
+        self._depth = 0
         self._loops = 0
         self._counters: dict[str, ast.Position] = {}
         self.temporaries: dict[str, DataType] = {}
@@ -92,7 +98,12 @@ class _AlgorithmChecker:
         return typed.Const(declaration.at, data_type, data_type.wrap(values))
 
     def body(self, statements: tuple[ast.Statement, ...]) -> typed.Body:
-        return tuple(self._statement(statement) for statement in statements)
+        self._depth += 1
+        if statements and self._depth > _MAXIMUM_DEPTH:
+            fail(statements[0].at, f"statements are nested deeper than {_MAXIMUM_DEPTH} levels")
+        checked = tuple(self._statement(statement) for statement in statements)
+        self._depth -= 1
+        return checked
 
     def _statement(self, node: ast.Statement) -> typed.Statement:
         match node:
@@ -183,6 +194,8 @@ class _AlgorithmChecker:
 
     def _loop(self, statements: tuple[ast.Statement, ...]) -> typed.Body:
         self._loops += 1
+        if statements and self._loops > _MAXIMUM_LOOPS:
+            fail(statements[0].at, f"loops are nested deeper than {_MAXIMUM_LOOPS} levels")
         body = self.body(statements)
         self._loops -= 1
         return body

@@ -127,8 +127,8 @@ class ExpressionChecker:
                 fail(at, f"{operator} needs a number or TIME, got {operand.type}")
             if operator == "+":
                 return operand
-            if isinstance(operand, typed.Const) and operand.untyped:
-                return typed.Const(at, operand.type, -operand.value, untyped=True)
+            if isinstance(operand, typed.Const) and (operand.untyped or self._elementary(operand).kind == "real"):
+                return typed.Const(at, operand.type, -operand.value, operand.untyped)
         return typed.Unary(at, self._elementary(operand), operator, operand)
 
     def _binary(
@@ -154,6 +154,18 @@ class ExpressionChecker:
             self._demand(left, "ANY_INT", operator)
         elif not (common.kind == "time" and operator in "+-"):
             self._demand(left, "ANY_NUM", operator)
+            if common.kind == "real" and isinstance(left, typed.Const) and isinstance(right, typed.Const):
+                return self._fold_reals(at, common, operator, left, right)
+        return typed.Binary(at, common, operator, left, right)
+
+    def _fold_reals(
+        self, at: ast.Position, common: ElementaryType, operator: str, left: typed.Const, right: typed.Const
+    ) -> typed.Expression:
+        """The constant, or the operation when its result is not finite."""
+        if operator != "/" or right.value != 0:
+            value = common.wrap(_FOLDABLE[operator](left.value, right.value))
+            if math.isfinite(value):
+                return typed.Const(at, common, value)
         return typed.Binary(at, common, operator, left, right)
 
     def _power(

@@ -83,7 +83,7 @@ class LuaExpressions:
             case typed.Unary(operator="-", operand=operand):
                 inner = self.raw(operand)
                 # two signs in a row would start a comment
-                return Fragment(f"-{inner.at_least(ATOM)}", UNARY, -inner.high, -inner.low)
+                return self._folded(Fragment(f"-{inner.at_least(ATOM)}", UNARY, -inner.high, -inner.low), node.type)
             case typed.Unary(type=data_type, operand=operand):
                 inner = self.value(operand)
                 if data_type.kind == "bool":
@@ -158,7 +158,13 @@ class LuaExpressions:
         low, high = combine(operator, a, b)
         if max(abs(low), abs(high)) > _EXACT:
             return Fragment(self.call("_mul", a.text, b.text), ATOM, 0, (1 << 32) - 1)
-        return self._infix(operator, a, b, low, high)
+        return self._folded(self._infix(operator, a, b, low, high), data_type)
+
+    def _folded(self, fragment: Fragment, data_type: ElementaryType) -> Fragment:
+        """An integral fragment with one possible value becomes it: Lua 5.1 would fold 0 * -1 to a negative zero."""
+        if not is_integral(data_type) or fragment.low != fragment.high:
+            return fragment
+        return self._constant(data_type, fragment.low)
 
     def _infix(self, operator: str, a: Fragment, b: Fragment, low: int = 0, high: int = 0) -> Fragment:
         symbol, level = _OPERATORS[operator]

@@ -181,8 +181,8 @@ _HELPERS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
     "_string_to_real": (
         "local function _string_to_real(s)\n"
         'for _, m in ipairs({"%d+%.?%d*[eE][+-]?%d+", "%d+%.?%d*", "%.%d+[eE][+-]?%d+", "%.%d+"}) do\n'
-        'local n = string.match(s, "^%s*([+-]?" .. m .. ")")\n'
-        "if n then return tonumber(n) + 0.0 end\n"
+        'local sign, n = string.match(s, "^%s*([+-]?)(" .. m .. ")")\n'
+        'if n then return tonumber(n) * (sign == "-" and -1.0 or 1.0) end\n'
         "end\n"
         "return 0.0\n"
         "end",

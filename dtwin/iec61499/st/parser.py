@@ -46,9 +46,9 @@ _OPERATORS: Final = {"OR", "XOR", "AND", "MOD", "EQUALITY", "COMPARISON", "SIGN"
 
 @cache
 def lark_parser() -> Lark:
-    """The LALR(1) parser, built on first use."""
+    """The LALR(1) parser, built on first use. With the basic lexer keywords are reserved everywhere."""
     grammar = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
-    return Lark(grammar, parser="lalr", start=["algorithm", "expression"], propagate_positions=True)
+    return Lark(grammar, parser="lalr", lexer="basic", start=["algorithm", "expression"], propagate_positions=True)
 
 
 @cache
@@ -76,6 +76,8 @@ def _parse(text: str, start: str, origin: ast.Position) -> Any:
         return TreeBuilder(origin).transform(lark_parser().parse(text, start=start))
     except UnexpectedInput as error:
         raise _syntax_error(error, text, origin) from None
+    except RecursionError:
+        raise FunctionBlockError("nested too deeply", *origin) from None
 
 
 def _syntax_error(error: UnexpectedInput, text: str, origin: ast.Position) -> FunctionBlockError:
@@ -96,7 +98,7 @@ def _describe(terminals: set[str]) -> str:
         # every expression can start in ten ways; one word for all of them
         terminals = terminals - _VALUE_STARTERS - _FUNCTION_KEYWORDS - {"NAME", "SIGN"}
         names = ["an expression"]
-    elif {"COMPARISON", "SIGN", "POWER"} <= terminals:
+    elif "OR" in terminals:
         terminals = terminals - _OPERATORS
         names = ["an operator"]
     else:

@@ -94,7 +94,12 @@ def compile_algorithm(checked: typed.CheckedAlgorithm, name: str) -> Callable[[A
 
 def compile_condition(checked: typed.Expression, self_name: str = "s") -> str:
     """A Python expression over `s.NAME` and CONDITION_GLOBALS with the results of C."""
-    return PythonExpressions(lambda name: f"{self_name}.{python_name(name)}", exact=True).text(checked)
+    text = PythonExpressions(lambda name: f"{self_name}.{python_name(name)}", exact=True).text(checked)
+    try:
+        compile(text, "<condition>", "eval")
+    except (SyntaxError, RecursionError, MemoryError):
+        raise FunctionBlockError("condition is nested too deeply: split it", *checked.at) from None
+    return text
 
 
 def _select(used: Iterable[str], functions: dict[str, Any]) -> dict[str, Any]:
