@@ -9,7 +9,7 @@ ROOT = Path(__file__).resolve().parent.parent
 LAYERS = [
     {"dtwin.errors"},
     {"dtwin.parameters"},
-    {"dtwin.signals"},
+    {"dtwin.signals", "dtwin.messages"},
     {"dtwin.recording", "dtwin.bus"},
     {"dtwin.view"},
     {"dtwin.emulation", "dtwin.twin", "dtwin.iec61499"},
