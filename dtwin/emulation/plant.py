@@ -19,7 +19,7 @@ from typing import Final
 import mujoco
 
 from dtwin.errors import DivergenceError, ModelError, ParameterError, choices
-from dtwin.parameters import COULOMB_WIDTH, PHYSICS_STEP, ROOT, ArmParameters, GripperParameters, Triple
+from dtwin.parameters import COULOMB_WIDTH, GRAVITY, PHYSICS_STEP, ROOT, ArmParameters, GripperParameters, Triple
 from dtwin.signals import Quad
 
 MODEL_FILE: Final = ROOT / "models" / "arm.xml"
@@ -30,6 +30,7 @@ SENSORS: Final = ("theta_1", "theta_2", "theta_3", "omega_1", "omega_2", "omega_
 SITES: Final = ("tip", "pickup", "blue", "red", "green")
 
 _GRIPPER: Final = 3
+_UP: Final = 2
 _SUM_LIMIT: Final = 1e6
 """rad and rad/s: a state whose values sum to more has diverged, long before the numbers overflow"""
 _COMMAND_LIMIT: Final = 1e9
@@ -123,6 +124,15 @@ class Plant:
         self.model.body_mass[self._tip] = mass
         self.payload = mass
         mujoco.mj_setConst(self.model, self._scratch)
+
+    def set_weight(self, mass: float) -> None:
+        """Hangs a load (kg) on the tip whose weight acts on the arm and whose inertia does not, until the next `reset`.
+
+        Such as a constant-force spring; `set_payload` is a box.
+        """
+        if not (math.isfinite(mass) and mass >= 0):
+            raise ParameterError(f"weight: expected a finite mass of at least 0 kg, got {mass}")
+        self.data.xfrc_applied[self._tip, _UP] = -GRAVITY * mass
 
     def set_locked(self, joints: Collection[int]) -> None:
         """Holds the given joints (1 to 3) where they are and frees the others."""

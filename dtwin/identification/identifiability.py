@@ -82,7 +82,7 @@ def parameter_sensitivity(problem: Problem, x: Array) -> Array:
     matrix = replace(problem, priors={}).sensitivity(x, [np.ones(3)] * len(problem.experiments))
     free = len(problem.free)
     offsets = matrix.shape[1] - free
-    triangle: Array = np.linalg.qr(np.hstack((matrix[:, free:], matrix[:, :free])), mode="r")
+    triangle = np.asarray(np.linalg.qr(np.hstack((matrix[:, free:], matrix[:, :free])), mode="r"))
     reduced = triangle[offsets:, offsets:]
     # Of a column that vanishes, only rounding is left: it is not to be blown up to a unit column.
     norms = np.linalg.norm(matrix[:, :free], axis=0)

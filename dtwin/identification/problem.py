@@ -228,7 +228,7 @@ class Problem:
             )
             own = weighted[:, shared:]
             own = own[:, np.any(own != 0, axis=0)]
-            triangle: Array = np.linalg.qr(np.hstack((own, weighted[:, :shared])), mode="r")
+            triangle = np.asarray(np.linalg.qr(np.hstack((own, weighted[:, :shared])), mode="r"))
             blocks.append(triangle[own.shape[1] :, own.shape[1] :])
         return np.vstack(blocks)
 

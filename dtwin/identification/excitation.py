@@ -1,0 +1,91 @@
+"""The plan of an experiment and its 3-2-1-1 signal: +1 for three units of time, -1 for two, +1 for one, -1 for one, over and over.
+
+It is what the function block SYS_IDENT_3211SIG plays; here it is written down a second time to predict what an
+experiment will tell before it is made.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from dtwin.errors import ParameterError
+from dtwin.identification.data import Array, Experiment, Start
+from dtwin.parameters import HOME, PERIOD, VOLTAGE_LIMIT, Triple
+from dtwin.twin.rollout import PayloadModel
+
+Ticks = tuple[int, int, int]
+
+SAMPLES: Final = 350
+"""of a standard experiment: 3.5 s"""
+_PATTERN: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Excitation:
+    """A 3-2-1-1 signal a joint.
+
+    Attributes:
+        amplitude: V; a negative one starts downwards.
+        unit: length of one unit, ticks.
+        delay: ticks at 0 V before the signal starts, which sets the phases between joints.
+
+    Raises:
+        ParameterError: an amplitude is beyond the motors' limit, a unit below 1 or a delay below 0.
+    """
+
+    amplitude: Triple = (6.0, 4.0, 3.0)
+    unit: Ticks = (5, 5, 5)
+    delay: Ticks = (0, 0, 0)
+
+    def __post_init__(self) -> None:
+        for joint, volts in enumerate(self.amplitude, 1):
+            if not (math.isfinite(volts) and abs(volts) <= VOLTAGE_LIMIT):
+                raise ParameterError(f"amplitude of joint {joint}: expected at most {VOLTAGE_LIMIT:g} V, got {volts}")
+        if min(self.unit) < 1:
+            raise ParameterError(f"unit: expected at least 1 tick, got {min(self.unit)}")
+        if min(self.delay) < 0:
+            raise ParameterError(f"delay: expected at least 0 ticks, got {min(self.delay)}")
+
+    def volts(self, samples: int = SAMPLES) -> Array:
+        """(samples, 3), V."""
+        ticks = np.arange(samples)[:, None] - np.array(self.delay)
+        phase = np.floor_divide(ticks, self.unit) % len(_PATTERN)
+        result: Array = np.where(ticks >= 0, np.array(self.amplitude) * _PATTERN[phase], 0.0)
+        return result
+
+
+PLAIN: Final = Excitation()
+"""the standard signal, the same unit for all joints"""
+HELD_OUT: Final = Excitation(amplitude=(-5.0, 4.0, -3.0), unit=(8, 6, 7))
+"""another signal, to judge a model by motion it was not fitted to"""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """An experiment to be made.
+
+    Attributes:
+        signal: what moves the arm.
+        payload: known load at the tip, kg.
+        payload_model: "weight", a load whose inertia does not act on the arm, or "point", a gripped box.
+        start: angles at the start, rad, and whether the estimation is told them.
+        samples: number of them, at 10 ms.
+    """
+
+    signal: Excitation = PLAIN
+    payload: float = 0.2
+    payload_model: PayloadModel = "weight"
+    start: Start = field(default_factory=lambda: Start(HOME))
+    samples: int = SAMPLES
+
+    def experiment(self, measured: Array | None = None) -> Experiment:
+        """The experiment with what was measured; without, to predict what it would tell."""
+        volts = self.signal.volts(self.samples)
+        if measured is None:
+            measured = np.tile(self.start.theta, (self.samples, 1))
+        start = self.start if self.start.known else None
+        return Experiment(measured, volts, self.payload, start, PERIOD, self.payload_model)
