@@ -9,14 +9,23 @@ ROOT = Path(__file__).resolve().parent.parent
 LAYERS = [
     {"dtwin.errors"},
     {"dtwin.parameters"},
-    {"dtwin.signals", "dtwin.messages"},
+    {"dtwin.signals"},
+    {"dtwin.messages"},
     {"dtwin.recording", "dtwin.bus"},
     {"dtwin.view"},
     {"dtwin.emulation", "dtwin.twin", "dtwin.iec61499"},
     {"dtwin.control"},
     {"dtwin.loop"},
     {"dtwin.cell", "dtwin.remote"},
-    {"dtwin.validation", "dtwin.benchmark", "dtwin.identification", "dtwin.monitoring", "dtwin.simulation"},
+    {
+        "dtwin.validation",
+        "dtwin.benchmark",
+        "dtwin.live",
+        "dtwin.supervisor",
+        "dtwin.identification",
+        "dtwin.monitoring",
+        "dtwin.simulation",
+    },
     {"services", "dtwin.commands", "dtwin.cli", "dtwin.__main__"},
 ]
 OWNERS = {"mujoco": "dtwin.emulation", "zenoh": "dtwin.bus", "rerun": "dtwin.view", "rerun_loader_mjcf": "dtwin.view"}
