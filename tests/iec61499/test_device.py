@@ -30,7 +30,7 @@ from dtwin.iec61499.management_server import CLIENTS, ManagementServer
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.reactor import Reactor
 from dtwin.iec61499.runtime import Resource
-from dtwin.iec61499.types import LREAL
+from dtwin.iec61499.types import BOOL, LREAL
 from dtwin.iec61499.wire import Signature
 from dtwin.parameters import ROOT
 from dtwin.remote import SENSORS, VOLTAGES
@@ -195,28 +195,14 @@ def replay(client: ManagementClient) -> None:
     assert client.request("", "CREATE", Type("NOPE", "no Lua")).reason in ("UNSUPPORTED_TYPE", "INVALID_OPERATION")
 
 
-def test_reasons_are_those_of_a_forte(served: Served) -> None:
-    with served.client() as client:
-        replay(client)
-
-
 FORTE = os.environ.get("FORTE", "")
+NEEDS_FORTE = pytest.mark.skipif(not FORTE, reason="set FORTE to the path of a 4diac FORTE binary to run this")
 
 
-@pytest.mark.skipif(not FORTE, reason="set FORTE to the path of a 4diac FORTE binary to run this")
-def test_reasons_of_a_real_forte(tmp_path: Path) -> None:
+def free_address() -> Address:
     with socket.socket() as probe:
         probe.bind(ANY_PORT)
-        address = Address(*probe.getsockname())
-    process = subprocess.Popen(
-        [FORTE, "-c", f"localhost:{address.port}"], stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT, cwd=tmp_path
-    )
-    try:
-        with started(address) as client:
-            replay(client)
-    finally:
-        process.kill()
-        process.wait(PATIENCE)
+        return Address(*probe.getsockname())
 
 
 def started(address: Address) -> ManagementClient:
@@ -226,6 +212,57 @@ def started(address: Address) -> ManagementClient:
             return ManagementClient(address, PATIENCE)
         except CommunicationError:
             assert time.monotonic() < deadline
+
+
+@pytest.fixture(params=["embedded", pytest.param("forte", marks=NEEDS_FORTE)])
+def either(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ManagementClient]:
+    """A management session with the embedded device, then with a 4diac FORTE."""
+    if request.param == "embedded":
+        with request.getfixturevalue("served").client() as client:
+            yield client
+        return
+    address = free_address()
+    with (tmp_path / "forte.log").open("w") as log:
+        command = [FORTE, "-c", f"localhost:{address.port}"]
+        process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, cwd=tmp_path)
+        try:
+            with started(address) as client:
+                yield client
+        finally:
+            # a FORTE that has killed a resource no longer ends on SIGTERM
+            process.kill()
+            process.wait(PATIENCE)
+
+
+def test_both_devices_give_the_same_reasons(either: ManagementClient) -> None:
+    replay(either)
+
+
+def test_both_devices_serve_the_same_wire(either: ManagementClient) -> None:
+    address = free_address()
+    build(
+        either,
+        "R",
+        f"""
+        S SERVER_1_1 QI=1 ID={address}
+        F E_D_FF
+        START.COLD -> S.INIT
+        S.IND -> F.CLK
+        F.EO -> S.RSP
+        S.RD_1 -> F.D
+        F.Q -> S.SD_1
+        """,
+    )
+    either.start("R")
+    wait_for(either, "R", "S.STATUS", lambda status: status == "OK")
+    boolean = Signature([BOOL])
+    with BlockingClient(address, boolean, boolean, PATIENCE) as peer:
+        for k in range(100):
+            assert peer.exchange([k % 2 == 0]) == (k % 2 == 0,)
+        with socket.create_connection(address, PATIENCE) as second:
+            drain(second)
+        assert peer.exchange([True]) == (True,)
+    assert either.read("R", "F.Q") == "TRUE"
 
 
 def test_an_application_built_over_management_serves(served: Served) -> None:
@@ -300,10 +337,8 @@ def test_cycles_run_on_the_clock(served: Served) -> None:
 
 
 def test_blocks_of_two_resources_meet_in_process_and_over_udp(served: Served) -> None:
-    with served.client() as client, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(ANY_PORT)
-        address = f"127.0.0.1:{probe.getsockname()[1]}"
-        probe.close()
+    address = free_address()
+    with served.client() as client:
         build(
             client,
             "RECEIVER",
