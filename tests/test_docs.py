@@ -1,0 +1,71 @@
+"""The pages say what the code does."""
+
+import re
+import shlex
+
+import pytest
+
+from dtwin.cli import COMMANDS, main
+from dtwin.emulation.faults import TARGETS, parse_fault
+from dtwin.parameters import PICKUP, PLACES, ROOT, ArmParameters
+from dtwin.recording import COLUMNS
+
+README = (ROOT / "README.md").read_text()
+MODEL = (ROOT / "docs" / "model.md").read_text()
+
+
+def table_row(page: str, *first_cells: str) -> list[str]:
+    """The cells of the table row that begins with the given ones."""
+    for line in page.splitlines():
+        cells = [cell.strip() for cell in line.strip("| ").split(" | ")]
+        if cells[: len(first_cells)] == list(first_cells):
+            return cells[len(first_cells) :]
+    raise AssertionError(f"no row {first_cells}")
+
+
+def test_data_sheet() -> None:
+    arm = ArmParameters()
+    names = {re.sub(r".*\| (\w+) \|.*", r"\1", line) for line in MODEL.splitlines() if line.count("|") == 7}
+    assert {"K", "m", "I", "l", "c", "D", "mu"} <= names
+    for line in MODEL.splitlines():
+        cells = [cell.strip() for cell in line.strip("| ").split("|")]
+        if len(cells) == 6 and cells[1] in ("K", "m", "I", "l", "c", "D", "mu"):
+            assert [float(value) for value in cells[2:5]] == [
+                pytest.approx(arm.get(f"{cells[1]}{joint}"), rel=1e-8) for joint in (1, 2, 3)
+            ]
+
+
+def test_places() -> None:
+    for name, place in {"pickup": PICKUP, **PLACES}.items():
+        assert [float(cell) for cell in table_row(MODEL, name)] == [place.x, place.y, *place.theta]
+
+
+def test_faults_and_columns_are_listed() -> None:
+    for target in TARGETS:
+        assert target.rstrip("123") in MODEL
+    for column in COLUMNS:
+        stem = re.sub(r"_\d$", "", column)
+        assert re.search(rf"\b{stem}(_1\.\.\d)?\b", MODEL), column
+
+
+def commands() -> list[list[str]]:
+    blocks = re.findall(r"```sh\n(.*?)```", README, re.DOTALL)
+    lines = [line for block in blocks for line in block.splitlines() if line.startswith("scripts/dtwin ")]
+    return [shlex.split(line, comments=True)[1:] for line in lines]
+
+
+def test_every_command_of_the_readme_is_known() -> None:
+    found = commands()
+    assert len(found) >= 5
+    for words in found:
+        assert words[0] == "--help" or words[0] in COMMANDS or " ".join(words[:2]) in COMMANDS
+        for fault in (words[k + 1] for k, word in enumerate(words) if word == "--fault"):
+            parse_fault(fault)
+
+
+@pytest.mark.parametrize("words", [w for w in commands() if w[0] == "run"], ids=" ".join)
+def test_the_runs_of_the_readme_run(words, tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    shorter = [*words, "--duration", "2"] if "--duration" not in words else ["2" if w == "600" else w for w in words]
+    assert main(shorter) == 0
+    assert "Traceback" not in capsys.readouterr().err
