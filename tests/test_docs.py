@@ -25,14 +25,14 @@ def table_row(page: str, *first_cells: str) -> list[str]:
 
 def test_data_sheet() -> None:
     arm = ArmParameters()
-    names = {re.sub(r".*\| (\w+) \|.*", r"\1", line) for line in MODEL.splitlines() if line.count("|") == 7}
-    assert {"K", "m", "I", "l", "c", "D", "mu"} <= names
+    rows = {}
     for line in MODEL.splitlines():
         cells = [cell.strip() for cell in line.strip("| ").split("|")]
         if len(cells) == 6 and cells[1] in ("K", "m", "I", "l", "c", "D", "mu"):
-            assert [float(value) for value in cells[2:5]] == [
-                pytest.approx(arm.get(f"{cells[1]}{joint}"), rel=1e-8) for joint in (1, 2, 3)
-            ]
+            rows[cells[1]] = [float(value) for value in cells[2:5]]
+    assert len(rows) == 7
+    for symbol, values in rows.items():
+        assert values == pytest.approx([arm.get(f"{symbol}{joint}") for joint in (1, 2, 3)], rel=1e-8)
 
 
 def test_places() -> None:
