@@ -32,6 +32,9 @@ def resolve(netlist: Netlist) -> None:
     groups.settle_by_literals()
     while groups.settle(netlist.data.values()):
         pass
+    while groups.settle_by_meaning(netlist.data.values()):
+        while groups.settle(netlist.data.values()):
+            pass
     for number, node in enumerate(netlist.nodes):
         if node.type is not None and generic_variables(node.type):
             node.type = concrete(node.type, groups.types_of(number))
@@ -134,6 +137,16 @@ class _Groups:
                 parameter = node.parameters.get(variable.name)
                 if parameter is not None and group not in self._known:
                     self._known[group] = literal_type(parameter.value, variable.type)
+
+    def settle_by_meaning(self, links: Iterable[Link]) -> bool:
+        """Gives a type to the first link between two groups that nothing else reaches; whether there was one."""
+        for link in links:
+            (_, source), (known, group) = self.type_at(link.source), self.type_at(link.destination)
+            if source is not None and group is not None and known is None:
+                narrow = self._generic[source if self._generic[group].name == "ANY" else group]
+                self._meet(group, _fallback(narrow), link)
+                return True
+        return False
 
     def types_of(self, number: int) -> dict[str, DataType]:
         """The types of a node's generic variables."""

@@ -102,7 +102,14 @@ class _Builder:
             interface, body = self._subapplication(sub, network.file)
             inside[sub.name] = self._add_junction(sub, interface, body, network, prefix, depth)
         resolve = _Resolver(self._nodes, inside, owner, network.file)
+        made: dict[tuple[str, str], int] = {}
         for connection in network.events:
+            ends = connection.source, connection.destination
+            if ends in made:
+                raise FunctionBlockError(
+                    f"{ends[0]} is already connected to {ends[1]} in line {made[ends]}", network.file, connection.line
+                )
+            made[ends] = connection.line
             self._events.append(resolve.link(connection, is_event=True))
         for connection in network.data:
             link = resolve.link(connection, is_event=False)
@@ -180,10 +187,14 @@ class _Builder:
         outgoing: dict[Terminal, list[Link]] = {}
         for link in self._events:
             outgoing.setdefault(link.source, []).append(link)
+        # two ways through subapplications to one port are one connection, as in 4diac FORTE
+        events: dict[tuple[Terminal, Terminal], Link] = {}
         for link in self._events:
             if link.source.node in renumber:
                 for end in self._event_ends(link.destination, outgoing, ()):
-                    netlist.events.append(Link(place(link.source), place(end), link.file, link.line))
+                    ends = place(link.source), place(end)
+                    events.setdefault(ends, Link(*ends, link.file, link.line))
+        netlist.events.extend(events.values())
         for destination, link in self._data.items():
             if destination.node in renumber:
                 source = self._data_source(destination, link)
