@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import operator as op
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Final, NoReturn
 
@@ -24,6 +24,7 @@ from dtwin.iec61499.st.functions import (
     conversion,
     widens,
 )
+from dtwin.iec61499.st.runtime import integer_divide, integer_modulo
 from dtwin.iec61499.types import (
     BOOL,
     DINT,
@@ -39,7 +40,20 @@ from dtwin.iec61499.types import (
 
 COMPARISONS: Final = frozenset({"<", ">", "<=", ">=", "=", "<>"})
 _LOGICAL: Final = frozenset({"AND", "OR", "XOR"})
-_FOLDABLE: Final = {"+": op.add, "-": op.sub, "*": op.mul, "/": op.truediv}
+_FOLDABLE: Final[dict[str, Callable[[Any, Any], Any]]] = {
+    "+": op.add,
+    "-": op.sub,
+    "*": op.mul,
+    "/": op.truediv,
+}
+_FOLDABLE_INTEGERS: Final = {
+    **_FOLDABLE,
+    "/": integer_divide,
+    "MOD": integer_modulo,
+    "AND": op.and_,
+    "OR": op.or_,
+    "XOR": op.xor,
+}
 _MAXIMUM_DEPTH: Final = 150
 
 
@@ -201,12 +215,12 @@ class ExpressionChecker:
         if not (isinstance(left, typed.Const) and left.untyped and isinstance(right, typed.Const) and right.untyped):
             return None
         a, b = left.value, right.value
-        if operator not in _FOLDABLE or (operator == "/" and b == 0) or max(abs(a), abs(b)) > ULINT.maximum:
+        if max(abs(a), abs(b)) > ULINT.maximum or (b == 0 and operator in ("/", "MOD")):
             return None
-        if operator == "/" and isinstance(a, int) and isinstance(b, int):
-            value: Any = abs(a) // abs(b) * (1 if (a < 0) == (b < 0) else -1)
-        else:
-            value = _FOLDABLE[operator](a, b)
+        foldable = _FOLDABLE_INTEGERS if isinstance(a, int) and isinstance(b, int) else _FOLDABLE
+        if operator not in foldable:
+            return None
+        value = foldable[operator](a, b)
         if isinstance(value, float) and not math.isfinite(value):
             return None
         return typed.Const(at, LREAL if isinstance(value, float) else DINT, value, untyped=True)

@@ -82,8 +82,11 @@ class LuaExpressions:
                 return self._cast(node)
             case typed.Unary(operator="-", operand=operand):
                 inner = self.raw(operand)
+                if is_integral(node.type):
+                    zero = Fragment("0", ATOM)
+                    return self._folded(self._infix("-", zero, inner, -inner.high, -inner.low), node.type)
                 # two signs in a row would start a comment
-                return self._folded(Fragment(f"-{inner.at_least(ATOM)}", UNARY, -inner.high, -inner.low), node.type)
+                return Fragment(f"-{inner.at_least(ATOM)}", UNARY)
             case typed.Unary(type=data_type, operand=operand):
                 inner = self.value(operand)
                 if data_type.kind == "bool":
@@ -161,7 +164,7 @@ class LuaExpressions:
         return self._folded(self._infix(operator, a, b, low, high), data_type)
 
     def _folded(self, fragment: Fragment, data_type: ElementaryType) -> Fragment:
-        """An integral fragment with one possible value becomes it: Lua 5.1 would fold 0 * -1 to a negative zero."""
+        """An integral fragment with one possible value becomes it: Lua 5.1 would fold 0 * -1 to -0.0."""
         if not is_integral(data_type) or fragment.low != fragment.high:
             return fragment
         return self._constant(data_type, fragment.low)
