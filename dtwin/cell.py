@@ -81,6 +81,25 @@ class Summary(msgspec.Struct, frozen=True):
     events: dict[str, int]
 
 
+def emulate(settings: CellSettings) -> Emulation:
+    """The emulated arm and its boxes.
+
+    Raises:
+        DtwinError: a setting or the model file cannot be used.
+    """
+    emulation = Emulation(
+        parameters=settings.arm,
+        noise=settings.noise,
+        noise_kind=settings.noise_kind,
+        seed=settings.seed,
+        faults=settings.faults,
+        model_file=settings.model_file,
+        step=settings.step,
+    )
+    emulation.check_period(PERIOD)
+    return emulation
+
+
 class Cell:
     """One run of the cell. `log` holds what was recorded so far, also after an error or an interruption."""
 
@@ -93,17 +112,8 @@ class Cell:
         self.ticks = tick_count(settings.duration)
         self.settings = settings
         self.controller = controller or EmbeddedController(settings.control, settings.blocks)
-        self.emulation = Emulation(
-            parameters=settings.arm,
-            noise=settings.noise,
-            noise_kind=settings.noise_kind,
-            seed=settings.seed,
-            faults=settings.faults,
-            model_file=settings.model_file,
-            step=settings.step,
-        )
-        self.emulation.check_period(PERIOD)
-        self.log = RunLog(_metadata(settings))
+        self.emulation = emulate(settings)
+        self.log = RunLog(metadata(settings))
         self._wall = 0.0
 
     def run(self, between: Callable[[int], bool] | None = None, realtime: bool = False) -> None:
@@ -152,7 +162,8 @@ class Cell:
         )
 
 
-def _metadata(settings: CellSettings) -> dict[str, Any]:
+def metadata(settings: CellSettings) -> dict[str, Any]:
+    """What a run's log says about how it was made."""
     return {
         "version": __version__,
         "seed": settings.seed,

@@ -163,6 +163,19 @@ HOME: Final[Triple] = (0.0, 0.0, 0.0)
 HANGING: Final[Triple] = (-math.pi / 2, 0.0, 0.0)
 
 
+def assignment(text: str) -> tuple[str, float]:
+    """Reads `NAME=NUMBER`, e.g. `m1=0.15`; the name is checked where it is used.
+
+    Raises:
+        ParameterError: the text has another form.
+    """
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise ParameterError(f"{text!r}: expected NAME=NUMBER, e.g. m1=0.15") from None
+
+
 def load_arm(path: Path) -> ArmParameters:
     """Reads arm parameters from JSON: an object from parameter names (`K1` ... `mu3`) to numbers, all optional.
 

@@ -6,17 +6,23 @@ import signal
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import msgspec
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from dtwin.cell import Cell, CellSettings, Summary
-from dtwin.control import BLOCKS, ControlSettings, Law
+from dtwin.control import BLOCKS, ControlSettings, EmbeddedController, Law
 from dtwin.emulation import MODEL_FILE, NoiseKind, parse_fault
-from dtwin.errors import DtwinError, ParameterError
-from dtwin.parameters import PERIOD, PHYSICS_STEP, ArmParameters, Gains
+from dtwin.errors import DtwinError
+from dtwin.iec61499.address import parse_address
+from dtwin.parameters import PERIOD, PHYSICS_STEP, ArmParameters, Gains, assignment
 from dtwin.recording import Log, ensure_writable
+from dtwin.remote import RemoteController
+
+SAME_VOLTS: Final = 1e-9
+"""V, within which two controllers count as the same"""
 
 
 @dataclass(frozen=True)
@@ -46,6 +52,9 @@ class Run:
     """Recording for the Rerun viewer; run.rrd if not given, none with --json."""
     log: Path | None = None
     """Parquet log, one row per 10 ms tick."""
+    controller: str | None = None
+    """tcp://HOST:PORT of a 4diac FORTE or `dtwin fb run` that controls the arm in lockstep, e.g. tcp://127.0.0.1:61500.
+    Its gains and target time are its own."""
     realtime: bool = False
     """Run no faster than the wall clock."""
     json: bool = False
@@ -62,7 +71,9 @@ class Run:
         for path in (record, self.log):
             if path is not None:
                 ensure_writable(path)
-        cell = Cell(self.settings())
+        settings = self.settings()
+        remote = self._remote(settings) if self.controller else None
+        cell = Cell(settings, remote)
         failure: DtwinError | None = None
         with _Interruption() as interruption, _progress(cell, quiet=self.json) as progress:
 
@@ -76,6 +87,11 @@ class Run:
                 failure = error
             log = cell.log.freeze()
             self._write(cell, log, record)
+        if remote is not None:
+            remote.close()
+            if remote.largest_difference > SAME_VOLTS:
+                apart = f"{remote.largest_difference:.3g} V from those of the blocks in {self.blocks}"
+                print(f"dtwin: the voltages of {self.controller} are up to {apart}", file=sys.stderr)
         if failure is not None:
             raise failure
         summary = cell.summary(log)
@@ -97,12 +113,17 @@ class Run:
             noise=self.noise,
             noise_kind=self.noise_kind,
             faults=tuple(parse_fault(text) for text in self.fault),
-            arm=ArmParameters().with_values(dict(_assignment(text) for text in self.set)),
+            arm=ArmParameters().with_values(dict(assignment(text) for text in self.set)),
             control=ControlSettings(target_time=self.target_time, gains=Gains(), law=self.law),
             step=self.step,
             model_file=self.model,
             blocks=self.blocks,
         )
+
+    def _remote(self, settings: CellSettings) -> RemoteController:
+        assert self.controller is not None
+        shadow = EmbeddedController(settings.control, settings.blocks)
+        return RemoteController(parse_address(self.controller, "tcp"), shadow)
 
     def _write(self, cell: Cell, log: Log, record: Path | None) -> None:
         if self.log is not None:
@@ -129,14 +150,6 @@ class _Interruption:
 
     def _request(self, *_: object) -> None:
         self.requested = True
-
-
-def _assignment(text: str) -> tuple[str, float]:
-    name, _, value = text.partition("=")
-    try:
-        return name, float(value)
-    except ValueError:
-        raise ParameterError(f"--set {text}: expected NAME=NUMBER, e.g. m1=0.15") from None
 
 
 def _progress(cell: Cell, quiet: bool) -> Progress:

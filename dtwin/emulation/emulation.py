@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -63,7 +64,9 @@ class Emulation:
         gripper = gripper or GripperParameters()
         box_seed, noise_seed = np.random.SeedSequence(seed).spawn(2)
         self._condition = Condition(parameters)
-        self._transitions = schedule(parameters, faults)[::-1]
+        self._healthy = parameters
+        self._faults = tuple(faults)
+        self._transitions = schedule(parameters, self._faults)[::-1]
         self._boxes = Boxes(np.random.default_rng(box_seed), gripper)
         self._encoders = Encoders(noise_kind, noise, np.random.default_rng(noise_seed))
         self._plant = Plant(parameters, gripper, model_file, step)
@@ -71,6 +74,7 @@ class Emulation:
         self._events: list[Event] = []
         self._gripped = False
         self._sequence = 0
+        self._due = _NEVER
         self._change_due()
         self._sample()
 
@@ -128,6 +132,24 @@ class Emulation:
         """What happened since the last call, in order of time."""
         events, self._events = self._events, []
         return events
+
+    def inject(self, faults: Iterable[Fault]) -> tuple[Fault, ...]:
+        """Adds faults to a running cell; those that would begin in the past begin in the next tick.
+
+        Returns:
+            the faults with the times they really have.
+
+        Raises:
+            FaultError: a fault is over already, or with the others makes a parameter or the payload impossible.
+        """
+        plant = self._plant
+        earliest = round(plant.time + plant.step, 9)
+        late = tuple(replace(fault, start=max(fault.start, earliest)) for fault in faults)
+        transitions = schedule(self._healthy, (*self._faults, *late))
+        self._faults += late
+        self._transitions = [t for t in transitions if self._steps_to(t.time) > plant.steps][::-1]
+        self._due = min([self._due, *(self._steps_to(t.time) for t in self._transitions[-1:])])
+        return late
 
     def _sample(self) -> None:
         time = self._plant.time

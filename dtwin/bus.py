@@ -1,0 +1,242 @@
+"""The bus that joins the services: a Zenoh session with typed topics. Nothing else in the project knows Zenoh.
+
+Without a configuration file the sessions are peers on the loopback interface and need no broker: each of them tries
+to listen at one rendezvous and connects to it, so that whoever comes first receives the others, they tell each other
+where they are, and when the first one goes another takes its place. They do not look for others by multicast.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final
+
+import msgspec
+import zenoh
+from zenoh.handlers import Callback
+
+from dtwin.errors import CommunicationError, DtwinError
+from dtwin.messages import ALIVE, M, MessageError, Reader, Topic, encode
+
+log = logging.getLogger(__name__)
+
+RENDEZVOUS: Final = "tcp/127.0.0.1:7461"
+"""Where services meet that nobody told otherwise."""
+TIMEOUT: Final = 5.0
+"""s, for the answer to a query"""
+_TRANSPORT_LIMIT: Final = 1 << 20
+"""bytes: what a session takes from a peer before it is put together to one message"""
+_RETRY: Final = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
+_JSON: Final = zenoh.Encoding.APPLICATION_JSON
+_SAID: Final = 3
+"""Refusals of one kind that are logged one by one; after that they are only counted."""
+
+
+def peer_configuration(rendezvous: str = RENDEZVOUS) -> zenoh.Config:
+    """The configuration without a file: a peer on loopback that meets others at an endpoint such as tcp/HOST:PORT.
+
+    Raises:
+        CommunicationError: that is no endpoint.
+    """
+    own = rendezvous.rpartition(":")[0] + ":0"
+    meeting = {"exit_on_failure": False, "timeout_ms": -1, "retry": _RETRY}
+    return _parse(
+        {
+            "mode": "peer",
+            "scouting": {"multicast": {"enabled": False}},
+            "listen": {"endpoints": [own, rendezvous], **meeting},
+            "connect": {"endpoints": [rendezvous], **meeting},
+            "transport": {"link": {"rx": {"max_message_size": _TRANSPORT_LIMIT}}},
+        },
+        rendezvous,
+    )
+
+
+def file_configuration(path: Path, name: str) -> zenoh.Config:
+    """The configuration in a Zenoh file, or in the file `NAME.json5` of a folder.
+
+    Raises:
+        CommunicationError: the file is missing, or no Zenoh configuration.
+    """
+    file = path / f"{name}.json5" if path.is_dir() else path
+    try:
+        return zenoh.Config.from_file(file)
+    except zenoh.ZError as error:
+        raise CommunicationError(f"{file}: no Zenoh configuration: {_line(error)}") from None
+
+
+def _parse(settings: dict[str, Any], origin: str) -> zenoh.Config:
+    try:
+        return zenoh.Config.from_json5(json.dumps(settings))
+    except zenoh.ZError as error:
+        raise CommunicationError(f"{origin}: no Zenoh endpoint: {_line(error)}") from None
+
+
+class Bus:
+    """One session, under the keys of one arm.
+
+    Args:
+        configuration: of the session.
+        cell, arm: names in the keys.
+
+    Attributes:
+        refused: messages refused since the start, by reason; read and written from several threads.
+        last_refusal: the last one in words.
+
+    Raises:
+        CommunicationError: the session cannot be opened.
+    """
+
+    def __init__(self, configuration: zenoh.Config, cell: str = "cell", arm: str = "arm") -> None:
+        self.refused: Counter[str] = Counter()
+        self.last_refusal = ""
+        self._prefix = f"dtwin/{cell}/{arm}/"
+        self._lock = threading.Lock()
+        zenoh.init_log_from_env_or("error")
+        try:
+            self._session = zenoh.open(configuration)
+        except zenoh.ZError as error:
+            raise CommunicationError(f"cannot open a Zenoh session: {_line(error)}") from None
+        self._declared: list[Any] = []
+
+    def __enter__(self) -> Bus:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Ends the session; tokens and subscriptions end with it."""
+        self._session.close()
+
+    def peers(self) -> int:
+        """How many other sessions this one is joined to."""
+        return len(self._session.info.peers_zid()) + len(self._session.info.routers_zid())
+
+    def key(self, topic: Topic, part: str = "*") -> str:
+        """The key expression of a topic; `part` takes the place of its `*`."""
+        return self._prefix + topic.name.replace("*", part)
+
+    def refuse(self, reason: str, detail: str) -> None:
+        """Counts a message that is not used and says why."""
+        with self._lock:
+            self.refused[reason] += 1
+            count = self.refused[reason]
+        self.last_refusal = f"{reason}: {detail}"
+        if count <= _SAID:
+            rest = "; more of these are only counted" if count == _SAID else ""
+            log.warning("refused %s%s", self.last_refusal, rest)
+
+    def announce(self, service: str) -> None:
+        """Shows the service's token while the session lives."""
+        self._declared.append(self._session.liveliness().declare_token(self.key(ALIVE, service)))
+
+    def publisher(self, topic: Topic, part: str = "*", *, lossless: bool = False) -> Callable[[M], None]:
+        """A function that publishes messages of a topic, at once and before all other traffic.
+
+        Args:
+            lossless: wait for slow subscribers; otherwise messages that they cannot take are lost to them.
+        """
+        control = zenoh.CongestionControl
+        publisher = self._session.declare_publisher(
+            self.key(topic, part),
+            encoding=_JSON,
+            congestion_control=control.BLOCK if lossless else control.DROP,
+            priority=zenoh.Priority.REAL_TIME,
+            express=True,
+        )
+        self._declared.append(publisher)
+        put = publisher.put
+
+        def publish(message: M) -> None:
+            put(encode(message))
+
+        return publish
+
+    def subscribe(self, topic: Topic, message: type[M], receive: Callable[[M], Any], part: str = "*") -> None:
+        """Calls `receive` with every valid message, on a thread of Zenoh's; it must return at once and not raise."""
+        reader = Reader(message)
+
+        def take(sample: zenoh.Sample) -> None:
+            try:
+                receive(reader(_bytes(sample.payload)))
+            except MessageError as error:
+                self.refuse(error.reason, f"{sample.key_expr}: {error}")
+
+        self._declare(self._session.declare_subscriber, self.key(topic, part), take)
+
+    def watch_raw(self, expression: str, receive: Callable[[str, bytes], Any]) -> None:
+        """Calls `receive` with key and payload of everything published under the arm's keys that matches."""
+
+        def take(sample: zenoh.Sample) -> None:
+            receive(str(sample.key_expr), _bytes(sample.payload))
+
+        self._declare(self._session.declare_subscriber, self._prefix + expression, take)
+
+    def watch_alive(self, receive: Callable[[str, bool], Any]) -> None:
+        """Calls `receive` with a service's name and whether its token is there, now and at every change."""
+
+        def take(sample: zenoh.Sample) -> None:
+            receive(str(sample.key_expr).rpartition("/")[2], sample.kind == zenoh.SampleKind.PUT)
+
+        def declare(key: str, handler: Callback) -> Any:
+            return self._session.liveliness().declare_subscriber(key, handler, history=True)
+
+        self._declare(declare, self.key(ALIVE), take)
+
+    def answer(self, topic: Topic, message: type[M], handle: Callable[[M | None], Any]) -> None:
+        """Answers queries with what `handle` returns for their message, or for None when they carry none.
+
+        Args:
+            handle: called on a thread of Zenoh's; a DtwinError it raises is the asker's answer.
+        """
+        reader = Reader(message)
+
+        def take(query: zenoh.Query) -> None:
+            with query:
+                try:
+                    asked = reader(_bytes(query.payload)) if query.payload is not None else None
+                    query.reply(query.key_expr, encode(handle(asked)), encoding=_JSON)
+                except MessageError as error:
+                    self.refuse(error.reason, f"{query.key_expr}: {error}")
+                    query.reply_err(str(error))
+                except DtwinError as error:
+                    query.reply_err(str(error))
+
+        # A thread of its own: what is asked for may take a while, and signals come in on Zenoh's own thread.
+        handler = Callback(take, lambda: None, indirect=True)
+        self._declared.append(self._session.declare_queryable(self.key(topic), handler))
+
+    def ask(self, topic: Topic, message: msgspec.Struct | None, reply: type[M], timeout: float = TIMEOUT) -> M:
+        """The answer to a query.
+
+        Raises:
+            CommunicationError: nobody answers in time, or the answer is a refusal or no valid message.
+        """
+        payload = None if message is None else encode(message)
+        key = self.key(topic)
+        for answer in self._session.get(key, payload=payload, encoding=_JSON, timeout=timeout):
+            if answer.err is not None:
+                raise CommunicationError(f"{key}: {_bytes(answer.err.payload).decode(errors='replace')}")
+            if answer.ok is not None:
+                return Reader(reply)(_bytes(answer.ok.payload))
+        raise CommunicationError(f"{key}: nobody answered within {timeout:g} s; is a {topic.sender} running?")
+
+    def _declare(self, declare: Callable[[str, Any], Any], key: str, take: Callable[[Any], None]) -> None:
+        # Direct: a hand-over to another thread would cost as much as the way over the wire.
+        self._declared.append(declare(key, Callback(take, lambda: None, indirect=False)))
+
+
+def _bytes(payload: zenoh.ZBytes) -> bytes:
+    return payload.to_bytes()
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())

@@ -1,0 +1,200 @@
+"""What services say to each other beside the signals, and the table of all topics.
+
+A key is `dtwin/<cell>/<arm>/<topic>`. Every message is a JSON object with `schema`; fields that a reader does not
+know are ignored, missing or mistyped ones make it refuse the message. docs/zenoh.md describes the same for people.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Final, Generic, Literal, NamedTuple, TypeVar
+
+import msgspec
+
+from dtwin.errors import CommunicationError, ParameterError
+from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.signals import SCHEMA, Count, Event, Line, Seconds, Sensors, Truth, Voltages, Word
+
+SIZE_LIMIT: Final = 65536
+"""bytes: longer messages are refused before they are looked at"""
+
+M = TypeVar("M", bound=msgspec.Struct)
+Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}$")]
+State = Literal["starting", "running", "waiting", "safe", "stopping"]
+"""starting: not ready yet; waiting: for a peer; safe: the arm has no voltage because commands stay away."""
+
+
+class MessageError(CommunicationError):
+    """A message is refused; `reason` is the short name under which refusals are counted."""
+
+    def __init__(self, reason: str, detail: str) -> None:
+        super().__init__(f"{reason}: {detail}")
+        self.reason = reason
+
+
+class Latency(msgspec.Struct, frozen=True):
+    """From a published sample to its command, over the run, ms; trend is the slope of the medians of its minutes."""
+
+    p50: float
+    p99: float
+    max: float
+    trend_per_minute: float
+
+
+class BoxCounts(msgspec.Struct, frozen=True):
+    """What became of the boxes since the cell started."""
+
+    arrived: int
+    dropped_arrivals: int
+    picked: int
+    delivered: int
+    misplaced: int
+
+
+class Status(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """How a service does, once a second.
+
+    Attributes:
+        service: its name.
+        state: see State.
+        pid: its process.
+        peers: Zenoh sessions it is joined to.
+        rate_hz: of its main work over the last second: ticks, answers or rows.
+        ticks: of its main work since it started.
+        time: plant time it has reached, s.
+        late_ticks: that began or were answered too late.
+        real_time_factor: plant time over wall time since it started.
+        latency_ms: of the emulator.
+        boxes: of the emulator.
+        refused: messages refused, by reason.
+        last_error: in one line, "" for none yet.
+    """
+
+    service: Word
+    state: State
+    pid: Count
+    peers: Count = 0
+    rate_hz: float = 0.0
+    ticks: Count = 0
+    time: Seconds = 0.0
+    late_ticks: Count = 0
+    real_time_factor: float = 0.0
+    latency_ms: Latency | None = None
+    boxes: BoxCounts | None = None
+    refused: dict[Word, Count] = {}
+    last_error: Line = ""
+
+
+class Path(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA):
+    """The controller's path angles (rad) in the answer to a sample."""
+
+    sequence: Count
+    time: Seconds
+    theta: Triple
+
+
+class GainsSetting(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Gains of the computed-torque law."""
+
+    gains: Gains
+
+
+class ModelSetting(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The arm as the controller shall believe it to be; its Coulomb friction is not compensated."""
+
+    model: ArmParameters
+
+
+class TargetSetting(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Control target time: how long each motion takes from the next one on, s."""
+
+    target_time: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.target_time) and self.target_time > 0):
+            raise ParameterError(f"target time: expected a finite number of seconds above 0, got {self.target_time}")
+
+
+class FaultRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Faults in the notation of `dtwin run --fault`; those that would begin in the past begin at once."""
+
+    faults: tuple[Line, ...]
+
+
+class ResetRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The cell starts anew at time 0 and tick 0, with the boxes and noise of a seed."""
+
+    seed: Count
+
+
+class Done(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """An emulator's answer: what it did, at which plant time (s)."""
+
+    time: Seconds
+    text: Line
+
+
+class Topic(NamedTuple):
+    """One line of the table: `message` is published, or sent with a query and answered by `reply`."""
+
+    name: str
+    kind: Literal["publication", "query", "token"]
+    message: type | None
+    reply: type | None
+    sender: str
+
+
+SENSORS: Final = Topic("sensors", "publication", Sensors, None, "emulator")
+VOLTAGES: Final = Topic("voltages", "publication", Voltages, None, "bridge")
+TRUTH: Final = Topic("truth", "publication", Truth, None, "emulator")
+EVENTS: Final = Topic("events", "publication", Event, None, "any service")
+STATUS: Final = Topic("status/*", "publication", Status, None, "every service")
+ALIVE: Final = Topic("alive/*", "token", None, None, "every service")
+GAINS: Final = Topic("controller/gains", "query", GainsSetting, GainsSetting, "bridge")
+MODEL: Final = Topic("controller/model", "query", ModelSetting, ModelSetting, "bridge")
+TARGET: Final = Topic("controller/target", "query", TargetSetting, TargetSetting, "bridge")
+FAULT: Final = Topic("emulator/fault", "query", FaultRequest, Done, "emulator")
+RESET: Final = Topic("emulator/reset", "query", ResetRequest, Done, "emulator")
+TOPICS: Final = (SENSORS, VOLTAGES, TRUTH, EVENTS, STATUS, ALIVE, GAINS, MODEL, TARGET, FAULT, RESET)
+"""All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""
+
+
+class _Unversioned(msgspec.Struct, frozen=True, tag_field="schema", tag=0):
+    """Version 0 never was; in a union with it, msgspec asks every message for its version."""
+
+
+class Reader(Generic[M]):
+    """Decodes and checks one kind of message.
+
+    Args:
+        message: its type.
+    """
+
+    def __init__(self, message: type[M]) -> None:
+        self._message = message
+        self._decode = msgspec.json.Decoder(message | _Unversioned).decode
+
+    def __call__(self, payload: bytes) -> M:
+        """The message.
+
+        Raises:
+            MessageError: it is too long, no JSON, of another version, or a field is missing or out of range.
+        """
+        if len(payload) > SIZE_LIMIT:
+            raise MessageError("too long", f"expected at most {SIZE_LIMIT} bytes, got {len(payload)}")
+        try:
+            found = self._decode(payload)
+        except msgspec.ValidationError as error:
+            raise MessageError("invalid", str(error)) from None
+        except msgspec.DecodeError as error:
+            raise MessageError("malformed", str(error)) from None
+        except RecursionError:
+            raise MessageError("malformed", "nested too deeply") from None
+        if type(found) is not self._message:
+            raise MessageError("invalid", f"expected schema {SCHEMA}, got 0")
+        message: M = found
+        return message
+
+
+encode: Final = msgspec.json.Encoder().encode
+"""The bytes of a message."""

@@ -1,0 +1,339 @@
+"""The emulated cell on the bus: publishes a sample every tick, obeys the commands that answer it.
+
+A tick is the same in every pace: publish the sample, obey its command, let the cell run for a period. Paces differ in
+how long they wait for the command: until the tick is over on the wall clock (realtime), for as long as it takes
+(lockstep), not at all (free). Before the first command no time passes, in any pace.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as FutureTimeoutError
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, Literal, TypeVar
+
+from dtwin.cell import CellSettings, emulate
+from dtwin.emulation import MODEL_FILE, NoiseKind, parse_fault
+from dtwin.errors import CommunicationError, DtwinError
+from dtwin.live.gate import STALE, Gate
+from dtwin.live.journal import Journal
+from dtwin.live.latencies import Latencies
+from dtwin.loop import tick_count
+from dtwin.messages import (
+    EVENTS,
+    FAULT,
+    RESET,
+    SENSORS,
+    TRUTH,
+    VOLTAGES,
+    BoxCounts,
+    Done,
+    FaultRequest,
+    ResetRequest,
+    State,
+)
+from dtwin.parameters import PERIOD, PHYSICS_STEP, ArmParameters, assignment
+from dtwin.signals import Event, Sensors, Truth, Voltages
+from services.service import Link, Service, main
+
+log = logging.getLogger(__name__)
+
+NAME: Final = "emulator"
+REPEAT: Final = 0.2
+"""s after which a sample that nobody answers is published again"""
+REQUEST_TIMEOUT: Final = 4.0
+"""s that a request waits for its turn between two ticks"""
+
+Pace = Literal["realtime", "lockstep", "free"]
+R = TypeVar("R")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(Link):
+    """Run the emulated cell on the bus."""
+
+    pace: Pace = "realtime"
+    """realtime: ticks on the wall clock; lockstep: every tick waits for its command; free: no tick waits."""
+    duration: float | None = None
+    """Plant time after which to end, s; without it, never."""
+    seed: int = 0
+    """Of the boxes and the noise."""
+    noise: float = 0.0
+    """Encoder noise, rad."""
+    noise_kind: NoiseKind = "uniform"
+    """uniform is biased by half of the noise; gaussian is not biased."""
+    fault: tuple[str, ...] = ()
+    """TARGET OP VALUE @ START[-END]; repeatable."""
+    set: tuple[str, ...] = ()
+    """A parameter of the arm, e.g. m1=0.15; repeatable."""
+    step: float = PHYSICS_STEP
+    """Physics step, s."""
+    model: Path = MODEL_FILE
+    """MJCF file of the arm."""
+    stale: float = STALE
+    """s without a command, in real time, after which the arm gets 0 V."""
+    journal: Path | None = None
+    """File of commands and faults; a killed emulator that finds its own goes on where it was."""
+
+    def settings(self) -> CellSettings:
+        """The cell that the options stand for.
+
+        Raises:
+            DtwinError: an option is out of range or cannot be read.
+        """
+        return CellSettings(
+            seed=self.seed,
+            noise=self.noise,
+            noise_kind=self.noise_kind,
+            faults=tuple(parse_fault(text) for text in self.fault),
+            arm=ArmParameters().with_values(dict(assignment(text) for text in self.set)),
+            step=self.step,
+            model_file=self.model,
+        )
+
+    def run(self) -> int:
+        settings = self.settings()
+        ticks = None if self.duration is None else tick_count(self.duration)
+        journal = None if self.journal is None else Journal(self.journal, self.seed)
+        with Service(NAME, self) as service:
+            Emulator(service, settings, self.pace, self.stale, journal).run(ticks)
+        return 0
+
+
+class Emulator:
+    """The cell between its inbox and its publications.
+
+    Args:
+        journal: what it holds is replayed first.
+    """
+
+    def __init__(
+        self, service: Service, settings: CellSettings, pace: Pace, stale: float, journal: Journal | None
+    ) -> None:
+        bus = service.bus
+        self._service = service
+        self._settings = settings
+        self._pace = pace
+        self._journal = journal
+        self._gate = Gate(bus.refuse, stale)
+        self._latencies = Latencies()
+        self._late = 0
+        self._cell = emulate(settings)
+        self._command = Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), False)
+        self._state: State = "waiting"
+        self._anew = False
+        if journal is not None:
+            self._replay(journal)
+        self._began = (time.monotonic(), self._cell.read().time)
+        # A recorder must see every tick of a lockstep run, even if that slows the run down.
+        lossless = pace != "realtime"
+        self._publish_sensors: Callable[[Sensors], None] = bus.publisher(SENSORS, lossless=lossless)
+        self._publish_truth: Callable[[Truth], None] = bus.publisher(TRUTH, lossless=lossless)
+        self._publish_event: Callable[[Event], None] = bus.publisher(EVENTS, lossless=lossless)
+        inbox = service.inbox
+        bus.subscribe(VOLTAGES, Voltages, lambda command: inbox.put((time.monotonic(), command)))
+        bus.answer(FAULT, FaultRequest, lambda request: self._between_ticks(lambda: self._inject(request)))
+        bus.answer(RESET, ResetRequest, lambda request: self._between_ticks(lambda: self._reset(request)))
+
+    def run(self, ticks: int | None) -> None:
+        """Runs until the cell has done so many ticks, or is asked to end."""
+        service = self._service
+        service.ready()
+        due = time.monotonic()
+        while not service.stopping:
+            sensors = self._cell.read()
+            if ticks is not None and sensors.sequence >= ticks:
+                break
+            self._gate.expected = sensors.sequence
+            due = self._tick(sensors, due)
+        for event in self._cell.drain_events():
+            self._publish_event(event)
+        self._report("stopping")
+
+    def _tick(self, sensors: Sensors, due: float) -> float:
+        """One tick that should begin at `due`; returns when the next one should."""
+        began = time.monotonic()
+        self._publish_sensors(sensors)
+        self._publish_truth(self._cell.truth())
+        for event in self._cell.drain_events():
+            self._publish_event(event)
+        if self._pace == "realtime" and self._gate.commanded:
+            if began - due > PERIOD:
+                self._late += 1
+                due = began
+            due += PERIOD
+            self._collect(began, due)
+        elif self._pace == "free" and self._gate.commanded:
+            self._collect(began, began)
+        else:
+            self._wait(sensors, began)
+            due = time.monotonic() + PERIOD
+        if self._anew or self._service.stopping:
+            self._anew = False
+            return time.monotonic()
+        if self._journal is not None:
+            self._journal.command(self._command.volts, self._command.box_gripped)
+        self._cell.advance(PERIOD)
+        if self._pace == "realtime":
+            self._idle_until(due)
+        if self._service.report_due():
+            self._report(self._state)
+        return due
+
+    def _collect(self, began: float, until: float) -> None:
+        """Waits for the command until a time; without it the last one holds, or the safe one when it is too old."""
+        while not self._gate.answered and not self._anew:
+            now = time.monotonic()
+            if now >= until and self._service.inbox.empty():
+                self._late += self._pace == "realtime" and self._state != "safe"
+                break
+            self._deal_with_next(until - now, began)
+        if self._gate.is_stale(time.monotonic()) and self._state != "safe":
+            self._make_safe()
+
+    def _wait(self, sensors: Sensors, began: float) -> None:
+        """Waits for the command as long as it takes, publishing the sample again for who has come later."""
+        repeat = began + REPEAT
+        while not self._gate.answered and not self._anew and not self._service.stopping:
+            now = time.monotonic()
+            if now >= repeat:
+                self._state = "waiting"
+                self._publish_sensors(sensors)
+                self._publish_truth(self._cell.truth())
+                repeat = now + REPEAT
+            if self._service.report_due():
+                self._report(self._state)
+            self._deal_with_next(repeat - now, began)
+
+    def _idle_until(self, due: float) -> None:
+        """Passes the rest of the tick."""
+        while (remaining := due - time.monotonic()) > 0 and not self._service.stopping:
+            self._deal_with_next(remaining, None)
+
+    def _deal_with_next(self, timeout: float, began: float | None) -> None:
+        """Deals with what comes next into the inbox: a command, or a request between two ticks."""
+        item = self._service.next(timeout)
+        if item is None:
+            return
+        if callable(item):
+            item()
+            return
+        came, command = item
+        if not self._gate.take(command, came):
+            if self._gate.rivals:
+                self._gate.rivals = False
+                self._announce("rivals", "two publishers of voltages: the first answer to each sample counts")
+            return
+        if began is not None and self._gate.answered:
+            self._latencies.add(time.monotonic() - began, began)
+        if self._state == "safe":
+            self._announce("resumed", "commands have come back: the arm obeys them again")
+        self._state = "running"
+        self._obey(command)
+
+    def _obey(self, command: Voltages) -> None:
+        self._command = command
+        self._cell.apply(command)
+
+    def _make_safe(self) -> None:
+        """0 V; a held box stays held."""
+        self._state = "safe"
+        self._obey(_without_volts(self._command))
+        self._announce("safe", "no valid command in time: the arm gets 0 V")
+
+    def _announce(self, kind: str, text: str) -> None:
+        log.warning("%s", text)
+        self._publish_event(Event(self._cell.read().time, kind, text))
+
+    def _replay(self, journal: Journal) -> None:
+        """Brings the cell back to where the journal ends."""
+        self._start_over(journal.seed)
+        entries = journal.entries()
+        for entry in entries:
+            if isinstance(entry, str):
+                self._cell.inject([parse_fault(entry)])
+                continue
+            volts, gripped = entry
+            sensors = self._cell.read()
+            self._obey(Voltages(sensors.sequence, sensors.time, volts, gripped))
+            self._cell.advance(PERIOD)
+        self._cell.drain_events()
+        sensors = self._cell.read()
+        self._gate.restart(sensors.sequence)
+        if entries:
+            log.warning("goes on at %.2f s after %d entries of the journal", sensors.time, len(entries))
+
+    def _start_over(self, seed: int) -> None:
+        self._settings = replace(self._settings, seed=seed)
+        self._cell = emulate(self._settings)
+        self._command = _without_volts(Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), False))
+        self._gate.restart(0)
+        self._state = "waiting"
+
+    def _inject(self, request: FaultRequest | None) -> Done:
+        if request is None:
+            raise CommunicationError("expected the faults to inject")
+        faults = self._cell.inject([parse_fault(text) for text in request.faults])
+        texts = [str(fault) for fault in faults]
+        if self._journal is not None:
+            for text in texts:
+                self._journal.fault(text)
+        return Done(self._cell.read().time, "injected " + ", ".join(texts))
+
+    def _reset(self, request: ResetRequest | None) -> Done:
+        seed = self._settings.seed if request is None else request.seed
+        if self._journal is not None:
+            self._journal.restart(seed)
+        self._start_over(seed)
+        self._began = (time.monotonic(), 0.0)
+        self._anew = True
+        return Done(0.0, f"started anew with seed {seed}")
+
+    def _between_ticks(self, action: Callable[[], R]) -> R:
+        """What an action returns or raises that is carried out on the main thread.
+
+        Raises:
+            CommunicationError: the main thread does not come to it in time.
+        """
+        result: Future[R] = Future()
+
+        def act() -> None:
+            try:
+                result.set_result(action())
+            except DtwinError as error:
+                result.set_exception(error)
+
+        self._service.inbox.put(act)
+        try:
+            return result.result(REQUEST_TIMEOUT)
+        except FutureTimeoutError:
+            raise CommunicationError(f"the emulator did not come to it within {REQUEST_TIMEOUT:g} s") from None
+
+    def _report(self, state: State) -> None:
+        sensors = self._cell.read()
+        wall, plant = self._began
+        elapsed = time.monotonic() - wall
+        score = self._cell.score
+        self._service.report(
+            state,
+            sensors.sequence,
+            time=sensors.time,
+            late_ticks=self._late,
+            real_time_factor=round((sensors.time - plant) / elapsed, 4) if elapsed > 0 else 0.0,
+            latency_ms=self._latencies.summary(),
+            boxes=BoxCounts(score.arrived, score.dropped_arrivals, score.picked, score.delivered, score.misplaced),
+        )
+
+
+def _without_volts(command: Voltages) -> Voltages:
+    """The same command with 0 V."""
+    return Voltages(command.sequence, command.time, (0.0, 0.0, 0.0, 0.0), command.box_gripped)
+
+
+if __name__ == "__main__":
+    sys.exit(main(NAME, Options))

@@ -1,0 +1,186 @@
+"""What every service has: options, a bus, a token, a status once a second, an inbox, and a clean end.
+
+A service does its work on the main thread. Zenoh's threads only decode messages and put them into the inbox; SIGINT
+and SIGTERM put None there, so that the main thread finds everything in one place and in order.
+"""
+
+from __future__ import annotations
+
+import gc
+import logging
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from types import TracebackType
+from typing import Any, Final, Protocol
+
+from dtwin.bus import RENDEZVOUS, Bus, file_configuration, peer_configuration
+from dtwin.cli import parse_options
+from dtwin.errors import DtwinError
+from dtwin.messages import STATUS, State, Status
+
+REPORT_PERIOD: Final = 1.0
+"""s"""
+
+
+LIFELINE: Final = "DTWIN_LIFELINE"
+"""Environment variable: a file descriptor of a pipe that closes when the parent has gone."""
+GRACE: Final = 5.0
+"""s to end in after the parent has gone"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Link:
+    """How to join the bus."""
+
+    cell: str = "cell"
+    """First name in the keys."""
+    arm: str = "arm"
+    """Second name in the keys."""
+    zenoh: Path | None = None
+    """Zenoh configuration file, or a folder with one file per service; else peers on this machine."""
+    meet: str = RENDEZVOUS
+    """Where the peers of this machine meet when there is no configuration file."""
+
+    def bus(self, name: str) -> Bus:
+        """A session for the service of that name.
+
+        Raises:
+            CommunicationError: the configuration or the session cannot be opened.
+        """
+        configuration = file_configuration(self.zenoh, name) if self.zenoh else peer_configuration(self.meet)
+        return Bus(configuration, self.cell, self.arm)
+
+
+class Service:
+    """The frame of one service.
+
+    Args:
+        name: in keys, log and status.
+        link: how to join the bus.
+
+    Attributes:
+        bus: joined.
+        inbox: what the main thread is to deal with; None asks it to end.
+        stopping: whether it was asked to end.
+
+    Raises:
+        CommunicationError: the bus cannot be joined.
+    """
+
+    def __init__(self, name: str, link: Link) -> None:
+        self.name = name
+        self.inbox: SimpleQueue[Any] = SimpleQueue()
+        self.stopping = False
+        self._last_error = _LastError()
+        logging.getLogger().addHandler(self._last_error)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._stop)
+        watch_lifeline()
+        self.bus = link.bus(name)
+        self._publish: Callable[[Status], None] = self.bus.publisher(STATUS, name)
+        self._due = time.monotonic()
+        self._rate_from = (self._due, 0)
+
+    def __enter__(self) -> Service:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.bus.close()
+
+    def ready(self) -> None:
+        """Tells everybody that the service works; from here on nothing may stop the interpreter for long."""
+        self.bus.announce(self.name)
+        gc.collect()
+        gc.freeze()
+
+    def next(self, timeout: float) -> Any:
+        """What comes next into the inbox; None after `timeout` s, and when the service shall end."""
+        try:
+            return self.inbox.get(timeout=timeout) if timeout > 0 else self.inbox.get_nowait()
+        except Empty:
+            return None
+
+    def report_due(self) -> bool:
+        """Whether a second has passed since the last report."""
+        return time.monotonic() >= self._due
+
+    def report(self, state: State, ticks: int = 0, **figures: Any) -> None:
+        """Publishes the status; `figures` are further fields of it."""
+        now = time.monotonic()
+        since, before = self._rate_from
+        rate = (ticks - before) / (now - since) if now > since else 0.0
+        self._rate_from = (now, ticks)
+        self._due = now + REPORT_PERIOD
+        self._publish(
+            Status(
+                self.name,
+                state,
+                os.getpid(),
+                self.bus.peers(),
+                round(max(rate, 0.0), 3),
+                ticks,
+                refused=dict(self.bus.refused),
+                last_error=self._last_error.text[:1000],
+                **figures,
+            )
+        )
+
+    def _stop(self, *_: object) -> None:
+        self.stopping = True
+        self.inbox.put(None)
+
+
+class Runnable(Protocol):
+    """A service's options, and what it does with them until it ends; the result is the exit status."""
+
+    def run(self) -> int: ...
+
+
+def main(name: str, options: type[Runnable], arguments: Sequence[str] | None = None) -> int:
+    """Runs one service from its command line; returns the exit status."""
+    logging.basicConfig(format=f"{name}: %(message)s", level=logging.INFO, stream=sys.stderr)
+    words = sys.argv[1:] if arguments is None else arguments
+    try:
+        command: Runnable = parse_options(options, f"python -m services.{name}", words)
+        return command.run()
+    except DtwinError as error:
+        logging.error("%s", error)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+
+
+class _LastError(logging.Handler):
+    """Remembers the last thing that went wrong."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.text = ""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.text = " ".join(record.getMessage().split())
+
+
+def watch_lifeline() -> None:
+    """Ends this process when its parent, if it gave a lifeline, has gone in whatever way."""
+    descriptor = os.environ.pop(LIFELINE, None)
+    if descriptor is None:
+        return
+
+    def wait() -> None:
+        os.read(int(descriptor), 1)
+        logging.warning("the supervisor has gone: ending")
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(GRACE)
+        os._exit(1)
+
+    threading.Thread(target=wait, name="lifeline", daemon=True).start()
