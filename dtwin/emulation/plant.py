@@ -126,9 +126,9 @@ class Plant:
         mujoco.mj_setConst(self.model, self._scratch)
 
     def set_weight(self, mass: float) -> None:
-        """Hangs a load (kg) on the tip whose weight acts on the arm and whose inertia does not, until the next `reset`.
+        """Hangs a load (kg) on the tip whose weight acts on the arm but whose inertia does not.
 
-        Such as a constant-force spring; `set_payload` is a box.
+        A constant-force spring does; boxes are for `set_payload`. `reset` takes it off.
         """
         if not (math.isfinite(mass) and mass >= 0):
             raise ParameterError(f"weight: expected a finite mass of at least 0 kg, got {mass}")

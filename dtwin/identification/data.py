@@ -87,6 +87,11 @@ class Experiment:
     def __len__(self) -> int:
         return len(self.measured)
 
+    def head(self, samples: int) -> Experiment:
+        """The first samples of it, at most all."""
+        measured, volts, payload = self.measured[:samples], self.volts[:samples], self.payload[:samples]
+        return Experiment(measured, volts, payload, self.start, self.period, self.payload_model)
+
 
 def from_log(log: Log, box_mass: float, segment: float = 1.0) -> tuple[Experiment, ...]:
     """A log of the running cell as consecutive experiments, each from an initial state to be estimated.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final, Literal, NamedTuple
 
@@ -19,7 +19,7 @@ from dtwin.errors import IdentificationError, choices
 from dtwin.identification import quality
 from dtwin.identification.data import Array, Experiment
 from dtwin.identification.identifiability import Identifiability, analyse
-from dtwin.identification.problem import START, Prior, Problem
+from dtwin.identification.problem import START, Prior, Problem, symbol
 from dtwin.identification.residuals import EXACT, Whiteness, shape, whiteness
 from dtwin.identification.solver import Minimum, minimise
 from dtwin.parameters import ArmParameters
@@ -36,6 +36,8 @@ _PATIENCE: Final = 30
 """repetitions of a fit with better weights after which it has to do"""
 _SETTLED: Final = 1e-4
 """change, in standard deviations of the noise or relative, that is no change"""
+_LEAD_IN: Final = (20, 40, 80, 160)
+"""samples fitted one after the other on the way from a start that may be far off"""
 _SAME: Final = 1e-3
 """relative difference of the noise of two minima that are one"""
 _AGREEING: Final = 3
@@ -54,8 +56,8 @@ class Settings:
         offsets: estimate the encoders' offsets.
         priors: knowledge of free parameters from elsewhere.
         loss: "adaptive" to the shape of the noise, "gaussian" (least squares), "huber" (robust to outliers).
-        starts: the most starting points to try until the residuals are white; those after the first are up to 50 %
-            away from it, from `seed`.
+        starts: the most starting points to try until the residuals are white; those after the first are drawn around
+            it from `seed`.
         substeps: RK4 steps a sample.
     """
 
@@ -211,16 +213,17 @@ def _best_start(problem: Problem, settings: Settings) -> tuple[_Found, int]:
     """The lowest minimum over starting points, until its residuals are white or several starts agree on it."""
     generator = np.random.default_rng(settings.seed)
     level = max(EXACT, *(float(quality.noise(experiment.measured).mean()) for experiment in problem.experiments))
+    noise = np.full(3, level)
     best: _Found | None = None
     reason = IdentificationError("starts: expected at least one")
     tried = agreeing = 0
     for tried in range(1, settings.starts + 1):
         x = problem.start()
-        if tried > 1:
-            free = len(problem.free)
-            x[:free] *= generator.uniform(1 - _SPREAD_OF_STARTS, 1 + _SPREAD_OF_STARTS, free)
         try:
-            found = _least_squares(problem, x, np.full(3, level))
+            if tried > 1:
+                x[: len(problem.free)] *= _elsewhere(problem.free, generator)
+                x = _lead_in(problem, x, noise)
+            found = _least_squares(problem, x, noise)
         except IdentificationError as error:
             reason = error
             continue
@@ -232,6 +235,21 @@ def _best_start(problem: Problem, settings: Settings) -> tuple[_Found, int]:
     if best is None:
         raise reason
     return best, tried
+
+
+def _elsewhere(free: Sequence[str], generator: np.random.Generator) -> Array:
+    """Factors from the known start to another: within 50 %, for Coulomb friction within ten times."""
+    near = generator.uniform(1 - _SPREAD_OF_STARTS, 1 + _SPREAD_OF_STARTS, len(free))
+    far = 10.0 ** generator.uniform(-1.0, 1.0, len(free))
+    return np.where([symbol(name) == "mu" for name in free], far, near)
+
+
+def _lead_in(problem: Problem, x: Array, noise: Array) -> Array:
+    """A start that follows the first samples: a wrong model is still near the arm there, so that the way is clear."""
+    for samples in _LEAD_IN:
+        part = replace(problem, experiments=tuple(experiment.head(samples) for experiment in problem.experiments))
+        x = _search(part, x, [1.0 / noise] * len(problem.experiments)).x
+    return x
 
 
 def _least_squares(problem: Problem, x: Array, noise: Array) -> _Found:

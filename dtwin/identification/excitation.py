@@ -1,7 +1,8 @@
-"""The plan of an experiment and its 3-2-1-1 signal: +1 for three units of time, -1 for two, +1 for one, -1 for one, over and over.
+"""The plan of an experiment and its 3-2-1-1 signal.
 
-It is what the function block SYS_IDENT_3211SIG plays; here it is written down a second time to predict what an
-experiment will tell before it is made.
+The signal is +1 for three units of time, -1 for two, +1 for one and -1 for one, over and over. It is what the
+function block SYS_IDENT_3211SIG plays; here it is written down a second time to predict what an experiment will tell
+before it is made.
 """
 
 from __future__ import annotations

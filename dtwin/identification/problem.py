@@ -203,6 +203,8 @@ class Problem:
             derivatives = self.derivatives(x)
         except DivergenceError:
             return None
+        if any(np.abs(jacobian).max(initial=0.0) > _HOPELESS for _, jacobian in derivatives):
+            return None
         count = len(self.names)
         prior, by_x = self.prior(x)
         cost, gradient, hessian, residuals = float(prior @ prior), by_x * prior, np.diag(by_x**2), 0
@@ -252,6 +254,8 @@ class Problem:
         return residual, slope
 
 
+_HOPELESS: Final = 1e30
+"""derivative of an angle beyond which a motion depends on rounding"""
 _TYPICAL: Final = {"K": 0.1, "m": 0.1, "I": 1e-4, "l": 0.1, "c": 0.1, "D": 0.01, "mu": 0.01}
 
 
