@@ -11,7 +11,7 @@ LAYERS = [
     {"dtwin.parameters"},
     {"dtwin.signals"},
     {"dtwin.messages"},
-    {"dtwin.recording", "dtwin.bus"},
+    {"dtwin.recording", "dtwin.bus", "dtwin.live"},
     {"dtwin.view"},
     {"dtwin.emulation", "dtwin.twin", "dtwin.iec61499"},
     {"dtwin.control"},
