@@ -5,12 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from dtwin.errors import FunctionBlockError, choices
+from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.xml import Element
 
 PASSED_OVER: Final = ("Attribute", "Comment", "CompilerInfo", "Group", "Identification", "Service", "VersionInfo")
 """Elements that concern editors and documentation only."""
+
+_NETWORK_PARTS: Final = (
+    *("FB", "SubApp", "EventConnections", "DataConnections", "AdapterConnections"),
+    *PASSED_OVER,
+)
+_SYSTEM_PARTS: Final = ("Application", "Device", "Mapping", "Segment", "Link", *PASSED_OVER)
 
 InterfaceReader = Callable[[Element], model.Interface]
 
@@ -29,6 +35,7 @@ def read_network(body: Element | None, file: str, read_interface: InterfaceReade
     subapplications: list[model.SubApplication] = []
     events: tuple[model.Connection, ...] = ()
     data: tuple[model.Connection, ...] = ()
+    body.expect_children(_NETWORK_PARTS)
     for element in body.children():
         if element.tag == "FB":
             blocks.append(_read_block(element))
@@ -38,13 +45,8 @@ def read_network(body: Element | None, file: str, read_interface: InterfaceReade
             events = _read_connections(element)
         elif element.tag == "DataConnections":
             data = _read_connections(element)
-        elif element.tag == "AdapterConnections":
-            if any(element.children()):
-                raise element.error("adapter connections are not supported: expected events and data only")
-        elif element.tag not in PASSED_OVER:
-            raise element.error(
-                f"unknown element <{element.tag}>: expected <FB>, <SubApp>, <EventConnections> or <DataConnections>"
-            )
+        elif element.tag == "AdapterConnections" and any(element.children()):
+            raise element.error("adapter connections are not supported: expected events and data only")
     seen: dict[str, int] = {}
     items: list[model.Block | model.SubApplication] = [*blocks, *subapplications]
     for item in items:
@@ -103,10 +105,7 @@ def system_from_xml(root: Element, header: model.TypeHeader, read_interface: Int
     """The system configuration in a <System> element."""
     if root.tag != "System":
         raise root.error(f"<{root.tag}> is not a system configuration: expected <System>")
-    known = ("Application", "Device", "Mapping", "Segment", "Link", *PASSED_OVER)
-    for child in root.children():
-        if child.tag not in known:
-            raise child.error(f"unknown element <{child.tag}>: expected {choices(known[:5])}")
+    root.expect_children(_SYSTEM_PARTS)
     applications = tuple(
         model.Application(
             a.require("Name"),

@@ -19,7 +19,15 @@ from dtwin.iec61499.types import ArrayType, elementary
 from dtwin.iec61499.xml import Element, read_xml
 
 _IDENTIFIER: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_TYPE_BODIES: Final = ("BasicFB", "SimpleFB", "FBNetwork", "SubAppNetwork", "Service")
+_TYPE_PARTS: Final = (
+    *("InterfaceList", "SubAppInterfaceList", "BasicFB", "SimpleFB", "FBNetwork", "SubAppNetwork"),
+    *PASSED_OVER,
+)
+
+
+_ALGORITHMIC_PARTS: Final = ("InternalVars", "InternalConstVars", "Algorithm", "Method", "Attribute")
+_PORT_GROUPS: Final = ("EventInputs", "EventOutputs", "InputVars", "OutputVars")
+_UNSUPPORTED_GROUPS: Final = {"Sockets": "adapter", "Plugs": "adapter", "InOutVars": "VAR_IN_OUT variable"}
 
 
 class _Named(Protocol):
@@ -45,9 +53,7 @@ def type_from_xml(root: Element) -> model.LibraryElement:
     """As `read_type`, from the root element."""
     if root.tag not in ("FBType", "SubAppType"):
         raise root.error(f"<{root.tag}> is not a block type: expected <FBType> or <SubAppType>")
-    for child in root.children():
-        if child.tag not in (*PASSED_OVER, *_TYPE_BODIES, "InterfaceList", "SubAppInterfaceList"):
-            raise child.error(f"unknown element <{child.tag}>: expected <InterfaceList> or {choices(_TYPE_BODIES)}")
+    root.expect_children(_TYPE_PARTS)
     header = read_header(root)
     interface = read_interface(root)
     if root.tag == "SubAppType":
@@ -88,19 +94,13 @@ def read_interface(owner: Element) -> model.Interface:
     if interface is None:
         return model.Interface()
     groups: dict[str, Element] = {}
+    interface.expect_children([*_PORT_GROUPS, *_UNSUPPORTED_GROUPS, *(f"SubApp{group}" for group in _PORT_GROUPS)])
     for group in interface.children():
-        kind = group.tag.removeprefix("SubApp")
-        if kind in ("Sockets", "Plugs", "InOutVars"):
-            first = next(group.children(), None)
-            if first is not None:
-                what = "VAR_IN_OUT variable" if kind == "InOutVars" else "adapter"
-                raise first.error(f"{what} {first.get('Name')} is not supported: expected events and data only")
-        elif kind in ("EventInputs", "EventOutputs", "InputVars", "OutputVars"):
-            groups[kind] = group
-        else:
-            raise group.error(
-                f"unknown element <{group.tag}>: expected <EventInputs>, <EventOutputs>, <InputVars> or <OutputVars>"
-            )
+        first = next(group.children(), None)
+        if group.tag in _UNSUPPORTED_GROUPS and first is not None:
+            what = _UNSUPPORTED_GROUPS[group.tag]
+            raise first.error(f"{what} {first.get('Name')} is not supported: expected events and data only")
+        groups[group.tag.removeprefix("SubApp")] = group
     inputs = read_variables(groups.get("InputVars"))
     outputs = read_variables(groups.get("OutputVars"))
     result = model.Interface(
@@ -119,9 +119,11 @@ def _read_events(
 ) -> tuple[model.Event, ...]:
     names = [variable.name for variable in variables]
     events = []
-    for element in group.children() if group is not None else ():
-        if element.tag not in ("Event", "SubAppEvent"):
-            raise element.error(f"unknown element <{element.tag}>: expected <Event>")
+    if group is None:
+        return ()
+    group.expect_children(("Event", "SubAppEvent"))
+    for element in group.children():
+        element.expect_children(("With", "Attribute"))
         if element.get("Type", "Event") not in ("Event", "EInit", ""):
             raise element.error(f"event type {element.get('Type')} is not supported: expected Event")
         with_variables = tuple(w.require("Var") for w in element.children("With"))
@@ -138,11 +140,13 @@ def _read_events(
 def read_variables(group: Element | None) -> tuple[model.Variable, ...]:
     """The variable declarations of a group."""
     variables = []
-    for element in group.children() if group is not None else ():
-        if element.tag == "FB":
-            raise element.error(f"block {element.get('Name')} inside a basic block is not supported")
-        if element.tag != "VarDeclaration":
-            raise element.error(f"unknown element <{element.tag}>: expected <VarDeclaration>")
+    if group is None:
+        return ()
+    for block in group.children("FB"):
+        raise block.error(f"block {block.get('Name')} inside a basic block is not supported: expected variables only")
+    group.expect_children(("VarDeclaration",))
+    for element in group.children():
+        element.expect_children(("Attribute",))
         name = _identifier(element)
         variable = model.Variable(
             name, _variable_type(element), element.get("InitialValue"), element.get("Comment"), element.line
@@ -184,6 +188,7 @@ def _array_type(element: Element, data_type: model.DataType) -> ArrayType:
 
 
 def _read_basic(body: Element, header: model.TypeHeader, interface: model.Interface) -> model.BasicFBType:
+    body.expect_children((*_ALGORITHMIC_PARTS, "ECC"))
     chart = body.child("ECC")
     if chart is None:
         raise body.error(f"basic block {header.name} has no <ECC>")
@@ -192,11 +197,13 @@ def _read_basic(body: Element, header: model.TypeHeader, interface: model.Interf
     states = _read_states(chart, interface, algorithms)
     if not states:
         raise chart.error(f"the ECC of {header.name} has no state")
+    chart.expect_children(("ECState", "ECTransition", "Attribute"))
     transitions = tuple(_read_transition(t, interface, states) for t in chart.children("ECTransition"))
     return model.BasicFBType(header, interface, internals, states, transitions, algorithms)
 
 
 def _read_simple(body: Element, header: model.TypeHeader, interface: model.Interface) -> model.SimpleFBType:
+    body.expect_children((*_ALGORITHMIC_PARTS, "ECState"))
     internals = _read_internals(body, interface)
     algorithms = _read_algorithms(body)
     states = _read_states(body, interface, algorithms)
@@ -223,11 +230,10 @@ def _read_internals(body: Element, interface: model.Interface) -> tuple[model.Va
 
 def _read_algorithms(body: Element) -> tuple[model.Algorithm, ...]:
     algorithms = []
-    for element in body.children():
-        if element.tag == "Method":
-            raise element.error(f"method {element.get('Name')} is not supported: expected algorithms")
-        if element.tag == "Algorithm":
-            algorithms.append(_read_algorithm(element))
+    for method in body.children("Method"):
+        raise method.error(f"method {method.get('Name')} is not supported: expected algorithms")
+    for element in body.children("Algorithm"):
+        algorithms.append(_read_algorithm(element))
     check_unique(algorithms, "algorithm", body.file)
     return tuple(algorithms)
 
@@ -253,6 +259,7 @@ def _read_states(
     outputs = [event.name for event in interface.event_outputs]
     states = []
     for element in chart.children("ECState"):
+        element.expect_children(("ECAction", "Attribute"))
         actions = []
         for action in element.children("ECAction"):
             algorithm, output = action.get("Algorithm"), action.get("Output")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -46,6 +46,13 @@ class Element:
     def child(self, tag: str) -> Element | None:
         """The first child of that tag."""
         return next(self.children(tag), None)
+
+    def expect_children(self, tags: Sequence[str]) -> None:
+        """Raises FunctionBlockError at the first child with a tag that is not among `tags`."""
+        for child in self.children():
+            if child.tag not in tags:
+                valid = f"expected {choices([f'<{tag}>' for tag in tags])}"
+                raise child.error(f"unknown element <{child.tag}> in <{self.tag}>: {valid}")
 
     def get(self, name: str, default: str = "") -> str:
         """An attribute, or the default."""
