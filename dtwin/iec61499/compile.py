@@ -107,7 +107,7 @@ def _assemble(
     wiring = [f"to__{event.name}" for event in interface.event_outputs]
     if service is not None:
         wiring += service.wiring
-    slots = (*initial, *wiring, "extend__", "index__", "name__", "resource__")
+    slots = (*initial, *wiring, "extend__", "name__", "resource__")
     instance_class = type(block.header.name, (), {"__slots__": slots})
     return CompiledType(block, instance_class, handlers, published, initial, *_memory(initial), service)
 

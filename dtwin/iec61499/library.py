@@ -8,6 +8,7 @@ from pathlib import Path
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
+from dtwin.iec61499.compile import CompiledType, compile_type
 from dtwin.iec61499.networks import system_from_xml
 from dtwin.iec61499.reader import read_header, read_interface, read_type
 from dtwin.iec61499.standard import find_standard, standard_names
@@ -28,6 +29,7 @@ class Library:
         self._paths = tuple(paths)
         self._files: dict[str, Path] = {}
         self._types: dict[str, model.LibraryElement] = {}
+        self._compiled: dict[model.FBType, CompiledType] = {}
         for folder in self._paths:
             if not folder.is_dir():
                 raise FunctionBlockError("is not a folder of block types", str(folder))
@@ -56,6 +58,12 @@ class Library:
             self._types[name] = self._load(name, file, line)
         return self._types[name]
 
+    def compiled(self, block: model.FBType) -> CompiledType:
+        """The compiled form of a block type, made once. Raises FunctionBlockError as `compile_type` does."""
+        if block not in self._compiled:
+            self._compiled[block] = compile_type(block)
+        return self._compiled[block]
+
     def _load(self, name: str, file: str, line: int) -> model.LibraryElement:
         standard = find_standard(name)
         path = self._files.get(name)
@@ -74,9 +82,9 @@ class Library:
         return standard
 
     def _hint(self, name: str) -> str:
-        known = [*self._files, *standard_names()]
+        known = sorted({*self._files, *standard_names()})
         close = difflib.get_close_matches(name, known, n=3, cutoff=0.6)
-        expected = f"expected {choices(close)}" if close else f"expected one of {choices(sorted(known)[:20])}, ..."
+        expected = f"expected {choices(close)}" if close else f"expected one of {choices(known[:20])}, ..."
         folders = choices([str(path) for path in self._paths]) if self._paths else "no folder"
         return f"{expected}; searched {folders} and the standard blocks"
 

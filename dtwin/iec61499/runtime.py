@@ -14,7 +14,7 @@ from typing import Any, Final
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
 from dtwin.iec61499.communication import Port, Server, Transport
-from dtwin.iec61499.compile import CompiledType, compile_type
+from dtwin.iec61499.compile import CompiledType
 from dtwin.iec61499.generic import check_types, resolve
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.local import LocalTransport
@@ -40,7 +40,8 @@ class Snapshot:
 class Resource:
     """A resource with its blocks, ready to start.
 
-    Time is the resource's own, in ns from 0, and moves only by `advance`.
+    Time is the resource's own, in ns from 0, and moves only by `advance`. One thread at a time may use a resource;
+    between calls that run it, values may be read and written at will.
 
     Args:
         network: what runs, e.g. from `resource_network`.
@@ -65,27 +66,21 @@ class Resource:
         netlist = flatten(network, library.find)
         resolve(netlist)
         check_types(netlist)
-        compiled: dict[model.FBType, CompiledType] = {}
-        self._types: list[CompiledType] = []
-        for node in netlist.nodes:
-            assert node.type is not None
-            if node.type not in compiled:
-                compiled[node.type] = compile_type(node.type)
-            self._types.append(compiled[node.type])
-        self._instances = [kind.instance_class() for kind in self._types]
+        self._types = [library.compiled(node.type) for node in netlist.nodes if node.type is not None]
+        self._instances = [self._instance(node, kind) for node, kind in zip(netlist.nodes, self._types, strict=True)]
         self._index = {node.name: number for number, node in enumerate(netlist.nodes)}
         self._initial = [_initial(node, kind) for node, kind in zip(netlist.nodes, self._types, strict=True)]
-        for number, (node, kind, instance) in enumerate(
-            zip(netlist.nodes, self._types, self._instances, strict=True)
-        ):
-            instance.name__ = node.name
-            instance.index__ = number
-            instance.resource__ = self
-            instance.extend__ = self._queue.extend
-            if kind.service is not None and kind.service.prepare is not None:
-                kind.service.prepare(instance)
         self._names = wire(netlist, self._types, self._instances, self._queue.extend)
         self.reset()
+
+    def _instance(self, node: Node, kind: CompiledType) -> Any:
+        instance = kind.instance_class()
+        instance.name__ = node.name
+        instance.resource__ = self
+        instance.extend__ = self._queue.extend
+        if kind.service is not None and kind.service.prepare is not None:
+            kind.service.prepare(instance)
+        return instance
 
     def reset(self) -> None:
         """Puts every variable, chart and timer back to the beginning; time stays."""
@@ -177,15 +172,16 @@ class Resource:
         """The time in ns at which a timed block will issue its event; None when none waits."""
         return self._timers[0][0] if self._timers else None
 
-    def schedule(self, index: int, delay: int) -> int:
+    def schedule(self, name: str, delay: int) -> int:
         """For timed blocks: `fire` of the block's service is due in `delay` ns; returns that time."""
         due = self.time + delay
-        heapq.heappush(self._timers, (due, self._sequence, index))
+        heapq.heappush(self._timers, (due, self._sequence, self._index[name]))
         self._sequence += 1
         return due
 
-    def cancel(self, index: int) -> None:
+    def cancel(self, name: str) -> None:
         """For timed blocks: forgets what is due for the block."""
+        index = self._index[name]
         self._timers[:] = [timer for timer in self._timers if timer[2] != index]
         heapq.heapify(self._timers)
 

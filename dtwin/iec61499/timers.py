@@ -18,12 +18,12 @@ def _start(s: Any) -> None:
 
 def _restart(s: Any) -> None:
     _stop(s)
-    s.due__ = s.resource__.schedule(s.index__, max(s.DT, 0))
+    s.due__ = s.resource__.schedule(s.name__, max(s.DT, 0))
 
 
 def _stop(s: Any) -> None:
     if s.due__ is not None:
-        s.resource__.cancel(s.index__)
+        s.resource__.cancel(s.name__)
         s.due__ = None
 
 
@@ -37,11 +37,11 @@ def _start_cycle(s: Any) -> None:
         if s.DT <= 0:
             raise FunctionBlockError(f"E_CYCLE started with DT = {s.DT} ns: expected a time above 0")
         s.period__ = s.DT
-        s.due__ = s.resource__.schedule(s.index__, s.period__)
+        s.due__ = s.resource__.schedule(s.name__, s.period__)
 
 
 def _cycle(s: Any) -> None:
-    s.due__ = s.resource__.schedule(s.index__, s.period__)
+    s.due__ = s.resource__.schedule(s.name__, s.period__)
     s.extend__(s.to__EO)
 
 

@@ -3,6 +3,9 @@
 An entry samples the block's inputs that are WITH the event, as straight attribute copies from the blocks they are
 connected to, and executes the block. Composites have entries for their outer event inputs (sample, then queue the
 entries inside) and for their inner event outputs (publish, then queue the entries outside).
+
+Before its first publication an output is seen with its initial value, as IEC 61499-1 has it (4diac FORTE 2.0 shows
+the default of the type instead). What is in the WITH of no event is never sampled or published, as in FORTE.
 """
 
 from __future__ import annotations
