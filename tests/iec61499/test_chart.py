@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from networks import Bench, Types, chart, network
 
 from dtwin.errors import FunctionBlockError
@@ -182,3 +184,71 @@ def test_names_that_mean_something_in_python() -> None:
     bench.resource.write("DUT._x", 40)
     assert bench.fire("def", **{"in": 2}) == ["class"]
     assert bench["is"] == 42
+
+
+GUARDS = {"": lambda n: True, "N < 3": lambda n: n < 3, "N MOD 2 = 0": lambda n: n % 2 == 0, "N > 5": lambda n: n > 5}
+TEXTS = {"": lambda n: n, "N := N + 1;": lambda n: n + 1, "N := 0;": lambda n: 0, "N := 2 * N;": lambda n: 2 * n}
+STATES = ("START", "A", "B", "C")
+
+action_lists = st.lists(st.tuples(st.sampled_from(list(TEXTS)), st.sampled_from(["", "P", "Q"])), max_size=2)
+transition_lists = st.lists(
+    st.tuples(
+        st.sampled_from(STATES),
+        st.sampled_from(["E", "F", ""]),
+        st.sampled_from(list(GUARDS)),
+        st.sampled_from(STATES),
+    ),
+    max_size=8,
+)
+
+
+class Interpreter:
+    """The chart's rules, one step at a time; None instead of events when it does not come to rest."""
+
+    def __init__(
+        self, states: dict[str, list[tuple[str, str]]], transitions: list[tuple[str, str, str, str]]
+    ) -> None:
+        self.states, self.transitions = states, transitions
+        self.state, self.n = "START", 0
+
+    def fire(self, event: str) -> list[str] | None:
+        issued: list[str] = []
+        for _ in range(40):
+            fired = next(
+                (
+                    destination
+                    for source, trigger, guard, destination in self.transitions
+                    if source == self.state and trigger in ("", event) and GUARDS[guard](self.n)
+                ),
+                None,
+            )
+            if fired is None:
+                return issued
+            self.state, event = fired, ""
+            for text, output in self.states[fired]:
+                self.n = (TEXTS[text](self.n) + 2**31) % 2**32 - 2**31
+                issued += [output] if output else []
+        return None
+
+
+@settings(max_examples=150)
+@given(
+    st.fixed_dictionaries(dict.fromkeys(STATES, action_lists)),
+    transition_lists,
+    st.lists(st.sampled_from(["E", "F"]), max_size=6),
+)
+def test_generated_code_follows_the_rules(
+    states: dict[str, list[tuple[str, str]]], transitions: list[tuple[str, str, str, str]], events: list[str]
+) -> None:
+    arrows = [
+        (source, f"{trigger}[{guard or '1'}]" if trigger else guard or "1", destination)
+        for source, trigger, guard, destination in transitions
+    ]
+    bench = Bench("T", chart("T", "E, F -> P(N), Q(N)", "-> N: DINT", {s: states[s] for s in STATES}, arrows))
+    rules = Interpreter(states, transitions)
+    for event in events:
+        expected = rules.fire(event)
+        if expected is None:
+            return
+        assert bench.fire(event) == expected
+        assert (bench["$ECC"], bench["N"]) == (rules.state, rules.n)

@@ -380,3 +380,13 @@ def test_activation_limit_allows_long_chains() -> None:
     blocks = "; ".join(["START: E_RESTART", "N: E_CTU", *(f"M{i}: E_MERGE" for i in range(count))])
     assert count < runtime.ACTIVATION_LIMIT
     assert started(network(blocks, "; ".join(wires))).read("N.CV") == 1
+
+
+def test_resources_of_one_library_do_not_share_state() -> None:
+    library = Types(DOUBLE)
+    net = network("START: E_RESTART; D: DOUBLE; N: E_CTU", "START.COLD -> D.E; D.O -> N.CU")
+    first, second = Resource(net, library), Resource(net, library)
+    first.write("D.X", 4)
+    first.start()
+    assert [first.read("D.Q"), first.read("N.CV")] == [8, 1]
+    assert [second.read("D.Q"), second.read("N.CV")] == [0, 0]
