@@ -232,7 +232,10 @@ class ExpressionChecker:
         if cast is not None:
             source, target, how = cast
             self._count(at, name, arguments, 1, 1)
-            return typed.Cast(at, target, self.coerce(arguments[0], source), how)
+            operand = self.coerce(arguments[0], source)
+            if target.kind == "real" and source.is_number and isinstance(operand, typed.Const):
+                return typed.Const(at, target, target.wrap(operand.value))
+            return typed.Cast(at, target, operand, how)
         function = FUNCTIONS.get(name)
         if function is None:
             known = choices(sorted({*FUNCTIONS, *OPERATOR_FUNCTIONS} | {"X_TO_Y", "X_TRUNC_Y", "TIME_IN_S_TO_Y"}))

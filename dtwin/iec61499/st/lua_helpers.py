@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-_HELPERS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
+HELPERS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
     "_floor": ("local _floor = math.floor", ()),
     "_sqrt": ("local _sqrt = math.sqrt", ()),
     "_ln": ("local _ln = math.log", ()),
@@ -201,7 +201,7 @@ def lua_helpers(names: Iterable[str]) -> str:
     ordered: dict[str, str] = {}
 
     def add(name: str) -> None:
-        text, needed = _HELPERS[name]
+        text, needed = HELPERS[name]
         for other in needed:
             add(other)
         ordered.setdefault(name, text)

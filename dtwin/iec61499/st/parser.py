@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -51,7 +51,7 @@ def lark_parser() -> Lark:
     return Lark(grammar, parser="lalr", lexer="basic", start=["algorithm", "expression"], propagate_positions=True)
 
 
-@cache
+@lru_cache(maxsize=1024)
 def parse_algorithm(text: str, file: str = "", line: int = 1, column: int = 1) -> ast.Algorithm:
     """Parses statements, optionally with `VAR ... END_VAR` and `ALGORITHM name ... END_ALGORITHM` around them.
 
@@ -65,7 +65,7 @@ def parse_algorithm(text: str, file: str = "", line: int = 1, column: int = 1) -
     return _parse(text, "algorithm", ast.Position(file, line, column))
 
 
-@cache
+@lru_cache(maxsize=1024)
 def parse_expression(text: str, file: str = "", line: int = 1, column: int = 1) -> ast.Expression:
     """Parses one expression, such as the condition of a transition. Raises as `parse_algorithm` does."""
     return _parse(text, "expression", ast.Position(file, line, column))

@@ -70,6 +70,7 @@ def python_source(checked: typed.CheckedAlgorithm, self_name: str = "s") -> Pyth
 def compile_algorithm(checked: typed.CheckedAlgorithm, name: str) -> Callable[[Any], None]:
     """A function that runs the algorithm on an instance whose attributes (`python_name`) are the variables.
 
+    name is what tracebacks and profiles show, such as `TYPE.ALGORITHM`.
     Arrays are replaced, never changed in place.
 
     Raises:
@@ -78,10 +79,9 @@ def compile_algorithm(checked: typed.CheckedAlgorithm, name: str) -> Callable[[A
     code = python_source(checked, "_s")
     loads = [f"{python_name(n)} = {_load(f'_s.{python_name(n)}', n in code.modified_arrays)}" for n in code.reads]
     stores = list(_stores(code.writes, "_s"))
-    function = python_name(name) if name.isidentifier() else "algorithm"
     if code.exact_lines is None:
-        return _define(function, [*loads, *code.lines, *stores], code.globals)
-    exact = _define(f"{function}_exact", [*loads, *code.exact_lines, *stores], code.exact_globals)
+        return _define(name, [*loads, *code.lines, *stores], code.globals)
+    exact = _define(f"{name} (exact)", [*loads, *code.exact_lines, *stores], code.exact_globals)
     lines = [
         "try:",
         *_indented([*loads, *code.lines]),
@@ -89,7 +89,7 @@ def compile_algorithm(checked: typed.CheckedAlgorithm, name: str) -> Callable[[A
         f"{_INDENT}return _exact(_s)",
         *stores,
     ]
-    return _define(function, lines, {**code.globals, "_exact": exact})
+    return _define(name, lines, {**code.globals, "_exact": exact})
 
 
 def compile_condition(checked: typed.Expression, self_name: str = "s") -> str:
@@ -119,13 +119,15 @@ def _indented(lines: Iterable[str]) -> list[str]:
 
 
 def _define(name: str, lines: list[str], names: dict[str, Any]) -> Callable[[Any], None]:
-    source = "\n".join([f"def {name}(_s):", *_indented(lines or ["pass"])]) + "\n"
+    source = "\n".join(["def run(_s):", *_indented(lines or ["pass"])]) + "\n"
     namespace = {**names, "_copy": runtime.copy}
     try:
-        exec(compile(source, f"<structured text {name}>", "exec"), namespace)
+        exec(compile(source, f"<{name}>", "exec"), namespace)
     except (SyntaxError, RecursionError, MemoryError):
         raise FunctionBlockError(f"algorithm {name} is nested too deeply: split it") from None
-    return namespace[name]
+    function: Callable[[Any], None] = namespace["run"]
+    function.__name__ = name
+    return function
 
 
 class _Generator:

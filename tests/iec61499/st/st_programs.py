@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any
 
 from hypothesis import strategies as st
@@ -75,6 +76,12 @@ def leaf(type_name: str) -> st.SearchStrategy[ast.Expression]:
     return variables | variables | literal(type_name)
 
 
+def choose(options: list[st.SearchStrategy[Any]]) -> st.SearchStrategy[Any]:
+    """One of the options, each as likely as any other (`one_of` weighs by the leaves below)."""
+    return st.sampled_from(options).flatmap(lambda option: option)
+
+
+@cache
 def expression(type_name: str, depth: int) -> st.SearchStrategy[ast.Expression]:
     if depth == 0:
         return leaf(type_name)
@@ -86,11 +93,9 @@ def expression(type_name: str, depth: int) -> st.SearchStrategy[ast.Expression]:
         return st.deferred(lambda: expression(name, depth - 1))
 
     for narrower in WIDER.get(type_name, ()):
-        options.append(
-            binary(["+", "-", "*"], own | other(narrower))
-            if type_name == "LREAL"
-            else call(["MAX"], own, other(narrower))
-        )
+        options.append(call(["MAX"], own, other(narrower)))
+        if type_name == "LREAL":
+            options.append(call(["ADD", "SUB", "MUL", "DIV"], own, other(narrower)))
     if type_name in ("LREAL", "REAL"):
         options += [
             binary(["+", "-", "*", "/"], own),
@@ -140,9 +145,10 @@ def expression(type_name: str, depth: int) -> st.SearchStrategy[ast.Expression]:
         ]
         options += [call(["REPLACE"], own, own, other("USINT"), other("USINT"))]
         options += [call([f"{n}_TO_STRING"], other(n)) for n in ("DINT", "LREAL", "BOOL", "UDINT", "REAL")]
-    return st.one_of(options)
+    return choose(options)
 
 
+@cache
 def assignment(depth: int) -> st.SearchStrategy[ast.Statement]:
     def assign(name: str, type_name: str) -> st.SearchStrategy[ast.Statement]:
         return expression(type_name, depth).map(lambda v: ast.Assignment(AT, ast.Variable(AT, name), v))
@@ -153,13 +159,15 @@ def assignment(depth: int) -> st.SearchStrategy[ast.Statement]:
         st.integers(0, 2),
         expression("LREAL", depth),
     )
-    return st.one_of([*scalars, element])
+    return choose([*scalars, element])
 
 
+@cache
 def body(depth: int, loops: int, inside: bool = False) -> st.SearchStrategy[tuple[ast.Statement, ...]]:
     return st.lists(statement(depth, loops, inside), max_size=3).map(tuple)
 
 
+@cache
 def statement(depth: int, loops: int, inside: bool) -> st.SearchStrategy[ast.Statement]:
     """loops counts the loops still allowed inside; inside tells whether EXIT and CONTINUE may stand here."""
     options: list[st.SearchStrategy[Any]] = [assignment(2)] * 3
@@ -177,7 +185,7 @@ def statement(depth: int, loops: int, inside: bool) -> st.SearchStrategy[ast.Sta
             counter = f"F{loops}"
             options += [counted(counter, looped), st.builds(lambda b: bounded_while(counter, b), looped)]
             options += [st.builds(lambda b: bounded_repeat(counter, b), looped)]
-    return st.one_of(options)
+    return choose(options)
 
 
 def case(inner: st.SearchStrategy[Any]) -> st.SearchStrategy[ast.Statement]:
@@ -217,7 +225,7 @@ def bounded_repeat(counter: str, inner: tuple[ast.Statement, ...]) -> ast.Statem
     return ast.Repeat(AT, (_increment(counter), *inner), condition)
 
 
-programs = st.lists(statement(2, 2, False), min_size=1, max_size=5).map(lambda b: ast.Algorithm(AT, "", (), tuple(b)))
+programs = st.lists(statement(3, 2, False), min_size=1, max_size=5).map(lambda b: ast.Algorithm(AT, "", (), tuple(b)))
 
 
 def value(name: str) -> st.SearchStrategy[Any]:

@@ -11,7 +11,7 @@ from st_programs import SCOPE, programs, states
 
 from dtwin.iec61499.st import ast, check_algorithm, parse_algorithm, print_algorithm
 
-relaxed = settings(deadline=None, suppress_health_check=list(HealthCheck), max_examples=1500, derandomize=True)
+relaxed = settings(deadline=None, suppress_health_check=list(HealthCheck), max_examples=80, derandomize=True)
 
 
 def agree(expected: dict[str, Any], got: dict[str, Any], tree: ast.Algorithm) -> None:

@@ -78,15 +78,31 @@ def test_comments_are_ignored() -> None:
 @pytest.mark.parametrize(
     ("text", "value", "type_name"),
     [
-        ("12", 12, ""), ("1_000", 1000, ""), ("16#fF", 255, ""), ("2#1010_1010", 170, ""), ("8#17", 15, ""),
-        ("1.5", 1.5, ""), ("1.0E-3", 0.001, ""), ("2e3", 2000.0, ""), ("TRUE", True, ""), ("false", False, ""),
-        ("INT#-5", -5, "INT"), ("WORD#16#FF", 255, "WORD"), ("LREAL#1", 1.0, "LREAL"), ("BOOL#1", True, "BOOL"),
-        ("REAL#0.1", 0.10000000149011612, "REAL"), ("T#10ms", 10_000_000, "TIME"),
+        ("12", 12, ""),
+        ("1_000", 1000, ""),
+        ("16#fF", 255, ""),
+        ("2#1010_1010", 170, ""),
+        ("8#17", 15, ""),
+        ("1.5", 1.5, ""),
+        ("1.0E-3", 0.001, ""),
+        ("2e3", 2000.0, ""),
+        ("TRUE", True, ""),
+        ("false", False, ""),
+        ("INT#-5", -5, "INT"),
+        ("WORD#16#FF", 255, "WORD"),
+        ("LREAL#1", 1.0, "LREAL"),
+        ("BOOL#1", True, "BOOL"),
+        ("REAL#0.1", 0.10000000149011612, "REAL"),
+        ("T#10ms", 10_000_000, "TIME"),
         ("TIME#-1h30m", -5_400_000_000_000, "TIME"),
-        ("T#1.5s", 1_500_000_000, "TIME"), ("LTIME#1us2ns", 1002, "LTIME"), ("'it$'s $$5$L'", "it's $5\n", "STRING"),
-        ('"$0041b"', "Ab", "WSTRING"), ("STRING#'x'", "x", "STRING"), ("''", "", "STRING"),
+        ("T#1.5s", 1_500_000_000, "TIME"),
+        ("LTIME#1us2ns", 1002, "LTIME"),
+        ("'it$'s $$5$L'", "it's $5\n", "STRING"),
+        ('"$0041b"', "Ab", "WSTRING"),
+        ("STRING#'x'", "x", "STRING"),
+        ("''", "", "STRING"),
     ],
-)  # fmt: skip
+)
 def test_literals(text: str, value: object, type_name: str) -> None:
     literal = parse_expression(text)
     assert literal == ast.Literal(ast.Position(), value, type_name)  # type: ignore[arg-type]  # any literal's value

@@ -18,11 +18,13 @@ from dtwin.iec61499.st import (
     compile_algorithm,
     compile_condition,
     lua_condition,
+    lua_helpers,
     lua_source,
     parse_expression,
     python_source,
 )
-from dtwin.iec61499.st.runtime import ITERATION_LIMIT
+from dtwin.iec61499.st.lua_helpers import HELPERS
+from dtwin.iec61499.st.runtime import COMMON, EXACT, FAST, ITERATION_LIMIT
 from dtwin.iec61499.types import DINT, ELEMENTARY, LREAL, ArrayType, DataType
 
 TYPES: dict[str, str | DataType] = {
@@ -376,3 +378,19 @@ def test_conditions(text: str, expected: bool) -> None:
     state = instance(SCOPE, {"I": 3, "X": 1.0})
     assert eval(compile_condition(checked), dict(CONDITION_GLOBALS), {"s": state}) is expected
     assert lua_condition(checked, lambda name: f"V.{name}").body
+
+
+@pytest.mark.parametrize("interpreter", LUA)
+def test_every_lua_helper_loads(interpreter: str) -> None:
+    LUA[interpreter].LuaRuntime().execute(lua_helpers(HELPERS))
+
+
+def test_helpers_come_after_those_they_need() -> None:
+    text = lua_helpers({"_round", "_delete"})
+    assert text.index("function _trunc") < text.index("function _round")
+    assert text.index("function _replace") < text.index("function _delete")
+
+
+def test_fast_and_exact_functions_have_the_same_names() -> None:
+    assert FAST.keys() == EXACT.keys()
+    assert not FAST.keys() & COMMON.keys()
