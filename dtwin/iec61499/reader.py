@@ -18,7 +18,7 @@ from dtwin.iec61499.networks import PASSED_OVER, read_network
 from dtwin.iec61499.types import ArrayType, elementary
 from dtwin.iec61499.xml import Element, read_xml
 
-_IDENTIFIER: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_IDENTIFIER: Final = re.compile(r"(?!\w*__)[A-Za-z_][A-Za-z0-9_]*", re.ASCII)
 _TYPE_PARTS: Final = (
     *("InterfaceList", "SubAppInterfaceList", "BasicFB", "SimpleFB", "FBNetwork", "SubAppNetwork"),
     *PASSED_OVER,
@@ -326,7 +326,7 @@ def check_unique(items: Sequence[_N], what: str, file: str) -> None:
 def _identifier(element: Element) -> str:
     name = element.require("Name")
     if not _IDENTIFIER.fullmatch(name):
-        raise element.error(f"{name!r} is not an identifier: expected letters, digits and _")
+        raise element.error(f"{name!r} is not an identifier: expected letters, digits and single _")
     return name
 
 

@@ -130,7 +130,8 @@ def test_a_block_without_body_is_known_by_its_interface(write: Write) -> None:
     ("old", "new", "message"),
     [
         ('Name="SCALE">\n  <Id', 'Nme="SCALE">\n  <Id', "<FBType> needs the attribute Name, it has Comment or Nme"),
-        ('Name="X" Type', 'Name="1X" Type', "'1X' is not an identifier"),
+        ('Name="X" Type', 'Name="1X" Type', "'1X' is not an identifier: expected letters, digits and single _"),
+        ('Name="X" Type', 'Name="to__X" Type', "'to__X' is not an identifier: expected letters, digits and single _"),
         ('Name="Y" Type', 'Name="x" Type', "unknown output variable Y in WITH of CNF: expected x"),
         ('Name="DT" Type', 'Name="y" Type', "port Y is already declared in line 18"),
         ('Name="K"', 'Name="Y"', "variable Y is already declared in line 21"),
