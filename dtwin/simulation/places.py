@@ -1,0 +1,94 @@
+"""Where a motion starts and ends: a place's name, coordinates, or joint angles."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Final
+
+from dtwin.errors import ParameterError, UnreachableError, choices
+from dtwin.motion import NAMES, PICKUP_NAME, Goal
+from dtwin.parameters import HANGING, HOME, PICKUP, PLACES, ArmParameters, Triple
+from dtwin.twin.kinematics import inverse
+
+_POSES: Final[dict[str, Triple]] = {"home": HOME, "hanging": HANGING}
+FORMS: Final = (
+    f"a place ({', '.join((*NAMES, *_POSES))}), coordinates of the tip X,Y in m, or joint angles Q1,Q2,Q3 in rad"
+)
+
+
+def angles_of(place: str) -> Triple:
+    """The joint angles (rad) of a named place.
+
+    Raises:
+        ParameterError: the name is unknown.
+    """
+    if place == PICKUP_NAME:
+        return PICKUP.theta
+    if place in PLACES:
+        return PLACES[place].theta
+    if place in _POSES:
+        return _POSES[place]
+    raise ParameterError(f"unknown place {place!r}: expected {choices((*NAMES, *_POSES))}")
+
+
+def parse_start(text: str, arm: ArmParameters) -> Triple:
+    """The joint angles (rad) that a text stands for.
+
+    Raises:
+        ParameterError: it is none of the forms. UnreachableError: coordinates out of reach.
+    """
+    found = _read(text)
+    if isinstance(found, str):
+        return angles_of(found)
+    return found if len(found) == 3 else nearest(found[0], found[1], arm, HOME)
+
+
+def parse_goal(text: str, arm: ArmParameters, start: Triple) -> Goal:
+    """The goal that a text stands for; a place that the planner block knows stays a name.
+
+    Coordinates are reached with link 3 parallel to x, by the joint angles nearest to those of the start.
+
+    Raises:
+        ParameterError: it is none of the forms. UnreachableError: coordinates out of reach.
+    """
+    found = _read(text)
+    if isinstance(found, str):
+        return found if found in NAMES else angles_of(found)
+    return found if len(found) == 3 else nearest(found[0], found[1], arm, start)
+
+
+def nearest(x: float, y: float, arm: ArmParameters, near: Triple) -> Triple:
+    """The joint angles that put the tip at (x, y) m with link 3 parallel to x, in the least way from `near`.
+
+    Raises:
+        UnreachableError: the point is out of reach.
+    """
+    best: tuple[float, Triple] | None = None
+    for elbow, turns in itertools.product(("up", "down"), (-1, 0, 1)):
+        first, second, _ = inverse(x, y, arm, elbow="up" if elbow == "up" else "down")
+        first += 2.0 * math.pi * round((near[0] - first) / (2.0 * math.pi))
+        second += 2.0 * math.pi * (round((near[1] - second) / (2.0 * math.pi)) + turns)
+        theta = (first, second, -first - second)
+        way = max(abs(a - b) for a, b in zip(theta, near, strict=True))
+        if best is None or way < best[0]:
+            best = (way, theta)
+    assert best is not None
+    return best[1]
+
+
+def _read(text: str) -> str | tuple[float, ...]:
+    """A name, two coordinates or three angles."""
+    parts = text.split(",")
+    if len(parts) == 1:
+        return text.strip()
+    try:
+        numbers = tuple(float(part) for part in parts)
+    except ValueError:
+        numbers = ()
+    if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
+        raise ParameterError(f"place {text!r}: expected {FORMS}")
+    return numbers
+
+
+__all__ = ["FORMS", "UnreachableError", "angles_of", "nearest", "parse_goal", "parse_start"]

@@ -1,0 +1,170 @@
+"""What if the arm moved there, with these settings: analytic twin and real function blocks in one loop.
+
+The tick is that of the cell: sample, blocks, volts held for 10 ms, four RK4 steps. Equal cases give equal outcomes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from dtwin.control import BLOCKS, ControlSettings
+from dtwin.emulation.encoders import Encoders, NoiseKind
+from dtwin.errors import DivergenceError, ParameterError
+from dtwin.motion import STILL, Goal, MotionController
+from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, ArmParameters, Triple
+from dtwin.simulation.figures import Array, Figures, figures
+from dtwin.twin.dynamics import integrate
+from dtwin.twin.rollout import PayloadModel, is_weight_only
+
+SUBSTEPS: Final = 4
+"""RK4 steps of 2.5 ms a tick, as in the emulation"""
+HOLD: Final = 2.0
+"""s that a motion is looked at after its path has ended"""
+LONGEST: Final = 600.0
+"""s"""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One motion to try.
+
+    Attributes:
+        goal: where to; a name that the planner block knows, or joint angles in rad.
+        settings: of the function blocks.
+        theta: where from, joint angles, rad.
+        omega: velocities at the start, rad/s.
+        arm: the simulated arm; the controller keeps its own model.
+        payload: kg at the tip.
+        carries: whether the controller counts on a box (of settings.payload); None means when payload is not 0.
+        payload_model: "point" is a point mass at the tip, "weight" its weight without inertia.
+        noise: rad, of the encoders: amplitude (uniform) or standard deviation (gaussian).
+        seed: of the noise.
+        duration: s; None is the target time and 2 s more.
+
+    Raises:
+        ParameterError: a number is out of range.
+    """
+
+    goal: Goal
+    settings: ControlSettings = field(default_factory=ControlSettings)
+    theta: Triple = PICKUP.theta
+    omega: Triple = STILL
+    arm: ArmParameters = field(default_factory=ArmParameters)
+    payload: float = 0.0
+    carries: bool | None = None
+    payload_model: PayloadModel = "point"
+    noise: float = 0.0
+    noise_kind: NoiseKind = "uniform"
+    seed: int = 0
+    duration: float | None = None
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.payload) and self.payload >= 0):
+            raise ParameterError(f"payload: expected a finite mass of at least 0 kg, got {self.payload}")
+        if not all(map(math.isfinite, (*self.theta, *self.omega))):
+            raise ParameterError(f"start: expected finite angles and velocities, got {self.theta} and {self.omega}")
+        if not PERIOD <= self.seconds <= LONGEST:
+            raise ParameterError(f"duration: expected {PERIOD} to {LONGEST:g} s, got {self.seconds:g}")
+        is_weight_only(self.payload_model)
+
+    @property
+    def seconds(self) -> float:
+        """How long the motion is looked at, s."""
+        return self.settings.target_time + HOLD if self.duration is None else self.duration
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """A simulated motion; sample k is at k times 10 ms.
+
+    Attributes:
+        case: what was simulated.
+        target: where the path ends, rad.
+        states: (N + 1, 6), true angles (rad) and velocities (rad/s).
+        measured: (N, 3), what the encoders say, rad.
+        path: (N, 3), desired angles, rad.
+        volts: (N, 3), V.
+        figures: what it came to.
+    """
+
+    case: Case
+    target: Triple
+    states: Array
+    measured: Array
+    path: Array
+    volts: Array
+    figures: Figures
+
+    @property
+    def time(self) -> Array:
+        """(N,), s since the start."""
+        return np.arange(len(self.path)) * PERIOD
+
+    @property
+    def theta(self) -> Array:
+        """(N, 3), true angles at the samples, rad."""
+        return self.states[:-1, :3]
+
+
+class Simulator:
+    """Simulates motions, one after another, on one set of function blocks.
+
+    Args:
+        blocks: folder of the function-block library.
+
+    Raises:
+        FunctionBlockError: the library cannot be used.
+    """
+
+    def __init__(self, blocks: Path = BLOCKS) -> None:
+        self.controller = MotionController(blocks)
+
+    def run(self, case: Case) -> Outcome:
+        """Simulates a motion.
+
+        Raises:
+            ParameterError: the goal's name is unknown. DivergenceError: the arm left the finite numbers.
+        """
+        ticks = round(case.seconds / PERIOD)
+        controller, step, path_of = self.controller, self.controller.step, self.controller.path
+        encoders = Encoders(case.noise_kind, case.noise, np.random.default_rng(case.seed)) if case.noise else None
+        carries = case.payload > 0 if case.carries is None else case.carries
+        vector = np.array(case.arm.vector())
+        weight_only = is_weight_only(case.payload_model)
+        load = np.array([case.payload])
+        command = np.empty((1, 3))
+        states = np.empty((ticks + 1, 6))
+        states[0] = (*case.theta, *case.omega)
+        samples: list[Triple] = []
+        path: list[Triple] = []
+        commands: list[Triple] = []
+        theta = case.theta
+        for k in range(ticks):
+            sample = theta if encoders is None else _measure(encoders, theta)
+            if k:
+                volts = step(sample)
+            else:
+                volts = controller.begin(sample, case.goal, case.settings, carries=carries, omega=case.omega)
+            samples.append(sample)
+            path.append(path_of())
+            commands.append(volts)
+            command[0] = volts
+            if not integrate(
+                vector, command, load, PERIOD, SUBSTEPS, weight_only, COULOMB_WIDTH, states[k : k + 2]
+            ):
+                raise DivergenceError("what-if simulation", k * PERIOD, states[k])
+            theta = tuple(states[k + 1, :3].tolist())
+        target = controller.target()
+        desired, applied = np.array(path), np.array(commands)
+        came_to = figures(states[:, :3], states[:, 3:], desired, applied, target, case.arm.voltage_constant)
+        return Outcome(case, target, states, np.array(samples), desired, applied, came_to)
+
+
+def _measure(encoders: Encoders, theta: Triple) -> Triple:
+    first, second, third, _ = encoders.measure([*theta, 0.0], 0.0)
+    return (first, second, third)
