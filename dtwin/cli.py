@@ -33,6 +33,11 @@ class Entry:
 COMMANDS: Final[dict[str, Entry]] = {
     "run": Entry("dtwin.commands.run", "Run", "run the cell: arm, boxes and function blocks; record and summarise"),
     "validate": Entry("dtwin.commands.validate", "Validate", "hold the emulation against the analytic twin"),
+    "identify": Entry("dtwin.commands.identify", "Identify", "identify the arm from a log or a simulated experiment"),
+    "model list": Entry("dtwin.commands.model", "ModelList", "list the identified models"),
+    "model show": Entry("dtwin.commands.model", "ModelShow", "show an identified model"),
+    "model diff": Entry("dtwin.commands.model", "ModelDiff", "compare two identified models"),
+    "model export": Entry("dtwin.commands.model", "ModelExport", "write an identified model as MJCF or parameters"),
     "fb run": Entry("dtwin.commands.fb", "FbRun", "serve function blocks as a device that management can build on"),
     "fb watch": Entry("dtwin.commands.fb", "FbWatch", "read values of a running device"),
     "fb stop": Entry("dtwin.commands.fb", "FbStop", "stop what runs on a device"),

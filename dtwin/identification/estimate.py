@@ -171,6 +171,13 @@ def identify(experiments: Sequence[Experiment], settings: Settings) -> Estimate:
     )
 
 
+def load_kernels() -> None:
+    """Compiles the twin, or loads it compiled, so that a fit after it takes its own time only."""
+    problem = Problem((Experiment(np.zeros((2, 3)), np.zeros((2, 3))),), ("K1",))
+    problem.normal(problem.start(), [np.ones(3)])
+    problem.cost(problem.start(), [np.ones(3)])
+
+
 def covariance(problem: Problem, x: Array, noise: Array, identifiability: Identifiability) -> Array:
     """Inverse of the Fisher information of the shared unknowns, (n, n), SI units; NaN for what is not identifiable.
 
@@ -188,13 +195,10 @@ def covariance(problem: Problem, x: Array, noise: Array, identifiability: Identi
     norms[norms == 0.0] = 1.0
     _, singular, right = np.linalg.svd(matrix / norms, full_matrices=False)
     rank = identifiability.rank + shared - len(problem.free)
-    if problem.priors:
-        rank = int(np.sum(singular > singular[0] * 1e-9))
     root = right[:rank].T / singular[:rank] * (problem.scale[:shared] / norms)[:, None]
     result: Array = root @ root.T
-    if not problem.priors:
-        hidden = [problem.shared.index(name) for name in identifiability.unidentifiable]
-        result[hidden, :] = result[:, hidden] = np.nan
+    hidden = [problem.shared.index(name) for name in identifiability.unidentifiable]
+    result[hidden, :] = result[:, hidden] = np.nan
     return result
 
 

@@ -18,8 +18,8 @@ START_COULOMB: Final = 0.01
 _THREE_AT_ONCE: Final = 2.394
 """standard errors"""
 _SYMBOLS: Final = {"viscous": ("D",), "coulomb": ("mu",), "both": ("D", "mu")}
-_SUBSTEPS: Final = {"viscous": 4, "coulomb": 8, "both": 4}
-"""RK4 steps a sample: without viscous damping a fit passes friction too steep for 4 on its way"""
+_SUBSTEPS: Final = {"viscous": 4, "coulomb": 16, "both": 4}
+"""RK4 steps a sample: without viscous damping a fit passes friction too steep for 4"""
 
 
 @dataclass(frozen=True)

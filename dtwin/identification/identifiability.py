@@ -19,6 +19,8 @@ _RANK_TOLERANCE: Final = 1e-9
 """relative to the largest singular value of unit columns"""
 _ABSENT: Final = 1e-5
 """share of a null direction below which a parameter does not take part in it"""
+_USUAL_NOISE: Final = 1e-3
+"""rad, sets how much data weigh against priors; the rank does not depend on it"""
 _OTHER_PAYLOAD: Final = 0.2
 """kg, of the run proposed beside an empty one"""
 
@@ -52,7 +54,7 @@ class Identifiability:
         """The finding in words."""
         count = len(self.free)
         if self.rank == count:
-            return f"These data determine all {count} free parameters."
+            return f"All {count} free parameters are determined."
         groups = "; ".join(
             f"{', '.join(group)} only in combination ({missing} of {len(group)} degrees of freedom open)"
             if len(group) > 1
@@ -64,7 +66,7 @@ class Identifiability:
 
 
 def analyse(problem: Problem, x: Array) -> Identifiability:
-    """The parameters that the problem's data determine, around scaled unknowns x."""
+    """The parameters that the problem's data and priors determine, around scaled unknowns x."""
     matrix = parameter_sensitivity(problem, x)
     null = null_space(matrix)
     rank = len(problem.free) - null.shape[1]
@@ -78,13 +80,13 @@ def analyse(problem: Problem, x: Array) -> Identifiability:
 
 
 def parameter_sensitivity(problem: Problem, x: Array) -> Array:
-    """Derivatives (R, free), unit columns, of what neither offsets nor initial states nor priors explain."""
-    matrix = replace(problem, priors={}).sensitivity(x, [np.ones(3)] * len(problem.experiments))
+    """Derivatives (R, free) of what neither offsets nor initial states explain, over the size of all of them."""
+    matrix = problem.sensitivity(x, [np.full(3, 1.0 / _USUAL_NOISE)] * len(problem.experiments))
     free = len(problem.free)
     offsets = matrix.shape[1] - free
     triangle = np.asarray(np.linalg.qr(np.hstack((matrix[:, free:], matrix[:, :free])), mode="r"))
     reduced = triangle[offsets:, offsets:]
-    # Of a column that vanishes, only rounding is left: it is not to be blown up to a unit column.
+    # Where nothing but rounding is left of a column, it is not to be blown up to unit length: hence the size before.
     norms = np.linalg.norm(matrix[:, :free], axis=0)
     return reduced / np.where(norms > 0, norms, 1.0)
 
@@ -129,7 +131,8 @@ def _advise(problem: Problem, x: Array, rank: int) -> str:
             kept = tuple(name for name in problem.free if symbol(name) not in symbols)
             if (text or what) and (not what or len(kept) < len(problem.free)):
                 steps = " and ".join(filter(None, (text, what)))
-                options.append((steps, replace(base, free=kept, priors={})))
+                priors = {name: prior for name, prior in problem.priors.items() if name in kept}
+                options.append((steps, replace(base, free=kept, priors=priors)))
     findings = []
     for steps, candidate in options:
         reached = _rank(candidate, candidate.start(problem.parameters(x)))

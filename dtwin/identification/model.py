@@ -1,0 +1,216 @@
+"""Identified models as files: JSON, validated on load, with everything that says how far to trust them."""
+
+from __future__ import annotations
+
+import math
+import platform
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+import numpy as np
+
+from dtwin import __version__
+from dtwin.errors import DtwinError, ModelError, choices
+from dtwin.identification.data import Array, fingerprint
+from dtwin.identification.estimate import Estimate
+from dtwin.identification.problem import OFFSETS
+from dtwin.identification.residuals import LAGS
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters
+from dtwin.recording import replacing
+
+SCHEMA: Final = "dtwin identified model 1"
+
+
+class PriorRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Mean and standard deviation a parameter was expected to have, SI units."""
+
+    mean: float
+    deviation: float
+
+
+class Covariance(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Of the estimates, SI units: rows and columns in the order of the names."""
+
+    names: list[str]
+    matrix: list[list[float]]
+
+
+class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the model was made from: SHA-256 of the samples, their number an experiment, the largest load of each."""
+
+    fingerprint: str
+    source: str
+    samples: list[int]
+    payload_kg: list[float]
+    payload_model: str
+
+
+class Validity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How well the model explains the arm.
+
+    fit is 1 - ||y - yhat|| / ||y - mean(y)|| a joint on motion it was not fitted to; noise is the standard deviation
+    of the residuals, rad, noise_shape the exponent of their density; whiteness_p the probabilities of the
+    autocorrelation test a joint.
+    """
+
+    converged: bool
+    fit: list[float]
+    noise: list[float]
+    noise_shape: float
+    residual_white: bool
+    whiteness_p: list[float]
+    whiteness_lags: int
+    bic: float
+
+
+class IdentifiedModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """An identified model.
+
+    Attributes:
+        schema: SCHEMA.
+        parameters: all 21 by name, SI units; those in `unidentifiable` are one choice among many that fit.
+        free: names that were estimated; the others were fixed.
+        unidentifiable: free names that the data do not determine.
+        identifiability: the same in words.
+        standard_errors: by name of what was estimated and is identifiable, SI units.
+        covariance: of the same.
+        offsets: encoder offsets, rad.
+        priors: by name.
+        data: what it was made from.
+        validity: how well it fits.
+        versions: of what made it.
+    """
+
+    schema: str
+    parameters: dict[str, float]
+    free: list[str]
+    unidentifiable: list[str]
+    identifiability: str
+    standard_errors: dict[str, float]
+    covariance: Covariance
+    offsets: list[float]
+    priors: dict[str, PriorRecord]
+    data: Data
+    validity: Validity
+    versions: dict[str, str]
+
+    @property
+    def arm(self) -> ArmParameters:
+        """The parameters as the rest of the system takes them."""
+        return ArmParameters.from_vector(tuple(self.parameters[name] for name in PARAMETER_NAMES))
+
+
+def from_estimate(estimate: Estimate, fit: Array, source: str) -> IdentifiedModel:
+    """The model file of an estimate.
+
+    Args:
+        estimate: the outcome of an identification.
+        fit: (3,), on held-out data.
+        source: what the data were, for people.
+    """
+    problem = estimate.problem
+    hidden = estimate.identifiability.unidentifiable
+    kept = [k for k, name in enumerate(problem.shared) if name not in hidden]
+    names = [problem.shared[k] for k in kept]
+    matrix = estimate.covariance[np.ix_(kept, kept)]
+    return IdentifiedModel(
+        schema=SCHEMA,
+        parameters=dict(zip(PARAMETER_NAMES, estimate.parameters.vector(), strict=True)),
+        free=list(problem.free),
+        unidentifiable=list(hidden),
+        identifiability=estimate.identifiability.text(),
+        standard_errors={name: estimate.standard_errors[name] for name in names},
+        covariance=Covariance(names, matrix.tolist()),
+        offsets=problem.offset(estimate.x).tolist(),
+        priors={name: PriorRecord(prior.mean, prior.deviation) for name, prior in problem.priors.items()},
+        data=Data(
+            fingerprint(problem.experiments),
+            source,
+            [len(experiment) for experiment in problem.experiments],
+            [float(experiment.payload.max()) for experiment in problem.experiments],
+            problem.experiments[0].payload_model,
+        ),
+        validity=Validity(
+            estimate.converged,
+            fit.tolist(),
+            estimate.noise.tolist(),
+            estimate.shape,
+            estimate.whiteness.white,
+            list(estimate.whiteness.p_values),
+            LAGS,
+            estimate.bic,
+        ),
+        versions={"dtwin": __version__, "numpy": np.__version__, "python": platform.python_version()},
+    )
+
+
+def encode(model: IdentifiedModel) -> bytes:
+    """The file's content; equal models give equal bytes."""
+    return msgspec.json.format(msgspec.json.encode(model), indent=2) + b"\n"
+
+
+def write_model(model: IdentifiedModel, path: Path) -> None:
+    """Writes the file whole or not at all.
+
+    Raises:
+        RecordingError: the path cannot be written.
+    """
+    with replacing(path) as temporary:
+        temporary.write_bytes(encode(model))
+
+
+def read_model(path: Path) -> IdentifiedModel:
+    """Reads and validates a model file.
+
+    Raises:
+        ModelError: the file is missing, no such JSON, or a value in it is impossible; the message names which.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise ModelError(f"{path}: {error.strerror}") from None
+    try:
+        model = msgspec.json.decode(content, type=IdentifiedModel)
+    except msgspec.MsgspecError as error:
+        raise ModelError(f"{path}: expected an identified model: {error}") from None
+    try:
+        _check(model)
+    except DtwinError as error:
+        raise ModelError(f"{path}: {error}") from None
+    return model
+
+
+def _check(model: IdentifiedModel) -> None:
+    if model.schema != SCHEMA:
+        raise ModelError(f"schema: expected {SCHEMA!r}, got {model.schema!r}")
+    _check_names("parameters", model.parameters, PARAMETER_NAMES)
+    if missing := [name for name in PARAMETER_NAMES if name not in model.parameters]:
+        raise ModelError(f"parameters: {missing[0]} is missing")
+    _ = model.arm
+    _check_names("free", model.free, PARAMETER_NAMES)
+    _check_names("unidentifiable", model.unidentifiable, model.free)
+    _check_names("standard_errors", model.standard_errors, (*model.free, *OFFSETS))
+    _check_names("covariance", model.covariance.names, (*model.free, *OFFSETS))
+    for name, error in model.standard_errors.items():
+        if not (math.isfinite(error) and error >= 0):
+            raise ModelError(f"standard_errors: {name}: expected a finite number of at least 0, got {error}")
+    count = len(model.covariance.names)
+    rows: list[Any] = model.covariance.matrix
+    if len(rows) != count or any(len(row) != count for row in rows):
+        raise ModelError(f"covariance: expected a {count} x {count} matrix, one row a name")
+    matrix = np.array(rows).reshape(count, count)
+    scale = np.sqrt(np.abs(np.outer(matrix.diagonal(), matrix.diagonal())))
+    if not np.isfinite(matrix).all() or np.any(np.abs(matrix - matrix.T) > 1e-9 * scale):
+        raise ModelError("covariance: expected a symmetric matrix of finite numbers")
+    for name, values in (("offsets", model.offsets), ("fit", model.validity.fit), ("noise", model.validity.noise)):
+        if len(values) != 3:
+            raise ModelError(f"{name}: expected 3 numbers, one a joint, got {len(values)}")
+
+
+def _check_names(where: str, names: Iterable[str], allowed: Iterable[str]) -> None:
+    valid = list(allowed)
+    for name in names:
+        if name not in valid:
+            raise ModelError(f"{where}: unknown name {name!r}: expected {choices(valid) if valid else 'none'}")

@@ -1,0 +1,120 @@
+"""A folder of identified models under names, every save a new revision: NAME/0001.json, NAME/0002.json, ..."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from dtwin.errors import ModelError, choices
+from dtwin.identification.model import IdentifiedModel, encode, read_model
+
+STORE: Final = Path("identified")
+"""default folder, in the working directory"""
+_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A stored model's name, revision from 1 on, and file."""
+
+    name: str
+    revision: int
+    path: Path
+
+    def __str__(self) -> str:
+        return f"{self.name}@{self.revision}"
+
+
+class ModelStore:
+    """Names and history of models; what is stored is never changed.
+
+    Args:
+        folder: made when the first model is saved.
+    """
+
+    def __init__(self, folder: Path = STORE) -> None:
+        self.folder = folder
+
+    def save(self, model: IdentifiedModel, name: str) -> Entry:
+        """Stores a model as the next revision of a name; two savers at once get two revisions.
+
+        Raises:
+            ModelError: the name cannot be one of a file, or the folder cannot be written.
+        """
+        check_name(name)
+        folder = self.folder / name
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            temporary = folder / f".{os.getpid()}.part"
+            try:
+                temporary.write_bytes(encode(model))
+                while True:
+                    entry = self._entry(name, len(self.history(name)) + 1)
+                    with contextlib.suppress(FileExistsError):
+                        os.link(temporary, entry.path)
+                        return entry
+            finally:
+                temporary.unlink(missing_ok=True)
+        except OSError as error:
+            raise ModelError(f"{folder}: cannot be written: {error.strerror}") from None
+
+    def names(self) -> list[str]:
+        """Of all stored models, in order."""
+        if not self.folder.is_dir():
+            return []
+        return sorted(path.name for path in self.folder.iterdir() if self.history(path.name))
+
+    def history(self, name: str) -> list[Entry]:
+        """All revisions of a name, oldest first; empty for an unknown name."""
+        files = (self.folder / name).glob("[0-9]*.json")
+        return sorted((Entry(name, int(f.stem), f) for f in files if f.stem.isdigit()), key=lambda e: e.revision)
+
+    def find(self, reference: str) -> Entry:
+        """The model called NAME (its newest revision) or NAME@REVISION.
+
+        Raises:
+            ModelError: there is none; the message lists what there is.
+        """
+        name, at, revision = reference.partition("@")
+        history = self.history(name) if _NAME.fullmatch(name) else []
+        if not history:
+            names = self.names()
+            known = f"expected {choices(names)}" if names else "it is empty; dtwin identify --save NAME stores one"
+            raise ModelError(f"no model {name!r} in {self.folder}: {known}")
+        if not at:
+            return history[-1]
+        for entry in history:
+            if revision == str(entry.revision):
+                return entry
+        known = choices(str(entry.revision) for entry in history)
+        raise ModelError(f"no revision {revision!r} of model {name}: expected {known}")
+
+    def load(self, reference: str) -> IdentifiedModel:
+        """The model called NAME or NAME@REVISION.
+
+        Raises:
+            ModelError: there is none, or its file is damaged.
+        """
+        return read_model(self.find(reference).path)
+
+    def _entry(self, name: str, revision: int) -> Entry:
+        return Entry(name, revision, self.folder / name / f"{revision:04d}.json")
+
+
+def check_name(name: str) -> None:
+    """Raises ModelError unless the name can be one of a folder."""
+    if not _NAME.fullmatch(name):
+        raise ModelError(f"model name {name!r}: expected letters, digits, '_', '-' and '.', first a letter or digit")
+
+
+def open_model(reference: str, store: ModelStore) -> IdentifiedModel:
+    """A model by the path of its file (ends in .json) or by NAME or NAME@REVISION in a store.
+
+    Raises:
+        ModelError: there is none, or its file is damaged.
+    """
+    return read_model(Path(reference)) if reference.endswith(".json") else store.load(reference)
