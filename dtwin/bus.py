@@ -1,8 +1,8 @@
 """The bus that joins the services: a Zenoh session with typed topics. Nothing else in the project knows Zenoh.
 
-Without a configuration file the sessions are peers on the loopback interface and need no broker: each of them tries
-to listen at one rendezvous and connects to it, so that whoever comes first receives the others, they tell each other
-where they are, and when the first one goes another takes its place. They do not look for others by multicast.
+Without a configuration file the sessions are peers on the loopback interface and need no broker: whoever comes first
+listens at the rendezvous and receives the others, who then know and join each other directly. When the first one goes
+the others stay joined, and the next one to come takes its place. Nobody looks for others by multicast.
 """
 
 from __future__ import annotations
@@ -37,71 +37,89 @@ _SAID: Final = 3
 """Refusals of one kind that are logged one by one; after that they are only counted."""
 
 
-def peer_configuration(rendezvous: str = RENDEZVOUS) -> zenoh.Config:
-    """The configuration without a file: a peer on loopback that meets others at an endpoint such as tcp/HOST:PORT.
+def open_peer(rendezvous: str = RENDEZVOUS) -> zenoh.Session:
+    """A session without a file: a peer that meets others at an endpoint such as tcp/HOST:PORT.
 
     Raises:
-        CommunicationError: that is no endpoint.
+        CommunicationError: that is no endpoint of this machine.
     """
-    own = rendezvous.rpartition(":")[0] + ":0"
-    meeting = {"exit_on_failure": False, "timeout_ms": -1, "retry": _RETRY}
-    return _parse(
-        {
-            "mode": "peer",
-            "scouting": {"multicast": {"enabled": False}},
-            "listen": {"endpoints": [own, rendezvous], **meeting},
-            "connect": {"endpoints": [rendezvous], **meeting},
-            "transport": {"link": {"rx": {"max_message_size": _TRANSPORT_LIMIT}}},
-        },
-        rendezvous,
-    )
+    try:
+        return _open(_peer([rendezvous], []))
+    except CommunicationError:
+        # somebody listens there, or nobody can: in the first case this works
+        return _open(_peer([f"{rendezvous.rpartition(':')[0]}:0"], [rendezvous]))
 
 
-def file_configuration(path: Path, name: str) -> zenoh.Config:
-    """The configuration in a Zenoh file, or in the file `NAME.json5` of a folder.
+def open_configured(path: Path, name: str) -> zenoh.Session:
+    """A session after a Zenoh configuration file, or after the file `NAME.json5` of a folder.
 
     Raises:
-        CommunicationError: the file is missing, or no Zenoh configuration.
+        CommunicationError: the file is missing or no Zenoh configuration, or the session cannot be opened.
     """
     file = path / f"{name}.json5" if path.is_dir() else path
     try:
-        return zenoh.Config.from_file(file)
+        configuration = zenoh.Config.from_file(file)
     except zenoh.ZError as error:
         raise CommunicationError(f"{file}: no Zenoh configuration: {_line(error)}") from None
+    return _open(configuration)
 
 
-def _parse(settings: dict[str, Any], origin: str) -> zenoh.Config:
+def _peer(listen: list[str], connect: list[str]) -> zenoh.Config:
+    settings = {
+        "mode": "peer",
+        "scouting": {"multicast": {"enabled": False}},
+        "listen": {"endpoints": listen, "exit_on_failure": True},
+        "connect": {"endpoints": connect, "exit_on_failure": False, "timeout_ms": -1, "retry": _RETRY},
+        "transport": {"link": {"rx": {"max_message_size": _TRANSPORT_LIMIT}}},
+    }
     try:
         return zenoh.Config.from_json5(json.dumps(settings))
     except zenoh.ZError as error:
-        raise CommunicationError(f"{origin}: no Zenoh endpoint: {_line(error)}") from None
+        raise CommunicationError(f"expected Zenoh endpoints such as {RENDEZVOUS}: {_line(error)}") from None
+
+
+def _open(configuration: zenoh.Config) -> zenoh.Session:
+    zenoh.init_log_from_env_or("error")
+    try:
+        return zenoh.open(configuration)
+    except zenoh.ZError as error:
+        raise CommunicationError(f"cannot open a Zenoh session: {_line(error)}") from None
+
+
+class Publisher:
+    """Publishes the messages it is called with."""
+
+    def __init__(self, publisher: zenoh.Publisher) -> None:
+        self._publisher = publisher
+        self._put = publisher.put
+
+    def __call__(self, message: msgspec.Struct) -> None:
+        self._put(encode(message))
+
+    @property
+    def wanted(self) -> bool:
+        """Whether anybody subscribes."""
+        return self._publisher.matching_status.matching  # type: ignore[attr-defined]
 
 
 class Bus:
     """One session, under the keys of one arm.
 
     Args:
-        configuration: of the session.
+        session: is this one's from here on.
         cell, arm: names in the keys.
 
     Attributes:
         refused: messages refused since the start, by reason; read and written from several threads.
         last_refusal: the last one in words.
-
-    Raises:
-        CommunicationError: the session cannot be opened.
     """
 
-    def __init__(self, configuration: zenoh.Config, cell: str = "cell", arm: str = "arm") -> None:
+    def __init__(self, session: zenoh.Session, cell: str = "cell", arm: str = "arm") -> None:
         self.refused: Counter[str] = Counter()
         self.last_refusal = ""
         self._prefix = f"dtwin/{cell}/{arm}/"
         self._lock = threading.Lock()
-        zenoh.init_log_from_env_or("error")
-        try:
-            self._session = zenoh.open(configuration)
-        except zenoh.ZError as error:
-            raise CommunicationError(f"cannot open a Zenoh session: {_line(error)}") from None
+        self._session = session
         self._declared: list[Any] = []
 
     def __enter__(self) -> Bus:
@@ -138,8 +156,8 @@ class Bus:
         """Shows the service's token while the session lives."""
         self._declared.append(self._session.liveliness().declare_token(self.key(ALIVE, service)))
 
-    def publisher(self, topic: Topic, part: str = "*", *, lossless: bool = False) -> Callable[[M], None]:
-        """A function that publishes messages of a topic, at once and before all other traffic.
+    def publisher(self, topic: Topic, part: str = "*", *, lossless: bool = False) -> Publisher:
+        """Publishes messages of a topic, at once and before all other traffic.
 
         Args:
             lossless: wait for slow subscribers; otherwise messages that they cannot take are lost to them.
@@ -152,13 +170,7 @@ class Bus:
             priority=zenoh.Priority.REAL_TIME,
             express=True,
         )
-        self._declared.append(publisher)
-        put = publisher.put
-
-        def publish(message: M) -> None:
-            put(encode(message))
-
-        return publish
+        return Publisher(publisher)
 
     def subscribe(self, topic: Topic, message: type[M], receive: Callable[[M], Any], part: str = "*") -> None:
         """Calls `receive` with every valid message, on a thread of Zenoh's; it must return at once and not raise."""

@@ -150,12 +150,13 @@ TRUTH: Final = Topic("truth", "publication", Truth, None, "emulator")
 EVENTS: Final = Topic("events", "publication", Event, None, "any service")
 STATUS: Final = Topic("status/*", "publication", Status, None, "every service")
 ALIVE: Final = Topic("alive/*", "token", None, None, "every service")
+PATH: Final = Topic("path", "publication", Path, None, "bridge")
 GAINS: Final = Topic("controller/gains", "query", GainsSetting, GainsSetting, "bridge")
 MODEL: Final = Topic("controller/model", "query", ModelSetting, ModelSetting, "bridge")
 TARGET: Final = Topic("controller/target", "query", TargetSetting, TargetSetting, "bridge")
 FAULT: Final = Topic("emulator/fault", "query", FaultRequest, Done, "emulator")
 RESET: Final = Topic("emulator/reset", "query", ResetRequest, Done, "emulator")
-TOPICS: Final = (SENSORS, VOLTAGES, TRUTH, EVENTS, STATUS, ALIVE, GAINS, MODEL, TARGET, FAULT, RESET)
+TOPICS: Final = (SENSORS, VOLTAGES, PATH, TRUTH, EVENTS, STATUS, ALIVE, GAINS, MODEL, TARGET, FAULT, RESET)
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""
 
 

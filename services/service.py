@@ -20,7 +20,7 @@ from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any, Final, Protocol
 
-from dtwin.bus import RENDEZVOUS, Bus, file_configuration, peer_configuration
+from dtwin.bus import RENDEZVOUS, Bus, open_configured, open_peer
 from dtwin.cli import parse_options
 from dtwin.errors import DtwinError
 from dtwin.messages import STATUS, State, Status
@@ -54,8 +54,8 @@ class Link:
         Raises:
             CommunicationError: the configuration or the session cannot be opened.
         """
-        configuration = file_configuration(self.zenoh, name) if self.zenoh else peer_configuration(self.meet)
-        return Bus(configuration, self.cell, self.arm)
+        session = open_configured(self.zenoh, name) if self.zenoh else open_peer(self.meet)
+        return Bus(session, self.cell, self.arm)
 
 
 class Service:
@@ -64,6 +64,7 @@ class Service:
     Args:
         name: in keys, log and status.
         link: how to join the bus.
+        wake: called, beside the None in the inbox, when the service is asked to end.
 
     Attributes:
         bus: joined.
@@ -74,10 +75,11 @@ class Service:
         CommunicationError: the bus cannot be joined.
     """
 
-    def __init__(self, name: str, link: Link) -> None:
+    def __init__(self, name: str, link: Link, wake: Callable[[], None] | None = None) -> None:
         self.name = name
         self.inbox: SimpleQueue[Any] = SimpleQueue()
         self.stopping = False
+        self._wake = wake
         self._last_error = _LastError()
         logging.getLogger().addHandler(self._last_error)
         for number in (signal.SIGINT, signal.SIGTERM):
@@ -137,6 +139,8 @@ class Service:
     def _stop(self, *_: object) -> None:
         self.stopping = True
         self.inbox.put(None)
+        if self._wake is not None:
+            self._wake()
 
 
 class Runnable(Protocol):
