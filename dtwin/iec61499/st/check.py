@@ -8,6 +8,7 @@ from typing import Final
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import types
 from dtwin.iec61499.st import ast, typed
+from dtwin.iec61499.st.dataflow import needed_initialisations
 from dtwin.iec61499.st.expressions import ExpressionChecker, fail
 from dtwin.iec61499.types import BOOL, ArrayType, DataType, ElementaryType
 
@@ -30,7 +31,9 @@ def check_algorithm(
         FunctionBlockError: with file, line, column and what would have been valid.
     """
     checker = _AlgorithmChecker(scope, writable)
-    body = checker.declarations(algorithm.declarations) + checker.body(algorithm.body)
+    initial = checker.declarations(algorithm.declarations)
+    body = checker.body(algorithm.body)
+    body = needed_initialisations(initial, body) + body
     used = {n.name for n in typed.walk(body) if isinstance(n, (typed.Load, typed.Element, typed.Store, typed.For))}
     return typed.CheckedAlgorithm(
         algorithm.name,

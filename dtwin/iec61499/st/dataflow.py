@@ -40,6 +40,18 @@ def accesses(algorithm: typed.CheckedAlgorithm) -> Accesses:
     )
 
 
+def needed_initialisations(stores: typed.Body, body: typed.Body) -> typed.Body:
+    """Those of the stores before the body whose value can be read."""
+    flow = _Flow()
+    flow.body(body, frozenset())
+    kept: list[typed.Statement] = []
+    for store in reversed(stores):
+        if isinstance(store, typed.Store) and store.name in flow.loads:
+            kept.append(store)
+            flow.loads |= {n.name for n in typed.walk(store.value) if isinstance(n, typed.Load | typed.Element)}
+    return tuple(reversed(kept))
+
+
 class _Flow:
     """Walks forward with the set of variables assigned for certain; None behind a jump."""
 

@@ -287,7 +287,7 @@ class ExpressionChecker:
         return arguments, function.result or self._elementary(values[0])
 
     def _to_group(self, argument: typed.Expression, group: str) -> typed.Expression:
-        """Integers become LREAL and untyped ones bit strings where a function asks for it."""
+        """Integers become LREAL where a function asks for reals."""
         data_type = self._elementary(argument)
         if group == "ANY_REAL" and data_type.is_integer:
             return self.coerce(argument, LREAL)

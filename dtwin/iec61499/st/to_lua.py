@@ -73,7 +73,8 @@ class _Generator:
 
     def algorithm(self) -> str:
         nodes = list(typed.walk(self._checked.body))
-        lines = [f"local {self._name(name)}" for name in self._checked.temporaries]
+        names = [self._name(name) for name in self._checked.temporaries]
+        lines = [f"local {', '.join(names)}"] if names else []
         if any(isinstance(node, (typed.For, typed.While, typed.Repeat)) for node in nodes):
             lines.append("local _n = 0")
         if any(isinstance(node, typed.Return) for node in nodes):

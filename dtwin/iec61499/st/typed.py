@@ -191,7 +191,7 @@ class CheckedAlgorithm:
 
     Attributes:
         name: the algorithm's name, "" when the text had none.
-        body: statements; temporaries are initialised by the first ones.
+        body: statements; the first ones initialise the temporaries that are read before they are assigned.
         variables: declared name and type of the block's variables that the body uses.
         temporaries: the same for the algorithm's own variables.
     """

@@ -346,6 +346,12 @@ def test_only_what_matters_is_loaded(text: str, reads: set[str], writes: set[str
     assert (set(code.reads), set(code.writes)) == (reads, writes)
 
 
+def test_temporaries_are_initialised_only_where_it_shows() -> None:
+    text = "VAR a1, b1 : LREAL; c1 : LREAL := 2; d1 : LREAL := c1; END_VAR a1 := X; b1 := b1 + a1 + d1; Y := b1;"
+    lines = python_source(check(text, **TYPES)).lines
+    assert [line.split(" = ")[0] for line in lines] == ["b1", "c1", "d1", "a1", "b1", "Y"]
+
+
 def test_real_arithmetic_is_bare_python() -> None:
     code = python_source(check("X := (X + 2 * Y) / Z - Y ** 2;", **TYPES))
     assert code.lines == ("X = (X + 2.0 * Y) / Z - Y * Y",)
