@@ -105,7 +105,7 @@ def test_comments_are_ignored() -> None:
 )
 def test_literals(text: str, value: object, type_name: str) -> None:
     literal = parse_expression(text)
-    assert literal == ast.Literal(ast.Position(), value, type_name)  # type: ignore[arg-type]  # any literal's value
+    assert literal == ast.Literal(ast.Position(), value, type_name)
     assert parse_expression(print_expression(literal)) == literal
 
 
