@@ -49,7 +49,7 @@ class Identify:
     noise_kind: Literal["uniform", "gaussian"] = "uniform"
     """uniform adds noise * u with u in [0, 1), so it is biased by half of it; gaussian is not biased."""
     payload: list[float] = field(default_factory=list)
-    """Known load at the tip, kg, 0.2 if not given; repeat for several runs. For a log: mass of a box."""
+    """Known load at the tip, kg, 0.2 if not given; repeat for several runs. For a log: taken for every box."""
     payload_model: Literal["weight", "point"] = "weight"
     """weight: a load whose inertia does not act on the arm; point: a box in the gripper."""
     free: str = "K,I,c,D"
@@ -149,7 +149,7 @@ class Identify:
         log = read_log(path)
         if len(self.payload) > 1:
             raise ParameterError(f"--payload: expected one mass of a box for a log, got {len(self.payload)}")
-        segments = from_log(log, self._loads()[0])
+        segments = from_log(log, self.payload[0] if self.payload else None)
         kept = max(1, round(_HELD_OUT_SHARE * len(segments)))
         if len(segments) <= kept:
             raise IdentificationError(f"{path}: too few samples: {len(log)}, expected at least two seconds")

@@ -130,7 +130,8 @@ class ModelDiff:
         table = Table("", self.first, self.second, "change", "standard errors apart")
         for name, row in rows.items():
             first, second, apart = row["first"], row["second"], row["standard_errors_apart"]
-            assert first is not None and second is not None
+            assert first is not None
+            assert second is not None
             change = f"{100 * (second / first - 1):+.2f} %" if first else ""
             style = "bold" if apart is not None and apart > _DIFFERENT else ""
             table.add_row(

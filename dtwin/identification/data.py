@@ -93,29 +93,32 @@ class Experiment:
         return Experiment(measured, volts, payload, self.start, self.period, self.payload_model)
 
 
-def from_log(log: Log, box_mass: float, segment: float = 1.0) -> tuple[Experiment, ...]:
+def from_log(log: Log, box_mass: float | None = None, segment: float = 1.0) -> tuple[Experiment, ...]:
     """A log of the running cell as consecutive experiments, each from an initial state to be estimated.
 
     Open loop, the arm is unstable where it stands upright: a simulation of minutes would depend on its initial state
     beyond any precision, one of a second does not.
 
     Args:
-        log: of a run; only what sensors and commands say is used, not its truth.
-        box_mass: kg, taken for every gripped box.
+        log: of a run; of its truth only the load is used, and only without a box_mass.
+        box_mass: kg, taken for every gripped box; None takes the boxes as weighed, which is what the log says.
         segment: s, length of an experiment.
 
     Raises:
         IdentificationError: the log is shorter than a segment.
     """
     measured, volts = log.stack("measured"), log.stack("volts")[:, :3]
-    payload = np.where(log.columns["box_gripped"], box_mass, 0.0)
+    if box_mass is None:
+        # A row holds the load before its command; what the command grips moves the arm until the next row.
+        payload = np.append(log.columns["payload_mass"][1:], log.columns["payload_mass"][-1:])
+    else:
+        payload = np.where(log.columns["box_gripped"], box_mass, 0.0)
     length = round(segment / PERIOD)
     if len(measured) < length:
         raise IdentificationError(f"too few samples: the log has {len(measured)}, expected at least {length}")
-    ends = [min(first + length, len(measured)) for first in range(0, len(measured) - _LAST_SAMPLES, length)]
-    firsts = range(0, len(measured), length)
-
-    return tuple(Experiment(measured[a:b], volts[a:b], payload[a:b]) for a, b in zip(firsts, ends, strict=False))
+    firsts = range(0, len(measured) - _LAST_SAMPLES, length)
+    cuts = (slice(first, first + length) for first in firsts)
+    return tuple(Experiment(measured[cut], volts[cut], payload[cut]) for cut in cuts)
 
 
 def fingerprint(experiments: Sequence[Experiment]) -> str:

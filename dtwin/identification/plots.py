@@ -101,7 +101,6 @@ def _intervals(axis: Axes, estimate: Estimate, names: list[str], truth: ArmParam
     axis.axhline(0, color=MEASURED, lw=1)
     axis.set_xticks(position, names)
     axis.set_ylabel("%")
-    axis.set_yscale("symlog", linthresh=1.0)
     axis.set_title(f"estimate and 95 % interval, from {'the truth' if truth else 'the start'}", fontsize=10)
     axis.grid(alpha=0.3)
 
