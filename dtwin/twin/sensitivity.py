@@ -86,7 +86,7 @@ def sensitivities(
     derivatives = np.empty((*states.shape, len(with_respect_to)))
     states[0], derivatives[0] = start, of_state
     limited = np.clip(commands, -VOLTAGE_LIMIT, VOLTAGE_LIMIT)
-    reached = _integrate(held, moved, level_of, limited, period, substeps, coulomb_width, states, derivatives)
+    reached = integrate_linearised(held, moved, level_of, limited, period, substeps, coulomb_width, states, derivatives)
     if reached < commands.shape[0]:
         raise DivergenceError("sensitivities of the analytic twin", reached * period, states[reached])
     return states, derivatives
@@ -199,7 +199,7 @@ def _multiply_row(row: Array, z: Array, out: Array) -> None:
 
 
 @_kernel
-def _integrate(
+def integrate_linearised(
     held: Array,
     moved: Array,
     level_of: Any,
@@ -212,8 +212,16 @@ def _integrate(
 ) -> int:
     """Fills states[1:] and derivatives[1:] from their rows 0; returns the number of the last finite row.
 
-    held (L, 18) and moved (L, 18, n) are the coefficients and their derivatives for L payloads, level_of (N,) which
-    of them holds in a sample, volts (N, 3) are within the limit.
+    Args:
+        held: (L, 18), the `Coefficients` for L payloads.
+        moved: (L, 18, n), their derivatives by what the n columns stand for.
+        level_of: (N,), which payload holds in a sample.
+        volts: (N, 3), V, within the limit.
+        period: s, between samples.
+        substeps: RK4 steps a sample.
+        width: of the Coulomb friction, rad/s.
+        states: (N + 1, 6), rad and rad/s; row 0 is the start.
+        derivatives: (N + 1, 6, n); row 0 holds those of the start.
     """
     samples, columns = volts.shape[0], derivatives.shape[2]
     step = period / substeps

@@ -1,0 +1,89 @@
+"""What the monitor believes of the healthy arm before it has seen a sample, and how firmly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.errors import ModelError, ParameterError
+from dtwin.identification.model import IdentifiedModel
+from dtwin.monitoring.layout import ARM_NAMES
+from dtwin.parameters import ArmParameters, Triple
+
+Array = NDArray[np.float64]
+
+NOISE_FLOOR: Final = 2e-5
+"""rad: encoders are never believed to be better, so that a recording without noise can be monitored"""
+UNKNOWN_OFFSET: Final = 3e-3
+"""rad, standard deviation of an encoder's offset that nobody has estimated"""
+TOLERANCE: Final = {"K": 0.003, "D": 0.003, "mu": 0.0, "c": 0.0, "I": 0.0}
+"""relative standard deviation of parameters given without covariance: what a good identification reaches"""
+WIDENED: Final = 2.0
+"""factor on identified standard errors: they rest on one experiment"""
+_BIAS: Final = ("offset1", "offset2", "offset3")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Belief:
+    """A model with its uncertainty.
+
+    Attributes:
+        arm: the healthy arm.
+        covariance: (15, 15), of the parameters called ARM_NAMES, SI units.
+        noise: standard deviation of the encoders' noise, rad.
+        offset: mean of the encoders' noise, rad.
+        offset_deviation: its standard deviation, rad.
+
+    Raises:
+        ParameterError: a shape or a number is wrong.
+    """
+
+    arm: ArmParameters
+    covariance: Array
+    noise: Triple
+    offset: Triple = (0.0, 0.0, 0.0)
+    offset_deviation: Triple = field(default=(UNKNOWN_OFFSET, UNKNOWN_OFFSET, UNKNOWN_OFFSET))
+
+    def __post_init__(self) -> None:
+        count = len(ARM_NAMES)
+        if self.covariance.shape != (count, count) or not np.isfinite(self.covariance).all():
+            raise ParameterError(f"covariance: expected a finite {count} x {count} matrix")
+        for name in ("noise", "offset", "offset_deviation"):
+            values = np.array(getattr(self, name))
+            if values.shape != (3,) or not np.isfinite(values).all():
+                raise ParameterError(f"{name}: expected 3 finite numbers, got {getattr(self, name)}")
+        if min(self.noise) < 0:
+            raise ParameterError(f"noise: expected at least 0 rad, got {self.noise}")
+
+
+def assumed(arm: ArmParameters, noise: Triple) -> Belief:
+    """A belief in parameters whose covariance is not known."""
+    deviations = [TOLERANCE[name.rstrip("123")] * arm.get(name) for name in ARM_NAMES]
+    return Belief(arm, np.diag(np.square(deviations)), noise)
+
+
+def identified(model: IdentifiedModel) -> Belief:
+    """The belief that an identification leads to; what it could not tell apart counts as known.
+
+    Raises:
+        ModelError: the model has free parameters that the data did not determine.
+    """
+    if model.unidentifiable:
+        raise ModelError(
+            f"the model leaves {', '.join(model.unidentifiable)} open: expected one whose free parameters are all"
+            " determined, identify with masses and lengths known"
+        )
+    matrix = WIDENED**2 * np.array(model.covariance.matrix).reshape(len(model.covariance.names), -1)
+    place = {name: index for index, name in enumerate(model.covariance.names)}
+    covariance = np.zeros((len(ARM_NAMES), len(ARM_NAMES)))
+    for i, row in enumerate(ARM_NAMES):
+        for j, column in enumerate(ARM_NAMES):
+            if row in place and column in place:
+                covariance[i, j] = matrix[place[row], place[column]]
+    first, second, third = model.offsets
+    spread = [max(1e-3, matrix[place[name], place[name]] ** 0.5) if name in place else UNKNOWN_OFFSET for name in _BIAS]
+    n1, n2, n3 = model.validity.noise
+    return Belief(model.arm, covariance, (n1, n2, n3), (first, second, third), (spread[0], spread[1], spread[2]))

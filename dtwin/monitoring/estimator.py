@@ -1,0 +1,210 @@
+"""The state estimator: an extended Kalman filter on the analytic twin, driven by voltages and encoders.
+
+It estimates the motion together with what the model is not sure of - parameters of the arm, the mass of the box, the
+encoders' offsets - so that an error of the model within its stated uncertainty is learned instead of being reported.
+The mean is carried by the twin's own RK4 map and the covariance by that map's exact derivative; see `kernels`.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.monitoring import kernels
+from dtwin.monitoring.belief import NOISE_FLOOR, Belief
+from dtwin.monitoring.layout import ARM, ARM_NAMES, BIAS, DRIFT, INDEX, MOVING, PAYLOAD, SIZE, W
+from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters, Triple
+from dtwin.twin.dynamics import coefficients
+from dtwin.twin.sensitivity import integrate_linearised
+
+Array = NDArray[np.float64]
+
+SUBSTEPS: Final = 4
+"""RK4 steps a sample, as in the emulation"""
+_COMPLEX_STEP: Final = 1e-30
+_LEAST_VOLTS: Final = 1e-6
+"""V: the kernels divide by the voltage; this little moves nothing"""
+_STILL: Final = 1e-4
+"""rad/s, of a joint taken to be locked"""
+_FORCED: Final = 2.0
+"""N m, standard deviation of the torque that holds a locked joint"""
+
+
+@dataclass(frozen=True, slots=True)
+class Tuning:
+    """How much the healthy arm may differ from moment to moment.
+
+    Attributes:
+        torque: standard deviation of the torque on each joint that no model knows, new in every sample, N m.
+        walk: relative standard deviation K, D, c and I may gain in one second.
+        offset_walk: standard deviation an encoder's offset may gain in one second, rad.
+        box_mass: expected, kg.
+        box_deviation: standard deviation of the boxes' masses, kg.
+        speed: standard deviation of the speeds at the first sample, rad/s.
+    """
+
+    torque: float = 1e-3
+    walk: float = 2e-4
+    offset_walk: float = 1e-5
+    box_mass: float = 0.2
+    box_deviation: float = 0.006
+    speed: float = 3.0
+
+
+class Estimator:
+    """Mean and covariance of the state after the last sample.
+
+    Args:
+        belief: of the healthy arm.
+        tuning: of the filter.
+
+    Attributes:
+        x: (28,), mean; see `layout`.
+        P: (28, 28), covariance.
+        F: (6, 22), derivatives over the last sample.
+        gains: (3, 28), of the last correction.
+        innovation: (3,), reading minus prediction, rad.
+        variance: (3,), of the innovations, rad^2.
+        gripped: whether a box is held since the last prediction.
+        payload_variance: that a box has when it is gripped, kg^2.
+    """
+
+    def __init__(self, belief: Belief, tuning: Tuning) -> None:
+        self.belief, self.tuning = belief, tuning
+        arm = belief.arm
+        self._empty, self._moved_empty = _coefficients(arm)
+        self._moved_loaded = self._moved_empty.copy()
+        self._moved_empty[0, :, PAYLOAD] = 0.0
+        self._level = np.zeros(1, dtype=np.int64)
+        self._states = np.empty((2, 6))
+        self._derivatives = np.zeros((2, 6, MOVING))
+        self._derivatives[0, :, :6] = np.eye(6)
+        self._noise = np.maximum(np.square(belief.noise), NOISE_FLOOR**2)
+        self._walk = np.zeros(SIZE)
+        self._walk[BIAS:DRIFT] = tuning.offset_walk**2 * PERIOD
+        for name in ARM_NAMES:
+            self._walk[INDEX[name]] = (tuning.walk * arm.get(name)) ** 2 * PERIOD
+        self._torque = np.full(3, tuning.torque**2)
+        self._locked = 0
+        self._nominal = np.array([arm.get(name) for name in ARM_NAMES])
+        self.payload_variance = tuning.box_deviation**2
+        self.x, self.P = np.zeros(SIZE), np.zeros((SIZE, SIZE))
+        self.x[ARM:PAYLOAD] = self._nominal
+        self.P[ARM:PAYLOAD, ARM:PAYLOAD] = belief.covariance
+        self.x[BIAS:DRIFT] = belief.offset
+        self.P[BIAS:DRIFT, BIAS:DRIFT] = np.diag(np.square(belief.offset_deviation))
+        self.F = self._derivatives[1]
+        self.gains, self.innovation, self.variance = np.zeros((3, SIZE)), np.zeros(3), np.ones(3)
+        self.gripped = False
+
+    def begin(self, measured: Array, gripped: bool) -> None:
+        """Starts at an arm about whose motion nothing is known but one sample; what was learned of the arm stays."""
+        x, P = self.x, self.P
+        x[:W] = measured - x[BIAS:DRIFT]
+        x[W:ARM] = 0.0
+        P[:ARM], P[:, :ARM] = 0.0, 0.0
+        for i in range(3):
+            P[i, i] = 1.0
+            P[W + i, W + i] = self.tuning.speed**2
+        self.gripped = not gripped
+        self._hold(gripped)
+        self.correct(measured, np.ones(3, dtype=bool))
+
+    def predict(self, volts: Array, gripped: bool) -> None:
+        """Carries the estimate over one period with the given command held, (3,) V."""
+        if gripped != self.gripped:
+            self._hold(gripped)
+        u = np.clip(volts, -VOLTAGE_LIMIT, VOLTAGE_LIMIT)
+        u[np.abs(u) < _LEAST_VOLTS] = _LEAST_VOLTS
+        x = self.x
+        moved = self._moved_loaded if gripped else self._moved_empty
+        held = self._empty + moved[0, :, ARM:] @ np.concatenate((x[ARM:PAYLOAD] - self._nominal, x[PAYLOAD:MOVING]))
+        self._states[0] = x[:6]
+        derivatives = np.empty_like(self._derivatives)
+        derivatives[0] = self._derivatives[0]
+        integrate_linearised(
+            held[None], moved, self._level, u[None], PERIOD, SUBSTEPS, COULOMB_WIDTH, self._states, derivatives
+        )
+        x[:6] = self._states[1]
+        x[BIAS:DRIFT] += PERIOD * x[DRIFT:]
+        self.F = derivatives[1]
+        kernels.predict(self.P, self.F, self._torque, u, self._walk, PERIOD)
+        if self._locked:
+            kernels.pin(x, self.P, W + self._locked - 1, 0.0, _STILL**2)
+
+    def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:
+        """Takes in a sample, (3,) rad; returns the logarithm of the likelihood of the readings used."""
+        likelihood: float = kernels.correct(
+            self.x, self.P, measured, self._noise, used, self.gains, self.innovation, self.variance
+        )
+        return likelihood
+
+    def copy(self) -> Estimator:
+        """An independent estimator in the same state."""
+        other = copy.copy(self)
+        for name in ("x", "P", "gains", "innovation", "variance", "_walk", "_torque", "_states"):
+            setattr(other, name, getattr(self, name).copy())
+        return other
+
+    def spread(self, name: str, variance: float) -> None:
+        """Lets one state be off by more, its unit squared, from now on."""
+        index = INDEX[name]
+        self.P[index, index] += variance
+        if name == "payload":
+            self.payload_variance = max(self.payload_variance, variance)
+
+    def lock(self, joint: int) -> None:
+        """Takes a joint (1 to 3) to be held, 0 to be free again; its torque then is whatever keeps it so."""
+        self._locked = joint
+        self._torque = np.full(3, self.tuning.torque**2)
+        if joint:
+            self._torque[joint - 1] = _FORCED**2
+        for i in range(3):
+            self.P[W + i, W + i] += 1.0
+
+    @property
+    def locked(self) -> int:
+        """The joint that is held, 0 for none."""
+        return self._locked
+
+    def deviation(self, name: str) -> float:
+        """Standard deviation of one state."""
+        index = INDEX[name]
+        return float(max(self.P[index, index], 0.0) ** 0.5)
+
+    def parameters(self) -> ArmParameters:
+        """The arm as estimated; what cannot be below zero is cut off there."""
+        values = dict(zip(ARM_NAMES, np.maximum(self.x[ARM:PAYLOAD], 0.0).tolist(), strict=True))
+        return self.belief.arm.with_values({k: max(v, 1e-9) if k[0] in "KI" else v for k, v in values.items()})
+
+    def angles(self) -> Triple:
+        """What the encoders should read, rad."""
+        first, second, third = (self.x[:W] + self.x[BIAS:DRIFT]).tolist()
+        return first, second, third
+
+    def _hold(self, gripped: bool) -> None:
+        """A box is gripped or let go: of what is held now, only the prior is known."""
+        self.gripped = gripped
+        self.P[PAYLOAD], self.P[:, PAYLOAD] = 0.0, 0.0
+        self.x[PAYLOAD] = self.tuning.box_mass if gripped else 0.0
+        self.P[PAYLOAD, PAYLOAD] = self.payload_variance if gripped else 0.0
+
+
+def _coefficients(arm: ArmParameters) -> tuple[Array, Array]:
+    """The twin's coefficients (18,) of the empty arm and their derivatives (1, 18, 22) by the moving states.
+
+    They are linear in K, D, mu and the payload; c and I are known to a few percent at worst.
+    """
+    vector = np.array(arm.vector())
+    empty = np.array(coefficients(vector, 0.0, False))
+    derivatives = np.zeros((1, len(empty), MOVING))
+    for name in ARM_NAMES:
+        stepped = vector + 1j * _COMPLEX_STEP * (np.array(PARAMETER_NAMES) == name)
+        slope = np.imag(np.array(coefficients.py_func(stepped, 0.0, False))) / _COMPLEX_STEP
+        derivatives[0, :, INDEX[name]] = slope
+    derivatives[0, :, PAYLOAD] = np.array(coefficients(vector, 1.0, False)) - empty
+    return empty, derivatives

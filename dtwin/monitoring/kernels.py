@@ -1,0 +1,153 @@
+"""The arithmetic of one sample, compiled: an extended Kalman filter and the signatures that faults leave in it.
+
+A fault is a jump of one component of the state vector at some time: the voltage constant, the friction, the mass held
+or an encoder's offset is suddenly another. Before the filter has noticed, the error e of its estimate obeys the
+filter's own linear map,
+
+    e <- F e (prediction),    e <- e - k (H e) (correction),
+
+so a unit jump leaves a known trace g = H e in the innovations, and the size of the jump that explains them best and
+its log-likelihood ratio follow from two running sums (Willsky and Jones, A generalized likelihood ratio approach to
+the detection and estimation of jumps in linear systems, 1976):
+
+    J = sum g^2 / s,   h = sum g nu / s,   size = h / J +- 1 / sqrt(J),   2 log ratio = h^2 / J.
+
+Arguments of all kernels: x (28,) and P (28, 28), mean and covariance of the state (see `layout`); F (6, 22),
+derivatives of q and w after a sample by the moving states before it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.monitoring.layout import BIAS, DRIFT, MOVING, SIZE
+
+Array = NDArray[np.float64]
+_kernel: Any = numba.njit(cache=True, error_model="numpy")
+
+
+@_kernel
+def predict(P: Array, F: Array, torque: Array, volts: Array, walk: Array, period: float) -> None:
+    """Carries the covariance over one sample, in place.
+
+    Args:
+        P: covariance.
+        F: derivatives over the sample.
+        torque: (3,), variance of the torque that no model knows, held over the sample, (N m)^2.
+        volts: (3,), none zero, V: F's column of K_i is volts_i times that of a torque on joint i.
+        walk: (28,), variance that each state gains in the sample.
+        period: s.
+    """
+    top = F @ np.ascontiguousarray(P[:MOVING])
+    corner = np.ascontiguousarray(top[:, :MOVING]) @ F.T
+    for joint in range(3):
+        for i in range(6):
+            spread = F[i, 6 + joint] / volts[joint] * torque[joint]
+            for j in range(6):
+                corner[i, j] += spread * F[j, 6 + joint] / volts[joint]
+    P[:6, 6:] = top[:, 6:]
+    P[6:, :6] = top[:, 6:].T
+    P[:6, :6] = corner
+    for i in range(3):
+        for j in range(SIZE):
+            P[BIAS + i, j] += period * P[DRIFT + i, j]
+    for i in range(3):
+        for j in range(SIZE):
+            P[j, BIAS + i] += period * P[j, DRIFT + i]
+    for i in range(SIZE):
+        P[i, i] += walk[i]
+
+
+@_kernel
+def correct(
+    x: Array, P: Array, measured: Array, noise: Array, used: Any, gains: Array, innovation: Array, variance: Array
+) -> float:
+    """Takes in three encoder readings one after another, which whitens them, in place.
+
+    Args:
+        x: mean.
+        P: covariance.
+        measured: (3,), rad.
+        noise: (3,), variances, rad^2.
+        used: (3,) bool, which readings to take in.
+        gains: (3, 28), receives the gain of each reading.
+        innovation: (3,), receives reading minus prediction, rad.
+        variance: (3,), receives the innovations' variance, rad^2.
+
+    Returns:
+        the logarithm of the readings' likelihood.
+    """
+    likelihood = 0.0
+    column = np.empty(SIZE)
+    for i in range(3):
+        for j in range(SIZE):
+            column[j] = P[j, i] + P[j, BIAS + i]
+        s = column[i] + column[BIAS + i] + noise[i]
+        nu = measured[i] - x[i] - x[BIAS + i]
+        innovation[i] = nu
+        variance[i] = s
+        if not used[i]:
+            gains[i] = 0.0
+            continue
+        for j in range(SIZE):
+            gains[i, j] = column[j] / s
+            x[j] += gains[i, j] * nu
+        for j in range(SIZE):
+            for k in range(SIZE):
+                P[j, k] -= gains[i, j] * column[k]
+        likelihood -= 0.5 * (nu * nu / s + math.log(2.0 * math.pi * s))
+    return likelihood
+
+
+@_kernel
+def pin(x: Array, P: Array, index: int, value: float, variance: float) -> None:
+    """Takes in that one state has a value, in place; no evidence, a condition of the hypothesis."""
+    column = P[:, index].copy()
+    gain = column / (column[index] + variance)
+    x += gain * (value - x[index])
+    for j in range(SIZE):
+        for k in range(SIZE):
+            P[j, k] -= gain[j] * column[k]
+
+
+@_kernel
+def trace(
+    E: Array, h: Array, J: Array, F: Array, gains: Array, innovation: Array, variance: Array, used: Any, period: float
+) -> None:
+    """Carries the signatures of all hypothetical faults over one sample, in place.
+
+    Args:
+        E: (28, n), error of the estimate after a unit jump, a column a fault and onset.
+        h: (n,), see above.
+        J: (n,), see above.
+        F: derivatives over the sample.
+        gains: (3, 28), of the filter.
+        innovation: (3,), rad.
+        variance: (3,), rad^2.
+        used: (3,) bool, which readings the filter took in.
+        period: s.
+    """
+    E[:6] = F @ E[:MOVING]
+    for i in range(3):
+        E[BIAS + i] += period * E[DRIFT + i]
+    n = E.shape[1]
+    g = np.empty(n)
+    for i in range(3):
+        if not used[i]:
+            continue
+        weight = 1.0 / variance[i]
+        scaled = innovation[i] * weight
+        for c in range(n):
+            g[c] = E[i, c] + E[BIAS + i, c]
+            J[c] += g[c] * g[c] * weight
+            h[c] += g[c] * scaled
+        for j in range(SIZE):
+            k = gains[i, j]
+            if k != 0.0:
+                for c in range(n):
+                    E[j, c] -= k * g[c]

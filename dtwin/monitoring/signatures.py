@@ -1,0 +1,178 @@
+"""Sequential detection: which sudden change, how long ago, would explain the innovations best.
+
+Every few samples an onset is noted; for each onset and each fault the bank carries the trace that the fault would
+leave and the likelihood ratio of its best size (see `kernels`). Onsets get sparser the longer they are past.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from dtwin.monitoring import kernels
+from dtwin.monitoring.estimator import Estimator
+from dtwin.monitoring.layout import INDEX, PAYLOAD, SIZE
+from dtwin.parameters import PERIOD, ArmParameters
+
+Array = NDArray[np.float64]
+
+FAULTS: Final = (
+    *(f"{symbol}{joint}" for symbol in ("K", "D", "mu") for joint in (1, 2, 3)),
+    "payload",
+    *(f"{symbol}{joint}" for symbol in ("bias", "drift") for joint in (1, 2, 3)),
+)
+"""States whose sudden change the bank looks for."""
+SPACING: Final = 4
+"""samples between two onsets"""
+ONSETS: Final = 16
+LONGEST: Final = 1000
+"""samples: older onsets are forgotten"""
+
+
+def plausible_sizes(arm: ArmParameters) -> dict[str, float]:
+    """Standard deviation of the size of each fault before anything is known of it, in the unit of the state."""
+    scale = {"D": 0.1, "mu": 0.05, "bias": 0.1, "drift": 0.02}
+    sizes = {name: scale.get(name[:-1], 0.1) for name in FAULTS}
+    return sizes | {name: 0.7 * arm.get(name) for name in ("K1", "K2", "K3")}
+
+
+def threshold(alarms_per_hour: float) -> float:
+    """Of 2 log likelihood ratio, so that the innovations of a healthy arm pass it less often than stated.
+
+    Union bound over all faults, onsets and samples of an hour; under white Gaussian innovations each statistic is
+    chi-squared of one degree of freedom.
+    """
+    tests = 3600.0 / PERIOD * len(FAULTS) * ONSETS
+    return float(ndtri(0.5 * alarms_per_hour / tests) ** 2)
+
+
+@dataclass(slots=True)
+class Onset:
+    """The estimator as it was at a sample, before anything went wrong if that was the onset; `gap` samples to the next."""
+
+    sample: int
+    gap: int
+    estimator: Estimator
+
+
+class Suspicion(NamedTuple):
+    """A fault, the best onset for it, 2 log likelihood ratio, its size and the size's standard deviation."""
+
+    fault: str
+    onset: Onset
+    statistic: float
+    size: float
+    deviation: float
+
+
+class SignatureBank:
+    """Traces of all faults from all onsets.
+
+    Args:
+        sizes: plausible sizes, see `plausible_sizes`.
+    """
+
+    def __init__(self, sizes: dict[str, float]) -> None:
+        count = len(FAULTS)
+        self._precision = np.tile([sizes[fault] ** -2 for fault in FAULTS], ONSETS)
+        self._rows = np.array([INDEX[fault] for fault in FAULTS])
+        self._E = np.zeros((SIZE, ONSETS * count))
+        self._h, self._J = np.zeros(ONSETS * count), np.zeros(ONSETS * count)
+        self._place: dict[int, Onset] = {}
+        self._payload = np.arange(ONSETS) * count + FAULTS.index("payload")
+
+    def clear(self) -> None:
+        """Forgets all onsets."""
+        self._place.clear()
+        self._h[:] = self._J[:] = 0.0
+        self._E[:] = 0.0
+
+    def regrip(self) -> None:
+        """The estimator knows nothing of the mass held any more but its prior."""
+        self._E[PAYLOAD] = 0.0
+        self._E[PAYLOAD, self._payload] = 1.0
+
+    def update(self, estimator: Estimator, used: NDArray[np.bool_], sample: int) -> None:
+        """Takes in what the estimator made of a sample, and notes an onset after it when one is due."""
+        kernels.trace(
+            self._E,
+            self._h,
+            self._J,
+            estimator.F,
+            estimator.gains,
+            estimator.innovation,
+            estimator.variance,
+            used,
+            PERIOD,
+        )
+        if sample % SPACING == 0:
+            self._note(Onset(sample, SPACING, estimator.copy()))
+
+    def statistics(self) -> Array:
+        """2 log likelihood ratio of every onset and fault, (16, 16); 0 where there is no onset yet."""
+        result: Array = (self._h**2 / (self._J + self._precision)).reshape(ONSETS, -1)
+        return result
+
+    def worst(self) -> float:
+        """The largest of the statistics."""
+        return float(np.max(self._h**2 / (self._J + self._precision)))
+
+    def suspicions(self) -> list[Suspicion]:
+        """For each fault its best onset, most likely first."""
+        statistics = self.statistics()
+        found = []
+        for column, fault in enumerate(FAULTS):
+            place = int(statistics[:, column].argmax())
+            onset = self._place.get(place)
+            if onset is None:
+                continue
+            index = place * len(FAULTS) + column
+            information = self._J[index] + self._precision[index]
+            found.append(
+                Suspicion(
+                    fault,
+                    onset,
+                    float(statistics[place, column]),
+                    float(self._h[index] / information),
+                    float(information**-0.5),
+                )
+            )
+        return sorted(found, key=lambda suspicion: -suspicion.statistic)
+
+    def visible(self, sizes: dict[str, float], limit: float) -> dict[str, bool]:
+        """Whether a fault of the given size, had it begun at the oldest onset, would be beyond the limit by now."""
+        information = self._J.reshape(ONSETS, -1).max(axis=0)
+        return {fault: bool(sizes[fault] ** 2 * information[k] > limit) for k, fault in enumerate(FAULTS)}
+
+    def _note(self, onset: Onset) -> None:
+        place = len(self._place)
+        if place == ONSETS:
+            place = self._redundant(onset.sample)
+        self._place[place] = onset
+        columns = slice(place * len(FAULTS), (place + 1) * len(FAULTS))
+        self._h[columns] = self._J[columns] = 0.0
+        block = self._E[:, columns]
+        block[:] = 0.0
+        block[self._rows, np.arange(len(FAULTS))] = 1.0
+
+    def _redundant(self, now: int) -> int:
+        """The place of the onset whose neighbours are closest for its age; or of the oldest when it is too old."""
+        ordered = sorted(self._place, key=lambda place: self._place[place].sample)
+        times = [self._place[place].sample for place in ordered] + [now]
+        if now - times[0] > LONGEST:
+            return ordered[0]
+        gaps = [(times[i + 1] - times[i - 1]) / (now - times[i] + 1) for i in range(1, len(ordered))]
+        drop = 1 + int(np.argmin(gaps))
+        before = self._place[ordered[drop - 1]]
+        before.gap = times[drop + 1] - before.sample
+        return ordered[drop]
+
+
+def chance(statistic: float) -> float:
+    """Probability that a healthy arm exceeds 2 log likelihood ratio at one onset, sample and fault."""
+    return math.erfc(math.sqrt(0.5 * statistic))
