@@ -134,6 +134,30 @@ class Done(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     text: Line
 
 
+class ServiceSummary(msgspec.Struct, frozen=True):
+    """A service as its supervisor sees it; state is that of its status, or of its process when that says more."""
+
+    state: Word
+    rate_hz: float
+    restarts: Count
+    last_error: Line
+
+
+class Summary(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """A running cell at a glance: its services by name, and what the emulator says of itself."""
+
+    services: dict[Word, ServiceSummary]
+    ticks: Count = 0
+    late_ticks: Count = 0
+    latency_ms: Latency | None = None
+    real_time_factor: float = 0.0
+    boxes: BoxCounts | None = None
+
+
+class SummaryRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Asks for nothing in particular."""
+
+
 class Topic(NamedTuple):
     """One line of the table: `message` is published, or sent with a query and answered by `reply`."""
 
@@ -156,7 +180,8 @@ MODEL: Final = Topic("controller/model", "query", ModelSetting, ModelSetting, "b
 TARGET: Final = Topic("controller/target", "query", TargetSetting, TargetSetting, "bridge")
 FAULT: Final = Topic("emulator/fault", "query", FaultRequest, Done, "emulator")
 RESET: Final = Topic("emulator/reset", "query", ResetRequest, Done, "emulator")
-TOPICS: Final = (SENSORS, VOLTAGES, PATH, TRUTH, EVENTS, STATUS, ALIVE, GAINS, MODEL, TARGET, FAULT, RESET)
+SUMMARY: Final = Topic("supervisor/summary", "query", SummaryRequest, Summary, "supervisor")
+TOPICS: Final = (SENSORS, VOLTAGES, PATH, TRUTH, EVENTS, STATUS, ALIVE, GAINS, MODEL, TARGET, FAULT, RESET, SUMMARY)
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""
 
 

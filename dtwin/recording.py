@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import struct
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -149,6 +149,13 @@ class RunLog:
         columns = {name: rows[name].copy() for name in COLUMNS}
         columns["box_colour"] = np.array(list(self._codes))[columns["box_colour"]]
         return Log(_read_only(columns), tuple(self._events), self.metadata)
+
+
+def concatenate(logs: Sequence[Log], metadata: Mapping[str, Any]) -> Log:
+    """Logs that follow each other, at least one, as one log."""
+    columns = {name: np.concatenate([log.columns[name] for log in logs]) for name in COLUMNS}
+    events = tuple(event for log in logs for event in log.events)
+    return Log(_read_only(columns), events, metadata)
 
 
 def read_log(path: Path) -> Log:

@@ -47,6 +47,8 @@ class Link:
     """Zenoh configuration file, or a folder with one file per service; else peers on this machine."""
     meet: str = RENDEZVOUS
     """Where the peers of this machine meet when there is no configuration file."""
+    wait_for: tuple[str, ...] = ()
+    """A service that must be there before this one says it is; repeatable."""
 
     def bus(self, name: str) -> Bus:
         """A session for the service of that name.
@@ -80,12 +82,14 @@ class Service:
         self.inbox: SimpleQueue[Any] = SimpleQueue()
         self.stopping = False
         self._wake = wake
+        self._woken = threading.Event()
         self._last_error = _LastError()
         logging.getLogger().addHandler(self._last_error)
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._stop)
         watch_lifeline()
         self.bus = link.bus(name)
+        self._awaited = set(link.wait_for)
         self._publish: Callable[[Status], None] = self.bus.publisher(STATUS, name)
         self._due = time.monotonic()
         self._rate_from = (self._due, 0)
@@ -99,7 +103,15 @@ class Service:
         self.bus.close()
 
     def ready(self) -> None:
-        """Tells everybody that the service works; from here on nothing may stop the interpreter for long."""
+        """Waits for the services it waits for, then tells everybody that this one works.
+
+        A service declares what it subscribes to before its token, so whoever sees the token publishes to it.
+        """
+        if self._awaited:
+            here: set[str] = set()
+            self.bus.watch_alive(lambda name, alive: here.add(name) if alive else here.discard(name))
+            while not (self.stopping or self._awaited <= here):
+                self._pause()
         self.bus.announce(self.name)
         gc.collect()
         gc.freeze()
@@ -110,6 +122,12 @@ class Service:
             return self.inbox.get(timeout=timeout) if timeout > 0 else self.inbox.get_nowait()
         except Empty:
             return None
+
+    def _pause(self) -> None:
+        """Waits a moment, without touching the inbox."""
+        self._woken.wait(0.01)
+        if self.report_due():
+            self.report("starting")
 
     def report_due(self) -> bool:
         """Whether a second has passed since the last report."""
@@ -138,6 +156,7 @@ class Service:
 
     def _stop(self, *_: object) -> None:
         self.stopping = True
+        self._woken.set()
         self.inbox.put(None)
         if self._wake is not None:
             self._wake()

@@ -14,6 +14,8 @@ PATIENCE: Final = 2.0
 """s that a row waits for what belongs to it"""
 PENDING_LIMIT: Final = 20_000
 """rows that wait at most"""
+EARLY_LIMIT: Final = 1000
+"""ticks that a command may come before its sample: the two come from different senders"""
 NO_TARGET: Final[Triple] = (math.nan, math.nan, math.nan)
 _NO_VOLTS: Final[Quad] = (0.0, 0.0, 0.0, 0.0)
 
@@ -27,6 +29,12 @@ class _Row:
         self.truth: Truth | None = None
         self.command: Voltages | None = None
         self.path: Path | None = None
+
+    def take(self, message: Voltages | Path) -> None:
+        if isinstance(message, Path):
+            self.path = self.path or message
+        else:
+            self.command = self.command or message
 
 
 class Rows:
@@ -49,6 +57,7 @@ class Rows:
         self._restarted = restarted
         self._paths = paths
         self._rows: dict[int, _Row] = {}
+        self._early: dict[int, list[Voltages | Path]] = {}
         self._last: Sensors | None = None
         self._volts = _NO_VOLTS
         self._gripped = False
@@ -62,9 +71,12 @@ class Rows:
                 return
             self.flush()
             self._restarted()
+            self._early.clear()
             self._volts, self._gripped = _NO_VOLTS, False
         self._last = sample
-        self._rows[sample.sequence] = _Row(sample, now)
+        self._rows[sample.sequence] = row = _Row(sample, now)
+        for message in self._early.pop(sample.sequence, ()):
+            row.take(message)
 
     def truth(self, truth: Truth, now: float) -> None:
         """Takes the truth of the last sample; both come from the emulator, in this order."""
@@ -73,19 +85,14 @@ class Rows:
             self._rows[last.sequence].truth = truth
             self._emit_due(now)
 
-    def command(self, command: Voltages, now: float) -> None:
-        """Takes the command that answers a sample; the first one counts."""
-        row = self._rows.get(command.sequence)
-        if row is not None and row.command is None:
-            row.command = command
-            self._emit_due(now)
-
-    def path(self, path: Path, now: float) -> None:
-        """Takes the path angles of a sample."""
-        row = self._rows.get(path.sequence)
+    def answer(self, message: Voltages | Path, now: float) -> None:
+        """Takes the command or the path angles that answer a sample; the first of each counts."""
+        row = self._rows.get(message.sequence)
         if row is not None:
-            row.path = path
+            row.take(message)
             self._emit_due(now)
+        elif len(self._early) < EARLY_LIMIT and self._may_be_early(message.sequence):
+            self._early.setdefault(message.sequence, []).append(message)
 
     def event(self, event: Event) -> None:
         """Takes note when the arm has lost its voltage."""
@@ -97,6 +104,9 @@ class Rows:
         for row in self._rows.values():
             self._finish(row)
         self._rows.clear()
+
+    def _may_be_early(self, sequence: int) -> bool:
+        return self._last is None or 0 < sequence - self._last.sequence < EARLY_LIMIT
 
     def _emit_due(self, now: float) -> None:
         rows = self._rows

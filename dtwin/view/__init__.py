@@ -3,6 +3,7 @@
 Nothing here runs inside the tick: a log becomes columns of a recording, on a time line in plant time.
 """
 
+from dtwin.view.live import LiveView, Viewer
 from dtwin.view.write import write_recording
 
-__all__ = ["write_recording"]
+__all__ = ["LiveView", "Viewer", "write_recording"]

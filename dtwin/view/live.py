@@ -1,0 +1,112 @@
+"""A run in the Rerun viewer while it runs: what has come since the last time, in columns, a few times a second."""
+
+from __future__ import annotations
+
+import os
+import socket
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final, Literal
+
+import numpy as np
+import rerun as rr
+
+from dtwin.parameters import ArmParameters
+from dtwin.recording import Log, concatenate, ensure_writable
+from dtwin.view.boxes import transports, waiting
+from dtwin.view.layout import blueprint
+from dtwin.view.scene import Scene
+from dtwin.view.series import log_events, log_limits, log_plots, log_states, log_styles
+from dtwin.view.write import APPLICATION
+
+Viewer = Literal["none", "window", "web"]
+LOOPBACK: Final = "127.0.0.1"
+_STATE: Final = ("box_present", "box_colour", "box_gripped")
+
+
+class LiveView:
+    """Sends a growing log to a file, a viewer window or a web viewer.
+
+    Args:
+        model_file: MJCF of the cell.
+        arm: its link lengths are drawn.
+        file: .rrd to write; None for none. It can be read at any time.
+        viewer: window starts the viewer on this machine; web serves it and says where on standard error.
+
+    Raises:
+        ModelError: the model cannot be drawn. RecordingError: the file cannot be written.
+    """
+
+    def __init__(self, model_file: Path, arm: ArmParameters, file: Path | None, viewer: Viewer) -> None:
+        self._scene = Scene(model_file, arm)
+        self._stream = rr.RecordingStream(APPLICATION, send_properties=False)
+        self._stream.set_log_tick_enabled(False)
+        self._stream.set_log_time_enabled(False)
+        self._states: Log | None = None
+        self._file = file
+        self._temporary: Path | None = None
+        sinks: list[rr.FileSink | rr.GrpcSink | rr.GrpcServerSink] = []
+        if file is not None:
+            ensure_writable(file)
+            self._temporary = file.with_name(f".{file.name}.{os.getpid()}.part")
+            sinks.append(rr.FileSink(self._temporary))
+        if viewer == "window":
+            rr.spawn(connect=False)
+            sinks.append(rr.GrpcSink())
+        elif viewer == "web":
+            port = _free_port()
+            sinks.append(rr.GrpcServerSink(LOOPBACK, port))
+            rr.serve_web_viewer(open_browser=False, connect_to=f"rerun+http://{LOOPBACK}:{port}/proxy")
+        self._stream.set_sinks(*sinks, default_blueprint=blueprint())
+
+    def add(self, log: Log) -> None:
+        """Sends ticks and events that follow those sent before."""
+        if len(log):
+            if self._states is None:
+                self._scene.log_geometry(self._stream, float(log.columns["t"][0]))
+                log_styles(self._stream)
+            log_limits(self._stream, log)
+            self._scene.log_motion(self._stream, log)
+            log_plots(self._stream, log)
+            self._add_states(log)
+        log_events(self._stream, log.events)
+        self._stream.flush()
+        if self._temporary is not None and self._file is not None:
+            # Only now: what stands there may be what a killed recorder left, and this has it all.
+            os.replace(self._temporary, self._file)
+            self._temporary = None
+
+    def _add_states(self, log: Log) -> None:
+        """Boxes follow from the ticks at which something about them changes; a new change draws their whole story."""
+        changes = _changes(self._states, log)
+        if self._states is not None and not len(changes):
+            return
+        before = [] if self._states is None else [self._states]
+        self._states = concatenate([*before, changes], {})
+        waits, carried = waiting(self._states), transports(self._states)
+        self._scene.log_boxes(self._stream, self._states, waits, carried)
+        log_states(self._stream, self._states, waits, carried)
+
+    def close(self) -> None:
+        """Ends file and connections."""
+        self._stream.disconnect()
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        port: int = probe.getsockname()[1]
+    return port
+
+
+def _changes(before: Log | None, log: Log) -> Log:
+    """The ticks at which a box state differs from that of the tick before."""
+    changed = np.zeros(len(log), dtype=bool)
+    held = log.columns["payload_mass"] > 0
+    for values, last in (
+        *((log.columns[name], None if before is None else before.columns[name][-1]) for name in _STATE),
+        (held, None if before is None else before.columns["payload_mass"][-1] > 0),
+    ):
+        changed[1:] |= values[1:] != values[:-1]
+        changed[0] |= last is None or values[0] != last
+    return Log(MappingProxyType({name: column[changed] for name, column in log.columns.items()}))

@@ -1,0 +1,197 @@
+"""Records what passes on the bus: a Parquet log, a Rerun recording, a viewer.
+
+Rows are put together from samples, truth, commands and paths by their numbers. What has come is kept twice a second,
+so that a kill costs at most that; a recorder that starts again goes on. Numbers that go back begin another file.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from dtwin.emulation import MODEL_FILE
+from dtwin.errors import ParameterError
+from dtwin.live.parts import Parts
+from dtwin.live.rows import Rows
+from dtwin.messages import EVENTS, PATH, SENSORS, TRUTH, VOLTAGES, State
+from dtwin.messages import Path as PathAngles
+from dtwin.parameters import ArmParameters, assignment
+from dtwin.recording import Log, RunLog, ensure_writable
+from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
+from dtwin.view import LiveView, Viewer
+from services.service import Link, Service, main
+
+log = logging.getLogger(__name__)
+
+NAME: Final = "recorder"
+FLUSH: Final = 0.5
+"""s between two parts"""
+QUIET: Final = 0.3
+"""s without a message after which nothing more is on its way at the end"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(Link):
+    """Record the run on the bus."""
+
+    log: Path | None = None
+    """Parquet log to write."""
+    record: Path | None = None
+    """Recording for the Rerun viewer to write."""
+    viewer: Viewer = "none"
+    """Show the run live: in a window of the Rerun viewer, or in a browser (web)."""
+    notes: str = "{}"
+    """What the log shall say about how the run was made, as a JSON object."""
+    set: tuple[str, ...] = ()
+    """A parameter of the emulated arm, for drawing it; repeatable."""
+    model: Path = MODEL_FILE
+    """MJCF file of the arm."""
+    fresh: bool = False
+    """Forget what an earlier recorder left unfinished at the same paths."""
+
+    def run(self) -> int:
+        try:
+            notes = msgspec.json.decode(self.notes, type=dict[str, Any])
+        except msgspec.MsgspecError as error:
+            raise ParameterError(f"--notes: expected a JSON object: {error}") from None
+        for path in (self.log, self.record):
+            if path is not None:
+                ensure_writable(path)
+        arm = ArmParameters().with_values(dict(assignment(text) for text in self.set))
+        with Service(NAME, self) as service:
+            recorder = Recorder(service, self, notes, arm)
+            try:
+                recorder.run()
+            finally:
+                recorder.close()
+        return 0
+
+
+class Recorder:
+    """Collects rows and keeps them."""
+
+    def __init__(self, service: Service, options: Options, notes: dict[str, Any], arm: ArmParameters) -> None:
+        self._service = service
+        self._options = options
+        self._notes = notes
+        self._arm = arm
+        self._runs = 0
+        self._ticks = 0
+        self._run_log = RunLog()
+        self._rows = Rows(self._add_row, self._begin_another)
+        self._parts: Parts | None = None
+        self._view: LiveView | None = None
+        self._time = 0.0
+        self._begin()
+        bus = service.bus
+        take = service.inbox.put
+        rows = self._rows
+        bus.subscribe(SENSORS, Sensors, lambda message: take((rows.sensors, message)))
+        bus.subscribe(TRUTH, Truth, lambda message: take((rows.truth, message)))
+        bus.subscribe(VOLTAGES, Voltages, lambda message: take((rows.answer, message)))
+        bus.subscribe(PATH, PathAngles, lambda message: take((rows.answer, message)))
+        bus.subscribe(EVENTS, Event, lambda message: take((self._take_event, message)))
+
+    def run(self) -> None:
+        """Records until it is asked to end, and what was on its way then."""
+        service = self._service
+        service.ready()
+        due = time.monotonic() + FLUSH
+        while not service.stopping:
+            self._deal_with(service.next(due - time.monotonic()))
+            if time.monotonic() >= due:
+                self._keep()
+                due = time.monotonic() + FLUSH
+            if service.report_due():
+                self._report("running")
+        while (item := service.next(QUIET)) is not None:
+            self._deal_with(item)
+        self._report("stopping")
+
+    def close(self) -> None:
+        """Writes the rest."""
+        self._rows.flush()
+        self._end()
+
+    def _deal_with(self, item: tuple[Callable[..., None], Any] | None) -> None:
+        if item is not None:
+            receive, message = item
+            receive(message, time.monotonic())
+
+    def _take_event(self, event: Event, now: float) -> None:
+        self._rows.event(event)
+        self._run_log.add_events([event])
+
+    def _add_row(self, record: StepRecord) -> None:
+        self._run_log.append(record)
+        self._time = record.sensors.time
+        self._ticks += 1
+
+    def _keep(self) -> None:
+        """Keeps what has come since the last time."""
+        part = self._run_log.freeze()
+        if not len(part):
+            return
+        self._run_log = RunLog()
+        if not self._joined:
+            self._join(part)
+        if self._parts is not None:
+            self._parts.add(part)
+        if self._view is not None:
+            self._view.add(part)
+
+    def _join(self, part: Log) -> None:
+        """Goes on with what an earlier recorder left, if this part follows it."""
+        self._joined = True
+        if self._parts is None or not self._parts.logs:
+            return
+        last, first = self._parts.logs[-1].columns["t"][-1], part.columns["t"][0]
+        if first <= last:
+            self._parts.clear()
+            return
+        log.warning("goes on with a log that ends at %.2f s; %.2f s are missing", last, first - last)
+        if self._view is not None:
+            for earlier in self._parts.logs:
+                self._view.add(earlier)
+
+    def _begin(self) -> None:
+        """Opens what is to be written; after the first run the names get a number."""
+        self._joined = False
+        self._runs += 1
+        options = self._options
+        if options.log is not None:
+            self._parts = Parts(self._numbered(options.log))
+            if options.fresh:
+                self._parts.clear()
+        if options.record is not None or options.viewer != "none":
+            file = None if options.record is None else self._numbered(options.record)
+            self._view = LiveView(options.model, self._arm, file, options.viewer)
+
+    def _numbered(self, path: Path) -> Path:
+        return path if self._runs == 1 else path.with_stem(f"{path.stem}-{self._runs}")
+
+    def _begin_another(self) -> None:
+        log.warning("the cell has started anew after %.2f s: another recording begins", self._time)
+        self._end()
+        self._begin()
+
+    def _end(self) -> None:
+        self._keep()
+        if self._parts is not None:
+            self._parts.finish(self._notes)
+        if self._view is not None:
+            self._view.close()
+
+    def _report(self, state: State) -> None:
+        self._service.report(state, self._ticks, time=self._time, late_ticks=self._rows.late)
+
+
+if __name__ == "__main__":
+    sys.exit(main(NAME, Options))
