@@ -38,6 +38,7 @@ COMMANDS: Final[dict[str, Entry]] = {
     "model show": Entry("dtwin.commands.model", "ModelShow", "show an identified model"),
     "model diff": Entry("dtwin.commands.model", "ModelDiff", "compare two identified models"),
     "model export": Entry("dtwin.commands.model", "ModelExport", "write an identified model as MJCF or parameters"),
+    "simulate": Entry("dtwin.commands.simulate", "Simulate", "try a motion on the twin with the real function blocks"),
     "fb run": Entry("dtwin.commands.fb", "FbRun", "serve function blocks as a device that management can build on"),
     "fb watch": Entry("dtwin.commands.fb", "FbWatch", "read values of a running device"),
     "fb stop": Entry("dtwin.commands.fb", "FbStop", "stop what runs on a device"),

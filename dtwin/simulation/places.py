@@ -6,7 +6,7 @@ import itertools
 import math
 from typing import Final
 
-from dtwin.errors import ParameterError, UnreachableError, choices
+from dtwin.errors import ParameterError, choices
 from dtwin.motion import NAMES, PICKUP_NAME, Goal
 from dtwin.parameters import HANGING, HOME, PICKUP, PLACES, ArmParameters, Triple
 from dtwin.twin.kinematics import inverse
@@ -89,6 +89,3 @@ def _read(text: str) -> str | tuple[float, ...]:
     if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
         raise ParameterError(f"place {text!r}: expected {FORMS}")
     return numbers
-
-
-__all__ = ["FORMS", "UnreachableError", "angles_of", "nearest", "parse_goal", "parse_start"]

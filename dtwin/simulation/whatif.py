@@ -103,7 +103,7 @@ class Outcome:
     @property
     def time(self) -> Array:
         """(N,), s since the start."""
-        return np.arange(len(self.path)) * PERIOD
+        return np.arange(len(self.path), dtype=np.float64) * PERIOD
 
     @property
     def theta(self) -> Array:
@@ -154,9 +154,7 @@ class Simulator:
             path.append(path_of())
             commands.append(volts)
             command[0] = volts
-            if not integrate(
-                vector, command, load, PERIOD, SUBSTEPS, weight_only, COULOMB_WIDTH, states[k : k + 2]
-            ):
+            if not integrate(vector, command, load, PERIOD, SUBSTEPS, weight_only, COULOMB_WIDTH, states[k : k + 2]):
                 raise DivergenceError("what-if simulation", k * PERIOD, states[k])
             theta = tuple(states[k + 1, :3].tolist())
         target = controller.target()

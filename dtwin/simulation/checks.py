@@ -1,0 +1,161 @@
+"""Refuses settings before they reach a controller: bounds, stability at rest, and the cell's motions on the twin."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from dtwin.control import BLOCKS, ControlSettings
+from dtwin.errors import DivergenceError, ParameterError
+from dtwin.motion import PICKUP_NAME
+from dtwin.parameters import PARAMETER_NAMES, PLACES, ArmParameters, Triple
+from dtwin.simulation.places import angles_of
+from dtwin.simulation.stability import spectral_radius
+from dtwin.simulation.whatif import Case, Simulator
+
+HIGHEST_GAINS: Final = {"kp": 1e5, "ki": 1e5, "kd": 1e3}
+"""1/s^2, 1/s^3 and 1/s: a hundred times what is of use; a typing error more often than a wish"""
+MODEL_RANGES: Final = {
+    "K": (1e-2, 1.0),
+    "m": (1e-3, 1.0),
+    "I": (1e-6, 0.1),
+    "l": (1e-2, 0.5),
+    "c": (0.0, 0.5),
+    "D": (0.0, 5.0),
+    "mu": (0.0, 5.0),
+}
+"""by symbol, SI units: what an arm of this kind can be"""
+TARGET_TIMES: Final = (0.1, 60.0)
+"""s"""
+TAIL: Final = 0.5
+"""s after the end of a path that a checked motion is looked at"""
+WORST_TRACKING: Final = 0.3
+"""rad from the path, in any motion of the cell"""
+STABLE: Final = 1.0 - 1e-6
+"""spectral radius from which the closed loop counts as not stable: errors would take hours to halve"""
+
+
+class Refused(ParameterError):
+    """Settings that must not be uploaded; the message is the reason."""
+
+
+class Motion(NamedTuple):
+    """One of the cell's motions: names of its places and whether a box is carried."""
+
+    start: str
+    goal: str
+    carries: bool
+
+
+MOTIONS: Final = tuple(
+    motion for place in PLACES for motion in (Motion(PICKUP_NAME, place, True), Motion(place, PICKUP_NAME, False))
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """What the twin expects of settings.
+
+    Attributes:
+        tracking: largest distance of each joint from its path over the cell's motions, rad.
+        peak_volts: largest voltage of each joint, V.
+        saturated: largest share of the samples of a motion with a voltage at its limit.
+        spectral_radius: of the closed loop at rest, the largest over the places, with and without a box.
+    """
+
+    tracking: Triple
+    peak_volts: Triple
+    saturated: float
+    spectral_radius: float
+
+
+class Checker:
+    """Checks settings on the twin with the real function blocks.
+
+    Args:
+        blocks: folder of the function-block library.
+
+    Raises:
+        FunctionBlockError: the library cannot be used.
+    """
+
+    def __init__(self, blocks: Path = BLOCKS) -> None:
+        self._simulator = Simulator(blocks)
+
+    def check(self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion] = MOTIONS) -> Prediction:
+        """What to expect of settings on an arm.
+
+        Args:
+            settings: to be uploaded.
+            arm: as the twin knows it; it takes the place of the plant.
+            motions: that must go well.
+
+        Raises:
+            Refused: a value is out of bounds, the loop is not stable, or a motion goes wrong; names which and why.
+        """
+        check_bounds(settings)
+        radius = self._stability(settings, arm, motions)
+        tracking, volts, saturated = np.zeros(3), np.zeros(3), 0.0
+        for motion in motions:
+            case = Case(
+                motion.goal,
+                settings,
+                angles_of(motion.start),
+                arm=arm,
+                payload=settings.payload if motion.carries else 0.0,
+                carries=motion.carries,
+                duration=settings.target_time + TAIL,
+            )
+            try:
+                found = self._simulator.run(case).figures
+            except DivergenceError as error:
+                raise Refused(f"{motion.start} to {motion.goal}: {error}") from None
+            worst = max(found.tracking_max)
+            if worst > WORST_TRACKING:
+                raise Refused(
+                    f"{motion.start} to {motion.goal}: joint {found.tracking_max.index(worst) + 1} would leave its"
+                    f" path by {worst:.3g} rad, expected at most {WORST_TRACKING:g} rad"
+                )
+            tracking = np.maximum(tracking, found.tracking_max)
+            volts = np.maximum(volts, found.peak_volts)
+            saturated = max(saturated, found.saturated)
+        return Prediction(_triple(tracking), _triple(volts), saturated, radius)
+
+    def _stability(self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion]) -> float:
+        worst = 0.0
+        for motion in motions:
+            payload = settings.payload if motion.carries else 0.0
+            theta = angles_of(motion.goal)
+            radius = spectral_radius(self._simulator.controller, settings, arm, payload, theta)
+            if not radius < STABLE:
+                load = "with a box" if motion.carries else "without a box"
+                raise Refused(
+                    f"not stable at {motion.goal} {load}: spectral radius {radius:.4f} of one tick, expected below 1"
+                )
+            worst = max(worst, radius)
+        return worst
+
+
+def check_bounds(settings: ControlSettings) -> None:
+    """Raises Refused when a value is out of the range that such an arm can have."""
+    low, high = TARGET_TIMES
+    if not low <= settings.target_time <= high:
+        raise Refused(f"target time: expected {low:g} to {high:g} s, got {settings.target_time:g}")
+    for field in fields(settings.gains):
+        values: Iterable[float] = getattr(settings.gains, field.name)
+        for joint, value in enumerate(values, 1):
+            if value > HIGHEST_GAINS[field.name]:
+                raise Refused(f"{field.name}{joint}: expected at most {HIGHEST_GAINS[field.name]:g}, got {value:g}")
+    for name, value in zip(PARAMETER_NAMES, settings.model.vector(), strict=True):
+        low, high = MODEL_RANGES[name.rstrip("123")]
+        if not low <= value <= high:
+            raise Refused(f"{name}: expected {low:g} to {high:g}, got {value:g}")
+
+
+def _triple(values: np.ndarray) -> Triple:
+    first, second, third = values.tolist()
+    return (first, second, third)

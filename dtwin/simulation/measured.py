@@ -1,0 +1,143 @@
+"""Finds the motions in a log of the cell and predicts them from where they started."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from dtwin.control import ControlSettings
+from dtwin.errors import ParameterError, RecordingError
+from dtwin.parameters import PERIOD, ArmParameters, Triple
+from dtwin.recording import Log
+from dtwin.simulation.figures import Array, Figures, figures, fit
+from dtwin.simulation.whatif import Case, Outcome, Simulator
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A motion in a log, as sensors and commands show it.
+
+    Attributes:
+        start: tick at which its path starts.
+        stop: tick after the last one, before the next motion starts.
+        target_time: s that the path takes.
+        goal: where the path ends, rad.
+        carries: whether a box is held.
+    """
+
+    start: int
+    stop: int
+    target_time: float
+    goal: Triple
+    carries: bool
+
+    @property
+    def time(self) -> float:
+        """When it starts, s."""
+        return self.start * PERIOD
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """A measured motion and what the twin predicts of it.
+
+    Attributes:
+        motion: where it is in the log.
+        measured: (N, 3), what the encoders said, rad.
+        path: (N, 3), desired angles, rad.
+        volts: (N, 3), applied, V.
+        figures: of what was measured.
+        predicted: of the twin, from the first sample on.
+        fit: of each joint, 1 is perfect.
+    """
+
+    motion: Measured
+    measured: Array
+    path: Array
+    volts: Array
+    figures: Figures
+    predicted: Outcome
+    fit: Triple
+
+
+def motions(log: Log) -> Iterator[Measured]:
+    """The motions of a log, in order; one whose path does not end in the log is left out.
+
+    A path starts where the desired angles of all joints are the measured ones, to the bit, and move on from there.
+    """
+    path, measured = log.stack("target"), log.stack("measured")
+    moves = np.append((path[1:] != path[:-1]).any(axis=1), False)
+    starts = np.flatnonzero((path == measured).all(axis=1) & moves).tolist()
+    for start, stop in zip(starts, [*starts[1:], len(path)], strict=True):
+        still = np.flatnonzero(~moves[start:stop])
+        if stop - start < 2 or not still.size or start + still[0] == len(path) - 1:
+            continue
+        end = start + int(still[0])
+        first, second, third = path[end].tolist()
+        carries = bool(log.columns["box_gripped"][start])
+        yield Measured(start, stop, (end - start) * PERIOD, (first, second, third), carries)
+
+
+def settings_of(log: Log) -> ControlSettings:
+    """The controller's settings that a run was started with.
+
+    Raises:
+        RecordingError: the log does not tell them.
+    """
+    noted: Any = log.metadata.get("control")
+    try:
+        return msgspec.convert(noted, ControlSettings)
+    except (msgspec.ValidationError, ParameterError) as error:
+        raise RecordingError(f"the log's notes have no usable control settings: {error}") from None
+
+
+def compare(
+    log: Log, motion: Measured, settings: ControlSettings, arm: ArmParameters, payload: float, simulator: Simulator
+) -> Comparison:
+    """Predicts a measured motion from its first sample; the prediction sees nothing of the rest.
+
+    Args:
+        log: that has the motion.
+        motion: of `motions(log)`.
+        settings: that were in force; the target time is the motion's own.
+        arm: as the twin knows it.
+        payload: kg, of a held box.
+        simulator: that predicts.
+    """
+    rows = slice(motion.start, motion.stop)
+    measured, path = log.stack("measured")[rows], log.stack("target")[rows]
+    volts = log.stack("volts")[rows, :3]
+    first, second, third = measured[0].tolist()
+    case = Case(
+        motion.goal,
+        ControlSettings(motion.target_time, settings.gains, settings.law, settings.model, settings.payload),
+        (first, second, third),
+        arm=arm,
+        payload=payload if motion.carries else 0.0,
+        carries=motion.carries,
+        duration=len(measured) * PERIOD,
+    )
+    predicted = simulator.run(case)
+    angles = np.vstack((measured, measured[-1:]))
+    speeds = np.gradient(angles, PERIOD, axis=0)
+    came_to = figures(angles, speeds, path, volts, motion.goal, arm.voltage_constant)
+    return Comparison(motion, measured, path, volts, came_to, predicted, fit(measured, predicted.theta))
+
+
+def find(log: Log, time: float) -> Measured:
+    """The first motion of a log that starts at or after a time, s.
+
+    Raises:
+        RecordingError: there is none.
+    """
+    starts = []
+    for motion in motions(log):
+        if motion.time >= time - PERIOD / 2:
+            return motion
+        starts.append(motion.time)
+    latest = f"the last one starts at {starts[-1]:.2f} s" if starts else "it has none"
+    raise RecordingError(f"no motion of the log starts at or after {time:g} s: {latest}")
