@@ -1,0 +1,94 @@
+"""PATH_PLANNER: the cubic path of every joint, and what starts one."""
+
+import numpy as np
+import pytest
+from driven import Driven, triple
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dtwin.parameters import PICKUP, PLACES
+
+angles = st.lists(st.floats(-7, 7), min_size=3, max_size=3)
+
+
+@given(start=angles, duration=st.floats(0.05, 1.5), colour=st.sampled_from(sorted(PLACES)))
+def test_path_is_the_cubic_with_rest_at_both_ends(start: list[float], duration: float, colour: str) -> None:
+    planner = Driven("PATH_PLANNER")
+    assert planner.fire("TIMING", T=duration) == []
+    assert planner.fire("TARGET", DESTINATION=colour, **triple("THETA", start)) == ["RESET"]
+    distance = np.array(PLACES[colour].theta) - start
+    for tick in range(int(duration / 0.01) + 3):
+        assert planner.fire("REQ") == ["CNF"]
+        r = min(0.01 * tick / duration, 1.0)
+        moving = 0.01 * tick < duration
+        assert planner["MOVING"] == moving
+        path = start + distance * (3 * r**2 - 2 * r**3)
+        velocity = distance * 6 * (r - r**2) / duration
+        acceleration = moving * distance * (6 - 12 * r) / duration**2
+        np.testing.assert_allclose(planner.triple("THETA_D"), path, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(planner.triple("OMEGA_D"), velocity, rtol=0, atol=1e-11 / duration)
+        np.testing.assert_allclose(planner.triple("ALPHA_D"), acceleration, rtol=0, atol=1e-11 / duration**2)
+    np.testing.assert_array_equal(planner.triple("THETA_D"), PLACES[colour].theta)
+
+
+def test_targets_are_the_places() -> None:
+    planner = Driven("PATH_PLANNER")
+    for name, place in {"pickup": PICKUP, **PLACES}.items():
+        planner.fire("TARGET", DESTINATION=name)
+        planner.fire("REQ")
+        np.testing.assert_array_equal(planner.triple("THETA_T"), place.theta)
+
+
+def test_unknown_destination_keeps_the_target() -> None:
+    planner = Driven("PATH_PLANNER")
+    planner.fire("TARGET", DESTINATION="red")
+    planner.fire("TARGET", DESTINATION="Red")
+    planner.fire("REQ")
+    np.testing.assert_array_equal(planner.triple("THETA_T"), PLACES["red"].theta)
+
+
+@pytest.mark.parametrize("time", [0.0, -1.0, float("nan")])
+def test_target_time_not_above_zero_is_ignored(time: float) -> None:
+    planner = Driven("PATH_PLANNER")
+    planner.fire("TIMING", T=0.1)
+    planner.fire("TARGET", DESTINATION="red")
+    planner.fire("TIMING", T=time)
+    planner.fire("TARGET", DESTINATION="blue")
+    moving = []
+    for _ in range(12):
+        planner.fire("REQ")
+        moving.append(planner["MOVING"])
+    assert moving == [True] * 10 + [False] * 2
+
+
+def test_target_time_counts_from_the_next_target() -> None:
+    planner = Driven("PATH_PLANNER")
+    planner.fire("TIMING", T=0.05)
+    planner.fire("TARGET", DESTINATION="red")
+    planner.fire("TIMING", T=5.0)
+    for _ in range(6):
+        planner.fire("REQ")
+    assert not planner["MOVING"]
+
+
+def test_held_path_starts_with_the_measured_angles_and_velocities() -> None:
+    planner = Driven("PATH_PLANNER")
+    planner.fire("TARGET", DESTINATION="red")
+    planner.fire("REQ")
+    omega = np.array([3.0, -2.0, 1.0])
+    for tick in range(4):
+        theta = 0.5 + 0.01 * tick * omega
+        assert planner.fire("REQ", HOLD=True, **triple("THETA", theta)) == ["RESET", "CNF"]
+        np.testing.assert_array_equal(planner.triple("THETA_D"), theta)
+        assert planner["MOVING"]
+    np.testing.assert_allclose(planner.triple("OMEGA_D"), omega, atol=1e-12)
+    # the cubic with these start values that rests at the target after T = 2 s
+    target, T = np.array(PLACES["red"].theta), 2.0
+    for tick in range(1, 201):
+        assert planner.fire("REQ", HOLD=False) == ["CNF"]
+        t = 0.01 * tick
+        d = target - theta
+        path = theta + omega * t + (3 * d / T - 2 * omega) / T * t**2 + (omega - 2 * d / T) / T**2 * t**3
+        np.testing.assert_allclose(planner.triple("THETA_D"), path, atol=1e-12)
+    assert not planner["MOVING"]
+    np.testing.assert_array_equal(planner.triple("OMEGA_D"), 0.0)
