@@ -214,7 +214,7 @@ class Bus:
         def take(query: zenoh.Query) -> None:
             with query:
                 try:
-                    asked = reader(_bytes(query.payload)) if query.payload is not None else None
+                    asked = reader(_bytes(query.payload)) if query.payload else None
                     query.reply(query.key_expr, encode(handle(asked)), encoding=_JSON)
                 except MessageError as error:
                     self.refuse(error.reason, f"{query.key_expr}: {error}")
@@ -232,7 +232,7 @@ class Bus:
         Raises:
             CommunicationError: nobody answers in time, or the answer is a refusal or no valid message.
         """
-        payload = None if message is None else encode(message)
+        payload = b"" if message is None else encode(message)
         key = self.key(topic)
         for answer in self._session.get(key, payload=payload, encoding=_JSON, timeout=timeout):
             if answer.err is not None:

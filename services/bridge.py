@@ -9,34 +9,41 @@ from __future__ import annotations
 
 import logging
 import sys
+import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeVar
 
+from dtwin.application import ControlLoop, Settings
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.address import Address, parse_address, parse_block_id
-from dtwin.iec61499.client import BlockingClient
-from dtwin.iec61499.management_client import ManagementClient
+from dtwin.iec61499.address import Address, parse_address
 from dtwin.live.gate import STALE
-from dtwin.messages import EVENTS, PATH, SENSORS, VOLTAGES, Path
-from dtwin.parameters import PERIOD, Triple
-from dtwin.remote import SENSORS as SENSORS_SIGNATURE
-from dtwin.remote import VOLTAGES as VOLTAGES_SIGNATURE
+from dtwin.messages import (
+    EVENTS,
+    GAINS,
+    MODEL,
+    PATH,
+    SENSORS,
+    TARGET,
+    VOLTAGES,
+    GainsSetting,
+    ModelSetting,
+    Path,
+    TargetSetting,
+)
+from dtwin.parameters import PERIOD
 from dtwin.signals import Event, Sensors, Voltages
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)
 
 NAME: Final = "bridge"
-TIMEOUT: Final = 1.0
-"""s for an answer of the controller"""
 RETRY: Final = 0.2
 """s between two attempts to reach the controller"""
 GAP: Final = round(STALE / PERIOD)
 """ticks without an answer after which the path is planned anew"""
-SERVER: Final = "EMULATOR"
-HOLD: Final = "PLANNER.HOLD"
-PATH_ANGLES: Final = tuple(f"PLANNER.THETA_D{joint}" for joint in (1, 2, 3))
+S = TypeVar("S")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,70 +62,6 @@ class Options(Link):
         return 0
 
 
-class Controller:
-    """The control application on a device.
-
-    Args:
-        address: of device management.
-
-    Raises:
-        CommunicationError: the device or the application does not answer.
-    """
-
-    def __init__(self, address: Address) -> None:
-        self._management = ManagementClient(address, TIMEOUT)
-        try:
-            self._resource = self._find_resource()
-            listens = parse_block_id(self.read(f"{SERVER}.ID"))
-            self._cell = BlockingClient(
-                Address(address.host, listens.port), SENSORS_SIGNATURE, VOLTAGES_SIGNATURE, TIMEOUT
-            )
-        except CommunicationError:
-            self._management.close()
-            raise
-
-    def close(self) -> None:
-        self._cell.close()
-        self._management.close()
-
-    def answer(self, sensors: Sensors) -> Voltages:
-        """The application's answer to a sample.
-
-        Raises:
-            CommunicationError: it is late, lost or of another form.
-        """
-        sample = (*sensors.theta, sensors.gripper, sensors.box_present, sensors.box_colour)
-        v_1, v_2, v_3, v_gripper, gripped = self._cell.exchange(sample)
-        return Voltages(sensors.sequence, sensors.time, (v_1, v_2, v_3, v_gripper), gripped)
-
-    def restart(self, sensors: Sensors) -> None:
-        """Lets the application plan its path from a sample, at rest, without integrals of the past.
-
-        HOLD does that at every sample; the second one tells it that the arm is at rest.
-        """
-        self.write(HOLD, "TRUE")
-        self.answer(sensors)
-        self.answer(sensors)
-        self.write(HOLD, "FALSE")
-
-    def path(self) -> Triple:
-        """The path's angles in the last answer, rad."""
-        theta_1, theta_2, theta_3 = (float(self.read(name)) for name in PATH_ANGLES)
-        return theta_1, theta_2, theta_3
-
-    def read(self, name: str) -> str:
-        return self._management.read(self._resource, name)
-
-    def write(self, name: str, literal: str) -> None:
-        self._management.write(self._resource, name, literal)
-
-    def _find_resource(self) -> str:
-        for resource in self._management.blocks(""):
-            if any(block.name == SERVER for block in self._management.blocks(resource.name)):
-                return resource.name
-        raise CommunicationError(f"{self._management.address}: no resource has a block {SERVER}: deploy to it first")
-
-
 class Bridge:
     """Answers samples while there is a controller, and looks for one while there is none."""
 
@@ -126,7 +69,7 @@ class Bridge:
         bus = service.bus
         self._service = service
         self._address = address
-        self._controller: Controller | None = None
+        self._controller: ControlLoop | None = None
         self._try_at = 0.0
         self._last: Voltages | None = None
         self._restart = False
@@ -136,6 +79,10 @@ class Bridge:
         self._publish_path = bus.publisher(PATH, lossless=lossless)
         bus.subscribe(SENSORS, Sensors, service.inbox.put)
         bus.subscribe(EVENTS, Event, self._note)
+        self._settings_lock = threading.Lock()
+        bus.answer(GAINS, GainsSetting, self._gains)
+        bus.answer(MODEL, ModelSetting, self._model)
+        bus.answer(TARGET, TargetSetting, self._target)
 
     def run(self) -> None:
         """Works until it is asked to end."""
@@ -189,12 +136,12 @@ class Bridge:
         self._last = command
         self._answered += 1
 
-    def _connect(self) -> Controller | None:
+    def _connect(self) -> ControlLoop | None:
         now = time.monotonic()
         if self._controller is None and now >= self._try_at:
             self._try_at = now + RETRY
             try:
-                self._controller = Controller(self._address)
+                self._controller = ControlLoop(self._address)
             except CommunicationError as error:
                 log.warning("%s", error)
         return self._controller
@@ -202,6 +149,22 @@ class Bridge:
     def _note(self, event: Event) -> None:
         if event.kind == "safe":
             self._restart = True
+
+    def _gains(self, asked: GainsSetting | None) -> GainsSetting:
+        return GainsSetting(self._set(lambda s: s.gains() if asked is None else s.set_gains(asked.gains)))
+
+    def _model(self, asked: ModelSetting | None) -> ModelSetting:
+        return ModelSetting(self._set(lambda s: s.model() if asked is None else s.set_model(asked.model)))
+
+    def _target(self, asked: TargetSetting | None) -> TargetSetting:
+        return TargetSetting(
+            self._set(lambda s: s.target_time() if asked is None else s.set_target_time(asked.target_time))
+        )
+
+    def _set(self, action: Callable[[Settings], S]) -> S:
+        """Reads or changes settings, on connections of their own: the samples do not wait for them."""
+        with self._settings_lock, Settings(self._address) as settings:
+            return action(settings)
 
     def _report(self) -> None:
         last = self._last

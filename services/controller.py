@@ -7,23 +7,22 @@ import re
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
 from dtwin.control import BLOCKS, SYSTEM, ControlSettings, Law
 from dtwin.iec61499.address import parse_numeric_address
 from dtwin.iec61499.device import Device
 from dtwin.iec61499.library import Library
-from dtwin.iec61499.management import Link as Ends
-from dtwin.iec61499.management import Request
 from dtwin.iec61499.management_server import ManagementServer
-from dtwin.iec61499.model import Block, FBNetwork, Parameter, System
+from dtwin.iec61499.model import Block, FBNetwork, System
 from dtwin.iec61499.reactor import Reactor
-from services.service import REPORT_PERIOD, Link, Service, main
+from services.service import REPORT_PERIOD, Link, Service, free_port, main
 
 log = logging.getLogger(__name__)
 
 NAME: Final = "controller"
-_LOCAL_PORT: Final = re.compile(r"(localhost|127\.0\.0\.1):\d+")
+_LOCAL_PORT: Final = re.compile(r"localhost:(\d+)")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,17 +42,13 @@ class Options(Link):
 
     def run(self) -> int:
         address = parse_numeric_address(self.listen)
-        library = Library([self.blocks])
         settings = ControlSettings(target_time=self.target_time, law=self.law)
-        values = {name: str(value) for name, value in settings.inputs().items()}
-        system = configured(library.load_system(self.blocks / SYSTEM), values, self.free_ports)
         with Reactor() as reactor, Service(NAME, self, wake=reactor.stop) as service:
+            library, system = self._load(settings)
             device = Device(reactor, library, address.host)
             try:
                 device.load_system(system)
                 server = ManagementServer(reactor, address, device.handle)
-                if self.free_ports:
-                    tell_ports(device, system)
 
                 def report() -> None:
                     service.report("running")
@@ -68,18 +63,23 @@ class Options(Link):
                 device.close()
         return 0
 
+    def _load(self, settings: ControlSettings) -> tuple[Library, System]:
+        with TemporaryDirectory() as folder:
+            blocks = with_free_ports(self.blocks, Path(folder)) if self.free_ports else self.blocks
+            library = Library([blocks])
+            for name in library.names():
+                library.find(name)  # now: the folder will not last
+            values = {name: str(value) for name, value in settings.inputs().items()}
+            system = configured(library.load_system(blocks / SYSTEM), values)
+            return library, system
 
-def configured(system: System, values: dict[str, str], free_ports: bool) -> System:
-    """The system with other parameters, by `BLOCK.INPUT`, and with port 0 for every local one if ports are free."""
+
+def configured(system: System, values: dict[str, str]) -> System:
+    """The system with other parameters of its blocks, by `BLOCK.INPUT`."""
 
     def in_block(block: Block) -> Block:
-        return replace(block, parameters=tuple(in_parameter(block.name, p) for p in block.parameters))
-
-    def in_parameter(block: str, parameter: Parameter) -> Parameter:
-        value = values.get(f"{block}.{parameter.name}", parameter.value)
-        if free_ports and parameter.name.startswith("ID"):
-            value = _LOCAL_PORT.sub(r"\1:0", value)
-        return replace(parameter, value=value)
+        changed = (replace(p, value=values.get(f"{block.name}.{p.name}", p.value)) for p in block.parameters)
+        return replace(block, parameters=tuple(changed))
 
     def in_network(network: FBNetwork) -> FBNetwork:
         return replace(network, blocks=tuple(in_block(block) for block in network.blocks))
@@ -94,11 +94,16 @@ def configured(system: System, values: dict[str, str], free_ports: bool) -> Syst
     )
 
 
-def tell_ports(device: Device, system: System) -> None:
-    """Writes into the ID input of every listening block where it listens, for management clients to read."""
-    for declared in system.devices[0].resources:
-        for name, address in device.addresses().items():
-            device.execute(declared.name, Request("1", "WRITE", Ends(f"'localhost:{address.port}'", f"{name}.ID")))
+def with_free_ports(blocks: Path, target: Path) -> Path:
+    """Copies a library to a folder, every local port in it replaced by a free one, and returns that folder."""
+    ports: dict[str, str] = {}
+
+    def free(match: re.Match[str]) -> str:
+        return "localhost:" + ports.setdefault(match[1], str(free_port()))
+
+    for file in (*blocks.glob("*.fbt"), *blocks.glob("*.sys")):
+        (target / file.name).write_text(_LOCAL_PORT.sub(free, file.read_text()))
+    return target
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ import gc
 import logging
 import os
 import signal
+import socket
 import sys
 import threading
 import time
@@ -180,6 +181,14 @@ def main(name: str, options: type[Runnable], arguments: Sequence[str] | None = N
         return 2
     except KeyboardInterrupt:
         return 130
+
+
+def free_port() -> int:
+    """A TCP port of the loopback interface that nobody listens at now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+    return port
 
 
 class _LastError(logging.Handler):
