@@ -16,19 +16,15 @@ from typing import Any, Final
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import communication, model, timers
 from dtwin.iec61499.chart import CHAIN_LIMIT, ChartWriter
+from dtwin.iec61499.checked import BlockChecker
 from dtwin.iec61499.service import Handler, Service
 from dtwin.iec61499.st import (
     CONDITION_GLOBALS,
-    check_algorithm,
-    check_expression,
     compile_algorithm,
     compile_condition,
-    parse_algorithm,
-    parse_expression,
     python_name,
     typed,
 )
-from dtwin.iec61499.types import DataType
 
 PUBLISHED: Final = "p__"
 
@@ -128,17 +124,12 @@ class _Algorithmic:
 
     def __init__(self, block: model.BasicFBType | model.SimpleFBType) -> None:
         self._block = block
-        interface = block.interface
-        self._scope: dict[str, DataType] = {}
-        for variable in (*interface.inputs, *interface.outputs, *block.internals):
-            assert not isinstance(variable.type, model.GenericType)
-            self._scope[variable.name] = variable.type
-        self._writable = {variable.name for variable in (*interface.outputs, *block.internals)}
-        self._with = {event.name: event.with_variables for event in interface.event_outputs}
+        self._checker = BlockChecker(block)
+        self._with = {event.name: event.with_variables for event in block.interface.event_outputs}
 
     def compile(self) -> CompiledType:
         block = self._block
-        checked = {algorithm.name: self.check(algorithm) for algorithm in block.algorithms}
+        checked = {algorithm.name: self._checker.algorithm(algorithm) for algorithm in block.algorithms}
         names = {algorithm: f"algorithm_{number}" for number, algorithm in enumerate(checked)}
         space: dict[str, Any] = {
             names[algorithm]: compile_algorithm(code, f"{block.header.name}.{algorithm}")
@@ -150,7 +141,7 @@ class _Algorithmic:
         actions = {state.name: self._action_lines(state, names, published) for state in block.states}
         events = [event.name for event in block.interface.event_inputs]
         if isinstance(block, model.BasicFBType):
-            guards = {t: self._guard(t) for t in block.transitions if t.guard}
+            guards = {t: compile_condition(self._checker.guard(t)) for t in block.transitions if t.guard}
             lines = ChartWriter(block.states, block.transitions, guards, actions).write(events)
             state = {"state__": 0}
         else:
@@ -161,27 +152,6 @@ class _Algorithmic:
         exec(compile("\n".join(lines), f"<{block.header.name}>", "exec"), space)
         handlers = {event: space[f"on_{event}"] for event in events}
         return _assemble(block, handlers, published, state)
-
-    def check(self, algorithm: model.Algorithm) -> typed.CheckedAlgorithm:
-        source = algorithm.source
-        file = self._block.header.file
-        try:
-            tree = parse_algorithm(source.text, file, source.line if source.exact else 1, 1)
-            return check_algorithm(tree, self._scope, self._writable)
-        except FunctionBlockError as error:
-            if source.exact:
-                raise
-            where = f"algorithm {algorithm.name}, line {error.line}, column {error.column}"
-            raise FunctionBlockError(f"{where}: {error.message}", file, source.line) from None
-
-    def _guard(self, transition: model.Transition) -> str:
-        file = self._block.header.file
-        try:
-            tree = parse_expression(transition.guard, file, 1, 1)
-            return compile_condition(check_expression(tree, self._scope))
-        except FunctionBlockError as error:
-            where = f"condition {transition.guard!r}, column {error.column}"
-            raise FunctionBlockError(f"{where}: {error.message}", file, transition.line) from None
 
     def _published(self, checked: Mapping[str, typed.CheckedAlgorithm]) -> dict[str, str]:
         """The attribute other blocks sample, by output: the output itself where it never differs when they do."""
