@@ -25,6 +25,7 @@ from dtwin.identification.held_out import Comparison, compare
 from dtwin.identification.model import from_estimate
 from dtwin.identification.problem import START, Prior, symbol
 from dtwin.identification.rig import Rig
+from dtwin.identification.signal_blocks import SignalBlocks
 from dtwin.identification.store import STORE, ModelStore, check_name
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, load_arm
 from dtwin.recording import Log, ensure_writable, read_log
@@ -141,8 +142,10 @@ class Identify:
             plan = Plan(PLAIN, self._loads()[0], self.payload_model, start)
             signal = optimise(plan, settings.free, settings.known, _DESIGN_NOISE, generators[2]).signal
         plans = [Plan(signal, load, self.payload_model, start) for load in self._loads()]
-        training = tuple(rig.measure(plan, generators[0]) for plan in plans)
-        judging = rig.measure(Plan(HELD_OUT, plans[0].payload, self.payload_model), generators[1])
+        blocks = SignalBlocks()
+        training = tuple(rig.measure(plan, blocks, generators[0]) for plan in plans)
+        held_out = Plan(HELD_OUT, plans[0].payload, self.payload_model)
+        judging = rig.measure(held_out, blocks, generators[1])
         return training, (judging,), truth
 
     def _from_log(self, path: Path) -> tuple[tuple[Experiment, ...], tuple[Experiment, ...], ArmParameters | None]:

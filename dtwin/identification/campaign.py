@@ -17,12 +17,15 @@ from dtwin.identification.estimate import Settings, identify
 from dtwin.identification.excitation import Plan
 from dtwin.identification.friction import indistinguishable_from_zero
 from dtwin.identification.rig import Rig
+from dtwin.identification.signal_blocks import SignalBlocks
 from dtwin.parameters import ArmParameters
 
 _SPREAD: Final = 0.5
 """of the second start around the first"""
 _SAME: Final = 1e-2
 """standard errors between two minima that are one"""
+_CHUNK: Final = 5
+"""trials a process takes at a time"""
 _ONE_THREAD: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -87,26 +90,35 @@ def run_trials(
         progress: told the number of trials done.
     """
     count = min(workers or os.cpu_count() or 1, len(trials))
+    chunks = [trials[first : first + _CHUNK] for first in range(0, len(trials), _CHUNK)]
     if count <= 1:
-        outcomes = []
-        for trial in trials:
-            outcomes.append(run_trial(trial))
+        outcomes: list[Outcome] = []
+        for chunk in chunks:
+            outcomes += run_chunk(chunk)
             progress(len(outcomes))
         return outcomes
     # Forking would copy whatever threads hold; a fresh process loads the compiled twin in a second.
     context = multiprocessing.get_context("spawn")
     with _one_thread_each(), ProcessPoolExecutor(count, context) as pool:
-        futures = [pool.submit(run_trial, trial) for trial in trials]
-        for done, _ in enumerate(as_completed(futures), 1):
+        futures = [pool.submit(run_chunk, chunk) for chunk in chunks]
+        done = 0
+        for future in as_completed(futures):
+            done += len(future.result())
             progress(done)
-        return [future.result() for future in futures]
+        return [outcome for future in futures for outcome in future.result()]
 
 
-def run_trial(trial: Trial) -> Outcome:
+def run_chunk(trials: Sequence[Trial]) -> list[Outcome]:
+    """Runs trials one after the other with one control application, which takes long to load."""
+    blocks = SignalBlocks()
+    return [run_trial(trial, blocks) for trial in trials]
+
+
+def run_trial(trial: Trial, blocks: SignalBlocks) -> Outcome:
     """Measures and identifies; a refusal is an outcome, not an error."""
     generator = np.random.default_rng(trial.seed)
     try:
-        experiments = [trial.rig.measure(plan, generator) for plan in trial.plans]
+        experiments = [trial.rig.measure(plan, blocks, generator) for plan in trial.plans]
         estimate = identify(experiments, trial.settings)
         second = estimate
         if trial.second_start:

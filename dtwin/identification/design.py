@@ -78,10 +78,10 @@ def optimise(
     generator: np.random.Generator,
     *,
     reach: float = math.pi,
-    trials: int = 400,
+    trials: int = 1000,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Plan:
-    """Searches units, delays and directions of the 3-2-1-1 signals for the least worst relative bound.
+    """Searches the unit, delays and directions of the 3-2-1-1 signals for the least worst relative bound.
 
     Duration, amplitudes and load stay as planned, so the signal keeps within the planned voltages.
 
@@ -92,7 +92,7 @@ def optimise(
         deviation: standard deviation of the noise, rad; scales all bounds alike.
         generator: of the trials.
         reach: rad, how far a joint may go from its start.
-        trials: signals to look at; 10 ms each.
+        trials: signals to look at, a few ms each.
         progress: told the number of trials done.
 
     Raises:
@@ -135,23 +135,15 @@ def _worst(plan: Plan, free: tuple[str, ...], arm: ArmParameters, deviation: flo
 
 
 def _anywhere(signal: Excitation, generator: np.random.Generator) -> Excitation:
-    sign = generator.choice((-1.0, 1.0), 3)
-    return Excitation(
-        _triple(sign * signal.amplitude),
-        _ticks(generator.integers(UNITS[0], UNITS[1] + 1, 3)),
-        _ticks(generator.integers(0, LATEST + 1, 3)),
-    )
+    first, second, third = (generator.choice((-1.0, 1.0), 3) * signal.amplitude).tolist()
+    unit = int(generator.integers(UNITS[0], UNITS[1] + 1))
+    return Excitation((first, second, third), unit, _ticks(generator.integers(0, LATEST + 1, 3)))
 
 
 def _near(signal: Excitation, generator: np.random.Generator) -> Excitation:
-    unit = np.array(signal.unit) + generator.integers(-3, 4, 3) * generator.integers(0, 2, 3)
-    delay = np.array(signal.delay) + generator.integers(-6, 7, 3) * generator.integers(0, 2, 3)
-    return Excitation(signal.amplitude, _ticks(np.clip(unit, *UNITS)), _ticks(np.clip(delay, 0, LATEST)))
-
-
-def _triple(values: np.ndarray) -> Triple:
-    first, second, third = values.tolist()
-    return first, second, third
+    unit = signal.unit + int(generator.integers(-3, 4) * generator.integers(0, 2))
+    delay = signal.delay + generator.integers(-6, 7, 3) * generator.integers(0, 2, 3)
+    return Excitation(signal.amplitude, min(max(unit, UNITS[0]), UNITS[1]), _ticks(np.clip(delay, 0, LATEST)))
 
 
 def _ticks(values: np.ndarray) -> Ticks:

@@ -31,7 +31,7 @@ class Excitation:
 
     Attributes:
         amplitude: V; a negative one starts downwards.
-        unit: length of one unit, ticks.
+        unit: length of one unit of time, ticks.
         delay: ticks at 0 V before the signal starts, which sets the phases between joints.
 
     Raises:
@@ -39,15 +39,15 @@ class Excitation:
     """
 
     amplitude: Triple = (6.0, 4.0, 3.0)
-    unit: Ticks = (5, 5, 5)
+    unit: int = 5
     delay: Ticks = (0, 0, 0)
 
     def __post_init__(self) -> None:
         for joint, volts in enumerate(self.amplitude, 1):
             if not (math.isfinite(volts) and abs(volts) <= VOLTAGE_LIMIT):
                 raise ParameterError(f"amplitude of joint {joint}: expected at most {VOLTAGE_LIMIT:g} V, got {volts}")
-        if min(self.unit) < 1:
-            raise ParameterError(f"unit: expected at least 1 tick, got {min(self.unit)}")
+        if self.unit < 1:
+            raise ParameterError(f"unit: expected at least 1 tick, got {self.unit}")
         if min(self.delay) < 0:
             raise ParameterError(f"delay: expected at least 0 ticks, got {min(self.delay)}")
 
@@ -60,8 +60,8 @@ class Excitation:
 
 
 PLAIN: Final = Excitation()
-"""the standard signal, the same unit for all joints"""
-HELD_OUT: Final = Excitation(amplitude=(-5.0, 4.0, -3.0), unit=(8, 6, 7))
+"""the standard signal"""
+HELD_OUT: Final = Excitation(amplitude=(-5.0, 4.0, -3.0), unit=8, delay=(0, 11, 5))
 """another signal, to judge a model by motion it was not fitted to"""
 
 
@@ -83,10 +83,11 @@ class Plan:
     start: Start = field(default_factory=lambda: Start(HOME))
     samples: int = SAMPLES
 
-    def experiment(self, measured: Array | None = None) -> Experiment:
-        """The experiment with what was measured; without, to predict what it would tell."""
-        volts = self.signal.volts(self.samples)
+    def experiment(self, measured: Array | None = None, volts: Array | None = None) -> Experiment:
+        """The experiment with measured angles and applied voltages; without them, to predict what it would tell."""
         if measured is None:
             measured = np.tile(self.start.theta, (self.samples, 1))
+        if volts is None:
+            volts = self.signal.volts(self.samples)
         start = self.start if self.start.known else None
         return Experiment(measured, volts, self.payload, start, PERIOD, self.payload_model)

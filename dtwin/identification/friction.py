@@ -15,7 +15,7 @@ FRICTIONS: Final[tuple[Friction, ...]] = ("viscous", "coulomb", "both")
 
 START_COULOMB: Final = 0.01
 """N m"""
-_THREE_AT_ONCE: Final = 2.394
+_THREE_AT_ONCE: Final = 2.935
 """standard errors"""
 _SYMBOLS: Final = {"viscous": ("D",), "coulomb": ("mu",), "both": ("D", "mu")}
 _SUBSTEPS: Final = {"viscous": 4, "coulomb": 16, "both": 4}
@@ -64,7 +64,7 @@ def choose(experiments: Sequence[Experiment], settings: Settings) -> Choice:
 
 
 def indistinguishable_from_zero(estimate: Estimate) -> bool:
-    """Whether the Coulomb coefficients' 95 % intervals hold 0, all three at once (Bonferroni)."""
+    """Whether the Coulomb coefficients' 99 % intervals hold 0, all three at once (Bonferroni)."""
     return all(
         value <= _THREE_AT_ONCE * estimate.standard_errors[name]
         for name, value in estimate.values.items()

@@ -10,6 +10,7 @@ from dtwin.emulation.encoders import Encoders, NoiseKind
 from dtwin.emulation.plant import Plant
 from dtwin.identification.data import Experiment
 from dtwin.identification.excitation import Plan
+from dtwin.identification.signal_blocks import SignalBlocks
 from dtwin.parameters import PERIOD, ArmParameters
 
 
@@ -34,8 +35,13 @@ class Rig:
         """Standard deviation of the encoder noise, rad."""
         return self.noise * {"none": 0.0, "gaussian": 1.0, "uniform": 12**-0.5}[self.noise_kind]
 
-    def measure(self, plan: Plan, generator: np.random.Generator) -> Experiment:
-        """Makes the experiment on the emulated arm.
+    def measure(self, plan: Plan, blocks: SignalBlocks, generator: np.random.Generator) -> Experiment:
+        """Makes the experiment on the emulated arm under the function blocks' signal.
+
+        Args:
+            plan: of the experiment.
+            blocks: the control application.
+            generator: of the noise.
 
         Raises:
             ParameterError: a number is out of range. DivergenceError: the arm left the finite numbers.
@@ -48,9 +54,12 @@ class Rig:
         else:
             plant.set_payload(load)
         encoders = Encoders(self.noise_kind, self.noise, generator)
-        measured = np.empty((plan.samples, 3))
-        for k, (v1, v2, v3) in enumerate(plan.signal.volts(plan.samples).tolist()):
-            measured[k] = encoders.measure(plant.angles, plant.time)[:3]
-            plant.apply((v1, v2, v3, 0.0))
+        blocks.begin(plan.signal, plan.samples)
+        measured, volts = np.empty((plan.samples, 3)), np.empty((plan.samples, 3))
+        for k in range(plan.samples):
+            first, second, third, gripper = encoders.measure(plant.angles, plant.time)
+            command = blocks.step((first, second, third), gripper)
+            measured[k], volts[k] = (first, second, third), command[:3]
+            plant.apply(command)
             plant.advance(PERIOD)
-        return plan.experiment(measured)
+        return plan.experiment(measured, volts)
