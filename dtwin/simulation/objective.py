@@ -1,0 +1,268 @@
+"""What makes settings good, and what makes them unusable: the cost and the limits of an optimisation."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from dtwin.control import BLOCKS, ControlSettings
+from dtwin.errors import DivergenceError, ParameterError, choices
+from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.simulation.checks import STABLE, Motion
+from dtwin.simulation.figures import Array, Figures
+from dtwin.simulation.places import angles_of
+from dtwin.simulation.stability import spectral_radius
+from dtwin.simulation.whatif import Case, Simulator
+
+TERMS: Final = ("time", "tracking", "energy", "voltage")
+"""settling time s, largest distance from the path rad, energy J a motion, peak voltage V"""
+SETTLING: Final = 1.0
+"""s after the end of the path in which a motion has to settle"""
+UNUSABLE: Final = 1e3
+"""cost of settings that break a limit, and more the more they do: above that of all that keep the limits"""
+_UNSTABLE: Final = 100.0
+_BAD: Final = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What settings must keep in every scenario.
+
+    Attributes:
+        saturated: largest share of the samples of a motion with a voltage at its limit.
+        overshoot: beyond the target, rad.
+        tracking: from the path, rad.
+        voltage: V.
+    """
+
+    saturated: float = 0.02
+    overshoot: float = 0.02
+    tracking: float = 0.1
+    voltage: float = 8.0
+
+
+UNLIMITED: Final = Limits(1.0, math.inf, math.inf, math.inf)
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """A motion under one assumption about the arm.
+
+    Attributes:
+        motion: from where to where.
+        arm: that is simulated; the controller uses the objective's model.
+        payload: kg.
+        noise: rad, standard deviation of the encoder noise; a noisy motion is not asked to settle.
+    """
+
+    motion: Motion
+    arm: ArmParameters
+    payload: float
+    noise: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Objective:
+    """What to minimise; picklable, so that processes can share the work.
+
+    Attributes:
+        base: settings whose law, model and payload stay.
+        scenarios: all must keep the limits; the worst of them counts, of the energy the mean.
+        weights: of the TERMS, by name.
+        limits: to keep.
+        reference: the terms of the settings in use, that cost 1 a weight; the terms themselves when empty.
+        blocks: folder of the function-block library.
+
+    Raises:
+        ParameterError: a weight's name is unknown, it is negative, or none is above 0.
+    """
+
+    base: ControlSettings
+    scenarios: tuple[Scenario, ...]
+    weights: Mapping[str, float] = field(default_factory=lambda: {"time": 1.0})
+    limits: Limits = field(default_factory=Limits)
+    reference: Mapping[str, float] = field(default_factory=dict)
+    blocks: Path = BLOCKS
+
+    def __post_init__(self) -> None:
+        for name, weight in self.weights.items():
+            if name not in TERMS:
+                raise ParameterError(f"cost: unknown term {name!r}: expected {choices(TERMS)}")
+            if not 0 <= weight < float("inf"):
+                raise ParameterError(f"cost: weight of {name}: expected at least 0, got {weight}")
+        if not sum(self.weights.values()) > 0:
+            raise ParameterError("cost: expected a weight above 0")
+        if not self.scenarios:
+            raise ParameterError("scenarios: expected at least one motion")
+
+
+class Score(msgspec.Struct, frozen=True):
+    """How good settings are.
+
+    Attributes:
+        target_time: s.
+        gains: of the controller.
+        terms: by name; empty when a limit is broken.
+        broken: the limit that is broken, "" when none is.
+        cost: to be minimised.
+        motions: simulated to find out.
+    """
+
+    target_time: float
+    gains: Gains
+    terms: dict[str, float]
+    broken: str
+    cost: float
+    motions: int
+
+
+def score(objective: Objective, target_time: float, gains: Gains) -> Score:
+    """Simulates the scenarios until one breaks a limit.
+
+    Raises:
+        ParameterError: the target time or a scenario is out of range.
+    """
+    base = objective.base
+    settings = ControlSettings(target_time, gains, base.law, base.model, base.payload)
+    simulator = _simulator(objective.blocks)
+    for scenario in _resting_points(objective.scenarios):
+        theta = angles_of(scenario.motion.goal)
+        radius = spectral_radius(simulator.controller, settings, scenario.arm, scenario.payload, theta)
+        if not radius < STABLE:
+            return Score(target_time, gains, {}, "stability", UNUSABLE * (_UNSTABLE + radius), 0)
+    found: list[tuple[Scenario, Figures]] = []
+    for done, scenario in enumerate(objective.scenarios, 1):
+        try:
+            outcome = simulator.run(_case(scenario, settings)).figures
+        except DivergenceError:
+            return Score(target_time, gains, {}, "divergence", UNUSABLE * _UNSTABLE, done)
+        broken, excess = _broken(outcome, objective.limits, must_settle=not scenario.noise)
+        if broken:
+            # The later the scenario that fails, the nearer the settings are to keeping all limits.
+            left = 1.0 - (done - 1) / len(objective.scenarios)
+            return Score(target_time, gains, {}, broken, UNUSABLE * (1.0 + left + min(excess, _BAD)), done)
+        found.append((scenario, outcome))
+    terms = _terms(found, target_time)
+    reference = objective.reference or terms
+    total = sum(objective.weights.values())
+    cost = sum(weight * terms[name] / reference[name] for name, weight in objective.weights.items()) / total
+    return Score(target_time, gains, terms, "", cost, len(found))
+
+
+def scenarios_for(
+    motions: Sequence[Motion],
+    arm: ArmParameters,
+    boxes: tuple[float, float],
+    others: Sequence[ArmParameters] = (),
+    noise: float = 0.0,
+) -> tuple[Scenario, ...]:
+    """Every motion as expected, then with noise, then with the other arms and the lightest and heaviest boxes.
+
+    Args:
+        motions: to be made.
+        arm: as expected.
+        boxes: least and largest mass of a box, kg.
+        others: arms that are possible as well.
+        noise: rad, standard deviation; 0 leaves the noisy scenarios out.
+
+    Raises:
+        ParameterError: the masses are out of order.
+    """
+    low, high = boxes
+    if not 0.0 <= low <= high < float("inf"):
+        raise ParameterError(f"boxes: expected the least and largest mass of a box in kg, got {low:g} and {high:g}")
+    middle = [Scenario(m, arm, (low + high) / 2 if m.carries else 0.0) for m in motions]
+    noisy = [Scenario(s.motion, arm, s.payload, noise) for s in middle] if noise else []
+    spread = [
+        Scenario(motion, other, ((low, high)[(row + column) % 2]) if motion.carries else 0.0)
+        for row, other in enumerate(others)
+        for column, motion in enumerate(motions)
+    ]
+    extremes = [Scenario(m, arm, mass) for m in motions if m.carries and low < high for mass in (low, high)]
+    return (*middle, *noisy, *(spread or extremes))
+
+
+def possible_arms(
+    arm: ArmParameters, names: Sequence[str], covariance: Array, count: int, generator: np.random.Generator
+) -> tuple[ArmParameters, ...]:
+    """Arms as probable as the identified one allows: normal, with its covariance, none of the values below a tenth.
+
+    Args:
+        arm: the identified one.
+        names: of the covariance's rows; those of encoder offsets are left out.
+        covariance: SI units.
+        count: of arms.
+        generator: source of the randomness.
+    """
+    kept = [k for k, name in enumerate(names) if not name.startswith("offset")]
+    if not kept or not count:
+        return ()
+    mean = np.array([arm.get(names[k]) for k in kept])
+    matrix = np.asarray(covariance, dtype=np.float64)[np.ix_(kept, kept)]
+    draws = np.maximum(generator.multivariate_normal(mean, matrix, count, method="eigh"), mean / 10)
+    return tuple(arm.with_values(dict(zip([names[k] for k in kept], row, strict=True))) for row in draws.tolist())
+
+
+@functools.cache
+def _simulator(blocks: Path) -> Simulator:
+    """One for every process: making the blocks takes longer than using them."""
+    return Simulator(blocks)
+
+
+def _case(scenario: Scenario, settings: ControlSettings) -> Case:
+    motion = scenario.motion
+    return Case(
+        motion.goal,
+        settings,
+        angles_of(motion.start),
+        arm=scenario.arm,
+        payload=scenario.payload,
+        carries=motion.carries,
+        noise=scenario.noise,
+        noise_kind="gaussian",
+        duration=settings.target_time + SETTLING,
+    )
+
+
+def _resting_points(scenarios: Sequence[Scenario]) -> list[Scenario]:
+    """A scenario for every goal, with and without a box."""
+    return list({(s.motion.goal, s.motion.carries): s for s in scenarios}.values())
+
+
+def _broken(figures: Figures, limits: Limits, must_settle: bool) -> tuple[str, float]:
+    """The limit that is broken most, "" for none, and its relative excess."""
+    share = 1e-3
+    excesses = {
+        "saturation": (figures.saturated - limits.saturated) / max(limits.saturated, share),
+        "overshoot": max(figures.overshoot) / limits.overshoot - 1.0,
+        "tracking": max(figures.tracking_max) / limits.tracking - 1.0,
+        "voltage": max(figures.peak_volts) / limits.voltage - 1.0,
+    }
+    if must_settle and limits != UNLIMITED:
+        excesses["settling"] = 1.0 if figures.settling_time is None else 0.0
+    name = max(excesses, key=lambda key: excesses[key])
+    return (name, excesses[name]) if excesses[name] > 0 else ("", 0.0)
+
+
+def _terms(found: Sequence[tuple[Scenario, Figures]], target_time: float) -> dict[str, float]:
+    every = [figures for _, figures in found]
+    never = target_time + SETTLING
+    return {
+        "time": max(never if f.settling_time is None else f.settling_time for s, f in found if not s.noise),
+        "tracking": max(max(f.tracking_max) for f in every),
+        "energy": float(np.mean([f.energy for f in every])),
+        "voltage": max(max(f.peak_volts) for f in every),
+    }
+
+
+def triple(values: Sequence[float]) -> Triple:
+    """Three of them."""
+    first, second, third = values
+    return (first, second, third)

@@ -1,0 +1,167 @@
+"""Finds gains and target time of least cost under limits, by differential evolution over real-block simulations.
+
+Differential evolution (Storn and Price 1997; scipy's) needs no derivatives, which limits and the voltages' clip would
+break, and judges a whole generation at once, which keeps all cores busy. Equal seeds give equal results, whatever the
+number of processes.
+"""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+import os
+import time
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+from scipy.optimize import differential_evolution
+from scipy.stats import qmc
+
+from dtwin.errors import ParameterError
+from dtwin.parameters import Gains
+from dtwin.simulation.figures import Array
+from dtwin.simulation.objective import UNLIMITED, Objective, Score, score, triple
+
+POPULATION: Final = 40
+"""candidates a generation, four a variable"""
+LOWEST: Final = (50.0, 10.0, 0.5)
+"""kp, ki and kd from which to search"""
+HIGHEST: Final = (2000.0, 2000.0, 100.0)
+"""kp, ki and kd to which to search"""
+
+
+@dataclass(frozen=True, slots=True)
+class Optimum:
+    """The outcome of an optimisation.
+
+    Attributes:
+        best: of least cost.
+        reference: the settings in use.
+        scores: of all candidates in the order of their generations.
+        seconds: wall time of the search, without starting the processes.
+    """
+
+    best: Score
+    reference: Score
+    scores: tuple[Score, ...]
+    seconds: float
+
+    @property
+    def motions(self) -> int:
+        """Simulated in all."""
+        return sum(found.motions for found in self.scores)
+
+    def front(self, *terms: str) -> list[Score]:
+        """The usable candidates that no other beats in all of the terms (Pareto), by the first of them."""
+        usable = [found for found in self.scores if not found.broken]
+        values = np.array([[found.terms[term] for term in terms] for found in usable])
+        kept = []
+        for k, row in enumerate(values):
+            better = (values <= row).all(axis=1) & (values < row).any(axis=1)
+            twin = (values[:k] == row).all(axis=1)
+            if not better.any() and not twin.any():
+                kept.append(usable[k])
+        return sorted(kept, key=lambda found: found.terms[terms[0]])
+
+
+def optimise(
+    objective: Objective,
+    target_times: tuple[float, float],
+    *,
+    candidates: int = 1000,
+    processes: int | None = None,
+    seed: int = 0,
+    between: Callable[[int, float], None] = lambda done, best: None,
+) -> Optimum:
+    """Searches gains and target time.
+
+    Args:
+        objective: what to minimise; its reference is taken from its base settings.
+        target_times: between which to search, s; equal ones fix it.
+        candidates: to be judged, rounded to whole generations.
+        processes: that share the work; None is one a core, 1 does it here.
+        seed: of the search.
+        between: told the number of candidates judged and the least cost after every generation.
+
+    Raises:
+        ParameterError: a bound is out of order, or the settings in use cannot be judged.
+    """
+    low, high = target_times
+    if not 0 < low <= high < math.inf:
+        raise ParameterError(f"target times: expected a range above 0 s, got {low:g} to {high:g}")
+    if candidates < 2 * POPULATION:
+        raise ParameterError(f"candidates: expected at least {2 * POPULATION}, got {candidates}")
+    base = objective.base
+    reference = score(replace(objective, limits=UNLIMITED), base.target_time, base.gains)
+    if reference.broken:
+        raise ParameterError(f"the settings in use cannot be compared with: {reference.broken}")
+    objective = replace(objective, reference=reference.terms)
+    lower = np.log([low, *(value for value in LOWEST for _ in range(3))])
+    upper = np.log([high, *(value for value in HIGHEST for _ in range(3))])
+    scores: list[Score] = []
+
+    def judge(pool: Executor | None, _: Any, rows: Iterable[Array]) -> list[float]:
+        points = [tuple(row.tolist()) for row in np.atleast_2d(np.array(list(rows)))]
+        task = partial(_judge, objective)
+        found = list(pool.map(task, points, chunksize=2) if pool is not None else map(task, points))
+        scores.extend(found)
+        between(len(scores), min(each.cost for each in scores))
+        return [each.cost for each in found]
+
+    with _pool(processes) as pool:
+        if pool is not None:
+            warm = [(*lower.tolist(),)] * (2 * (processes or cores()))
+            list(pool.map(partial(_judge, objective), warm))
+        began = time.perf_counter()
+        differential_evolution(
+            _unused,
+            list(zip(lower, upper, strict=True)),
+            init=_first_generation(lower, upper, base.target_time, base.gains, seed),
+            maxiter=candidates // POPULATION - 1,
+            tol=0.0,
+            updating="deferred",
+            workers=partial(judge, pool),
+            polish=False,
+            rng=seed,
+        )
+        seconds = time.perf_counter() - began
+    return Optimum(min(scores, key=lambda found: found.cost), reference, tuple(scores), seconds)
+
+
+def cores() -> int:
+    """That this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def _first_generation(lower: Array, upper: Array, target_time: float, gains: Gains, seed: int) -> Array:
+    """(POPULATION, 10): settings in use, then half within a factor of two of them, half over the bounds."""
+    spread = qmc.LatinHypercube(len(lower), rng=seed).random(POPULATION)
+    rows: Array = lower + spread * (upper - lower)
+    present = np.log(np.maximum([target_time, *gains.kp, *gains.ki, *gains.kd], np.exp(lower)))
+    near = POPULATION // 2
+    rows[:near] = present + (2.0 * spread[:near] - 1.0) * math.log(2.0)
+    rows[0] = present
+    return np.clip(rows, lower, upper)
+
+
+def _judge(objective: Objective, point: Sequence[float]) -> Score:
+    target_time, *gains = (math.exp(value) for value in point)
+    return score(objective, target_time, Gains(triple(gains[:3]), triple(gains[3:6]), triple(gains[6:])))
+
+
+def _unused(_: Array) -> float:
+    raise AssertionError("generations are judged as a whole")
+
+
+def _pool(processes: int | None) -> Any:
+    if processes is not None and processes < 1:
+        raise ParameterError(f"processes: expected at least 1, got {processes}")
+    if processes == 1:
+        return nullcontext()
+    # Not by fork: a progress bar's thread may hold a lock that the child would wait for.
+    return ProcessPoolExecutor(processes or cores(), multiprocessing.get_context("spawn"))

@@ -1,0 +1,45 @@
+"""Picture of an optimisation: every candidate that keeps the limits, and the fronts that none of them beats."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from dtwin.simulation.optimise import Optimum
+from dtwin.simulation.plots import save
+
+_LABELS: Final = {
+    "time": "settling time, s",
+    "tracking": "farthest from the path, rad",
+    "energy": "energy a motion, J",
+    "voltage": "peak voltage, V",
+}
+_PAIRS: Final = (("time", "tracking"), ("time", "energy"), ("time", "voltage"))
+
+
+def draw_front(found: Optimum, path: Path) -> None:
+    """Draws settling time against tracking, energy and peak voltage.
+
+    Raises:
+        RecordingError: the path cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(15, 5), layout="constrained")
+    usable = [each for each in found.scores if not each.broken]
+    figure.suptitle(f"{len(usable)} of {len(found.scores)} candidates keep all limits, in every scenario")
+    for axis, (first, second) in zip(figure.subplots(1, len(_PAIRS)), _PAIRS, strict=True):
+        points = [(each.terms[first], each.terms[second]) for each in usable]
+        front = [(each.terms[first], each.terms[second]) for each in found.front(first, second)]
+        if points:
+            axis.scatter(*zip(*points, strict=True), s=10, color="#b0b8c4", label="candidates")
+            axis.plot(*zip(*front, strict=True), "o-", ms=4, lw=1.2, color="#4c72b0", label="Pareto front")
+            best = found.best.terms
+            axis.plot(best[first], best[second], "*", ms=14, color="#dd8452", label="least cost")
+        reference = found.reference.terms
+        axis.plot(reference[first], reference[second], "D", ms=7, color="#444444", label="in use")
+        axis.set_xlabel(_LABELS[first])
+        axis.set_ylabel(_LABELS[second])
+        axis.grid(alpha=0.3)
+        axis.legend(fontsize=8)
+    save(figure, path)
