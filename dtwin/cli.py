@@ -46,6 +46,9 @@ COMMANDS: Final[dict[str, Entry]] = {
     "fb run": Entry("dtwin.commands.fb", "FbRun", "serve function blocks as a device that management can build on"),
     "fb watch": Entry("dtwin.commands.fb", "FbWatch", "read values of a running device"),
     "fb stop": Entry("dtwin.commands.fb", "FbStop", "stop what runs on a device"),
+    "up": Entry("dtwin.commands.up", "UpCommand", "start the services of a cell on Zenoh and keep them running"),
+    "status": Entry("dtwin.commands.up", "StatusCommand", "show how the services of a cell do"),
+    "down": Entry("dtwin.commands.up", "DownCommand", "stop a cell that is up"),
     "bench": Entry("dtwin.commands.bench", "Bench", "measure the speed of the parts on this machine"),
 }
 

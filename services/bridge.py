@@ -8,6 +8,7 @@ the application plans its path anew from where the arm is.
 from __future__ import annotations
 
 import logging
+import math
 import sys
 import threading
 import time
@@ -41,6 +42,8 @@ log = logging.getLogger(__name__)
 NAME: Final = "bridge"
 RETRY: Final = 0.2
 """s between two attempts to reach the controller"""
+PATIENCE: Final = 3.0
+"""s without a controller that are no trouble yet: it may be starting"""
 GAP: Final = round(STALE / PERIOD)
 """ticks without an answer after which the path is planned anew"""
 S = TypeVar("S")
@@ -71,6 +74,7 @@ class Bridge:
         self._address = address
         self._controller: ControlLoop | None = None
         self._try_at = 0.0
+        self._looking_since = math.inf
         self._last: Voltages | None = None
         self._restart = False
         self._answered = 0
@@ -142,8 +146,11 @@ class Bridge:
             self._try_at = now + RETRY
             try:
                 self._controller = ControlLoop(self._address)
+                self._looking_since = math.inf
             except CommunicationError as error:
-                log.warning("%s", error)
+                self._looking_since = min(self._looking_since, now)
+                patient = now - self._looking_since < PATIENCE
+                log.log(logging.INFO if patient else logging.WARNING, "%s", error)
         return self._controller
 
     def _note(self, event: Event) -> None:

@@ -8,6 +8,7 @@ how long they wait for the command: until the tick is over on the wall clock (re
 from __future__ import annotations
 
 import logging
+import math
 import sys
 import time
 from collections.abc import Callable
@@ -129,7 +130,7 @@ class Emulator:
         self._anew = False
         if journal is not None:
             self._replay(journal)
-        self._began = (time.monotonic(), self._cell.read().time)
+        self._began: tuple[float, float] | None = None
         # A recorder must see every tick of a lockstep run, even if that slows the run down.
         lossless = pace != "realtime"
         self._publish_sensors: Callable[[Sensors], None] = bus.publisher(SENSORS, lossless=lossless)
@@ -234,6 +235,8 @@ class Emulator:
         if self._state == "safe":
             self._announce("resumed", "commands have come back: the arm obeys them again")
         self._state = "running"
+        if self._began is None:
+            self._began = (came, self._cell.read().time)
         self._obey(command)
 
     def _obey(self, command: Voltages) -> None:
@@ -290,7 +293,7 @@ class Emulator:
         if self._journal is not None:
             self._journal.restart(seed)
         self._start_over(seed)
-        self._began = (time.monotonic(), 0.0)
+        self._began = None
         self._anew = True
         return Done(0.0, f"started anew with seed {seed}")
 
@@ -316,7 +319,7 @@ class Emulator:
 
     def _report(self, state: State) -> None:
         sensors = self._cell.read()
-        wall, plant = self._began
+        wall, plant = self._began or (math.inf, 0.0)
         elapsed = time.monotonic() - wall
         score = self._cell.score
         self._service.report(

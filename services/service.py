@@ -25,13 +25,12 @@ from dtwin.bus import RENDEZVOUS, Bus, open_configured, open_peer
 from dtwin.cli import parse_options
 from dtwin.errors import DtwinError
 from dtwin.messages import STATUS, State, Status
+from dtwin.supervisor import LIFELINE
 
 REPORT_PERIOD: Final = 1.0
 """s"""
 
 
-LIFELINE: Final = "DTWIN_LIFELINE"
-"""Environment variable: a file descriptor of a pipe that closes when the parent has gone."""
 GRACE: Final = 5.0
 """s to end in after the parent has gone"""
 

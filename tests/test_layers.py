@@ -22,6 +22,7 @@ LAYERS = [
         "dtwin.benchmark",
         "dtwin.live",
         "dtwin.application",
+        "dtwin.runfile",
         "dtwin.supervisor",
         "dtwin.identification",
         "dtwin.monitoring",
