@@ -22,6 +22,8 @@ SYSTEM: Final = "dtwin.sys"
 Law = Literal["default", "seed"]
 LAWS: Final[tuple[Law, ...]] = get_args(Law)
 """In the order of the input LAW of the controller block."""
+PayloadModel = Literal["point", "weight"]
+PAYLOAD_MODELS: Final[tuple[PayloadModel, ...]] = get_args(PayloadModel)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +36,8 @@ class ControlSettings:
         law: "default" feeds back through the mass matrix, "seed" through its row sums, without damping term.
         model: the arm as the controller believes it to be; its Coulomb friction is not compensated.
         payload: assumed mass of a box, kg.
+        payload_model: "point", a held box is a point mass at the tip; "weight", only its weight counts. With the weight
+            alone the default law is unstable where the held box is far out.
 
     Raises:
         ParameterError: a value is out of range.
@@ -44,6 +48,7 @@ class ControlSettings:
     law: Law = "default"
     model: ArmParameters = field(default_factory=ArmParameters)
     payload: float = 0.2
+    payload_model: PayloadModel = "point"
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.target_time) and self.target_time > 0):
@@ -52,6 +57,8 @@ class ControlSettings:
             raise ParameterError(f"payload: expected a finite mass of at least 0 kg, got {self.payload}")
         if self.law not in LAWS:
             raise ParameterError(f"law: expected {choices(LAWS)}, got {self.law!r}")
+        if self.payload_model not in PAYLOAD_MODELS:
+            raise ParameterError(f"payload model: expected {choices(PAYLOAD_MODELS)}, got {self.payload_model!r}")
 
     def inputs(self) -> dict[str, float | int]:
         """The values by the name of the block's input, `BLOCK.INPUT`."""
@@ -74,6 +81,7 @@ class ControlSettings:
         }
         values["CONTROLLER.LAW"] = LAWS.index(self.law)
         values["CONTROLLER.PAYLOAD_MASS"] = self.payload
+        values["CONTROLLER.WEIGHT_ONLY"] = self.payload_model == "weight"
         values["PLANNER.T"] = self.target_time
         return values
 
