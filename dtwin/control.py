@@ -11,7 +11,7 @@ from dtwin.errors import ParameterError, choices
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime import Resource
-from dtwin.parameters import ROOT, ArmParameters, Gains, Triple
+from dtwin.parameters import ROOT, ArmParameters, Gains, PayloadModel, Triple
 from dtwin.signals import Sensors, Voltages
 
 BLOCKS: Final = ROOT / "fb"
@@ -22,8 +22,6 @@ SYSTEM: Final = "dtwin.sys"
 Law = Literal["default", "seed"]
 LAWS: Final[tuple[Law, ...]] = get_args(Law)
 """In the order of the input LAW of the controller block."""
-PayloadModel = Literal["point", "weight"]
-PAYLOAD_MODELS: Final[tuple[PayloadModel, ...]] = get_args(PayloadModel)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +34,8 @@ class ControlSettings:
         law: "default" feeds back through the mass matrix, "seed" through its row sums, without damping term.
         model: the arm as the controller believes it to be; its Coulomb friction is not compensated.
         payload: assumed mass of a box, kg.
-        payload_model: "point", a held box is a point mass at the tip; "weight", only its weight counts. With the weight
-            alone the default law is unstable where the held box is far out.
+        payload_model: "point", a held box is a point mass at the tip; "weight", only its weight counts: with that the
+            default law is unstable where the held box is far out.
 
     Raises:
         ParameterError: a value is out of range.
@@ -57,8 +55,10 @@ class ControlSettings:
             raise ParameterError(f"payload: expected a finite mass of at least 0 kg, got {self.payload}")
         if self.law not in LAWS:
             raise ParameterError(f"law: expected {choices(LAWS)}, got {self.law!r}")
-        if self.payload_model not in PAYLOAD_MODELS:
-            raise ParameterError(f"payload model: expected {choices(PAYLOAD_MODELS)}, got {self.payload_model!r}")
+        if self.payload_model not in get_args(PayloadModel):
+            raise ParameterError(
+                f"payload model: expected {choices(get_args(PayloadModel))}, got {self.payload_model!r}"
+            )
 
     def inputs(self) -> dict[str, float | int]:
         """The values by the name of the block's input, `BLOCK.INPUT`."""

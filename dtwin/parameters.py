@@ -10,13 +10,15 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import msgspec
 
 from dtwin.errors import ModelError, ParameterError, choices
 
 Triple = tuple[float, float, float]
+PayloadModel = Literal["point", "weight"]
+"""How a held box enters the equations: as a point mass at the tip, or by its weight alone."""
 
 GRAVITY: Final = 9.81
 """m/s^2"""

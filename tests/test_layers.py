@@ -16,7 +16,8 @@ LAYERS = [
     {"dtwin.emulation", "dtwin.twin", "dtwin.iec61499"},
     {"dtwin.control"},
     {"dtwin.loop"},
-    {"dtwin.cell", "dtwin.remote"},
+    {"dtwin.cell", "dtwin.remote", "dtwin.motion"},
+    {"dtwin.identification"},
     {
         "dtwin.validation",
         "dtwin.benchmark",
@@ -24,7 +25,6 @@ LAYERS = [
         "dtwin.application",
         "dtwin.runfile",
         "dtwin.supervisor",
-        "dtwin.identification",
         "dtwin.monitoring",
         "dtwin.simulation",
     },

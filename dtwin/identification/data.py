@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dtwin.errors import IdentificationError, ParameterError
-from dtwin.parameters import HOME, PERIOD, Triple
+from dtwin.parameters import HOME, PERIOD, PayloadModel, Triple
 from dtwin.recording import Log
-from dtwin.twin.rollout import PayloadModel, checked_payload
+from dtwin.twin.rollout import checked_payload
 
 Array = NDArray[np.float64]
 

@@ -15,8 +15,7 @@ import numpy as np
 
 from dtwin.errors import ParameterError
 from dtwin.identification.data import Array, Experiment, Start
-from dtwin.parameters import HOME, PERIOD, VOLTAGE_LIMIT, Triple
-from dtwin.twin.rollout import PayloadModel
+from dtwin.parameters import HOME, PERIOD, VOLTAGE_LIMIT, PayloadModel, Triple
 
 Ticks = tuple[int, int, int]
 

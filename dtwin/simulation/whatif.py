@@ -16,10 +16,10 @@ from dtwin.control import BLOCKS, ControlSettings
 from dtwin.emulation.encoders import Encoders, NoiseKind
 from dtwin.errors import DivergenceError, ParameterError
 from dtwin.motion import STILL, Goal, MotionController
-from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, ArmParameters, Triple
+from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, ArmParameters, PayloadModel, Triple
 from dtwin.simulation.figures import Array, Figures, figures
 from dtwin.twin.dynamics import integrate
-from dtwin.twin.rollout import PayloadModel, is_weight_only
+from dtwin.twin.rollout import is_weight_only
 
 SUBSTEPS: Final = 4
 """RK4 steps of 2.5 ms a tick, as in the emulation"""

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dtwin.errors import DivergenceError, ParameterError, choices
-from dtwin.parameters import COULOMB_WIDTH, PERIOD, ArmParameters
+from dtwin.parameters import COULOMB_WIDTH, PERIOD, ArmParameters, PayloadModel
 from dtwin.twin.dynamics import Array, integrate
 
-PayloadModel = Literal["point", "weight"]
 _WEIGHT_ONLY: Final = {"point": False, "weight": True}
 
 

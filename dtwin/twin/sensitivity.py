@@ -86,7 +86,9 @@ def sensitivities(
     derivatives = np.empty((*states.shape, len(with_respect_to)))
     states[0], derivatives[0] = start, of_state
     limited = np.clip(commands, -VOLTAGE_LIMIT, VOLTAGE_LIMIT)
-    reached = integrate_linearised(held, moved, level_of, limited, period, substeps, coulomb_width, states, derivatives)
+    reached = integrate_linearised(
+        held, moved, level_of, limited, period, substeps, coulomb_width, states, derivatives
+    )
     if reached < commands.shape[0]:
         raise DivergenceError("sensitivities of the analytic twin", reached * period, states[reached])
     return states, derivatives
