@@ -85,6 +85,8 @@ class Checker:
 
     def __init__(self, blocks: Path = BLOCKS) -> None:
         self._simulator = Simulator(blocks)
+        # Loads the compiled twin now: an upload shall not have to wait for it.
+        self.check(ControlSettings(), ArmParameters(), MOTIONS[:1])
 
     def check(self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion] = MOTIONS) -> Prediction:
         """What to expect of settings on an arm.

@@ -1,0 +1,44 @@
+"""A controller in this process whose settings can be changed while it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from dtwin.control import EmbeddedController
+from dtwin.parameters import Triple
+from dtwin.signals import Sensors, Voltages
+from dtwin.simulation.history import Entry
+from dtwin.simulation.upload import Uploader
+
+
+class WatchedController:
+    """Steps the controller and lets the uploader judge every sample, so that trials end and fail by themselves.
+
+    Args:
+        controller: that the uploader's port leads to.
+        uploader: of its settings.
+        told: called with the entry that ends a trial.
+    """
+
+    def __init__(
+        self,
+        controller: EmbeddedController,
+        uploader: Uploader,
+        told: Callable[[Entry], None] = lambda entry: None,
+    ) -> None:
+        self.uploader = uploader
+        self._controller = controller
+        self._told = told
+
+    def step(self, sensors: Sensors) -> Voltages:
+        """The controller's answer to a sample; what it makes of the path is judged before the next one."""
+        voltages = self._controller.step(sensors)
+        if self.uploader.trial is not None:
+            entry = self.uploader.observe(sensors.time, self._controller.target(), sensors.theta)
+            if entry is not None:
+                self._told(entry)
+        return voltages
+
+    def target(self) -> Triple:
+        """The path's angles (rad) of the last step."""
+        return self._controller.target()

@@ -1,0 +1,71 @@
+"""The time after an upload in which the arm has to track its path as well as the twin predicted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from dtwin.parameters import Triple
+
+Verdict = Literal["running", "passed", "failed"]
+
+
+@dataclass(frozen=True, slots=True)
+class TrialRules:
+    """When tracking counts as worse than predicted.
+
+    Attributes:
+        duration: of the trial, s.
+        factor: by which the distance from the path may be larger than predicted,
+        allowance: and further for noise and what the twin does not know, rad.
+        samples: in a row beyond that make a failure: one may be an outlier.
+        grace: s in which a distance that was there before may go down.
+    """
+
+    duration: float = 10.0
+    factor: float = 1.5
+    allowance: float = 0.01
+    samples: int = 5
+    grace: float = 2.0
+
+
+class Trial:
+    """One trial, told every sample.
+
+    Args:
+        rules: to judge by.
+        began: plant time, s.
+        predicted: largest distance of each joint from its path, rad.
+
+    Attributes:
+        measured: the largest distance of each joint seen since the arm was within the bounds, rad.
+        offender: joint (1 to 3) that failed, 0 for none.
+    """
+
+    def __init__(self, rules: TrialRules, began: float, predicted: Triple) -> None:
+        self.began = began
+        self.measured: Triple = (0.0, 0.0, 0.0)
+        self.offender = 0
+        self.bounds: Triple = (
+            rules.factor * predicted[0] + rules.allowance,
+            rules.factor * predicted[1] + rules.allowance,
+            rules.factor * predicted[2] + rules.allowance,
+        )
+        self._rules = rules
+        self._counts = False
+        self._beyond = 0
+
+    def observe(self, time: float, path: Triple, measured: Triple) -> Verdict:
+        """Judges a sample: plant time s, path and measured angles rad."""
+        away = (abs(path[0] - measured[0]), abs(path[1] - measured[1]), abs(path[2] - measured[2]))
+        over = [distance / bound for distance, bound in zip(away, self.bounds, strict=True)]
+        inside = max(over) <= 1.0
+        self._counts = self._counts or inside or time >= self.began + self._rules.grace
+        if self._counts:
+            first, second, third = map(max, self.measured, away)
+            self.measured = (first, second, third)
+            self._beyond = 0 if inside else self._beyond + 1
+            if self._beyond >= self._rules.samples:
+                self.offender = over.index(max(over)) + 1
+                return "failed"
+        return "passed" if time >= self.began + self._rules.duration else "running"
