@@ -9,8 +9,10 @@ from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.address import LOOPBACK, Address
 from dtwin.iec61499.bootfile import Command
+from dtwin.iec61499.border import border_type
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.local import LocalTransport
+from dtwin.iec61499.lua_export import export_type, original_name
 from dtwin.iec61499.managed import ManagedResource
 from dtwin.iec61499.management import (
     ANY,
@@ -219,9 +221,32 @@ def _types(request: Request, subject: Type, library: Library) -> Response:
         return Response(request.id, names=(*library.names(), *standard_names()))
     if request.action != "CREATE" or subject.tag != "FBType":
         raise ManagementError("UNSUPPORTED_CMD", f"{request.action} {subject.tag}: expected CREATE FBType")
-    # a type's text is Lua, which only a FORTE runs; the type is welcome if the library has it
     try:
         library.find(subject.name)
     except FunctionBlockError as error:
-        raise ManagementError("UNSUPPORTED_TYPE", str(error)) from None
+        _adopt(library, subject, error)
     return Response(request.id)
+
+
+def _adopt(library: Library, subject: Type, unknown: FunctionBlockError) -> None:
+    """Makes an exported type known: its text is Lua, which only a FORTE runs, so the library must have its original.
+
+    Raises:
+        ManagementError: it has not, or its own export is another text.
+    """
+    name = original_name(subject.name)
+    try:
+        if name is None:
+            raise unknown
+        original = library.find(name)
+        if isinstance(original, model.CompositeFBType):
+            original = border_type(original)
+        if not isinstance(original, model.BasicFBType | model.SimpleFBType):
+            raise unknown
+        exported = export_type(original)
+    except FunctionBlockError as error:
+        raise ManagementError("UNSUPPORTED_TYPE", str(error)) from None
+    if exported.name != subject.name:
+        problem = f"type {subject.name} is not what this device's {name} is as Lua, {exported.name}"
+        raise ManagementError("UNSUPPORTED_TYPE", f"{problem}: expected the same library on both sides")
+    library.add(exported.block)

@@ -58,6 +58,10 @@ class Library:
             self._types[name] = self._load(name, file, line)
         return self._types[name]
 
+    def add(self, block: model.LibraryElement) -> None:
+        """Makes a block type known that no file holds; it hides others of its name."""
+        self._types[block.header.name] = block
+
     def compiled(self, block: model.FBType) -> CompiledType:
         """The compiled form of a block type, made once. Raises FunctionBlockError as `compile_type` does."""
         if block not in self._compiled:

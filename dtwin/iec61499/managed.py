@@ -24,6 +24,7 @@ from dtwin.iec61499.types import (
 )
 
 State = Literal["IDLE", "RUNNING", "STOPPED", "KILLED"]
+Side = Literal["inputs", "outputs", "internals"]
 _MOVES: Final[dict[Action, tuple[tuple[State, ...], State]]] = {
     "START": (("IDLE", "STOPPED"), "RUNNING"),
     "STOP": (("RUNNING",), "STOPPED"),
@@ -81,6 +82,7 @@ class ManagedResource:
         self._running: Running | None = None
         self._blocks: dict[str, model.Block] = {}
         self._parameters: dict[tuple[str, str], str] = {}
+        self._presets: dict[str, str] = {}
         self._events: dict[tuple[str, str], model.Connection] = {}
         self._data: dict[str, model.Connection] = {}
         self._network = network
@@ -116,6 +118,7 @@ class ManagedResource:
             raise ManagementError("NO_SUCH_OBJECT", f"{self.name} has no block {name!r}")
         del self._blocks[name]
         self._parameters = {key: value for key, value in self._parameters.items() if key[0] != name}
+        self._presets = {key: value for key, value in self._presets.items() if key.rpartition(".")[0] != name}
         self._events = {key: c for key, c in self._events.items() if name not in _blocks_of(c)}
         self._data = {key: c for key, c in self._data.items() if name not in _blocks_of(c)}
 
@@ -150,18 +153,21 @@ class ManagedResource:
             raise ManagementError("INVALID_STATE", f"{source} is not connected to {destination}")
 
     def write(self, name: str, literal: str) -> None:
-        """Gives a data input a value: its parameter, or at once when the resource has been started."""
+        """Gives a variable a value: at once when the resource has been started, else for its start."""
         if self._running is not None:
             running = self._running
             value = _value(literal, _found(lambda: running.type_of(name), name))
             _found(lambda: running.write(name, value), name)
             return
         block, _, port = name.rpartition(".")
-        kind = self._variable(name, "inputs").type
-        if isinstance(kind, model.GenericType):
-            self._parameters[block, port] = literal
+        variable, side = self._placed(name, "inputs", "outputs", "internals")
+        given = literal
+        if not isinstance(variable.type, model.GenericType):
+            given = format_literal(_value(literal, variable.type), variable.type)
+        if side == "inputs":
+            self._parameters[block, port] = given
         else:
-            self._parameters[block, port] = format_literal(_value(literal, kind), kind)
+            self._presets[name] = given
 
     def read(self, name: str) -> str:
         """The value of a port, printed as FORTE does: strings without quotes."""
@@ -169,8 +175,8 @@ class ManagedResource:
             running = self._running
             return _printed(_found(lambda: running.read(name), name), _found(lambda: running.type_of(name), name))
         block, _, port = name.rpartition(".")
-        variable = self._variable(name, "inputs", "outputs")
-        text = self._parameters.get((block, port), variable.initial)
+        variable = self._variable(name, "inputs", "outputs", "internals")
+        text = self._parameters.get((block, port)) or self._presets.get(name) or variable.initial
         if isinstance(variable.type, model.GenericType):
             return text
         return _printed(_value(text, variable.type) if text else variable.type.default, variable.type)
@@ -204,8 +210,11 @@ class ManagedResource:
             self._running = self._launch(self.network(), self._ended)
         except DtwinError as error:
             raise ManagementError("INVALID_OPERATION", f"{self.name} cannot start: {error}") from None
+        running = self._running
+        for name, literal in self._presets.items():
+            running.write(name, _value(literal, running.type_of(name)))
         self.state = "RUNNING"
-        self._running.start()
+        running.start()
 
     def _ended(self) -> None:
         self._running = None
@@ -231,29 +240,38 @@ class ManagedResource:
         if self.state != "IDLE":
             raise ManagementError("INVALID_STATE", f"{self.name} is {self.state}: cannot {what}")
 
-    def _interface(self, end: str) -> tuple[model.Interface, str]:
+    def _type(self, end: str) -> tuple[model.LibraryElement, str]:
+        """The type of the block in `BLOCK.PORT`, and the port."""
         block, _, port = end.rpartition(".")
         if block not in self._blocks:
             raise ManagementError("NO_SUCH_OBJECT", f"{self.name} has no block {block!r}")
-        return self._library.find(self._blocks[block].type_name).interface, port
+        return self._library.find(self._blocks[block].type_name), port
 
     def _is_event(self, source: str, destination: str) -> bool:
-        sender, output = self._interface(source)
-        receiver, event_input = self._interface(destination)
+        (sender, output), (receiver, event_input) = self._type(source), self._type(destination)
         ends = (
-            output in [event.name for event in sender.event_outputs],
-            event_input in [event.name for event in receiver.event_inputs],
+            output in [event.name for event in sender.interface.event_outputs],
+            event_input in [event.name for event in receiver.interface.event_inputs],
         )
         if any(ends) and not all(ends):
             raise ManagementError("NO_SUCH_OBJECT", f"no events at both {source} and {destination}")
         return all(ends)
 
-    def _variable(self, end: str, *sides: Literal["inputs", "outputs"]) -> model.Variable:
-        interface, port = self._interface(end)
+    def _variable(self, end: str, *sides: Side) -> model.Variable:
+        return self._placed(end, *sides)[0]
+
+    def _placed(self, end: str, *sides: Side) -> tuple[model.Variable, Side]:
+        """The variable `BLOCK.VARIABLE`, and on which of the sides it is."""
+        block, name = self._type(end)
+        variables = {
+            "inputs": block.interface.inputs,
+            "outputs": block.interface.outputs,
+            "internals": getattr(block, "internals", ()),
+        }
         for side in sides:
-            for variable in getattr(interface, side):
-                if variable.name == port:
-                    return variable
+            for variable in variables[side]:
+                if variable.name == name:
+                    return variable, side
         raise ManagementError("NO_SUCH_OBJECT", f"{end} is no data port here")
 
 

@@ -35,7 +35,7 @@ Reason = Literal[
 
 REQUESTS: Final = Signature([STRING, STRING], string_limit=65535)
 RESPONSES: Final = Signature([STRING], string_limit=65535)
-REQUEST_LIMIT: Final = 20_000
+REQUEST_LIMIT: Final = 19_000
 """Bytes of a message that a FORTE with its standard settings takes; a longer one hangs the connection."""
 ANY: Final = "*"
 _ESCAPES: Final = str.maketrans(
