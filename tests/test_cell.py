@@ -65,6 +65,13 @@ def test_target_time_sets_the_speed_of_motion() -> None:
     assert 3.0 < fast / slow < 5.0  # a cubic path's peak velocity is 1.5 d / T
 
 
+def test_the_row_sum_law_sorts_boxes_too() -> None:
+    control = ControlSettings(law="seed", payload_model="weight")
+    _, summary = run(CellSettings(duration=120.0, seed=1, control=control))
+    assert summary.boxes.delivered >= 5
+    assert summary.boxes.misplaced == summary.saturated_ticks == 0
+
+
 def test_the_run_ends_between_two_ticks_when_asked() -> None:
     cell = Cell(CellSettings(duration=60.0))
     cell.run(lambda done: done < 300)

@@ -17,7 +17,7 @@ from dtwin.control import BLOCKS, ControlSettings, EmbeddedController, Law
 from dtwin.emulation import MODEL_FILE, NoiseKind, parse_fault
 from dtwin.errors import DtwinError
 from dtwin.iec61499.address import parse_address
-from dtwin.parameters import PERIOD, PHYSICS_STEP, ArmParameters, Gains, assignment
+from dtwin.parameters import PERIOD, PHYSICS_STEP, ArmParameters, assignment
 from dtwin.recording import Log, ensure_writable
 from dtwin.remote import RemoteController
 
@@ -43,7 +43,8 @@ class Run:
     target_time: float = 2.0
     """Duration of every motion, s."""
     law: Law = "default"
-    """Control law: computed torque, or the row-sum form without damping term."""
+    """Control law. default: computed torque with a held box as a point mass; seed: the row-sum form of the thesis, without
+    damping term and with the box's weight alone."""
     fault: tuple[str, ...] = ()
     """TARGET OP VALUE @ START[-END], e.g. K2*=0.1@45 or freeze3@30-40; repeatable."""
     set: tuple[str, ...] = ()
@@ -114,7 +115,11 @@ class Run:
             noise_kind=self.noise_kind,
             faults=tuple(parse_fault(text) for text in self.fault),
             arm=ArmParameters().with_values(dict(assignment(text) for text in self.set)),
-            control=ControlSettings(target_time=self.target_time, gains=Gains(), law=self.law),
+            control=ControlSettings(
+                target_time=self.target_time,
+                law=self.law,
+                payload_model="weight" if self.law == "seed" else "point",
+            ),
             step=self.step,
             model_file=self.model,
             blocks=self.blocks,
