@@ -49,6 +49,11 @@ COMMANDS: Final[dict[str, Entry]] = {
     "up": Entry("dtwin.commands.up", "UpCommand", "start the services of a cell on Zenoh and keep them running"),
     "status": Entry("dtwin.commands.up", "StatusCommand", "show how the services of a cell do"),
     "down": Entry("dtwin.commands.up", "DownCommand", "stop a cell that is up"),
+    "watch": Entry("dtwin.commands.watch", "WatchCommand", "print what passes on a cell's bus"),
+    "gains set": Entry("dtwin.commands.settings", "GainsSet", "set gains of the running controller"),
+    "model set": Entry("dtwin.commands.settings", "ModelSet", "set the arm model of the running controller"),
+    "target set": Entry("dtwin.commands.settings", "TargetSet", "set how long the motions take"),
+    "bench identify": Entry("dtwin.commands.bench_identify", "BenchIdentify", "time a fit against mujoco.sysid"),
     "bench": Entry("dtwin.commands.bench", "Bench", "measure the speed of the parts on this machine"),
 }
 

@@ -87,10 +87,10 @@ class ExperimentMass:
             f"{_SETUP} The noise is 0.005 u rad. In truth the load weighs 190, 200 or 210 g.",
             "Errors below 11 % with a wrong mass, except for the inertias.",
             "The load is the only force that is known, so it sets the scale of all others: torque constants and "
-            f"damping come out wrong by as much as the load, {100 * scale:.1f} %. Masses and lengths are held at their true "
-            "values, so centres of mass and inertias make up for the rest and are off by more. The fit shows none of "
-            "it: the residuals are white, the arm moves exactly like that. Only a load that is known better, or a "
-            "second run without it, tells.",
+            f"damping come out wrong by as much as the load, {100 * scale:.1f} %. Masses and lengths are held "
+            "at their true values, so centres of mass and inertias make up for the rest and are off by more. The fit "
+            "shows none of it: the residuals are white, the arm moves exactly like that. Only a load that is known "
+            "better, or a second run without it, tells.",
         )
         return _finish(page, groups, self.out, self.json, seconds)
 
@@ -128,8 +128,8 @@ class ExperimentFriction:
             f"{_SETUP} The noise is 0.005 u rad. Coulomb friction is mu tanh(q'/0.1 rad/s), started at 0.01 N m and "
             "bounded below by 0. The viscous arm has none, the rubbing one 0.010, 0.008 and 0.006 N m beside its "
             "viscous damping. The law of least Bayesian information criterion (BIC) is preferred.",
-            "Coulomb friction alone never fitted. With both laws K2 was off by 6.5 %, the others by up to 16 %, D and "
-            "I by far more, and mu came out different from zero on an arm without it.",
+            "Coulomb friction alone never fitted. With both laws K2 was off by 6.5 %, the others by up to 16 %, D "
+            "and I by far more, and mu came out different from zero on an arm without it.",
             f"On the viscous arm the criterion prefers the viscous law over both in {preferred} of {len(both)} runs, "
             f"and mu is indistinguishable from 0 in {zero} of {len(both)}. Coulomb friction alone converges to a "
             f"minimum that the residual test rejects in {rejected} of {len(both)} runs. On the rubbing arm both laws "
