@@ -99,7 +99,7 @@ class Publisher:
     @property
     def wanted(self) -> bool:
         """Whether anybody subscribes."""
-        return self._publisher.matching_status.matching  # type: ignore[attr-defined]
+        return _matching(self._publisher.matching_status)
 
 
 class Bus:
@@ -232,18 +232,40 @@ class Bus:
         Raises:
             CommunicationError: nobody answers in time, or the answer is a refusal or no valid message.
         """
-        payload = b"" if message is None else encode(message)
         key = self.key(topic)
-        for answer in self._session.get(key, payload=payload, encoding=_JSON, timeout=timeout):
-            if answer.err is not None:
-                raise CommunicationError(f"{key}: {_bytes(answer.err.payload).decode(errors='replace')}")
-            if answer.ok is not None:
-                return Reader(reply)(_bytes(answer.ok.payload))
-        raise CommunicationError(f"{key}: nobody answered within {timeout:g} s; is a {topic.sender} running?")
+        nobody = (
+            f"{key}: nobody answered within {timeout:g} s; is there a {topic.sender}, and may this session ask it?"
+        )
+        there = threading.Event()
+        querier = self._session.declare_querier(key, timeout=timeout)
+
+        def note(status: Any) -> None:
+            if status.matching:
+                there.set()
+
+        listener = querier.declare_matching_listener(Callback(note, lambda: None))
+        try:
+            # whoever has just joined does not know the others yet
+            if not (_matching(querier.matching_status) or there.wait(timeout)):
+                raise CommunicationError(nobody)
+            for answer in querier.get(payload=b"" if message is None else encode(message), encoding=_JSON):
+                if answer.err is not None:
+                    raise CommunicationError(f"{key}: {_bytes(answer.err.payload).decode(errors='replace')}")
+                if answer.ok is not None:
+                    return Reader(reply)(_bytes(answer.ok.payload))
+            raise CommunicationError(nobody)
+        finally:
+            listener.undeclare()
+            querier.undeclare()
 
     def _declare(self, declare: Callable[[str, Any], Any], key: str, take: Callable[[Any], None]) -> None:
         # Direct: a hand-over to another thread would cost as much as the way over the wire.
         self._declared.append(declare(key, Callback(take, lambda: None, indirect=False)))
+
+
+def _matching(status: Any) -> bool:
+    """Zenoh's stubs call the status a bool, which it is not."""
+    return bool(status.matching)
 
 
 def _bytes(payload: zenoh.ZBytes) -> bytes:

@@ -252,12 +252,14 @@ class DownCommand:
         return 0
 
 
-def join(cell: str) -> Bus:
-    """The bus of a cell that is up on this machine.
+def join(cell: str, zenoh: Path | None = None) -> Bus:
+    """The bus of a cell: as a configuration file says, or of one that is up on this machine.
 
     Raises:
         CommunicationError: it is not up, or its bus cannot be joined.
     """
+    if zenoh is not None:
+        return Bus(open_configured(zenoh, OPERATOR), cell)
     up = runfile.require(cell)
     session = open_configured(Path(up.zenoh), OPERATOR) if up.zenoh else open_peer(up.meet)
     return Bus(session, cell, up.arm)
