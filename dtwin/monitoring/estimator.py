@@ -32,6 +32,10 @@ _STILL: Final = 1e-4
 """rad/s, of a joint taken to be locked"""
 _FORCED: Final = 2.0
 """N m, standard deviation of the torque that holds a locked joint"""
+_FOREIGN: Final = 0.1
+"""N m, standard deviation of a torque on a joint that no fault explains"""
+_BLIND: Final = 0.05
+"""N m, standard deviation of the torque in a sample whose command was not received"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +51,7 @@ class Tuning:
         speed: standard deviation of the speeds at the first sample, rad/s.
     """
 
-    torque: float = 1e-3
+    torque: float = 5e-4
     walk: float = 2e-4
     offset_walk: float = 1e-5
     box_mass: float = 0.2
@@ -70,7 +74,8 @@ class Estimator:
         innovation: (3,), reading minus prediction, rad.
         variance: (3,), of the innovations, rad^2.
         gripped: whether a box is held since the last prediction.
-        payload_variance: that a box has when it is gripped, kg^2.
+        box_mass: that a box is expected to have when it is gripped, kg.
+        payload_variance: of that, kg^2.
     """
 
     def __init__(self, belief: Belief, tuning: Tuning) -> None:
@@ -90,8 +95,9 @@ class Estimator:
             self._walk[INDEX[name]] = (tuning.walk * arm.get(name)) ** 2 * PERIOD
         self._torque = np.full(3, tuning.torque**2)
         self._locked = 0
+        self._lower, self._upper = _bounds(arm)
         self._nominal = np.array([arm.get(name) for name in ARM_NAMES])
-        self.payload_variance = tuning.box_deviation**2
+        self.box_mass, self.payload_variance = tuning.box_mass, tuning.box_deviation**2
         self.x, self.P = np.zeros(SIZE), np.zeros((SIZE, SIZE))
         self.x[ARM:PAYLOAD] = self._nominal
         self.P[ARM:PAYLOAD, ARM:PAYLOAD] = belief.covariance
@@ -114,8 +120,8 @@ class Estimator:
         self._hold(gripped)
         self.correct(measured, np.ones(3, dtype=bool))
 
-    def predict(self, volts: Array, gripped: bool) -> None:
-        """Carries the estimate over one period with the given command held, (3,) V."""
+    def predict(self, volts: Array, gripped: bool, guessed: bool = False) -> None:
+        """Carries the estimate over one period with the given command held, (3,) V; guessed if it was not received."""
         if gripped != self.gripped:
             self._hold(gripped)
         u = np.clip(volts, -VOLTAGE_LIMIT, VOLTAGE_LIMIT)
@@ -123,23 +129,36 @@ class Estimator:
         x = self.x
         moved = self._moved_loaded if gripped else self._moved_empty
         held = self._empty + moved[0, :, ARM:] @ np.concatenate((x[ARM:PAYLOAD] - self._nominal, x[PAYLOAD:MOVING]))
-        self._states[0] = x[:6]
         derivatives = np.empty_like(self._derivatives)
         derivatives[0] = self._derivatives[0]
-        integrate_linearised(
-            held[None], moved, self._level, u[None], PERIOD, SUBSTEPS, COULOMB_WIDTH, self._states, derivatives
-        )
+        self._states[0] = x[:6]
+        for _ in range(3 if self._locked else 1):
+            integrate_linearised(
+                held[None], moved, self._level, u[None], PERIOD, SUBSTEPS, COULOMB_WIDTH, self._states, derivatives
+            )
+            if self._locked:
+                self._oppose(u, derivatives[1])
         x[:6] = self._states[1]
         x[BIAS:DRIFT] += PERIOD * x[DRIFT:]
         self.F = derivatives[1]
-        kernels.predict(self.P, self.F, self._torque, u, self._walk, PERIOD)
+        torque = self._torque + _BLIND**2 if guessed else self._torque
+        kernels.predict(self.P, self.F, torque, u, self._walk, PERIOD)
         if self._locked:
             kernels.pin(x, self.P, W + self._locked - 1, 0.0, _STILL**2)
 
     def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:
         """Takes in a sample, (3,) rad; returns the logarithm of the likelihood of the readings used."""
         likelihood: float = kernels.correct(
-            self.x, self.P, measured, self._noise, used, self.gains, self.innovation, self.variance
+            self.x,
+            self.P,
+            measured,
+            self._noise,
+            used,
+            self._lower,
+            self._upper,
+            self.gains,
+            self.innovation,
+            self.variance,
         )
         return likelihood
 
@@ -159,12 +178,30 @@ class Estimator:
 
     def lock(self, joint: int) -> None:
         """Takes a joint (1 to 3) to be held, 0 to be free again; its torque then is whatever keeps it so."""
+        self.disturb(joint, _FORCED)
         self._locked = joint
-        self._torque = np.full(3, self.tuning.torque**2)
-        if joint:
-            self._torque[joint - 1] = _FORCED**2
         for i in range(3):
             self.P[W + i, W + i] += 1.0
+        if joint:
+            self.P[joint - 1, joint - 1] += 1e-3
+
+    def disturb(self, joint: int, deviation: float = _FOREIGN) -> None:
+        """Allows a torque of unknown cause (N m) on a joint (1 to 3), 0 for no joint."""
+        self._torque = np.full(3, self.tuning.torque**2)
+        if joint:
+            self._torque[joint - 1] = deviation**2
+
+    def lose(self, name: str) -> None:
+        """Takes a voltage constant or the mass held to be zero, for certain."""
+        index = INDEX[name]
+        self.x[index] = 0.0
+        self.P[index], self.P[:, index] = 0.0, 0.0
+        if name == "payload":
+            self.box_mass, self.payload_variance = 0.0, 0.0
+
+    def expect_boxes(self) -> None:
+        """Takes the next boxes to be as boxes should be."""
+        self.box_mass, self.payload_variance = self.tuning.box_mass, self.tuning.box_deviation**2
 
     @property
     def locked(self) -> int:
@@ -186,12 +223,37 @@ class Estimator:
         first, second, third = (self.x[:W] + self.x[BIAS:DRIFT]).tolist()
         return first, second, third
 
+    def _oppose(self, u: Array, F: Array) -> None:
+        """Changes the voltage of a locked joint to one that holds it, by Newton's method."""
+        joint = self._locked - 1
+        slope = F[W + joint, ARM + joint] / u[joint] * self.x[ARM + joint]
+        if slope:
+            u[joint] -= self._states[1, W + joint] / slope
+            if abs(u[joint]) < _LEAST_VOLTS:
+                u[joint] = _LEAST_VOLTS
+
     def _hold(self, gripped: bool) -> None:
         """A box is gripped or let go: of what is held now, only the prior is known."""
         self.gripped = gripped
         self.P[PAYLOAD], self.P[:, PAYLOAD] = 0.0, 0.0
-        self.x[PAYLOAD] = self.tuning.box_mass if gripped else 0.0
+        self.x[PAYLOAD] = self.box_mass if gripped else 0.0
         self.P[PAYLOAD, PAYLOAD] = self.payload_variance if gripped else 0.0
+
+
+def _bounds(arm: ArmParameters) -> tuple[Array, Array]:
+    """(28,) each: what the states cannot be below and above.
+
+    More friction than this would make RK4 at 2.5 ms unstable; a joint that turns so heavily is as good as locked.
+    """
+    lower, upper = np.full(SIZE, -np.inf), np.full(SIZE, np.inf)
+    for name in ARM_NAMES:
+        value, index = arm.get(name), INDEX[name]
+        least, most = {"K": (0.0, 3.0 * value), "D": (0.0, 0.2), "mu": (0.0, 0.015)}.get(
+            name.rstrip("123"), (0.5 * value, 2.0 * value)
+        )
+        lower[index], upper[index] = min(least, value), max(most, value)
+    lower[PAYLOAD], upper[PAYLOAD] = 0.0, 1.0
+    return lower, upper
 
 
 def _coefficients(arm: ArmParameters) -> tuple[Array, Array]:

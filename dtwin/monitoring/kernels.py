@@ -52,7 +52,9 @@ def predict(P: Array, F: Array, torque: Array, volts: Array, walk: Array, period
                 corner[i, j] += spread * F[j, 6 + joint] / volts[joint]
     P[:6, 6:] = top[:, 6:]
     P[6:, :6] = top[:, 6:].T
-    P[:6, :6] = corner
+    for i in range(6):
+        for j in range(i + 1):
+            P[i, j] = P[j, i] = 0.5 * (corner[i, j] + corner[j, i])
     for i in range(3):
         for j in range(SIZE):
             P[BIAS + i, j] += period * P[DRIFT + i, j]
@@ -64,8 +66,26 @@ def predict(P: Array, F: Array, torque: Array, volts: Array, walk: Array, period
 
 
 @_kernel
+def _shrink(P: Array, column: Array, s: float) -> None:
+    """P -= column column^T / s, symmetric to the last bit: an asymmetry would grow."""
+    share = 1.0 / s
+    for j in range(SIZE):
+        for k in range(SIZE):
+            P[j, k] -= (column[j] * column[k]) * share
+
+
+@_kernel
 def correct(
-    x: Array, P: Array, measured: Array, noise: Array, used: Any, gains: Array, innovation: Array, variance: Array
+    x: Array,
+    P: Array,
+    measured: Array,
+    noise: Array,
+    used: Any,
+    lower: Array,
+    upper: Array,
+    gains: Array,
+    innovation: Array,
+    variance: Array,
 ) -> float:
     """Takes in three encoder readings one after another, which whitens them, in place.
 
@@ -75,6 +95,8 @@ def correct(
         measured: (3,), rad.
         noise: (3,), variances, rad^2.
         used: (3,) bool, which readings to take in.
+        lower: (28,), least value of each state; the estimate is put there when it falls below.
+        upper: (28,), largest value.
         gains: (3, 28), receives the gain of each reading.
         innovation: (3,), receives reading minus prediction, rad.
         variance: (3,), receives the innovations' variance, rad^2.
@@ -97,10 +119,10 @@ def correct(
         for j in range(SIZE):
             gains[i, j] = column[j] / s
             x[j] += gains[i, j] * nu
-        for j in range(SIZE):
-            for k in range(SIZE):
-                P[j, k] -= gains[i, j] * column[k]
+        _shrink(P, column, s)
         likelihood -= 0.5 * (nu * nu / s + math.log(2.0 * math.pi * s))
+    for j in range(SIZE):
+        x[j] = min(max(x[j], lower[j]), upper[j])
     return likelihood
 
 
@@ -108,11 +130,9 @@ def correct(
 def pin(x: Array, P: Array, index: int, value: float, variance: float) -> None:
     """Takes in that one state has a value, in place; no evidence, a condition of the hypothesis."""
     column = P[:, index].copy()
-    gain = column / (column[index] + variance)
-    x += gain * (value - x[index])
-    for j in range(SIZE):
-        for k in range(SIZE):
-            P[j, k] -= gain[j] * column[k]
+    s = column[index] + variance
+    x += column * ((value - x[index]) / s)
+    _shrink(P, column, s)
 
 
 @_kernel

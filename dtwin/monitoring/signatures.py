@@ -30,25 +30,25 @@ FAULTS: Final = (
 SPACING: Final = 4
 """samples between two onsets"""
 ONSETS: Final = 16
+INDEPENDENT: Final = 100.0
+"""tests a second that would be independent; neighbouring samples, onsets and faults share most of their evidence"""
 LONGEST: Final = 1000
 """samples: older onsets are forgotten"""
 
 
 def plausible_sizes(arm: ArmParameters) -> dict[str, float]:
     """Standard deviation of the size of each fault before anything is known of it, in the unit of the state."""
-    scale = {"D": 0.1, "mu": 0.05, "bias": 0.1, "drift": 0.02}
+    scale = {"D": 0.1, "mu": 0.01, "bias": 0.1, "drift": 0.02}
     sizes = {name: scale.get(name[:-1], 0.1) for name in FAULTS}
     return sizes | {name: 0.7 * arm.get(name) for name in ("K1", "K2", "K3")}
 
 
 def threshold(alarms_per_hour: float) -> float:
-    """Of 2 log likelihood ratio, so that the innovations of a healthy arm pass it less often than stated.
+    """Of 2 log likelihood ratio, so that the innovations of a healthy arm pass it as often as stated.
 
-    Union bound over all faults, onsets and samples of an hour; under white Gaussian innovations each statistic is
-    chi-squared of one degree of freedom.
+    Under white Gaussian innovations each statistic is chi-squared of one degree of freedom.
     """
-    tests = 3600.0 / PERIOD * len(FAULTS) * ONSETS
-    return float(ndtri(0.5 * alarms_per_hour / tests) ** 2)
+    return float(ndtri(0.5 * alarms_per_hour / (3600.0 * INDEPENDENT)) ** 2)
 
 
 @dataclass(slots=True)

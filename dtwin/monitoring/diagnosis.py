@@ -1,0 +1,208 @@
+"""Isolation: once something is wrong, one estimator a hypothesis tells what.
+
+Each candidate goes back to the estimate before the suspected onset, is allowed one change - a wide prior on one
+parameter, a joint that stands still, a torque of unknown cause - and follows the samples since. The likelihoods of
+the readings under the candidates, which charge for width by themselves, give the probability of each cause, and the
+winner's state the size of the change: no linearisation in the size is left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.monitoring.layout import INDEX
+from dtwin.monitoring.signatures import SPACING, Onset, Suspicion
+from dtwin.monitoring.verdict import CAUSE_OF, joint_of
+
+Array = NDArray[np.float64]
+
+CONSIDERED: Final = 10
+"""most likely suspicions that become candidates"""
+DECIDED: Final = 0.999
+"""probability at which a cause is settled"""
+LEAST: Final = 20
+"""samples after the alarm before anything is settled"""
+MOST: Final = 150
+"""samples after the alarm at which the most likely cause is taken"""
+_PRECISE: Final = 0.02
+"""standard deviation of the size, relative to what is plausible, that is small enough to settle"""
+_HOPELESS: Final = 25.0
+"""log-likelihood behind the best at which a candidate is given up"""
+
+
+class Moment(NamedTuple):
+    """One sample as the monitor took it: the command that led to it (V), the readings (rad), which of them were used,
+    whether a box was held and the command guessed, and the log-likelihood under the arm as believed so far."""
+
+    volts: Array
+    gripped: bool
+    guessed: bool
+    measured: Array
+    used: NDArray[np.bool_]
+    likelihood: float
+
+
+class Change(NamedTuple):
+    """Of a state: its value before and now, and the standard deviation of the latter."""
+
+    before: float
+    value: float
+    deviation: float
+
+
+class Candidate:
+    """A hypothesis and its estimator.
+
+    Args:
+        parameter: what changed, in the notation of faults; `friction2` is D2 and mu2 together, `free` a joint that is
+            locked no more.
+        onset: after which it changed, with the estimate of before.
+        sizes: plausible sizes of changes.
+        expected: changes to start from, by state.
+        delay: samples from the onset to the loss of all of a parameter, for `cut2` and `slip`.
+
+    Attributes:
+        estimator: the arm under the hypothesis.
+        gain: log-likelihood over the arm as believed, since the onset.
+    """
+
+    def __init__(
+        self,
+        parameter: str,
+        onset: Onset,
+        sizes: dict[str, float],
+        expected: dict[str, float] | None = None,
+        delay: int = 0,
+    ) -> None:
+        self.parameter, self.onset = parameter, onset
+        self.gain = 0.0
+        self._opening = onset.gap
+        kind, joint = parameter.rstrip("123"), joint_of(parameter)
+        self._lost = {"slip": "payload", "cut": f"K{joint}"}.get(kind, "")
+        self._delay = self._first_delay = delay
+        opened = {"friction": (f"D{joint}", f"mu{joint}")}.get(kind, (parameter,) if parameter in INDEX else ())
+        self._variance = {name: sizes[name] ** 2 / onset.gap for name in opened}
+        self.estimator = estimator = onset.estimator.copy()
+        states = (self._lost,) if self._lost else opened
+        self._before = {name: float(estimator.x[INDEX[name]]) for name in states}
+        if "payload" in states and not estimator.gripped:
+            self._before["payload"] = estimator.box_mass
+        for name, change in (expected or {}).items():
+            estimator.x[INDEX[name]] += change
+            if name == "payload":
+                estimator.box_mass += change
+        if kind in ("lock", "free"):
+            estimator.lock(joint)
+        elif kind == "unknown":
+            estimator.disturb(joint)
+
+    def follow(self, moment: Moment) -> None:
+        """Takes in a sample."""
+        if self._lost and self._delay == 0:
+            self.estimator.lose(self._lost)
+        self._delay -= 1
+        if self._opening:
+            for name, variance in self._variance.items():
+                self.estimator.spread(name, variance)
+            self._opening -= 1
+        self.estimator.predict(moment.volts, moment.gripped, moment.guessed)
+        gain = self.gain + self.estimator.correct(moment.measured, moment.used) - moment.likelihood
+        self.gain = gain if math.isfinite(gain) else -math.inf
+
+    def catch_up(self, history: Sequence[Moment], sample: int) -> None:
+        """Takes in all samples since the onset; the last one in the history has the given number."""
+        for moment in history[len(history) - (sample - self.onset.sample) :]:
+            self.follow(moment)
+
+    def changes(self) -> dict[str, Change]:
+        """By state."""
+        x = self.estimator.x
+        return {
+            name: Change(before, float(x[INDEX[name]]), self.estimator.deviation(name))
+            for name, before in self._before.items()
+        }
+
+    def again(self, sizes: dict[str, float]) -> Candidate:
+        """The same hypothesis from the same onset, linearised at the changes found: the second pass of an iterated
+        filter."""
+        found = {name: change.value - self._before[name] for name, change in self.changes().items() if not self._lost}
+        return Candidate(self.parameter, self.onset, sizes, found, self._first_delay)
+
+
+class Diagnosis:
+    """The candidates and what speaks for them.
+
+    Args:
+        suspicions: from the signature bank, most likely first.
+        history: samples up to the alarm, the last one last.
+        sample: number of the last sample.
+        sizes: plausible sizes of the changes.
+        locked: whether the estimator believes a joint to be locked.
+    """
+
+    def __init__(
+        self,
+        suspicions: Sequence[Suspicion],
+        history: Sequence[Moment],
+        sample: int,
+        sizes: dict[str, float],
+        locked: bool,
+    ) -> None:
+        self._sizes = sizes
+        self.alarm = sample
+        likely = suspicions[:CONSIDERED]
+        onsets = list({suspicion.onset.sample: suspicion.onset for suspicion in likely}.values())
+        hypotheses = [(suspicion.fault, suspicion.onset) for suspicion in likely]
+        hypotheses += [(f"friction{s.fault[-1]}", s.onset) for s in likely if s.fault[0] == "D"]
+        hypotheses += [(f"lock{joint}", onset) for joint in (1, 2, 3) for onset in onsets]
+        hypotheses += [(f"unknown{joint}", onsets[0]) for joint in (1, 2, 3)]
+        hypotheses += [("free", onset) for onset in onsets if locked]
+        self.candidates = [Candidate(parameter, onset, sizes) for parameter, onset in hypotheses]
+        for suspicion in likely:
+            if suspicion.fault[0] == "K" or suspicion.fault == "payload":
+                name = "slip" if suspicion.fault == "payload" else f"cut{suspicion.fault[-1]}"
+                delays = range(min(suspicion.onset.gap, SPACING))
+                self.candidates += [Candidate(name, suspicion.onset, sizes, delay=delay) for delay in delays]
+        for candidate in self.candidates:
+            candidate.catch_up(history, sample)
+        self._prune()
+
+    def update(self, moment: Moment) -> None:
+        """Takes in a sample."""
+        for candidate in self.candidates:
+            candidate.follow(moment)
+        self._prune()
+
+    def best(self) -> tuple[Candidate, float]:
+        """The most likely candidate, and the probability of its cause among all."""
+        top = max(self.candidates, key=lambda candidate: candidate.gain)
+        if not math.isfinite(top.gain):
+            return top, 0.0
+        weights: dict[tuple[str, int], float] = {}
+        for candidate in self.candidates:
+            cause = _cause(candidate)
+            weights[cause] = max(weights.get(cause, 0.0), math.exp(candidate.gain - top.gain))
+        return top, 1.0 / sum(weights.values())
+
+    def settled(self, sample: int) -> bool:
+        """Whether the cause and its size are known as well as they will be."""
+        age = sample - self.alarm
+        if age >= MOST:
+            return True
+        top, probability = self.best()
+        sizes = ((change.deviation, self._sizes[name]) for name, change in top.changes().items())
+        return age >= LEAST and probability >= DECIDED and all(d <= _PRECISE * size for d, size in sizes)
+
+    def _prune(self) -> None:
+        top = max(candidate.gain for candidate in self.candidates)
+        self.candidates = [c for c in self.candidates if c.gain >= top - _HOPELESS]
+
+
+def _cause(candidate: Candidate) -> tuple[str, int]:
+    kind = candidate.parameter.rstrip("123")
+    return CAUSE_OF.get(kind, kind), joint_of(candidate.parameter)
