@@ -27,10 +27,14 @@ DECIDED: Final = 0.999
 """probability at which a cause is settled"""
 LEAST: Final = 20
 """samples after the alarm before anything is settled"""
-MOST: Final = 150
+ENOUGH: Final = 150
+"""samples after the alarm at which a decided cause is settled though its size is not precise"""
+MOST: Final = 500
 """samples after the alarm at which the most likely cause is taken"""
 _PRECISE: Final = 0.02
 """standard deviation of the size, relative to what is plausible, that is small enough to settle"""
+_LOADS: Final = (-0.15, -0.1, -0.05, 0.1, 0.2)
+"""kg, changes of the payload to start from: the arm answers to them too unlike linearly to start from none"""
 _HOPELESS: Final = 25.0
 """log-likelihood behind the best at which a candidate is given up"""
 
@@ -168,6 +172,10 @@ class Diagnosis:
                 name = "slip" if suspicion.fault == "payload" else f"cut{suspicion.fault[-1]}"
                 delays = range(min(suspicion.onset.gap, SPACING))
                 self.candidates += [Candidate(name, suspicion.onset, sizes, delay=delay) for delay in delays]
+            if suspicion.fault == "payload":
+                self.candidates += [
+                    Candidate("payload", suspicion.onset, sizes, {"payload": change}) for change in _LOADS
+                ]
         for candidate in self.candidates:
             candidate.catch_up(history, sample)
         self._prune()
@@ -192,11 +200,11 @@ class Diagnosis:
     def settled(self, sample: int) -> bool:
         """Whether the cause and its size are known as well as they will be."""
         age = sample - self.alarm
-        if age >= MOST:
-            return True
         top, probability = self.best()
+        if age < LEAST or probability < DECIDED:
+            return age >= MOST
         sizes = ((change.deviation, self._sizes[name]) for name, change in top.changes().items())
-        return age >= LEAST and probability >= DECIDED and all(d <= _PRECISE * size for d, size in sizes)
+        return age >= ENOUGH or all(deviation <= _PRECISE * size for deviation, size in sizes)
 
     def _prune(self) -> None:
         top = max(candidate.gain for candidate in self.candidates)

@@ -28,10 +28,8 @@ SUBSTEPS: Final = 4
 _COMPLEX_STEP: Final = 1e-30
 _LEAST_VOLTS: Final = 1e-6
 """V: the kernels divide by the voltage; this little moves nothing"""
-_STILL: Final = 1e-4
-"""rad/s, of a joint taken to be locked"""
-_FORCED: Final = 2.0
-"""N m, standard deviation of the torque that holds a locked joint"""
+_JOLT: Final = 0.5
+"""standard deviation of the joints' speeds after one of them was locked, relative to the speed it had"""
 _FOREIGN: Final = 0.1
 """N m, standard deviation of a torque on a joint that no fault explains"""
 _BLIND: Final = 0.05
@@ -138,13 +136,13 @@ class Estimator:
             )
             if self._locked:
                 self._oppose(u, derivatives[1])
+        if self._locked:
+            self._constrain(u, derivatives[1])
         x[:6] = self._states[1]
         x[BIAS:DRIFT] += PERIOD * x[DRIFT:]
         self.F = derivatives[1]
         torque = self._torque + _BLIND**2 if guessed else self._torque
         kernels.predict(self.P, self.F, torque, u, self._walk, PERIOD)
-        if self._locked:
-            kernels.pin(x, self.P, W + self._locked - 1, 0.0, _STILL**2)
 
     def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:
         """Takes in a sample, (3,) rad; returns the logarithm of the likelihood of the readings used."""
@@ -177,13 +175,15 @@ class Estimator:
             self.payload_variance = max(self.payload_variance, variance)
 
     def lock(self, joint: int) -> None:
-        """Takes a joint (1 to 3) to be held, 0 to be free again; its torque then is whatever keeps it so."""
-        self.disturb(joint, _FORCED)
+        """Takes a joint (1 to 3) to be held where it is now, 0 to be free again."""
         self._locked = joint
+        jolt = max(_JOLT * abs(self.x[W + joint - 1]), 1e-3) if joint else 1.0
         for i in range(3):
-            self.P[W + i, W + i] += 1.0
+            self.P[W + i, W + i] += jolt**2
         if joint:
-            self.P[joint - 1, joint - 1] += 1e-3
+            still = W + joint - 1
+            self.P[joint - 1, joint - 1] += (jolt * PERIOD) ** 2
+            self.P[still], self.P[:, still], self.x[still] = 0.0, 0.0, 0.0
 
     def disturb(self, joint: int, deviation: float = _FOREIGN) -> None:
         """Allows a torque of unknown cause (N m) on a joint (1 to 3), 0 for no joint."""
@@ -231,6 +231,15 @@ class Estimator:
             u[joint] -= self._states[1, W + joint] / slope
             if abs(u[joint]) < _LEAST_VOLTS:
                 u[joint] = _LEAST_VOLTS
+
+    def _constrain(self, u: Array, F: Array) -> None:
+        """Eliminates the torque that holds the locked joint from the derivatives."""
+        joint = self._locked - 1
+        pushed = F[:, ARM + joint] / u[joint]
+        F -= np.outer(pushed / pushed[W + joint], F[W + joint].copy())
+        F[joint] = F[W + joint] = 0.0
+        F[joint, joint] = 1.0
+        self._states[1, joint], self._states[1, W + joint] = self._states[0, joint], 0.0
 
     def _hold(self, gripped: bool) -> None:
         """A box is gripped or let go: of what is held now, only the prior is known."""

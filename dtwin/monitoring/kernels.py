@@ -127,15 +127,6 @@ def correct(
 
 
 @_kernel
-def pin(x: Array, P: Array, index: int, value: float, variance: float) -> None:
-    """Takes in that one state has a value, in place; no evidence, a condition of the hypothesis."""
-    column = P[:, index].copy()
-    s = column[index] + variance
-    x += column * ((value - x[index]) / s)
-    _shrink(P, column, s)
-
-
-@_kernel
 def trace(
     E: Array, h: Array, J: Array, F: Array, gains: Array, innovation: Array, variance: Array, used: Any, period: float
 ) -> None:
