@@ -62,6 +62,12 @@ def concrete(block: _T, types: Mapping[str, DataType]) -> _T:
     )
 
 
+def unconnected(block: _T) -> _T:
+    """The block with the types that its generic variables have where nothing is connected."""
+    types = {v.name: _fallback(v.type) for v in generic_variables(block) if isinstance(v.type, model.GenericType)}
+    return concrete(block, types) if types else block
+
+
 class _Groups:
     def __init__(self, netlist: Netlist) -> None:
         self._nodes = netlist.nodes

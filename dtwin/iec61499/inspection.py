@@ -1,0 +1,110 @@
+"""Finds what is wrong with function-block files: schema, types, connections, Structured Text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from dtwin.errors import FunctionBlockError
+from dtwin.iec61499 import model
+from dtwin.iec61499.bootfile import load_boot_file
+from dtwin.iec61499.checked import BlockChecker
+from dtwin.iec61499.generic import check_types, resolve, unconnected
+from dtwin.iec61499.library import Library
+from dtwin.iec61499.mapping import resource_network
+from dtwin.iec61499.netlist import Finder, flatten
+from dtwin.iec61499.reader import read_type
+
+SUFFIXES: Final = (".fbt", ".sub", ".sys", ".fboot")
+
+
+def inspect(file: Path, library: Library) -> list[FunctionBlockError]:
+    """What is wrong with a file, in the order of its lines as far as they are known; each problem once.
+
+    Args:
+        file: a block type (.fbt, .sub), system (.sys) or boot file (.fboot).
+        library: where the types that it uses are.
+    """
+    problems = _Problems()
+    with problems.noted():
+        if file.suffix in (".fbt", ".sub"):
+            _inspect_type(file, library, problems)
+        elif file.suffix == ".sys":
+            _inspect_system(library.load_system(file), library, problems)
+        elif file.suffix == ".fboot":
+            load_boot_file(file)
+        else:
+            raise FunctionBlockError("expected a file that ends in .fbt, .sub, .sys or .fboot", str(file))
+    return sorted(problems.found.values(), key=lambda problem: (problem.file, problem.line, problem.column))
+
+
+class _Problems:
+    def __init__(self) -> None:
+        self.found: dict[str, FunctionBlockError] = {}
+
+    @contextmanager
+    def noted(self) -> Iterator[None]:
+        """Takes an error as a problem and goes on behind the block."""
+        try:
+            yield
+        except FunctionBlockError as error:
+            self.found.setdefault(str(error), error)
+
+
+def _inspect_type(file: Path, library: Library, problems: _Problems) -> None:
+    found = read_type(file)
+    header = found.header
+    if header.name != file.stem:
+        message = f"holds the type {header.name}: expected {file.stem}, as the file's name says"
+        problems.found[message] = FunctionBlockError(message, header.file, header.line)
+    if isinstance(found, model.BasicFBType | model.SimpleFBType):
+        _inspect_text(found, problems)
+    elif not isinstance(found, model.ServiceInterfaceFBType):
+
+        def find(name: str, user: str, line: int) -> model.LibraryElement:
+            return found if name == header.name else library.find(name, user, line)
+
+        alone = model.FBNetwork((model.Block(header.name, header.name, line=header.line),), file=header.file)
+        _inspect_network(alone, find, problems)
+
+
+def _inspect_text(block: model.BasicFBType | model.SimpleFBType, problems: _Problems) -> None:
+    checker = BlockChecker(unconnected(block))
+    for algorithm in block.algorithms:
+        with problems.noted():
+            checker.algorithm(algorithm)
+    for transition in block.transitions if isinstance(block, model.BasicFBType) else ():
+        if transition.guard:
+            with problems.noted():
+                checker.guard(transition)
+
+
+def _inspect_system(system: model.System, library: Library, problems: _Problems) -> None:
+    for application in system.applications:
+        with problems.noted():
+            _inspect_network(application.network, library.find, problems)
+    for device in system.devices:
+        for resource in device.resources:
+            with problems.noted():
+                network = resource_network(system, f"{device.name}.{resource.name}")
+                _inspect_network(network, library.find, problems)
+
+
+def _inspect_network(network: model.FBNetwork, find: Finder, problems: _Problems) -> None:
+    """The connections and parameters of a network and of those inside it, and the text of all their blocks."""
+    netlist = flatten(network, find)
+    resolve(netlist)
+    check_types(netlist)
+    inspected: set[model.FBType] = set()
+    for node in netlist.nodes:
+        for variable in node.interface.inputs:
+            parameter = node.parameters.get(variable.name)
+            if parameter is not None and not isinstance(variable.type, model.GenericType):
+                with problems.noted():
+                    model.literal(parameter.value, variable.type, node.file, parameter.line)
+        if isinstance(node.type, model.BasicFBType | model.SimpleFBType) and node.type not in inspected:
+            inspected.add(node.type)
+            if node.type.header.file:
+                _inspect_text(node.type, problems)
