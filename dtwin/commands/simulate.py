@@ -172,7 +172,7 @@ def _report(outcomes: dict[str, Outcome], seconds: dict[str, float], comparison:
 
 def _print(outcomes: dict[str, Outcome], seconds: dict[str, float], comparison: Comparison | None) -> None:
     table = Table(
-        Column("", no_wrap=True), *headers, title="what if, on the analytic twin with the real function blocks"
+        Column("", no_wrap=True), *outcomes, title="what if, on the analytic twin with the real function blocks"
     )
     columns = [outcome.figures for outcome in outcomes.values()]
     if comparison is not None:

@@ -13,6 +13,7 @@ from dtwin.control import BLOCKS, ControlSettings
 from dtwin.errors import DivergenceError, ParameterError
 from dtwin.motion import PICKUP_NAME
 from dtwin.parameters import PARAMETER_NAMES, PLACES, ArmParameters, Triple
+from dtwin.simulation.figures import triple
 from dtwin.simulation.places import angles_of
 from dtwin.simulation.stability import spectral_radius
 from dtwin.simulation.whatif import Case, Simulator
@@ -125,7 +126,7 @@ class Checker:
             tracking = np.maximum(tracking, found.tracking_max)
             volts = np.maximum(volts, found.peak_volts)
             saturated = max(saturated, found.saturated)
-        return Prediction(_triple(tracking), _triple(volts), saturated, radius)
+        return Prediction(triple(tracking), triple(volts), saturated, radius)
 
     def _stability(self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion]) -> float:
         worst = 0.0
@@ -156,8 +157,3 @@ def check_bounds(settings: ControlSettings) -> None:
         low, high = MODEL_RANGES[name.rstrip("123")]
         if not low <= value <= high:
             raise Refused(f"{name}: expected {low:g} to {high:g}, got {value:g}")
-
-
-def _triple(values: np.ndarray) -> Triple:
-    first, second, third = values.tolist()
-    return (first, second, third)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Final
 
 import msgspec
@@ -65,12 +66,12 @@ def figures(theta: Array, omega: Array, path: Array, volts: Array, target: Tripl
     # The torque is constant between samples, so this is the work exactly.
     work = np.array(constants) * volts * np.diff(theta, axis=0)
     return Figures(
-        tracking_max=_triple(np.abs(error).max(axis=0)),
-        tracking_rms=_triple(np.sqrt(np.mean(error**2, axis=0))),
+        tracking_max=triple(np.abs(error).max(axis=0)),
+        tracking_rms=triple(np.sqrt(np.mean(error**2, axis=0))),
         settling_time=None if last == len(theta) - 1 else round((last + 1) * PERIOD, 9),
-        overshoot=_triple(np.maximum(0.0, (np.sign(way) * (theta - goal)).max(axis=0))),
-        final_error=_triple(np.abs(theta[-1] - goal)),
-        peak_volts=_triple(np.abs(volts).max(axis=0)),
+        overshoot=triple(np.maximum(0.0, (np.sign(way) * (theta - goal)).max(axis=0))),
+        final_error=triple(np.abs(theta[-1] - goal)),
+        peak_volts=triple(np.abs(volts).max(axis=0)),
         saturated=float((np.abs(volts) >= VOLTAGE_LIMIT).any(axis=1).mean()),
         energy=float(np.maximum(work, 0.0).sum()),
     )
@@ -84,9 +85,10 @@ def fit(measured: Array, predicted: Array) -> Triple:
         predicted: yhat, (N, 3).
     """
     spread = np.linalg.norm(measured - measured.mean(axis=0), axis=0)
-    return _triple(1.0 - np.linalg.norm(measured - predicted, axis=0) / np.maximum(spread, np.finfo(float).tiny))
+    return triple(1.0 - np.linalg.norm(measured - predicted, axis=0) / np.maximum(spread, np.finfo(float).tiny))
 
 
-def _triple(values: Array) -> Triple:
-    first, second, third = values.tolist()
+def triple(values: Iterable[float]) -> Triple:
+    """Three numbers, of a row for example."""
+    first, second, third = map(float, values)
     return (first, second, third)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import msgspec
@@ -114,7 +114,7 @@ def compare(
     first, second, third = measured[0].tolist()
     case = Case(
         motion.goal,
-        ControlSettings(motion.target_time, settings.gains, settings.law, settings.model, settings.payload),
+        replace(settings, target_time=motion.target_time),
         (first, second, third),
         arm=arm,
         payload=payload if motion.carries else 0.0,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from dtwin.control import BLOCKS, ControlSettings
 from dtwin.errors import DivergenceError, ParameterError, choices
-from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.parameters import ArmParameters, Gains
 from dtwin.simulation.checks import STABLE, Motion
 from dtwin.simulation.figures import Array, Figures
 from dtwin.simulation.places import angles_of
@@ -129,8 +129,7 @@ def score(objective: Objective, target_time: float, gains: Gains) -> Score:
     Raises:
         ParameterError: the target time or a scenario is out of range.
     """
-    base = objective.base
-    settings = ControlSettings(target_time, gains, base.law, base.model, base.payload)
+    settings = replace(objective.base, target_time=target_time, gains=gains)
     simulator = _simulator(objective.blocks)
     for scenario in _resting_points(objective.scenarios):
         theta = angles_of(scenario.motion.goal)
@@ -260,9 +259,3 @@ def _terms(found: Sequence[tuple[Scenario, Figures]], target_time: float) -> dic
         "energy": float(np.mean([f.energy for f in every])),
         "voltage": max(max(f.peak_volts) for f in every),
     }
-
-
-def triple(values: Sequence[float]) -> Triple:
-    """Three of them."""
-    first, second, third = values
-    return (first, second, third)

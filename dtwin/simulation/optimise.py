@@ -24,8 +24,8 @@ from scipy.stats import qmc
 
 from dtwin.errors import ParameterError
 from dtwin.parameters import Gains
-from dtwin.simulation.figures import Array
-from dtwin.simulation.objective import UNLIMITED, Objective, Score, score, triple
+from dtwin.simulation.figures import Array, triple
+from dtwin.simulation.objective import UNLIMITED, Objective, Score, score
 
 POPULATION: Final = 40
 """candidates a generation, four a variable"""

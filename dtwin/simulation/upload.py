@@ -10,7 +10,7 @@ from dtwin.errors import CommunicationError, ParameterError
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.simulation.checks import Checker, Refused
 from dtwin.simulation.history import Action, Entry, History
-from dtwin.simulation.ports import SettingsPort, gain_values, model_values
+from dtwin.simulation.ports import SettingsPort
 from dtwin.simulation.trial import Trial, TrialRules
 
 Kind = Literal["gains", "target", "model", ""]
@@ -232,9 +232,4 @@ class Uploader:
 
 def _same(one: ControlSettings, other: ControlSettings) -> bool:
     """Whether a controller cannot tell them apart: it knows no Coulomb friction."""
-    return (gain_values(one.gains, one.target_time), model_values(one.model), one.law, one.payload) == (
-        gain_values(other.gains, other.target_time),
-        model_values(other.model),
-        other.law,
-        other.payload,
-    )
+    return one.inputs() == other.inputs()

@@ -6,9 +6,10 @@ The tick is that of the cell: sample, blocks, volts held for 10 ms, four RK4 ste
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -111,6 +112,47 @@ class Outcome:
         return self.states[:-1, :3]
 
 
+class Arm(Protocol):
+    """What is moved in a simulated motion.
+
+    Attributes:
+        states: (N + 1, 6), true angles (rad) and velocities (rad/s), filled row by row.
+    """
+
+    states: Array
+
+    def advance(self, tick: int, volts: Triple) -> Triple:
+        """Holds volts from a tick to the next and fills that row; returns its angles, rad."""
+
+
+class TwinArm:
+    """The analytic twin as an arm.
+
+    Args:
+        case: what is simulated.
+        ticks: how many the motion has.
+    """
+
+    def __init__(self, case: Case, ticks: int) -> None:
+        self.states = np.empty((ticks + 1, 6))
+        self.states[0] = (*case.theta, *case.omega)
+        self._vector = np.array(case.arm.vector())
+        self._weight_only = is_weight_only(case.payload_model)
+        self._load = np.array([case.payload])
+        self._command = np.empty((1, 3))
+
+    def advance(self, tick: int, volts: Triple) -> Triple:
+        """As `Arm.advance`. Raises DivergenceError when the state leaves the finite numbers."""
+        self._command[0] = volts
+        rows = self.states[tick : tick + 2]
+        if not integrate(
+            self._vector, self._command, self._load, PERIOD, SUBSTEPS, self._weight_only, COULOMB_WIDTH, rows
+        ):
+            raise DivergenceError("what-if simulation", tick * PERIOD, rows[0])
+        first, second, third = rows[1, :3].tolist()
+        return (first, second, third)
+
+
 class Simulator:
     """Simulates motions, one after another, on one set of function blocks.
 
@@ -124,22 +166,21 @@ class Simulator:
     def __init__(self, blocks: Path = BLOCKS) -> None:
         self.controller = MotionController(blocks)
 
-    def run(self, case: Case) -> Outcome:
+    def run(self, case: Case, arm_of: Callable[[Case, int], Arm] = TwinArm) -> Outcome:
         """Simulates a motion.
+
+        Args:
+            case: what to simulate.
+            arm_of: makes the arm for a case and a number of ticks.
 
         Raises:
             ParameterError: the goal's name is unknown. DivergenceError: the arm left the finite numbers.
         """
         ticks = round(case.seconds / PERIOD)
+        arm = arm_of(case, ticks)
         controller, step, path_of = self.controller, self.controller.step, self.controller.path
         encoders = Encoders(case.noise_kind, case.noise, np.random.default_rng(case.seed)) if case.noise else None
         carries = case.payload > 0 if case.carries is None else case.carries
-        vector = np.array(case.arm.vector())
-        weight_only = is_weight_only(case.payload_model)
-        load = np.array([case.payload])
-        command = np.empty((1, 3))
-        states = np.empty((ticks + 1, 6))
-        states[0] = (*case.theta, *case.omega)
         samples: list[Triple] = []
         path: list[Triple] = []
         commands: list[Triple] = []
@@ -153,11 +194,8 @@ class Simulator:
             samples.append(sample)
             path.append(path_of())
             commands.append(volts)
-            command[0] = volts
-            if not integrate(vector, command, load, PERIOD, SUBSTEPS, weight_only, COULOMB_WIDTH, states[k : k + 2]):
-                raise DivergenceError("what-if simulation", k * PERIOD, states[k])
-            theta = tuple(states[k + 1, :3].tolist())
-        target = controller.target()
+            theta = arm.advance(k, volts)
+        states, target = arm.states, controller.target()
         desired, applied = np.array(path), np.array(commands)
         came_to = figures(states[:, :3], states[:, 3:], desired, applied, target, case.arm.voltage_constant)
         return Outcome(case, target, states, np.array(samples), desired, applied, came_to)

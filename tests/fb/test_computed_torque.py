@@ -39,9 +39,9 @@ class Law:
         y2, y1, y = self.measured
         omega = (3 * y - 4 * y1 + y2) / (2 * TS)
         error = theta_d - theta
-        self.integral = self.integral + TS * error
         kp, ki, kd = (np.array(k) for k in (self.gains.kp, self.gains.ki, self.gains.kd))
-        feedback = kp * error + ki * self.integral + kd * (omega_d - omega)
+        self.integral = self.integral + TS * ki * error
+        feedback = kp * error + self.integral + kd * (omega_d - omega)
         p = np.array(self.arm.vector())
         inertial = 0.0 if self.weight_only else self.payload
         M = mass_matrix(theta, p, inertial)

@@ -1,0 +1,42 @@
+"""The MuJoCo plant as the arm of a simulated motion: what the twin's prediction is held against."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dtwin.emulation.plant import Plant
+from dtwin.parameters import PERIOD, ArmParameters, Triple
+from dtwin.simulation.whatif import Case
+
+
+class EmulatedArm:
+    """A MuJoCo plant that has nothing of the case but its start and its payload.
+
+    Args:
+        true: its parameters.
+        case: what is simulated.
+        ticks: how many the motion has.
+
+    Raises:
+        ModelError: the model file cannot be used.
+    """
+
+    def __init__(self, true: ArmParameters, case: Case, ticks: int) -> None:
+        self.states = np.empty((ticks + 1, 6))
+        self._plant = Plant(true)
+        self._plant.reset(case.theta, case.omega)
+        if case.payload_model == "weight":
+            self._plant.set_weight(case.payload)
+        else:
+            self._plant.set_payload(case.payload)
+        self._take(0)
+
+    def advance(self, tick: int, volts: Triple) -> Triple:
+        """As `Arm.advance`. Raises DivergenceError when the state leaves the finite numbers."""
+        self._plant.apply((*volts, 0.0))
+        self._plant.advance(PERIOD)
+        self._take(tick + 1)
+        return self._plant.theta
+
+    def _take(self, row: int) -> None:
+        self.states[row] = (*self._plant.theta, *self._plant.omega)
