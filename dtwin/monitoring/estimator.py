@@ -86,7 +86,7 @@ class Estimator:
         self._states = np.empty((2, 6))
         self._derivatives = np.zeros((2, 6, MOVING))
         self._derivatives[0, :, :6] = np.eye(6)
-        self._noise = np.maximum(np.square(belief.noise), NOISE_FLOOR**2)
+        self.set_noise(np.array(belief.noise))
         self._walk = np.zeros(SIZE)
         self._walk[BIAS:DRIFT] = tuning.offset_walk**2 * PERIOD
         for name in ARM_NAMES:
@@ -159,6 +159,10 @@ class Estimator:
             self.variance,
         )
         return likelihood
+
+    def set_noise(self, deviation: Array) -> None:
+        """Standard deviation of the encoders' noise, (3,) rad."""
+        self._noise = np.maximum(np.square(deviation), NOISE_FLOOR**2)
 
     def copy(self) -> Estimator:
         """An independent estimator in the same state."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.errors import ParameterError
+from dtwin.identification.quality import noise
 from dtwin.monitoring.belief import NOISE_FLOOR, Belief
 from dtwin.monitoring.diagnosis import Candidate, Change, Diagnosis, Moment
 from dtwin.monitoring.estimator import Estimator, Tuning
@@ -29,6 +30,10 @@ BRIDGED: Final = 10
 """samples that may be missing in a row before the estimate of the motion starts anew"""
 SETTLING: Final = 50
 """samples after a start before anything is suspected"""
+LISTENING: Final = 100
+"""samples from which the noise of the encoders is judged"""
+_NOISIER: Final = 1.3
+"""how much more noise than believed a second of readings must show to be believed instead"""
 _LEAST_LIKELY: Final = -1e4
 """log-likelihood of a sample that cannot be: the arm as believed has nothing to do with it any more"""
 _NOTHING: Final = {"K": 0.02, "D": 0.1, "mu": 0.1, "bias": 0.02, "drift": 0.02, "payload": 0.05}
@@ -80,7 +85,9 @@ class Monitor:
         self._alarm = threshold(self.settings.alarms_per_hour)
         self._warning = threshold(self.settings.warnings_per_hour)
         self._noisy = np.array(belief.noise) > NOISE_FLOOR
+        self._belief = belief
         self.estimator = Estimator(belief, self.settings.tuning)
+        self._heard: list[Array] = []
         self._bank = SignatureBank(self._sizes)
         self._history: deque[Moment] = deque(maxlen=LONGEST + 2 * SPACING)
         self._diagnosis: Diagnosis | None = None
@@ -112,6 +119,8 @@ class Monitor:
         """
         gap = sample - self.sample
         used = self._readable(measured)
+        if len(self._heard) < LISTENING:
+            self._listen(measured)
         if self.sample < 0 or gap < 1 or gap > BRIDGED + 1:
             self._restart(sample, measured, gripped, gap)
         else:
@@ -153,6 +162,15 @@ class Monitor:
             return None
         return unit_of(joint_of(self._bank.suspicions()[0].fault))
 
+    def _listen(self, measured: Array) -> None:
+        """Takes the encoders to be as noisy as they are if that is more than the model says."""
+        self._heard.append(measured)
+        if len(self._heard) == LISTENING:
+            heard = noise(np.array(self._heard))
+            believed = np.array(self._belief.noise)
+            self.estimator.set_noise(np.where(heard > _NOISIER * believed, heard, believed))
+            self._noisy = np.maximum(heard, believed) > NOISE_FLOOR
+
     def _readable(self, measured: Array) -> NDArray[np.bool_]:
         """Which readings to use: an encoder with noise that repeats itself to the last bit does not measure."""
         equal = measured == self._last
@@ -172,7 +190,7 @@ class Monitor:
         self._history.clear()
         self._bank.clear()
         self.estimator.begin(measured, gripped)
-        self._quiet = SETTLING
+        self._quiet = max(SETTLING, LISTENING - len(self._heard))
 
     def _step(self, measured: Array, used: NDArray[np.bool_], command: Array, guessed: bool) -> None:
         estimator, gripped = self.estimator, self._gripped
@@ -181,6 +199,9 @@ class Monitor:
         likelihood = estimator.correct(measured, used)
         if not likelihood > _LEAST_LIKELY:
             likelihood = _LEAST_LIKELY
+            if self._diagnosis is None and not np.isfinite(estimator.x).all():
+                self._forget()
+                return
         moment = Moment(command, gripped, guessed, measured, used, likelihood)
         self._history.append(moment)
         if regripped:
@@ -201,6 +222,16 @@ class Monitor:
             self._diagnosis = Diagnosis(suspicions, list(self._history), self.sample, self._sizes, bool(estimator.locked))
             self._decide(self._diagnosis)
 
+    def _forget(self) -> None:
+        """The estimate has left the finite numbers: starts anew from the model."""
+        self.estimator = Estimator(self._belief, self.settings.tuning)
+        self._bank.clear()
+        self.estimator.begin(self._last, self._gripped)
+        self._history.clear()
+        self._quiet = SETTLING
+        self.restarts += 1
+        self.events.append(Event(self.time, "restart", "the estimate diverged and starts anew from the model"))
+
     def _decide(self, diagnosis: Diagnosis) -> None:
         """Updates the finding under diagnosis, and adopts the winner once it is settled."""
         candidate, probability = diagnosis.best()
@@ -216,7 +247,8 @@ class Monitor:
         self._diagnosis = None
         self._bank.clear()
         self._quiet = SPACING
-        if self._pending is None:
+        if self._pending is None or not np.isfinite(candidate.estimator.x).all():
+            self._pending = None
             self.events.append(Event(self.time, "dismissed", "a suspicion was not confirmed"))
             return
         finding, self._pending = self._pending, None

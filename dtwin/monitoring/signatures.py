@@ -95,7 +95,7 @@ class SignatureBank:
     def regrip(self) -> None:
         """The estimator knows nothing of the mass held any more but its prior."""
         self._E[PAYLOAD] = 0.0
-        self._E[PAYLOAD, self._payload] = 1.0
+        self._E[PAYLOAD, self._payload[: len(self._place)]] = 1.0
 
     def update(self, estimator: Estimator, used: NDArray[np.bool_], sample: int) -> None:
         """Takes in what the estimator made of a sample, and notes an onset after it when one is due."""
