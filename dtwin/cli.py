@@ -37,11 +37,23 @@ COMMANDS: Final[dict[str, Entry]] = {
     "experiment noise": Entry("dtwin.commands.experiment", "ExperimentNoise", "identify under encoder noise; report"),
     "experiment mass": Entry("dtwin.commands.experiment", "ExperimentMass", "identify with a wrong load; report"),
     "experiment friction": Entry("dtwin.commands.experiment", "ExperimentFriction", "compare friction laws; report"),
+    "experiment accuracy": Entry(
+        "dtwin.commands.experiment_simulation",
+        "ExperimentAccuracy",
+        "hold the twin's motions against the arm's; report",
+    ),
+    "experiment upload": Entry(
+        "dtwin.commands.experiment_simulation",
+        "ExperimentUpload",
+        "upload gains and a model to a running cell; report",
+    ),
     "model list": Entry("dtwin.commands.model", "ModelList", "list the identified models"),
     "model show": Entry("dtwin.commands.model", "ModelShow", "show an identified model"),
     "model diff": Entry("dtwin.commands.model", "ModelDiff", "compare two identified models"),
     "model export": Entry("dtwin.commands.model", "ModelExport", "write an identified model as MJCF or parameters"),
-    "simulate": Entry("dtwin.commands.simulate", "Simulate", "try a motion on the twin with the real function blocks"),
+    "simulate": Entry(
+        "dtwin.commands.simulate", "Simulate", "try a motion on the twin with the real function blocks"
+    ),
     "optimise": Entry("dtwin.commands.optimise", "Optimise", "search the best gains and target time on the twin"),
     "fb run": Entry("dtwin.commands.fb", "FbRun", "serve function blocks as a device that management can build on"),
     "fb watch": Entry("dtwin.commands.fb", "FbWatch", "read values of a running device"),

@@ -26,7 +26,7 @@ class TrialRules:
     factor: float = 1.5
     allowance: float = 0.01
     samples: int = 5
-    grace: float = 2.0
+    grace: float = 5.0
 
 
 class Trial:
