@@ -190,13 +190,13 @@ def free_names(text: str) -> tuple[str, ...]:
 
 
 def _prior(text: str) -> tuple[str, Prior]:
-    match = re.fullmatch(r"(\w+)=(.+?)\+-(.+)", text)
+    name, _, rest = text.partition("=")
+    mean, _, deviation = rest.partition("+-")
     try:
-        if match:
-            return match[1], Prior(float(match[2]), float(match[3]))
+        numbers = float(mean), float(deviation)
     except ValueError:
-        pass
-    raise ParameterError(f"--prior {text}: expected NAME=MEAN+-DEVIATION, such as m2=0.116+-0.001")
+        raise ParameterError(f"--prior {text}: expected NAME=MEAN+-DEVIATION, such as m2=0.116+-0.001") from None
+    return name, Prior(*numbers)
 
 
 def _assignment(text: str) -> tuple[str, float]:

@@ -106,10 +106,10 @@ def fit(
     logging.getLogger().setLevel(logging.ERROR)
     try:
         began = time.perf_counter()
-        # Its scipy backends print unless told otherwise by an option that its own `verbose` hides.
+        # Its optimiser prints whatever `verbose` says.
         with contextlib.redirect_stdout(io.StringIO()):
             found, _ = sysid.optimize(
-                parameters, residual, optimizer="scipy_parallel_fd", verbose=False, x_scale="jac"
+                parameters, residual, optimizer="mujoco", verbose=False, x_scale="jac"
             )
         seconds = time.perf_counter() - began
     finally:

@@ -14,12 +14,16 @@ from dtwin.identification.estimate import covariance
 from dtwin.identification.excitation import Excitation, Plan, Ticks
 from dtwin.identification.identifiability import Identifiability, analyse
 from dtwin.identification.problem import Problem
-from dtwin.parameters import ArmParameters, Triple
+from dtwin.parameters import ArmParameters, Triple, scaled
 
 UNITS: Final = (2, 45)
 """ticks of a unit the optimiser chooses from"""
 LATEST: Final = 60
 """ticks of delay it chooses from"""
+_DAMPINGS: Final = (1.0, 0.6, 0.8, 1.4)
+"""factors of the damping, the least known parameter before an identification, with which the reach must hold too"""
+_SHARES: Final = (0.6, 0.8, 1.0, 1.0)
+"""of the planned amplitude, of a signal anywhere"""
 _EXPLORED: Final = 0.4
 """share of the trials spent on signals anywhere; the rest varies the best one"""
 
@@ -81,9 +85,9 @@ def optimise(
     trials: int = 1000,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Plan:
-    """Searches the unit, delays and directions of the 3-2-1-1 signals for the least worst relative bound.
+    """Searches unit, delays and amplitudes of the 3-2-1-1 signals for the least worst relative bound.
 
-    Duration, amplitudes and load stay as planned, so the signal keeps within the planned voltages.
+    Duration and load stay as planned, and the planned amplitudes are the limits of what is tried.
 
     Args:
         plan: the experiment to improve.
@@ -91,7 +95,7 @@ def optimise(
         arm: believed to be, such as the last model.
         deviation: standard deviation of the noise, rad; scales all bounds alike.
         generator: of the trials.
-        reach: rad, how far a joint may go from its start.
+        reach: rad, how far a joint may go from its start, also if the damping is 40 % off.
         trials: signals to look at, a few ms each.
         progress: told the number of trials done.
 
@@ -101,7 +105,7 @@ def optimise(
     best, least = plan, _worst(plan, free, arm, deviation, reach)
     for done in range(1, trials + 1):
         anywhere = done <= _EXPLORED * trials or math.isinf(least)
-        signal = _anywhere(plan.signal, generator) if anywhere else _near(best.signal, generator)
+        signal = _anywhere(plan.signal, generator) if anywhere else _near(best.signal, plan.signal, generator)
         candidate = replace(plan, signal=signal)
         worst = _worst(candidate, free, arm, deviation, reach)
         if worst < least:
@@ -119,9 +123,11 @@ def _worst(plan: Plan, free: tuple[str, ...], arm: ArmParameters, deviation: flo
     try:
         problem = Problem((plan.experiment(),), free, arm)
         x = problem.start()
-        motion = problem.simulate(x)[0]
-        if np.abs(motion - motion[0]).max() > reach:
-            return math.inf
+        for factor in _DAMPINGS:
+            arm_then = scaled(arm, "D", factor)
+            motion = replace(problem, free=(), fixed=arm_then, offsets=False).simulate(np.empty(0))[0]
+            if np.abs(motion - motion[0]).max() > reach:
+                return math.inf
         matrix = problem.sensitivity(x, [np.full(3, 1.0 / deviation)])
     except DivergenceError:
         return math.inf
@@ -134,16 +140,31 @@ def _worst(plan: Plan, free: tuple[str, ...], arm: ArmParameters, deviation: flo
     return float((errors[: len(free)] / values).max())
 
 
-def _anywhere(signal: Excitation, generator: np.random.Generator) -> Excitation:
-    first, second, third = (generator.choice((-1.0, 1.0), 3) * signal.amplitude).tolist()
+def _anywhere(limit: Excitation, generator: np.random.Generator) -> Excitation:
+    share = generator.choice((-1.0, 1.0), 3) * generator.choice(_SHARES, 3)
     unit = int(generator.integers(UNITS[0], UNITS[1] + 1))
-    return Excitation((first, second, third), unit, _ticks(generator.integers(0, LATEST + 1, 3)))
+    return Excitation(_triple(share * limit.amplitude), unit, _ticks(generator.integers(0, LATEST + 1, 3)))
 
 
-def _near(signal: Excitation, generator: np.random.Generator) -> Excitation:
-    unit = signal.unit + int(generator.integers(-3, 4) * generator.integers(0, 2))
-    delay = signal.delay + generator.integers(-6, 7, 3) * generator.integers(0, 2, 3)
-    return Excitation(signal.amplitude, min(max(unit, UNITS[0]), UNITS[1]), _ticks(np.clip(delay, 0, LATEST)))
+def _near(signal: Excitation, limit: Excitation, generator: np.random.Generator) -> Excitation:
+    """One or two of the properties of a signal changed a little."""
+    amplitude, delay, unit = np.array(signal.amplitude), np.array(signal.delay), signal.unit
+    for kind in generator.integers(0, 7, generator.integers(1, 3)).tolist():
+        if kind < 3:
+            delay[kind] += generator.integers(-6, 7)
+        elif kind < 6:
+            change = generator.choice((-0.15, -0.05, 0.05, 0.15)) * limit.amplitude[kind - 3]
+            amplitude[kind - 3] += change
+        else:
+            unit += int(generator.choice((-2, -1, 1, 2)))
+    bound = np.abs(limit.amplitude)
+    clipped = _triple(np.clip(amplitude, -bound, bound))
+    return Excitation(clipped, min(max(unit, UNITS[0]), UNITS[1]), _ticks(np.clip(delay, 0, LATEST)))
+
+
+def _triple(values: np.ndarray) -> Triple:
+    first, second, third = values.tolist()
+    return first, second, third
 
 
 def _ticks(values: np.ndarray) -> Ticks:

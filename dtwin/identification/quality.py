@@ -47,12 +47,15 @@ def check(experiments: Sequence[Experiment], unknowns: int) -> None:
 
 
 def noise(measured: Array) -> Array:
-    """(3,): standard deviation of the encoders' noise, rad, from third differences, which remove smooth motion."""
+    """(3,): standard deviation of the encoders' noise, rad, from third differences, which remove smooth motion.
+
+    The median makes it blind to outliers.
+    """
     if len(measured) < 5:
         return np.zeros(3)
-    differences = np.diff(measured, n=3, axis=0)
+    differences = np.abs(np.diff(measured, n=3, axis=0))
     # Variance of the third difference of white noise is 1 + 9 + 9 + 1 times that of the noise.
-    result: Array = np.sqrt(np.mean(differences**2, axis=0) / 20.0)
+    result: Array = 1.4826 * np.median(differences, axis=0) / np.sqrt(20.0)
     return result
 
 

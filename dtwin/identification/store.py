@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -49,16 +50,16 @@ class ModelStore:
         folder = self.folder / name
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            temporary = folder / f".{os.getpid()}.part"
-            try:
-                temporary.write_bytes(encode(model))
+            with tempfile.NamedTemporaryFile(dir=folder, prefix=".", suffix=".part") as temporary:
+                temporary.write(encode(model))
+                temporary.flush()
+                os.chmod(temporary.name, 0o644)
                 while True:
-                    entry = self._entry(name, len(self.history(name)) + 1)
+                    history = self.history(name)
+                    entry = self._entry(name, history[-1].revision + 1 if history else 1)
                     with contextlib.suppress(FileExistsError):
-                        os.link(temporary, entry.path)
+                        os.link(temporary.name, entry.path)
                         return entry
-            finally:
-                temporary.unlink(missing_ok=True)
         except OSError as error:
             raise ModelError(f"{folder}: cannot be written: {error.strerror}") from None
 
