@@ -45,7 +45,8 @@ class Tuning:
         walk: relative standard deviation K, D, c and I may gain in one second.
         offset_walk: standard deviation an encoder's offset may gain in one second, rad.
         box_mass: expected, kg.
-        box_deviation: standard deviation of the boxes' masses, kg.
+        box_deviation: standard deviation of the boxes' masses, kg; less than the 6 g of masses spread evenly over 20 g,
+            whose tails end where those of a normal distribution go on.
         speed: standard deviation of the speeds at the first sample, rad/s.
     """
 
@@ -53,7 +54,7 @@ class Tuning:
     walk: float = 2e-4
     offset_walk: float = 1e-5
     box_mass: float = 0.2
-    box_deviation: float = 0.006
+    box_deviation: float = 0.004
     speed: float = 3.0
 
 

@@ -1,0 +1,1 @@
+"""Experiments that measure the monitors: emulated cells with faults, over many seeds."""
