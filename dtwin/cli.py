@@ -34,6 +34,7 @@ COMMANDS: Final[dict[str, Entry]] = {
     "run": Entry("dtwin.commands.run", "Run", "run the cell: arm, boxes and function blocks; record and summarise"),
     "validate": Entry("dtwin.commands.validate", "Validate", "hold the emulation against the analytic twin"),
     "identify": Entry("dtwin.commands.identify", "Identify", "identify the arm from a log or a simulated experiment"),
+    "identify live": Entry("dtwin.commands.identify_live", "IdentifyLive", "excite and identify the running arm"),
     "experiment noise": Entry("dtwin.commands.experiment", "ExperimentNoise", "identify under encoder noise; report"),
     "experiment mass": Entry("dtwin.commands.experiment", "ExperimentMass", "identify with a wrong load; report"),
     "experiment friction": Entry("dtwin.commands.experiment", "ExperimentFriction", "compare friction laws; report"),

@@ -158,6 +158,65 @@ class SummaryRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA
     """Asks for nothing in particular."""
 
 
+class IdentificationRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """An operator's request to excite the arm and identify it.
+
+    Attributes:
+        free: what to estimate, as for `dtwin identify --free`. Without a known load nothing sets the scale of the
+            forces: by default motor 1 does, by its data sheet.
+        box_mass: kg, taken for a box held meanwhile.
+    """
+
+    free: Line = "K2,K3,I,c,D"
+    box_mass: Annotated[float, msgspec.Meta(ge=0.0)] = 0.2
+
+
+class IdentificationDecision(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """An operator's answer to a proposed model: kept under a name or not, and sent to the controller or not."""
+
+    accept: bool
+    name: Name = "arm"
+    upload: bool = False
+
+
+class Estimated(msgspec.Struct, frozen=True):
+    """A parameter and its standard error, SI units."""
+
+    value: float
+    standard_error: float
+
+
+IdentificationPhase = Literal["idle", "measuring", "estimating", "proposed", "refused", "accepted", "rejected"]
+
+
+class IdentificationState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """How far an identification is, and what it proposes.
+
+    Attributes:
+        phase: proposed waits for a decision; refused says why in text.
+        text: for people.
+        samples: ticks of the signal seen.
+        of: ticks the signal lasts.
+        converged: whether the search ended at a minimum.
+        residual_white: whether nothing but noise is left to explain.
+        rank: independent combinations of the free parameters that the data determine.
+        parameters: estimates by name, of what the data determine.
+        fit: a joint, on held-out motion.
+        model_file: of an accepted model.
+    """
+
+    phase: IdentificationPhase
+    text: Line = ""
+    samples: Count = 0
+    of: Count = 0
+    converged: bool = False
+    residual_white: bool = False
+    rank: Count = 0
+    parameters: dict[Word, Estimated] = {}
+    fit: Triple | None = None
+    model_file: Line = ""
+
+
 class Topic(NamedTuple):
     """One line of the table: `message` is published, or sent with a query and answered by `reply`."""
 
@@ -181,7 +240,17 @@ TARGET: Final = Topic("controller/target", "query", TargetSetting, TargetSetting
 FAULT: Final = Topic("emulator/fault", "query", FaultRequest, Done, "emulator")
 RESET: Final = Topic("emulator/reset", "query", ResetRequest, Done, "emulator")
 SUMMARY: Final = Topic("supervisor/summary", "query", SummaryRequest, Summary, "supervisor")
-TOPICS: Final = (SENSORS, VOLTAGES, PATH, TRUTH, EVENTS, STATUS, ALIVE, GAINS, MODEL, TARGET, FAULT, RESET, SUMMARY)
+IDENTIFICATION: Final = Topic("twin/identification", "publication", IdentificationState, None, "identification")
+IDENTIFY: Final = Topic(
+    "twin/identification/start", "query", IdentificationRequest, IdentificationState, "identification"
+)
+DECIDE: Final = Topic(
+    "twin/identification/decide", "query", IdentificationDecision, IdentificationState, "identification"
+)
+TOPICS: Final = (
+    *(SENSORS, VOLTAGES, PATH, TRUTH, EVENTS, STATUS, ALIVE, GAINS, MODEL, TARGET, FAULT, RESET, SUMMARY),
+    *(IDENTIFICATION, IDENTIFY, DECIDE),
+)
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 import time
 from dataclasses import dataclass, field
@@ -23,14 +22,13 @@ from dtwin.identification.excitation import HELD_OUT, PLAIN, Plan
 from dtwin.identification.friction import FRICTIONS, Friction, choose, with_friction
 from dtwin.identification.held_out import Comparison, compare
 from dtwin.identification.model import from_estimate
-from dtwin.identification.problem import START, Prior, symbol
+from dtwin.identification.options import settings_for
 from dtwin.identification.rig import Rig
 from dtwin.identification.signal_blocks import SignalBlocks
 from dtwin.identification.store import STORE, ModelStore, check_name
-from dtwin.parameters import PARAMETER_NAMES, ArmParameters, load_arm
+from dtwin.parameters import ArmParameters, assignment, load_arm
 from dtwin.recording import Log, ensure_writable, read_log
 
-SYMBOLS = ("K", "m", "I", "l", "c", "D", "mu")
 _HELD_OUT_SHARE = 0.2
 """of a log, kept for judging the model"""
 _DESIGN_NOISE = 0.003
@@ -112,13 +110,8 @@ class Identify:
         return 0 if estimate.converged and estimate.whiteness.white else 1
 
     def _settings(self) -> Settings:
-        free = free_names(self.free)
-        known = load_arm(self.known) if self.known is not None else ArmParameters()
-        known = known.with_values({name: START.get(name) for name in free if symbol(name) != "mu"})
-        if any(symbol(name) == "mu" for name in free):
-            known = known.with_values({name: 0.01 for name in free if symbol(name) == "mu"})
-        priors = dict(map(_prior, self.prior))
-        return Settings(free, known, priors=priors, loss=self.loss, seed=self.seed)
+        known = load_arm(self.known) if self.known is not None else None
+        return settings_for(self.free, known, self.prior, self.loss, self.seed)
 
     def _estimate(
         self, experiments: tuple[Experiment, ...], settings: Settings
@@ -133,7 +126,7 @@ class Identify:
     def _simulated(
         self, settings: Settings
     ) -> tuple[tuple[Experiment, ...], tuple[Experiment, ...], ArmParameters | None]:
-        truth = ArmParameters().with_values(dict(map(_assignment, self.set)))
+        truth = ArmParameters().with_values(dict(map(assignment, self.set)))
         rig = Rig(truth, self.noise, self.noise_kind)
         start = Start(known=self.start == "known")
         signal = PLAIN
@@ -166,45 +159,6 @@ class Identify:
 
         assert self.plot is not None
         draw(estimate, old, new, truth, self.plot, f"identified from {self.log or 'a simulated experiment'}")
-
-
-def free_names(text: str) -> tuple[str, ...]:
-    """Parameter names of `K,I,m2` or `all`.
-
-    Raises:
-        ParameterError: a part is neither a symbol nor a name.
-    """
-    names: list[str] = []
-    for part in filter(None, re.split(r"[,\s]+", "K,m,I,l,c,D" if text == "all" else text)):
-        if part in SYMBOLS:
-            names += [f"{part}{joint}" for joint in (1, 2, 3)]
-        elif part in PARAMETER_NAMES:
-            names.append(part)
-        else:
-            raise ParameterError(
-                f"--free {part}: expected all, a symbol of {', '.join(SYMBOLS)}, or a name such as m2"
-            )
-    if not names:
-        raise ParameterError("--free: expected at least one parameter")
-    return tuple(dict.fromkeys(names))
-
-
-def _prior(text: str) -> tuple[str, Prior]:
-    name, _, rest = text.partition("=")
-    mean, _, deviation = rest.partition("+-")
-    try:
-        numbers = float(mean), float(deviation)
-    except ValueError:
-        raise ParameterError(f"--prior {text}: expected NAME=MEAN+-DEVIATION, such as m2=0.116+-0.001") from None
-    return name, Prior(*numbers)
-
-
-def _assignment(text: str) -> tuple[str, float]:
-    name, _, value = text.partition("=")
-    try:
-        return name, float(value)
-    except ValueError:
-        raise ParameterError(f"--set {text}: expected NAME=NUMBER, such as m1=0.15") from None
 
 
 def _truth(log: Log) -> ArmParameters | None:

@@ -106,7 +106,7 @@ def test_experiments(capsys):
         (["identify", "--prior", "m2~1"], "--prior m2~1: expected NAME=MEAN+-DEVIATION, such as m2=0.116+-0.001"),
         (["identify", "--prior", "m2=0.1+-0.01"], "prior for m2: expected a free parameter: K1"),
         (["identify", "--prior", "K1=0.1+-0"], "prior: expected a finite mean and a deviation above 0"),
-        (["identify", "--set", "K1"], "--set K1: expected NAME=NUMBER, such as m1=0.15"),
+        (["identify", "--set", "K1"], "'K1': expected NAME=NUMBER, e.g. m1=0.15"),
         (["identify", "--noise", "-1"], "noise: expected a finite magnitude of at least 0 rad, got -1.0"),
         (["identify", "--noise", "3"], "jumps by"),
         (["identify", "--payload", "-1"], "expected a finite mass of at least 0 kg, got -1.0"),

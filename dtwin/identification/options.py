@@ -1,0 +1,76 @@
+"""What an operator types, as settings of an identification."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Final
+
+from dtwin.errors import ParameterError
+from dtwin.identification.estimate import Loss, Settings
+from dtwin.identification.friction import START_COULOMB
+from dtwin.identification.problem import START, Prior, symbol
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters
+
+SYMBOLS: Final = ("K", "m", "I", "l", "c", "D", "mu")
+
+
+def free_names(text: str) -> tuple[str, ...]:
+    """Parameter names of `K,I,m2` or `all`.
+
+    Raises:
+        ParameterError: a part is neither a symbol nor a name.
+    """
+    names: list[str] = []
+    for part in filter(None, re.split(r"[,\s]+", "K,m,I,l,c,D" if text == "all" else text)):
+        if part in SYMBOLS:
+            names += [f"{part}{joint}" for joint in (1, 2, 3)]
+        elif part in PARAMETER_NAMES:
+            names.append(part)
+        else:
+            raise ParameterError(
+                f"--free {part}: expected all, a symbol of {', '.join(SYMBOLS)}, or a name such as m2"
+            )
+    if not names:
+        raise ParameterError("--free: expected at least one parameter")
+    return tuple(dict.fromkeys(names))
+
+
+def prior(text: str) -> tuple[str, Prior]:
+    """Name and prior of `m2=0.116+-0.001`.
+
+    Raises:
+        ParameterError: the text is not of that form, or a number is out of range.
+    """
+    name, _, rest = text.partition("=")
+    mean, _, deviation = rest.partition("+-")
+    try:
+        numbers = float(mean), float(deviation)
+    except ValueError:
+        raise ParameterError(f"--prior {text}: expected NAME=MEAN+-DEVIATION, such as m2=0.116+-0.001") from None
+    return name, Prior(*numbers)
+
+
+def settings_for(
+    free: str,
+    known: ArmParameters | None = None,
+    priors: Sequence[str] = (),
+    loss: Loss = "adaptive",
+    seed: int = 0,
+) -> Settings:
+    """Settings that estimate what `free` says from the usual start values.
+
+    Args:
+        free: as for `free_names`.
+        known: values of what is not estimated; the data sheet's if None.
+        priors: each as for `prior`.
+        loss: of the estimation.
+        seed: of further starts.
+
+    Raises:
+        ParameterError: a text cannot be read.
+    """
+    names = free_names(free)
+    starts = {name: START_COULOMB if symbol(name) == "mu" else START.get(name) for name in names}
+    arm = (known or ArmParameters()).with_values(starts)
+    return Settings(names, arm, priors=dict(map(prior, priors)), loss=loss, seed=seed)

@@ -1,0 +1,221 @@
+"""Identifies the running arm: an operator asks, the blocks excite it, the fit runs here, the operator decides.
+
+The signal never waits for this service: it takes samples and commands off the bus. Only an accepted model is kept,
+and sent to the controller if the operator wants that, too.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from dtwin.application import REQUEST, Application
+from dtwin.errors import DtwinError, IdentificationError
+from dtwin.identification.data import Experiment
+from dtwin.identification.estimate import identify, load_kernels
+from dtwin.identification.excitation import PLAIN, SAMPLES, Excitation
+from dtwin.identification.held_out import compare
+from dtwin.identification.live import Collector, divided
+from dtwin.identification.model import IdentifiedModel, from_estimate
+from dtwin.identification.options import settings_for
+from dtwin.identification.store import STORE, ModelStore
+from dtwin.iec61499.address import Address, parse_address
+from dtwin.iec61499.types import BOOL
+from dtwin.iec61499.wire import Signature
+from dtwin.messages import (
+    DECIDE,
+    IDENTIFICATION,
+    IDENTIFY,
+    MODEL,
+    SENSORS,
+    VOLTAGES,
+    Estimated,
+    IdentificationDecision,
+    IdentificationRequest,
+    IdentificationState,
+    ModelSetting,
+)
+from dtwin.parameters import PERIOD
+from dtwin.signals import Sensors, Voltages
+from services.service import Link, Service, main
+
+log = logging.getLogger(__name__)
+
+NAME: Final = "identification"
+PATIENCE: Final = 30.0
+"""s for the signal to be over, beyond its own length"""
+PROGRESS: Final = 50
+"""ticks between two messages about progress"""
+_SIGNAL: Final = tuple(f"TWIN.{name}" for name in ("AMPLITUDE1", "AMPLITUDE2", "AMPLITUDE3"))
+_TIMING: Final = tuple(f"TWIN.{name}" for name in ("UNIT", "DELAY1", "DELAY2", "DELAY3", "LENGTH"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(Link):
+    """Identify the arm of a running cell when an operator asks."""
+
+    controller: str = "127.0.0.1:61499"
+    """HOST:PORT of the controller's device management."""
+    store: Path = STORE
+    """Folder of the kept models."""
+
+    def run(self) -> int:
+        address = parse_address(self.controller)
+        load_kernels()
+        with Service(NAME, self) as service:
+            Identification(service, address, ModelStore(self.store)).run()
+        return 0
+
+
+class Identification:
+    """One identification after another, each from request to decision."""
+
+    def __init__(self, service: Service, controller: Address, store: ModelStore) -> None:
+        self._service = service
+        self._controller = controller
+        self._store = store
+        self._state = IdentificationState("idle", "ready")
+        self._collector: Collector | None = None
+        self._request = IdentificationRequest()
+        self._deadline = 0.0
+        self._model: IdentifiedModel | None = None
+        self._finished = 0
+        bus = service.bus
+        self._publish = bus.publisher(IDENTIFICATION)
+        bus.subscribe(SENSORS, Sensors, self._pass_on)
+        bus.subscribe(VOLTAGES, Voltages, self._pass_on)
+        bus.answer(IDENTIFY, IdentificationRequest, self._ask)
+        bus.answer(DECIDE, IdentificationDecision, self._decide)
+
+    def run(self) -> None:
+        """Works until it is asked to end."""
+        service = self._service
+        service.ready()
+        while not service.stopping:
+            item = service.next(0.2)
+            try:
+                self._deal_with(item)
+            except DtwinError as error:
+                self._collector = None
+                self._enter(IdentificationState("refused", str(error)[:1000]))
+            if service.report_due():
+                service.report("running", self._finished)
+
+    def _pass_on(self, message: Sensors | Voltages) -> None:
+        if self._state.phase == "measuring":
+            self._service.inbox.put(message)
+
+    def _ask(self, request: IdentificationRequest | None) -> IdentificationState:
+        """Answers on Zenoh's thread; the work is the main thread's."""
+        if request is not None:
+            if self._state.phase in ("measuring", "estimating"):
+                raise IdentificationError(f"an identification is {self._state.phase}; wait for it")
+            settings_for(request.free)
+            self._state = IdentificationState("measuring", "the signal is asked for")
+            self._service.inbox.put(request)
+        return self._state
+
+    def _decide(self, decision: IdentificationDecision | None) -> IdentificationState:
+        if decision is None:
+            return self._state
+        model = self._model
+        if self._state.phase != "proposed" or model is None:
+            raise IdentificationError(f"no model waits for a decision: the identification is {self._state.phase}")
+        if not decision.accept:
+            self._enter(msgspec.structs.replace(self._state, phase="rejected", text="the model was not kept"))
+            return self._state
+        entry = self._store.save(model, decision.name)
+        text = f"kept as {entry}"
+        if decision.upload:
+            unopposed = model.arm.with_values({f"mu{joint}": 0.0 for joint in (1, 2, 3)})
+            self._service.bus.ask(MODEL, ModelSetting(unopposed), ModelSetting)
+            text += " and in effect in the controller"
+        self._enter(msgspec.structs.replace(self._state, phase="accepted", text=text, model_file=str(entry.path)))
+        return self._state
+
+    def _deal_with(self, item: Sensors | Voltages | IdentificationRequest | None) -> None:
+        collector = self._collector
+        if isinstance(item, IdentificationRequest):
+            self._begin(item)
+        elif collector is not None and isinstance(item, Sensors):
+            collector.sample(item)
+        elif collector is not None and isinstance(item, Voltages):
+            before = collector.done
+            collector.command(item)
+            if collector.complete:
+                self._collector = None
+                self._estimate(collector.experiment())
+            elif collector.done != before and collector.done % PROGRESS == 0:
+                self._enter(IdentificationState("measuring", "the arm is excited", collector.done, collector.samples))
+        if self._collector is not None and time.monotonic() > self._deadline:
+            raise IdentificationError(
+                f"only {self._collector.done} ticks of the signal were seen: does the cell run?"
+            )
+
+    def _begin(self, request: IdentificationRequest) -> None:
+        self._request, self._model = request, None
+        application = Application(self._controller)
+        try:
+            signal, samples = _signal(application)
+            self._collector = Collector(signal, samples, request.box_mass)
+            self._deadline = time.monotonic() + samples * PERIOD + PATIENCE
+            port = application.connect(REQUEST, Signature([BOOL]), Signature([]))
+            try:
+                port.exchange([True])
+            finally:
+                port.close()
+        finally:
+            application.close()
+        self._enter(IdentificationState("measuring", "the arm is excited", 0, samples))
+
+    def _estimate(self, experiment: Experiment) -> None:
+        count = len(experiment)
+        self._enter(IdentificationState("estimating", "the model is fitted", count, count))
+        part, rest = divided(experiment)
+        estimate = identify([part], settings_for(self._request.free))
+        fit = compare([rest], estimate.parameters, estimate.problem.offset(estimate.x)).fit
+        self._model = from_estimate(estimate, np.array(fit), "the running cell")
+        self._finished += 1
+        first, second, third = fit.tolist()
+        self._enter(
+            IdentificationState(
+                "proposed",
+                estimate.identifiability.text()[:1000],
+                count,
+                count,
+                estimate.converged,
+                estimate.whiteness.white,
+                estimate.identifiability.rank,
+                {
+                    name: Estimated(estimate.values[name], estimate.standard_errors[name])
+                    for name in estimate.identifiability.identifiable
+                },
+                (first, second, third),
+            )
+        )
+
+    def _enter(self, state: IdentificationState) -> None:
+        self._state = state
+        self._publish(state)
+        log.info("%s: %s", state.phase, state.text)
+
+
+def _signal(application: Application) -> tuple[Excitation, int]:
+    """What the blocks will play; the library's own values where the device does not tell."""
+    try:
+        first, second, third = application.read(_SIGNAL)
+        unit, *delay, samples = (round(value) for value in application.read(_TIMING))
+    except DtwinError:
+        return PLAIN, SAMPLES
+    return Excitation((first, second, third), unit, (delay[0], delay[1], delay[2])), samples
+
+
+if __name__ == "__main__":
+    sys.exit(main(NAME, Options))

@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+from bench import ARM, CLEAN, measured
+
+from dtwin.control import EmbeddedController
+from dtwin.emulation import Emulation
+from dtwin.errors import IdentificationError
+from dtwin.identification.estimate import identify
+from dtwin.identification.excitation import PLAIN, SAMPLES
+from dtwin.identification.live import Collector, divided
+from dtwin.identification.options import free_names, settings_for
+from dtwin.parameters import PERIOD
+from dtwin.signals import Voltages
+
+
+def traffic(ticks, ask_at, lose=()):
+    """Samples and commands of a running cell in which an operator asks for the signal at a tick."""
+    emulation, controller = Emulation(seed=3, noise=0.002), EmbeddedController()
+    request = controller.resource.server("TWIN.IDENTIFICATION.REQUEST")
+    for tick in range(ticks):
+        if tick == ask_at:
+            request.exchange((True,))
+        sensors = emulation.read()
+        command = controller.step(sensors)
+        if tick not in lose:
+            yield sensors, command
+        emulation.apply(command)
+        emulation.advance(PERIOD)
+
+
+def collected(pairs):
+    collector = Collector(PLAIN, SAMPLES, 0.2)
+    for sensors, command in pairs:
+        collector.sample(sensors)
+        collector.command(command)
+    return collector
+
+
+def test_the_signal_is_found_in_a_running_cell_and_identifies_the_arm():
+    collector = collected(traffic(700, ask_at=220))
+    assert collector.complete
+    experiment = collector.experiment()
+    assert np.array_equal(experiment.volts, PLAIN.volts())
+    part, rest = divided(experiment)
+    assert (len(part), len(rest)) == (280, 70)
+    estimate = identify([experiment], settings_for("K2,K3,I,c,D"))
+    assert estimate.converged
+    assert estimate.whiteness.white
+    assert estimate.identifiability.unidentifiable == ()
+    for name in estimate.problem.free:
+        assert abs(estimate.values[name] - ARM.get(name)) < 4.5 * estimate.standard_errors[name], name
+
+
+def test_no_signal_is_no_experiment():
+    collector = collected(traffic(300, ask_at=-1))
+    assert collector.done == 0
+    with pytest.raises(IdentificationError, match="seen for 0 of 350 ticks only"):
+        collector.experiment()
+
+
+def test_a_lost_tick_is_named():
+    with pytest.raises(IdentificationError, match=r"broke off after 100 of 350 ticks, at 3\.01 s"):
+        collected(traffic(700, ask_at=200, lose={300}))
+
+
+def test_commands_out_of_order_or_without_sample_are_left_out():
+    pairs = list(traffic(400, ask_at=10))
+    collector = Collector(PLAIN, SAMPLES, 0.2)
+    stray = Voltages(9999, 1.0, (6.0, 4.0, 3.0, 0.0), False)
+    for sensors, command in pairs:
+        collector.sample(sensors)
+        collector.command(command)
+        collector.command(command)
+        collector.command(stray)
+    assert collector.complete
+
+
+def test_what_an_operator_types():
+    assert free_names("K, m2 D") == ("K1", "K2", "K3", "m2", "D1", "D2", "D3")
+    settings = settings_for("mu,D1", priors=["D1=0.05+-0.01"])
+    assert settings.known.coulomb == (0.01, 0.01, 0.01)
+    assert settings.priors["D1"].deviation == 0.01
+    assert len(measured(samples=60)) == 60
+    assert len(CLEAN) == 350
