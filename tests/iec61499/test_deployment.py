@@ -317,8 +317,8 @@ def test_a_device_without_lua_keeps_what_it_runs() -> None:
         with pytest.raises(ManagementError) as refused:
             deploy(client, cell_plan())
         assert [block.name for block in client.blocks("")] == ["EMB_RES"]
-    assert "refused type PICK_AND_PLACE_" in str(refused.value)
-    assert "of block SEQUENCE: UNSUPPORTED_CMD: the device does not take block types" in str(refused.value)
+    assert "refused type RESTART_DETECTOR_" in str(refused.value)
+    assert "of block DETECTOR: UNSUPPORTED_CMD: the device does not take block types" in str(refused.value)
     assert "FORTE_USE_LUATYPES" in str(refused.value)
 
 
