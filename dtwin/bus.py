@@ -7,8 +7,11 @@ the others stay joined, and the next one to come takes its place. Nobody looks f
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
+import re
+import socket
 import threading
 from collections import Counter
 from collections.abc import Callable
@@ -29,9 +32,21 @@ RENDEZVOUS: Final = "tcp/127.0.0.1:7461"
 """Where services meet that nobody told otherwise."""
 TIMEOUT: Final = 5.0
 """s, for the answer to a query"""
+EXPLAIN: Final = 2.0
+"""s that joining may take before it is said why"""
 _TRANSPORT_LIMIT: Final = 1 << 20
 """bytes: what a session takes from a peer before it is put together to one message"""
 _RETRY: Final = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
+_TLS_FILES: Final = tuple(
+    f"transport/link/tls/{name}"
+    for name in (
+        "root_ca_certificate",
+        "listen_certificate",
+        "listen_private_key",
+        "connect_certificate",
+        "connect_private_key",
+    )
+)
 _JSON: Final = zenoh.Encoding.APPLICATION_JSON
 _SAID: Final = 3
 """Refusals of one kind that are logged one by one; after that they are only counted."""
@@ -43,25 +58,81 @@ def open_peer(rendezvous: str = RENDEZVOUS) -> zenoh.Session:
     Raises:
         CommunicationError: that is no endpoint of this machine.
     """
+    spoke = _peer([f"{rendezvous.rpartition(':')[0]}:0"], [rendezvous])
+    if _taken(rendezvous):
+        return _open(spoke)
     try:
         return _open(_peer([rendezvous], []))
     except CommunicationError:
-        # somebody listens there, or nobody can: in the first case this works
-        return _open(_peer([f"{rendezvous.rpartition(':')[0]}:0"], [rendezvous]))
+        # somebody was faster
+        if not _taken(rendezvous):
+            raise
+        return _open(spoke)
+
+
+def _taken(endpoint: str) -> bool:
+    """Whether somebody listens at a TCP endpoint."""
+    match = re.fullmatch(r"tcp/(\d+(?:\.\d+){3}):(\d{1,5})", endpoint)
+    if match is None or not 0 < int(match[2]) < 65536:
+        raise CommunicationError(f"{endpoint!r}: expected an endpoint such as {RENDEZVOUS}")
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((match[1], int(match[2])))
+        except OSError as error:
+            if error.errno == errno.EADDRINUSE:
+                return True
+            raise CommunicationError(f"{endpoint}: {error.strerror}") from None
+    return False
 
 
 def open_configured(path: Path, name: str) -> zenoh.Session:
-    """A session after a Zenoh configuration file, or after the file `NAME.json5` of a folder.
+    """A session after a Zenoh configuration file, or after `NAME.json5` or else `service.json5` of a folder.
+
+    Paths of certificates and keys are relative to the file.
 
     Raises:
         CommunicationError: the file is missing or no Zenoh configuration, or the session cannot be opened.
     """
-    file = path / f"{name}.json5" if path.is_dir() else path
+    file = path
+    if path.is_dir():
+        file = next(
+            (f for f in (path / f"{name}.json5", path / "service.json5") if f.is_file()), path / f"{name}.json5"
+        )
+    opened = threading.Event()
+
+    def explain() -> None:
+        """Zenoh tries for ever without a word; a session that gives up says what is wrong."""
+        while not opened.wait(EXPLAIN):
+            hasty = _configuration(file)
+            hasty.insert_json5("connect/exit_on_failure", "true")
+            hasty.insert_json5("connect/timeout_ms", "0")
+            try:
+                zenoh.open(hasty).close()
+            except zenoh.ZError as error:
+                log.warning("cannot join yet: %s Is a router there, and does it take the certificate?", _line(error))
+
+    configuration = _configuration(file)
+    threading.Thread(target=explain, name="explain", daemon=True).start()
+    try:
+        return _open(configuration)
+    finally:
+        opened.set()
+
+
+def _configuration(file: Path) -> zenoh.Config:
     try:
         configuration = zenoh.Config.from_file(file)
+        for key in _TLS_FILES:
+            relative = json.loads(configuration.get_json(key))
+            if relative:
+                path = file.resolve().parent / relative
+                if not path.is_file():
+                    raise CommunicationError(f"{file}: {path} is missing: see scripts/certificates")
+                configuration.insert_json5(key, json.dumps(str(path)))
     except zenoh.ZError as error:
         raise CommunicationError(f"{file}: no Zenoh configuration: {_line(error)}") from None
-    return _open(configuration)
+    return configuration
 
 
 def _peer(listen: list[str], connect: list[str]) -> zenoh.Config:
@@ -273,4 +344,5 @@ def _bytes(payload: zenoh.ZBytes) -> bytes:
 
 
 def _line(error: Exception) -> str:
-    return " ".join(str(error).split())
+    """Zenoh's words without the places in its source."""
+    return " ".join(re.sub(r" at /\S+", "", str(error)).split())

@@ -6,6 +6,7 @@ The children hold one end of a pipe: when the supervisor goes, in whatever way, 
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import threading
@@ -32,6 +33,7 @@ SILENT: Final = 3.0
 """s without a status after which a service that runs counts as silent"""
 STOP_TIMEOUT: Final = 8.0
 """s to end in, then killed"""
+_ANSI: Final = re.compile(r"\x1b\[[0-9;]*m")
 _BAD_OPTIONS: Final = 2
 """Exit status of a service that will not start however often one tries"""
 
@@ -149,7 +151,7 @@ class _Child:
         assert process.stderr is not None
         with process.stderr:
             for line in process.stderr:
-                text = line.strip().removeprefix(f"{self.program.name}: ")[:1000]
+                text = _ANSI.sub("", line).strip().removeprefix(f"{self.program.name}: ")[:1000]
                 if text:
                     self._said.append(text)
 

@@ -85,14 +85,22 @@ class Service:
         self._woken = threading.Event()
         self._last_error = _LastError()
         logging.getLogger().addHandler(self._last_error)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._stop)
         watch_lifeline()
-        self.bus = link.bus(name)
+        self.bus = self._join(link)
         self._awaited = set(link.wait_for)
         self._publish: Callable[[Status], None] = self.bus.publisher(STATUS, name)
         self._due = time.monotonic()
         self._rate_from = (self._due, 0)
+
+    def _join(self, link: Link) -> Bus:
+        """Joins the bus; until that is done, which may be never, a signal ends the process at once."""
+        numbers = (signal.SIGINT, signal.SIGTERM)
+        for number in numbers:
+            signal.signal(number, signal.SIG_DFL)
+        bus = link.bus(self.name)
+        for number in numbers:
+            signal.signal(number, self._stop)
+        return bus
 
     def __enter__(self) -> Service:
         return self

@@ -1,0 +1,157 @@
+"""The secured configuration with real sessions: who may join, read, write and ask."""
+
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dtwin.bus import Bus, open_configured
+from dtwin.errors import CommunicationError
+from dtwin.messages import (
+    EVENTS,
+    FAULT,
+    GAINS,
+    SENSORS,
+    VOLTAGES,
+    Done,
+    FaultRequest,
+    GainsSetting,
+    Topic,
+)
+from dtwin.parameters import Gains
+from dtwin.signals import Event, Sensors, Voltages
+from tests.services.bench import ROOT, free_port, until
+
+pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="needs the openssl command: install it")
+
+SAMPLE = Sensors(0, 0.0, (0.0, 0.0, 0.0), 0.9, False, "")
+COMMAND = Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), False)
+SECURED = ROOT / "config" / "secured"
+
+
+def certify(folder: Path, *names: str) -> None:
+    subprocess.run([ROOT / "scripts" / "certificates", folder, *names], check=True, timeout=60)
+
+
+@pytest.fixture(scope="module")
+def secured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The shipped configuration at a free port, with certificates, and its router running."""
+    folder = tmp_path_factory.mktemp("secured")
+    port = str(free_port())
+    for file in SECURED.glob("*.json5"):
+        text = file.read_text().replace("7447", port).replace("0.0.0.0", "127.0.0.1")
+        (folder / file.name).write_text(text)
+    certify(folder / "certificates")
+    certify(folder / "certificates", "stranger")
+    certify(folder / "other")
+    router = open_configured(folder, "router")
+    yield folder
+    router.close()
+
+
+def variant(secured: Path, name: str, old: str, new: str) -> Path:
+    """A client's configuration with something changed, which gives up when it cannot join."""
+    text = (secured / f"{name}.json5").read_text()
+    assert old in text
+    file = secured / f"{name}-variant.json5"
+    text = text.replace("exit_on_failure: false", "exit_on_failure: true").replace(
+        "timeout_ms: -1", "timeout_ms: 1000"
+    )
+    file.write_text(text.replace(old, new))
+    return file
+
+
+class Probe:
+    """Joins as somebody and remembers what it hears."""
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self.bus = Bus(open_configured(folder, name))
+        self.heard: list[object] = []
+
+    def __enter__(self) -> "Probe":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.bus.close()
+
+    def hear(self, topic: Topic, message: type) -> "Probe":
+        self.bus.subscribe(topic, message, self.heard.append)
+        return self
+
+
+def test_every_client_file_is_the_same_but_for_the_name() -> None:
+    names = {file.stem for file in SECURED.glob("*.json5")} - {"router"}
+    texts = {
+        (SECURED / f"{name}.json5").read_text().replace(f'"{name}"', "NAME").replace(f"/{name}.", "/NAME.")
+        for name in names
+    }
+    assert len(names) == 8
+    assert len(texts) == 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("connect_certificate:", "// "),
+        ("certificates/bridge", "other/bridge"),
+        ("certificates/ca.pem", "other/ca.pem"),
+        ("tls/localhost", "tls/127.0.0.2"),
+    ],
+    ids=["no certificate", "certificate of another authority", "trusts another authority", "another host's name"],
+)
+def test_whoever_has_no_valid_certificate_cannot_join(secured: Path, old: str, new: str) -> None:
+    open_configured(variant(secured, "bridge", "", ""), "bridge").close()
+    with pytest.raises(CommunicationError):
+        open_configured(variant(secured, "bridge", old, new), "bridge").close()
+
+
+@pytest.mark.parametrize(
+    ("who", "topic", "message", "allowed"),
+    [
+        ("bridge", VOLTAGES, COMMAND, True),
+        ("operator", VOLTAGES, COMMAND, False),
+        ("emulator", VOLTAGES, COMMAND, False),
+        ("emulator", SENSORS, SAMPLE, True),
+        ("recorder", SENSORS, SAMPLE, False),
+    ],
+)
+def test_who_may_publish(secured: Path, who: str, topic: Topic, message: Any, allowed: bool) -> None:
+    with Probe(secured, "monitoring").hear(topic, type(message)) as listener, Probe(secured, who) as publisher:
+        publish = publisher.bus.publisher(topic)
+        if allowed:
+            until(lambda: publish(message) or listener.heard, "the message passes")
+        else:
+            listener.hear(EVENTS, Event)
+            report, said = publisher.bus.publisher(EVENTS), Event(0.0, who, "")
+            # what it may publish comes after what it may not, on the same way: then nothing is still on its way
+            until(lambda: publish(message) or report(said) or said in listener.heard, "the event passes")
+            assert message not in listener.heard
+
+
+def test_a_certificate_without_a_role_reads_nothing(secured: Path) -> None:
+    file = variant(secured, "recorder", "certificates/recorder", "certificates/stranger")
+    with Probe(secured, "emulator") as emulator, Probe(file, "").hear(SENSORS, Sensors) as stranger:
+        with Probe(secured, "recorder").hear(SENSORS, Sensors) as recorder:
+            publish = emulator.bus.publisher(SENSORS)
+            until(lambda: publish(SAMPLE) or recorder.heard, "the recorder hears")
+        assert not stranger.heard
+
+
+def test_only_operators_may_set_gains_and_faults(secured: Path) -> None:
+    applied: list[object] = []
+    wanted = GainsSetting(Gains((1.0, 2.0, 3.0)))
+    with Probe(secured, "bridge") as bridge, Probe(secured, "emulator") as emulator:
+        bridge.bus.answer(GAINS, GainsSetting, lambda asked: applied.append(asked) or asked)
+        emulator.bus.answer(FAULT, FaultRequest, lambda asked: applied.append(asked) or Done(0.0, "done"))
+        with Probe(secured, "operator") as operator:
+            assert operator.bus.ask(GAINS, wanted, GainsSetting) == wanted
+            assert operator.bus.ask(FAULT, FaultRequest(("slip@1",)), Done).text == "done"
+        for name in ("recorder", "monitoring", "controller", "emulator"):
+            with Probe(secured, name) as other, pytest.raises(CommunicationError, match="may this session ask"):
+                other.bus.ask(GAINS, wanted, GainsSetting, 0.5)
+        with Probe(secured, "recorder") as other, pytest.raises(CommunicationError, match="may this session ask"):
+            other.bus.ask(FAULT, FaultRequest(("slip@1",)), Done, 0.5)
+    assert len(applied) == 2
