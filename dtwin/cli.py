@@ -70,6 +70,7 @@ COMMANDS: Final[dict[str, Entry]] = {
     "model set": Entry("dtwin.commands.settings", "ModelSet", "set the arm model of the running controller"),
     "target set": Entry("dtwin.commands.settings", "TargetSet", "set how long the motions take"),
     "bench identify": Entry("dtwin.commands.bench_identify", "BenchIdentify", "time a fit against mujoco.sysid"),
+    "demo recovery": Entry("dtwin.commands.demo", "DemoRecovery", "let the twin find a fault and put it right"),
     "bench": Entry("dtwin.commands.bench", "Bench", "measure the speed of the parts on this machine"),
 }
 

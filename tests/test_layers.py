@@ -28,6 +28,7 @@ LAYERS = [
         "dtwin.monitoring",
         "dtwin.simulation",
     },
+    {"dtwin.recovery"},
     {"services", "dtwin.commands", "dtwin.cli", "dtwin.__main__"},
 ]
 OWNERS = {"mujoco": "dtwin.emulation", "zenoh": "dtwin.bus", "rerun": "dtwin.view", "rerun_loader_mjcf": "dtwin.view"}

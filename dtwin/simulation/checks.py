@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -63,14 +63,18 @@ class Prediction:
 
     Attributes:
         tracking: largest distance of each joint from its path over the cell's motions, rad.
+        rms: root mean square of the distance over all motions and joints, rad.
         peak_volts: largest voltage of each joint, V.
         saturated: largest share of the samples of a motion with a voltage at its limit.
+        worst: the motion with the largest distance from the path.
         spectral_radius: of the closed loop at rest, the largest over the places, with and without a box.
     """
 
     tracking: Triple
+    rms: float
     peak_volts: Triple
     saturated: float
+    worst: Motion
     spectral_radius: float
 
 
@@ -102,31 +106,34 @@ class Checker:
         """
         check_bounds(settings)
         radius = self._stability(settings, arm, motions)
-        tracking, volts, saturated = np.zeros(3), np.zeros(3), 0.0
-        for motion in motions:
-            case = Case(
-                motion.goal,
-                settings,
-                angles_of(motion.start),
-                arm=arm,
-                payload=settings.payload if motion.carries else 0.0,
-                carries=motion.carries,
-                duration=settings.target_time + TAIL,
+        try:
+            prediction = self.predict(settings, arm, motions)
+        except DivergenceError as error:
+            raise Refused(str(error)) from None
+        worst = max(prediction.tracking)
+        if worst > WORST_TRACKING:
+            joint, motion = prediction.tracking.index(worst) + 1, prediction.worst
+            raise Refused(
+                f"{motion.start} to {motion.goal}: joint {joint} would leave its path by {worst:.3g} rad, expected at"
+                f" most {WORST_TRACKING:g} rad"
             )
-            try:
-                found = self._simulator.run(case).figures
-            except DivergenceError as error:
-                raise Refused(f"{motion.start} to {motion.goal}: {error}") from None
-            worst = max(found.tracking_max)
-            if worst > WORST_TRACKING:
-                raise Refused(
-                    f"{motion.start} to {motion.goal}: joint {found.tracking_max.index(worst) + 1} would leave its"
-                    f" path by {worst:.3g} rad, expected at most {WORST_TRACKING:g} rad"
-                )
-            tracking = np.maximum(tracking, found.tracking_max)
-            volts = np.maximum(volts, found.peak_volts)
-            saturated = max(saturated, found.saturated)
-        return Prediction(triple(tracking), triple(volts), saturated, radius)
+        return replace(prediction, spectral_radius=radius)
+
+    def predict(
+        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion] = MOTIONS
+    ) -> Prediction:
+        """What to expect of settings on an arm, good or bad; stability at rest is not looked at.
+
+        Raises:
+            DivergenceError: the arm left the finite numbers.
+        """
+        found = [self._simulator.run(_case(motion, settings, arm)).figures for motion in motions]
+        tracking = np.array([figures.tracking_max for figures in found])
+        worst = motions[int(tracking.max(axis=1).argmax())]
+        volts = np.max([figures.peak_volts for figures in found], axis=0)
+        saturated = max(figures.saturated for figures in found)
+        rms = float(np.sqrt(np.mean([np.square(figures.tracking_rms) for figures in found])))
+        return Prediction(triple(tracking.max(axis=0)), rms, triple(volts), saturated, worst, 0.0)
 
     def _stability(self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion]) -> float:
         worst = 0.0
@@ -141,6 +148,18 @@ class Checker:
                 )
             worst = max(worst, radius)
         return worst
+
+
+def _case(motion: Motion, settings: ControlSettings, arm: ArmParameters) -> Case:
+    return Case(
+        motion.goal,
+        settings,
+        angles_of(motion.start),
+        arm=arm,
+        payload=settings.payload if motion.carries else 0.0,
+        carries=motion.carries,
+        duration=settings.target_time + TAIL,
+    )
 
 
 def check_bounds(settings: ControlSettings) -> None:

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 from dtwin.parameters import Triple
+from dtwin.simulation.figures import triple
 
 Verdict = Literal["running", "passed", "failed"]
+
+
+INTERIM: Final = 3.0
+"""times the bounds, before the first motion that starts with the new settings: the twin predicts whole motions, and
+in what remains of the old one the integrals still fit the old settings"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +44,8 @@ class Trial:
         predicted: largest distance of each joint from its path, rad.
 
     Attributes:
-        measured: the largest distance of each joint seen since the arm was within the bounds, rad.
+        measured: the largest distance of each joint that counted, rad.
+        bounds: that count from the next motion on, rad.
         offender: joint (1 to 3) that failed, 0 for none.
     """
 
@@ -46,24 +53,24 @@ class Trial:
         self.began = began
         self.measured: Triple = (0.0, 0.0, 0.0)
         self.offender = 0
-        self.bounds: Triple = (
-            rules.factor * predicted[0] + rules.allowance,
-            rules.factor * predicted[1] + rules.allowance,
-            rules.factor * predicted[2] + rules.allowance,
-        )
+        self.bounds = triple(rules.factor * distance + rules.allowance for distance in predicted)
         self._rules = rules
-        self._counts = False
+        self._moved = self._counts = False
         self._beyond = 0
 
     def observe(self, time: float, path: Triple, measured: Triple) -> Verdict:
-        """Judges a sample: plant time s, path and measured angles rad."""
-        away = (abs(path[0] - measured[0]), abs(path[1] - measured[1]), abs(path[2] - measured[2]))
+        """Judges a sample: plant time s, path and measured angles rad.
+
+        A path starts where the arm is measured to be, which tells its first sample from all others.
+        """
+        self._moved = self._moved or path == measured
+        away = triple(abs(wanted - found) for wanted, found in zip(path, measured, strict=True))
+        limit = 1.0 if self._moved else INTERIM
         over = [distance / bound for distance, bound in zip(away, self.bounds, strict=True)]
-        inside = max(over) <= 1.0
+        inside = max(over) <= limit
         self._counts = self._counts or inside or time >= self.began + self._rules.grace
         if self._counts:
-            first, second, third = map(max, self.measured, away)
-            self.measured = (first, second, third)
+            self.measured = triple(map(max, self.measured, away))
             self._beyond = 0 if inside else self._beyond + 1
             if self._beyond >= self._rules.samples:
                 self.offender = over.index(max(over)) + 1
