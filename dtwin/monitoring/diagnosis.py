@@ -35,6 +35,8 @@ _PRECISE: Final = 0.02
 """standard deviation of the size, relative to what is plausible, that is small enough to settle"""
 _LOADS: Final = (-0.15, -0.1, -0.05, 0.1, 0.2)
 """kg, changes of the payload to start from: the arm answers to them too unlike linearly to start from none"""
+_SERIOUS: Final = 0.6
+"""share of the best statistic that makes a suspicion's onset one that a joint may have been locked at"""
 _HOPELESS: Final = 25.0
 """log-likelihood behind the best at which a candidate is given up"""
 
@@ -160,7 +162,8 @@ class Diagnosis:
         self._sizes = sizes
         self.alarm = sample
         likely = suspicions[:CONSIDERED]
-        onsets = list({suspicion.onset.sample: suspicion.onset for suspicion in likely}.values())
+        serious = [s.onset for s in likely if s.statistic > _SERIOUS * likely[0].statistic]
+        onsets = list({onset.sample: onset for onset in serious}.values())
         hypotheses = [(suspicion.fault, suspicion.onset) for suspicion in likely]
         hypotheses += [(f"friction{s.fault[-1]}", s.onset) for s in likely if s.fault[0] == "D"]
         hypotheses += [(f"lock{joint}", onset) for joint in (1, 2, 3) for onset in onsets]

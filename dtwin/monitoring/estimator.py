@@ -50,7 +50,7 @@ class Tuning:
         speed: standard deviation of the speeds at the first sample, rad/s.
     """
 
-    torque: float = 5e-4
+    torque: float = 1e-4
     walk: float = 2e-4
     offset_walk: float = 1e-5
     box_mass: float = 0.2

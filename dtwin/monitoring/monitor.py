@@ -73,6 +73,7 @@ class Monitor:
     Attributes:
         estimator: the arm as believed now.
         findings: what is wrong now, by parameter.
+        history: every finding that was settled, in order.
         events: everything that was noticed, in order.
         missed: samples that did not arrive.
         restarts: how often the estimate of the motion had to start anew.
@@ -89,11 +90,12 @@ class Monitor:
         self.estimator = Estimator(belief, self.settings.tuning)
         self._heard: list[Array] = []
         self._bank = SignatureBank(self._sizes)
-        self._history: deque[Moment] = deque(maxlen=LONGEST + 2 * SPACING)
+        self._moments: deque[Moment] = deque(maxlen=LONGEST + 2 * SPACING)
         self._diagnosis: Diagnosis | None = None
         self._pending: Finding | None = None
         self._before: dict[str, float] = {}
         self.findings: dict[str, Finding] = {}
+        self.history: list[Finding] = []
         self.events: list[Event] = []
         self.missed = self.restarts = 0
         self.sample = -1
@@ -187,7 +189,7 @@ class Monitor:
             self.events.append(Event(sample * PERIOD, "restart", f"{reason}: the estimate of the motion starts anew"))
         self.sample = sample
         self._diagnosis = self._pending = None
-        self._history.clear()
+        self._moments.clear()
         self._bank.clear()
         self.estimator.begin(measured, gripped)
         self._quiet = max(SETTLING, LISTENING - len(self._heard))
@@ -203,7 +205,7 @@ class Monitor:
                 self._forget()
                 return
         moment = Moment(command, gripped, guessed, measured, used, likelihood)
-        self._history.append(moment)
+        self._moments.append(moment)
         if regripped:
             self._bank.regrip()
             if not gripped:
@@ -219,7 +221,7 @@ class Monitor:
         self._bank.update(estimator, used, self.sample)
         if self._bank.worst() > self._alarm:
             suspicions = self._bank.suspicions()
-            self._diagnosis = Diagnosis(suspicions, list(self._history), self.sample, self._sizes, bool(estimator.locked))
+            self._diagnosis = Diagnosis(suspicions, list(self._moments), self.sample, self._sizes, bool(estimator.locked))
             self._decide(self._diagnosis)
 
     def _forget(self) -> None:
@@ -227,7 +229,7 @@ class Monitor:
         self.estimator = Estimator(self._belief, self.settings.tuning)
         self._bank.clear()
         self.estimator.begin(self._last, self._gripped)
-        self._history.clear()
+        self._moments.clear()
         self._quiet = SETTLING
         self.restarts += 1
         self.events.append(Event(self.time, "restart", "the estimate diverged and starts anew from the model"))
@@ -254,7 +256,7 @@ class Monitor:
         finding, self._pending = self._pending, None
         if candidate.changes():
             candidate = candidate.again(self._sizes)
-            candidate.catch_up(list(self._history), self.sample)
+            candidate.catch_up(list(self._moments), self.sample)
         self.estimator = candidate.estimator
         if finding.cause == "unknown":
             self.estimator.disturb(0)
@@ -283,7 +285,11 @@ class Monitor:
         since = min([finding.since, *(f.since for f in known)])
         finding = self._finding(candidate, finding.confidence, finding.detected)
         finding = msgspec.structs.replace(finding, since=since, settled=True)
+        self._enter(finding)
+
+    def _enter(self, finding: Finding) -> None:
         self.findings[finding.parameter] = finding
+        self.history.append(finding)
         self.events.append(Event(self.time, "failed", finding.text()))
 
     def _is_nothing(self, name: str, change: Change) -> bool:
@@ -322,7 +328,6 @@ class Monitor:
             if name not in self.findings and count >= FROZEN - 1 and surprising:
                 since = self.time - count * PERIOD
                 finding = Finding(name, CAUSE_OF["freeze"], i + 1, 0.0, 0.0, 1.0, since, self.time, True)
-                self.findings[name] = finding
-                self.events.append(Event(self.time, "failed", finding.text()))
+                self._enter(finding)
             elif name in self.findings and count == 0:
                 self.events.append(Event(self.time, "recovered", self.findings.pop(name).text()))

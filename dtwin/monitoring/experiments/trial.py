@@ -21,7 +21,7 @@ from dtwin.loop import CHUNK, run
 from dtwin.monitoring.belief import Belief, identified
 from dtwin.monitoring.monitor import Monitor, MonitorSettings
 from dtwin.monitoring.seed import SeedMonitor, SeedSettings
-from dtwin.monitoring.verdict import CAUSE_OF, Cause, joint_of
+from dtwin.monitoring.verdict import CAUSE_OF, Cause, Finding, joint_of
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.signals import StepRecord
 
@@ -227,11 +227,11 @@ class _Run:
         elif not on_box or payload > 0:
             self.began, self.moving_then, self.payload = time, moving, payload
 
-    def _finding(self):  # type: ignore[no-untyped-def]
+    def _finding(self) -> Finding | None:
         monitor = self.monitor
         if isinstance(monitor, SeedMonitor) or self.began is None:
             return None
-        return next((f for f in monitor.findings.values() if f.detected >= self.began), None)
+        return next((f for f in monitor.history if f.detected >= self.began), None)
 
     def _true_size(self) -> float | None:
         fault = self.fault
