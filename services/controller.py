@@ -11,10 +11,14 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from dtwin.control import BLOCKS, SYSTEM, ControlSettings, Law
-from dtwin.iec61499.address import parse_numeric_address
+from dtwin.iec61499.address import Address, parse_numeric_address
+from dtwin.iec61499.deploy import deploy
+from dtwin.iec61499.deployment import plan_deployment
 from dtwin.iec61499.device import Device
 from dtwin.iec61499.library import Library
+from dtwin.iec61499.management_client import ManagementClient
 from dtwin.iec61499.management_server import ManagementServer
+from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.model import Block, FBNetwork, System
 from dtwin.iec61499.reactor import Reactor
 from services.service import REPORT_PERIOD, Link, Service, free_port, main
@@ -69,8 +73,7 @@ class Options(Link):
             library = Library([blocks])
             for name in library.names():
                 library.find(name)  # now: the folder will not last
-            values = {name: str(value) for name, value in settings.inputs().items()}
-            system = configured(library.load_system(blocks / SYSTEM), values)
+            system = configured(library.load_system(blocks / SYSTEM), _literals(settings))
             return library, system
 
 
@@ -92,6 +95,25 @@ def configured(system: System, values: dict[str, str]) -> System:
             for d in system.devices
         ),
     )
+
+
+def deploy_cell(address: Address, settings: ControlSettings) -> None:
+    """Builds the application on a device, in place of what it runs under the same name.
+
+    Raises:
+        DtwinError: the device does not answer, or refuses.
+    """
+    library = Library([BLOCKS])
+    system = configured(library.load_system(BLOCKS / SYSTEM), _literals(settings))
+    with ManagementClient(address) as client:
+        for device in system.devices:
+            for resource in device.resources:
+                network = resource_network(system, f"{device.name}.{resource.name}")
+                deploy(client, plan_deployment(resource.name, network, library))
+
+
+def _literals(settings: ControlSettings) -> dict[str, str]:
+    return {name: str(value) for name, value in settings.inputs().items()}
 
 
 def with_free_ports(blocks: Path, target: Path) -> Path:

@@ -24,7 +24,7 @@ from dtwin.bus import Bus, open_configured, open_peer
 from dtwin.cell import CellSettings, metadata
 from dtwin.control import ControlSettings, Law
 from dtwin.emulation import NoiseKind, parse_fault
-from dtwin.errors import CommunicationError
+from dtwin.errors import CommunicationError, ParameterError
 from dtwin.iec61499.address import parse_address
 from dtwin.loop import tick_count
 from dtwin.messages import SUMMARY, Summary
@@ -33,6 +33,7 @@ from dtwin.recording import ensure_writable
 from dtwin.runfile import RunFile
 from dtwin.supervisor import Program, Supervisor
 from dtwin.view import Viewer
+from services.controller import deploy_cell
 from services.emulator import Pace
 from services.service import free_port
 
@@ -126,8 +127,13 @@ class UpCommand:
         for path in (self.log, self.record):
             if path is not None:
                 ensure_writable(path)
-        if self.controller != "embedded":
-            parse_address(self.controller.partition("://")[2])
+        scheme = self.controller.partition("://")[0]
+        if scheme in ("forte", "tcp"):
+            parse_address(self.controller, scheme)
+        elif self.controller != "embedded":
+            raise ParameterError(
+                f"--controller {self.controller}: expected embedded, forte://HOST:PORT or tcp://HOST:PORT"
+            )
 
     def _settings(self) -> CellSettings:
         return CellSettings(
@@ -149,6 +155,8 @@ class UpCommand:
         link += ["--zenoh", str(self.zenoh.resolve())] if self.zenoh else ["--meet", meet]
         programs = []
         management = self.controller.partition("://")[2]
+        if self.controller.startswith("forte://"):
+            deploy_cell(parse_address(self.controller, "forte"), self._settings().control)
         if self.controller == "embedded":
             management = f"127.0.0.1:{free_port()}"
             options = [
