@@ -195,6 +195,11 @@ class Settings:
         self._send(GAINS, (*gains.kp, *gains.ki, *gains.kd, seconds))
         return self._confirmed(seconds, self.target_time)
 
+    def set_tuning(self, gains: Gains, seconds: float) -> None:
+        """Changes gains and target time together, in one message between two ticks."""
+        self._send(GAINS, (*gains.kp, *gains.ki, *gains.kd, seconds))
+        self._confirmed(gains, self.gains)
+
     def set_model(self, model: ArmParameters) -> ArmParameters:
         """Changes the model between two ticks; returns what is in effect then."""
         values = model.vector()[: len(_MODEL)]

@@ -217,6 +217,54 @@ class IdentificationState(msgspec.Struct, frozen=True, tag_field="schema", tag=S
     model_file: Line = ""
 
 
+class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """New settings for the running controller: gains and target time, one of them, or a model.
+
+    Attributes:
+        who: wants them.
+        why: in their words.
+        based_on: version of the settings that they have seen.
+        gains: of the computed-torque law.
+        target_time: s.
+        model: of the arm.
+        arm: as the twin knows it, for the check; the controller's model when None.
+    """
+
+    who: Word
+    why: Line
+    based_on: Count
+    gains: Gains | None = None
+    target_time: float | None = None
+    model: ArmParameters | None = None
+    arm: ArmParameters | None = None
+
+
+class Upload(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The newest entry in the history of the settings, and what is in force.
+
+    Attributes:
+        version: of the settings in force.
+        time: plant time of the entry, s.
+        action: start, upload, refuse, confirm or roll back.
+        text: what came of it.
+        on_trial: whether the settings are still being watched.
+        gains: in force.
+        target_time: in force, s.
+        model: in force.
+        predicted: largest distance of each joint from its path that the twin expects, rad.
+    """
+
+    version: Count
+    time: Seconds
+    action: Word
+    text: Line
+    on_trial: bool
+    gains: Gains
+    target_time: float
+    model: ArmParameters
+    predicted: Triple | None = None
+
+
 class Topic(NamedTuple):
     """One line of the table: `message` is published, or sent with a query and answered by `reply`."""
 
@@ -247,9 +295,10 @@ IDENTIFY: Final = Topic(
 DECIDE: Final = Topic(
     "twin/identification/decide", "query", IdentificationDecision, IdentificationState, "identification"
 )
+UPLOAD: Final = Topic("twin/simulation/upload", "query", UploadRequest, Upload, "simulation")
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, PATH, TRUTH, EVENTS, STATUS, ALIVE, GAINS, MODEL, TARGET, FAULT, RESET, SUMMARY),
-    *(IDENTIFICATION, IDENTIFY, DECIDE),
+    *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD),
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""
 

@@ -103,10 +103,7 @@ class Uploader:
             self.last = entries[-1]
             self._resume_trial(entries, time)
         else:
-            text = "the controller has other settings than the history told" if entries else "found in force"
-            version = entries[-1].version + 1 if entries else 1
-            self.last = Entry(version, time, "start", SELF, "", "", found, text)
-            history.append(self.last)
+            self.last = self._found(entries[-1].version + 1 if entries else 1, found, time)
 
     @property
     def settings(self) -> ControlSettings:
@@ -117,6 +114,17 @@ class Uploader:
     def version(self) -> int:
         """Of the settings in force."""
         return self.last.version
+
+    def look_again(self, time: float) -> None:
+        """Notices settings that somebody else has given the controller; they end a trial.
+
+        Raises:
+            CommunicationError: the controller does not answer.
+        """
+        found = self._port.read_back()
+        if not _same(self.settings, found):
+            self.trial = None
+            self.last = self._found(self.version + 1, found, time)
 
     def upload(self, proposal: Proposal, time: float, arm: ArmParameters | None = None) -> Entry:
         """Puts new settings into force, on trial.
@@ -221,6 +229,11 @@ class Uploader:
         self.last = Entry(self.version + changes, time, action, who, why, kind, settings, text, predicted, measured)
         self._history.append(self.last)
         return self.last
+
+    def _found(self, version: int, settings: ControlSettings, time: float) -> Entry:
+        entry = Entry(version, time, "start", SELF, "", "", settings, "found in force")
+        self._history.append(entry)
+        return entry
 
     def _resume_trial(self, entries: list[Entry], time: float) -> None:
         """Takes up a trial that the end of a process cut short."""
