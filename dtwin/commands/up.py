@@ -92,6 +92,7 @@ class UpCommand:
         self._check()
         meet = f"tcp/127.0.0.1:{free_port()}"
         with RunFile(self.cell) as file, self._bus(meet) as bus:
+            journal_of(file.path).unlink(missing_ok=True)
             supervisor = Supervisor(bus, self._programs(meet, file.path))
             zenoh = None if self.zenoh is None else str(self.zenoh.resolve())
             up = runfile.Up(os.getpid(), self.arm, meet, zenoh)
