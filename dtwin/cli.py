@@ -48,6 +48,16 @@ COMMANDS: Final[dict[str, Entry]] = {
         "ExperimentUpload",
         "upload gains and a model to a running cell; report",
     ),
+    "experiment failure": Entry(
+        "dtwin.commands.experiment_monitoring", "ExperimentFailure", "monitor K2 failing; report"
+    ),
+    "experiment faults": Entry(
+        "dtwin.commands.experiment_monitoring", "ExperimentFaults", "score the monitor on faults"
+    ),
+    "experiment sampling": Entry(
+        "dtwin.commands.experiment_monitoring", "ExperimentSampling", "limits of the monitors"
+    ),
+    "monitor": Entry("dtwin.commands.monitor", "MonitorCommand", "find faults of the arm in a log"),
     "model list": Entry("dtwin.commands.model", "ModelList", "list the identified models"),
     "model show": Entry("dtwin.commands.model", "ModelShow", "show an identified model"),
     "model diff": Entry("dtwin.commands.model", "ModelDiff", "compare two identified models"),
@@ -70,6 +80,12 @@ COMMANDS: Final[dict[str, Entry]] = {
     "model set": Entry("dtwin.commands.settings", "ModelSet", "set the arm model of the running controller"),
     "target set": Entry("dtwin.commands.settings", "TargetSet", "set how long the motions take"),
     "bench identify": Entry("dtwin.commands.bench_identify", "BenchIdentify", "time a fit against mujoco.sysid"),
+    "upload gains": Entry(
+        "dtwin.commands.upload", "UploadGains", "check gains, upload them to a running cell, on trial"
+    ),
+    "upload model": Entry("dtwin.commands.upload", "UploadModel", "the same with an identified model"),
+    "upload target": Entry("dtwin.commands.upload", "UploadTarget", "the same with the target time"),
+    "history": Entry("dtwin.commands.history", "ShowHistory", "show all changes of the controller's settings"),
     "demo recovery": Entry("dtwin.commands.demo", "DemoRecovery", "let the twin find a fault and put it right"),
     "bench": Entry("dtwin.commands.bench", "Bench", "measure the speed of the parts on this machine"),
 }

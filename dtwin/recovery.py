@@ -36,7 +36,7 @@ from dtwin.monitoring.verdict import Finding
 from dtwin.parameters import PERIOD, PICKUP, PLACES, ArmParameters, Triple
 from dtwin.recording import Log
 from dtwin.signals import Event, Sensors, Voltages
-from dtwin.simulation.checks import MOTIONS, Checker
+from dtwin.simulation.checks import MOTIONS, Checker, Motion
 from dtwin.simulation.figures import triple
 from dtwin.simulation.history import Entry, History
 from dtwin.simulation.live import WatchedController
@@ -317,24 +317,28 @@ class _Run:
     def _retune(self, arm: ArmParameters, time: float) -> None:
         """Raises the gains as far as the arm needs it to track as it did when it was healthy."""
         settings = self._uploader.settings
-        healthy = self._expected(replace(settings, model=self._arm), self._arm)
+        healthy = [self._expected(replace(settings, model=self._arm), self._arm, (motion,)) for motion in RETURNS]
         for scale in SCALES:
             gains = replace(
                 settings.gains,
                 kp=triple(scale * gain for gain in settings.gains.kp),
                 ki=triple(scale * gain for gain in settings.gains.ki),
             )
-            expected = self._expected(replace(settings, gains=gains), arm)
-            if expected <= healthy:
+            tuned = replace(settings, gains=gains)
+            expected = [self._expected(tuned, arm, (motion,)) for motion in RETURNS]
+            worst = max(now / before for now, before in zip(expected, healthy, strict=True))
+            if worst <= 1.0:
                 break
         if scale > SCALES[0]:
-            why = f"{1e3 * expected:.2f} mrad rms expected with Kp and Ki times {scale:g}, {1e3 * healthy:.2f} before"
+            why = f"Kp and Ki times {scale:g}: at most {100 * worst:.0f} % of the healthy distance expected"
             entry = self._uploader.upload(Proposal("simulation", why, self._uploader.version, gains), time, arm)
             self._note(time, "simulation", f"gains uploaded and acknowledged as version {entry.version}: {why}")
 
-    def _expected(self, settings: ControlSettings, arm: ArmParameters) -> float:
-        """Root mean square of the distance from the path that the twin expects of the motions judged here, rad."""
-        return self._checker.predict(settings, arm, RETURNS).rms
+    def _expected(
+        self, settings: ControlSettings, arm: ArmParameters, motions: tuple[Motion, ...] = RETURNS
+    ) -> float:
+        """Root mean square of the distance from the path that the twin expects, rad."""
+        return self._checker.predict(settings, arm, motions).rms
 
     def _judged(self, entry: Entry) -> None:
         self._note(entry.time, "simulation", f"{entry.action}: {entry.text or entry.why}")

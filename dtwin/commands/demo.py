@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -100,7 +101,7 @@ def draw(run: Recovery, path: Path) -> None:
         colour = colours.get(moment.who, "#55a868")
         axis.axvline(moment.time - run.fault, color=colour, ls="--", lw=1.0)
         axis.annotate(
-            f"{moment.who}: {moment.text}",
+            textwrap.shorten(f"{moment.who}: {moment.text}", 70, placeholder=" ..."),
             (moment.time - run.fault, 0.97 - 0.045 * height),
             xycoords=("data", "axes fraction"),
             color=colour,

@@ -31,6 +31,7 @@ from dtwin.messages import SUMMARY, Summary
 from dtwin.parameters import ArmParameters, assignment
 from dtwin.recording import ensure_writable
 from dtwin.runfile import RunFile
+from dtwin.simulation.history import HISTORY
 from dtwin.supervisor import Program, Supervisor
 from dtwin.view import Viewer
 from services.controller import deploy_cell
@@ -75,6 +76,10 @@ class UpCommand:
     """Recording for the Rerun viewer to write."""
     viewer: Viewer = "none"
     """Show the run live: in a window of the Rerun viewer, or in a browser (web)."""
+    simulation: bool = False
+    """Start the simulation service too: it checks, uploads and watches new settings (dtwin upload)."""
+    history: Path = HISTORY
+    """History of the settings that the simulation service keeps."""
     cell: str = "cell"
     """Name of the cell, first in the keys."""
     arm: str = "arm"
@@ -180,6 +185,9 @@ class UpCommand:
             programs.append(_service("recorder", [*link, *self._recorder_options()]))
             bridge += ["--wait-for", "recorder"]
         programs.append(_service("bridge", [*link, *bridge]))
+        if self.simulation:
+            uploads = ["--controller", management, "--law", self.law, "--history", str(self.history.resolve())]
+            programs.append(_service("simulation", [*link, *uploads]))
         programs.append(_service("emulator", [*link, *emulator, "--wait-for", "bridge"], leading=True))
         return programs
 

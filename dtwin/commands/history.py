@@ -1,0 +1,50 @@
+"""`dtwin history`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+from dtwin.errors import RecordingError
+from dtwin.simulation.history import HISTORY, Entry, History
+
+
+@dataclass(frozen=True)
+class ShowHistory:
+    """Show every change of the controller's settings: when, who, why, what, and what came of it."""
+
+    file: Path = HISTORY
+    """History that the simulation service keeps."""
+    json: bool = False
+    """Print one JSON object on standard output and nothing else."""
+
+    def execute(self) -> int:
+        if not self.file.exists():
+            raise RecordingError(f"{self.file}: there is no history yet; the simulation service keeps it")
+        entries = History(self.file).entries()
+        if self.json:
+            print(msgspec.json.encode({"entries": entries}).decode())
+            return 0
+        for entry in entries:
+            what = f"{entry.action} {entry.kind}".strip()
+            reason = f": {entry.why}" if entry.why else ""
+            print(f"{entry.time:10.2f} s  version {entry.version}  {what} by {entry.who}{reason}")
+            if entry.text:
+                print(f"{'':14}{entry.text}")
+            if entry.action in ("start", "upload", "roll back"):
+                print(f"{'':14}{_settings(entry)}")
+        return 0
+
+
+def _settings(entry: Entry) -> str:
+    settings = entry.settings
+    if entry.kind == "model":
+        model = settings.model
+        return f"K {_list(model.voltage_constant)}, m {_list(model.mass)}, D {_list(model.damping)}"
+    gains = settings.gains
+    return f"kp {_list(gains.kp)}, ki {_list(gains.ki)}, kd {_list(gains.kd)}, T {settings.target_time:g} s"
+
+
+def _list(values: tuple[float, ...]) -> str:
+    return "/".join(f"{value:.4g}" for value in values)
