@@ -58,8 +58,9 @@ def open_peer(rendezvous: str = RENDEZVOUS) -> zenoh.Session:
     Raises:
         CommunicationError: that is no endpoint of this machine.
     """
+    taken = _taken(rendezvous)
     spoke = _peer([f"{rendezvous.rpartition(':')[0]}:0"], [rendezvous])
-    if _taken(rendezvous):
+    if taken:
         return _open(spoke)
     try:
         return _open(_peer([rendezvous], []))
@@ -141,7 +142,11 @@ def _peer(listen: list[str], connect: list[str]) -> zenoh.Config:
         "scouting": {"multicast": {"enabled": False}},
         "listen": {"endpoints": listen, "exit_on_failure": True},
         "connect": {"endpoints": connect, "exit_on_failure": False, "timeout_ms": -1, "retry": _RETRY},
-        "transport": {"link": {"rx": {"max_message_size": _TRANSPORT_LIMIT}}},
+        # Shared memory would let large messages past the limit.
+        "transport": {
+            "link": {"rx": {"max_message_size": _TRANSPORT_LIMIT}},
+            "shared_memory": {"enabled": False},
+        },
     }
     try:
         return zenoh.Config.from_json5(json.dumps(settings))
