@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
+
 from dtwin.errors import RecordingError
 from dtwin.simulation.history import HISTORY, Entry, History
 
