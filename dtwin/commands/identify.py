@@ -31,6 +31,8 @@ from dtwin.recording import Log, ensure_writable, read_log
 
 _HELD_OUT_SHARE = 0.2
 """of a log, kept for judging the model"""
+_MOST_SEGMENTS = 60
+"""of one second that a fit takes from a log; more, each with six unknowns of its own, would take minutes"""
 _DESIGN_NOISE = 0.003
 
 
@@ -149,7 +151,8 @@ class Identify:
         kept = max(1, round(_HELD_OUT_SHARE * len(segments)))
         if len(segments) <= kept:
             raise IdentificationError(f"{path}: too few samples: {len(log)}, expected at least two seconds")
-        return segments[:-kept], segments[-kept:], _truth(log)
+        stride = -(-(len(segments) - kept) // _MOST_SEGMENTS)
+        return segments[:-kept:stride], segments[-min(kept, _MOST_SEGMENTS) :], _truth(log)
 
     def _loads(self) -> list[float]:
         return self.payload or [0.2]

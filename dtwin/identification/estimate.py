@@ -321,18 +321,30 @@ def _flat(problem: Problem, found: _Found, exponent: float) -> _Found:
         z = z + slope @ step
         if np.linalg.norm(slope @ step) < _SETTLED * math.sqrt(z.size):
             break
-    return found._replace(x=x, variance=a**2 * _variance(np.abs(z), exponent, len(x)), shape=exponent)
+    return found._replace(x=x, variance=a**2 * _variance(z, slope, exponent), shape=exponent)
 
 
-def _variance(size: Array, p: float, unknowns: int) -> float:
-    """E psi^2 / (E psi')^2 of an M-estimate with psi = |z|^(p-1), from the sizes of its residuals.
+def _variance(z: Array, slope: Array, p: float) -> float:
+    """Variance of an M-estimate with psi = |z|^(p-1), relative to least squares, averaged over the estimates.
 
-    The fit has drawn each residual towards zero; taking the draw back, to first order in the share of an observation
-    in its own prediction, keeps the variance from coming out too small (Huber, Robust Statistics, 1981, ch. 7.6).
+    The sandwich H^-1 S^T diag(psi^2 / (1 - h)^2) S H^-1 with H = S^T diag(psi') S: dividing by 1 - h takes back how
+    far each observation has drawn its own prediction, without which the variance comes out too small (HC3; MacKinnon
+    and White, J. Econometrics 29, 1985).
+
+    Args:
+        z: (R,), residuals.
+        slope: (R, n), their derivatives.
+        p: exponent of the likelihood.
     """
-    drawn = unknowns / size.size * size ** (p - 1) / ((p - 1) * np.mean(size ** (p - 2)))
-    free = size + drawn
-    return float(np.mean(free ** (2 * p - 2)) / ((p - 1) * np.mean(free ** (p - 2))) ** 2)
+    basis, singular, _ = np.linalg.svd(slope, full_matrices=False)
+    basis = basis[:, singular > singular[0] * 1e-9]
+    size = np.abs(z)
+    bend = (p - 1) * size ** (p - 2)
+    inverse = np.linalg.inv((basis.T * bend) @ basis)
+    leverage = bend * np.einsum("ij,jk,ik->i", basis, inverse, basis, optimize=True)
+    score = size ** (p - 1) / np.maximum(1.0 - leverage, 0.5)
+    influence = (basis * score[:, None]) @ inverse
+    return float(np.sum(influence**2) / basis.shape[1])
 
 
 def _flat_step(z: Array, slope: Array, p: float, prior: Array, prior_slope: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Final
 
 from dtwin.errors import IdentificationError
 from dtwin.identification.data import Experiment
@@ -10,8 +11,10 @@ from dtwin.identification.excitation import Excitation
 from dtwin.parameters import Triple
 from dtwin.signals import Sensors, Voltages
 
-_KEPT: int = 100
+_KEPT: Final = 100
 """samples that wait for their commands"""
+_MOST_HELD: Final = 0.1
+"""share of the samples that may have had no command of their own"""
 
 
 @dataclass
@@ -32,6 +35,7 @@ class Collector:
     _expected: list[list[float]] = field(init=False, repr=False)
     _waiting: dict[int, Triple] = field(default_factory=dict, init=False, repr=False)
     _measured: list[Triple] = field(default_factory=list, init=False, repr=False)
+    _volts: list[list[float]] = field(default_factory=list, init=False, repr=False)
     _payload: list[float] = field(default_factory=list, init=False, repr=False)
     _last: int = field(default=-1, init=False, repr=False)
 
@@ -50,25 +54,36 @@ class Collector:
             del self._waiting[next(iter(self._waiting))]
 
     def command(self, voltages: Voltages) -> None:
-        """Takes the command that answers a sample.
+        """Takes the command that answers a sample. Samples without one were run under the command before.
 
         Raises:
-            IdentificationError: a tick of the signal is missing.
+            IdentificationError: samples are missing, or too many commands are, or others come.
         """
         theta = self._waiting.pop(voltages.sequence, None)
         if self.complete or theta is None or voltages.sequence <= self._last:
             return
-        plays = list(voltages.volts[:3]) == self._expected[self.done]
-        if self.done and (not plays or voltages.sequence != self._last + 1):
-            raise IdentificationError(
-                f"the signal broke off after {self.done} of {self.samples} ticks, at {voltages.time:.2f} s: "
-                "a tick is missing or something else commands the arm; ask again"
-            )
+        volts = list(voltages.volts[:3])
+        plays = volts == self._expected[self.done]
+        if self.done:
+            missed = [self._waiting.pop(k, None) for k in range(self._last + 1, voltages.sequence)]
+            held = len(self._measured) + len(missed) - self.done
+            if not plays or None in missed or held > _MOST_HELD * self.samples:
+                raise IdentificationError(
+                    f"the signal broke off after {self.done} of {self.samples} ticks, at {voltages.time:.2f} s: "
+                    "ticks are missing or something else commands the arm; ask again"
+                )
+            for earlier in missed:
+                self._take(earlier, self._volts[-1], self._payload[-1])
         if plays:
-            self._measured.append(theta)
-            self._payload.append(self.box_mass if voltages.box_gripped else 0.0)
+            self._take(theta, volts, self.box_mass if voltages.box_gripped else 0.0)
             self._last = voltages.sequence
             self.done += 1
+
+    def _take(self, theta: Triple | None, volts: list[float], payload: float) -> None:
+        assert theta is not None
+        self._measured.append(theta)
+        self._volts.append(volts)
+        self._payload.append(payload)
 
     def experiment(self) -> Experiment:
         """What was measured, from an unknown initial state.
@@ -78,7 +93,7 @@ class Collector:
         """
         if not self.complete:
             raise IdentificationError(f"the signal was seen for {self.done} of {self.samples} ticks only")
-        return Experiment(self._measured, self._expected, self._payload)
+        return Experiment(self._measured, self._volts, self._payload)
 
 
 def divided(experiment: Experiment, share: float = 0.8) -> tuple[Experiment, Experiment]:

@@ -21,7 +21,7 @@ NEGLIGIBLE: Final = 0.05
 """autocorrelation that is no reason to reject a model, however many samples prove it"""
 EXACT: Final = 1e-9
 """rad, root mean square below which residuals are rounding: nothing is left to explain"""
-_FLATTEST: Final = 8.0
+_FLATTEST: Final = 6.0
 """a larger exponent gains little and leans on ever fewer residuals"""
 
 
@@ -69,7 +69,7 @@ def shape(residuals: Array) -> float:
     """Exponent p of the exponential-power density exp(-|r|^p) with the residuals' kurtosis.
 
     2 is Gaussian, and the answer unless a test tells the noise to be flatter; uniform noise has no finite p and gives
-    the largest allowed, 8 (Box and Tiao, Bayesian Inference in Statistical Analysis, 1973, ch. 3).
+    the largest allowed, 6 (Box and Tiao, Bayesian Inference in Statistical Analysis, 1973, ch. 3).
     """
     centred = residuals - residuals.mean()
     kurtosis = float(np.mean(centred**4) / np.mean(centred**2) ** 2)

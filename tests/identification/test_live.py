@@ -58,7 +58,29 @@ def test_no_signal_is_no_experiment():
         collector.experiment()
 
 
-def test_a_lost_tick_is_named():
+def test_a_tick_without_command_holds_the_one_before():
+    """What a late bridge does: it leaves a sample without an answer, and the cell goes on under the last command."""
+    collector = Collector(PLAIN, SAMPLES, 0.2)
+    emulation, controller = Emulation(seed=3), EmbeddedController()
+    controller.resource.server("TWIN.IDENTIFICATION.REQUEST").exchange((True,))
+    late = {40, 41, 200}
+    for tick in range(SAMPLES + 3):
+        sensors = emulation.read()
+        collector.sample(sensors)
+        if tick not in late:
+            command = controller.step(sensors)
+            collector.command(command)
+        emulation.apply(command)
+        emulation.advance(PERIOD)
+    assert collector.complete
+    experiment = collector.experiment()
+    assert len(experiment) == SAMPLES + 3
+    assert np.array_equal(experiment.volts[39:42], experiment.volts[[39, 39, 39]])
+    exact = identify([experiment], settings_for("K2,K3,I,c,D"))
+    assert max(abs(exact.values[name] / ARM.get(name) - 1) for name in exact.problem.free) < 1e-5
+
+
+def test_a_lost_sample_is_named():
     with pytest.raises(IdentificationError, match=r"broke off after 100 of 350 ticks, at 3\.01 s"):
         collected(traffic(700, ask_at=200, lose={300}))
 

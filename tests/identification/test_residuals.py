@@ -41,7 +41,7 @@ def test_fit():
 
 
 def test_shape_of_noise():
-    assert shape(GENERATOR.uniform(size=1050)) == 8.0
+    assert shape(GENERATOR.uniform(size=1050)) == 6.0
     assert shape(GENERATOR.standard_normal(1050)) == 2.0
     assert shape(GENERATOR.standard_t(3, size=1050)) == 2.0
     # |r|^4: kurtosis Gamma(5/4) Gamma(1/4) / Gamma(3/4)^2 = 2.188
