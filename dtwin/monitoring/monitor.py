@@ -16,12 +16,15 @@ from dtwin.monitoring.belief import NOISE_FLOOR, Belief
 from dtwin.monitoring.diagnosis import Candidate, Change, Diagnosis, Moment
 from dtwin.monitoring.estimator import Estimator, Tuning
 from dtwin.monitoring.signatures import LONGEST, SPACING, SignatureBank, plausible_sizes, threshold
+from dtwin.monitoring.trend import WATCHED, Trend
 from dtwin.monitoring.verdict import CAUSE_OF, UNITS, Finding, State, Verdict, joint_of, unit_of
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event
 
 Array = NDArray[np.float64]
 
+ALARMS_PER_HOUR: Final = 0.01
+"""false alarms to be expected unless something else is asked for"""
 CERTAIN: Final = 8.0
 """log odds of a fault against the arm as believed at which it counts as failed"""
 FROZEN: Final = 5
@@ -53,7 +56,7 @@ class MonitorSettings:
         ParameterError: a rate is not above 0.
     """
 
-    alarms_per_hour: float = 0.01
+    alarms_per_hour: float = ALARMS_PER_HOUR
     warnings_per_hour: float = 1.0
     tuning: Tuning = Tuning()
 
@@ -76,6 +79,7 @@ class Monitor:
         history: every finding that was settled, in order.
         events: everything that was noticed, in order.
         missed: samples that did not arrive.
+        trend: of the parameters over hours.
         restarts: how often the estimate of the motion had to start anew.
         sample: number of the last sample, -1 before the first.
     """
@@ -89,6 +93,7 @@ class Monitor:
         self._belief = belief
         self.estimator = Estimator(belief, self.settings.tuning)
         self._heard: list[Array] = []
+        self.trend = Trend(self.estimator)
         self._bank = SignatureBank(self._sizes)
         self._moments: deque[Moment] = deque(maxlen=LONGEST + 2 * SPACING)
         self._diagnosis: Diagnosis | None = None
@@ -140,10 +145,13 @@ class Monitor:
         suspected = self._suspected()
         if suspected is not None:
             states[suspected] = "may be degrading"
+        forecasts = self.trend.forecasts()
+        for forecast in forecasts:
+            states[unit_of(forecast.joint)] = "may be degrading" if forecast.hours else "failed"
         findings = [*self.findings.values(), *([self._pending] if self._pending else [])]
         for finding in findings:
             states[unit_of(finding.joint)] = "failed"
-        return Verdict(self.time, states, tuple(findings), self.unobservable(), self.missed)
+        return Verdict(self.time, states, tuple(findings), tuple(forecasts), self.unobservable(), self.missed)
 
     def unobservable(self) -> tuple[str, ...]:
         """Causes that, had they come about in their plausible size, the last seconds would not have shown."""
@@ -218,6 +226,7 @@ class Monitor:
             self._diagnosis.update(moment)
             self._decide(self._diagnosis)
             return
+        self.trend.enter(self.time, estimator)
         self._bank.update(estimator, used, self.sample)
         if self._bank.worst() > self._alarm:
             suspicions = self._bank.suspicions()
@@ -290,6 +299,8 @@ class Monitor:
     def _enter(self, finding: Finding) -> None:
         self.findings[finding.parameter] = finding
         self.history.append(finding)
+        if finding.parameter in WATCHED:
+            self.trend.restart()
         self.events.append(Event(self.time, "failed", finding.text()))
 
     def _is_nothing(self, name: str, change: Change) -> bool:

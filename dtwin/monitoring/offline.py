@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,13 +9,11 @@ from numpy.typing import NDArray
 
 from dtwin.errors import ParameterError
 from dtwin.monitoring.monitor import Monitor
+from dtwin.monitoring.seed import SeedMonitor
 from dtwin.parameters import PERIOD
 from dtwin.recording import Log
 
 Array = NDArray[np.float64]
-
-CHUNK = 100
-"""ticks between two calls of `between`"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,15 +25,34 @@ class Stream:
         measured: (N, 3), rad.
         volts: (N, 3), V.
         gripped: (N,) bool.
+        colour: (N,), of the box that waits, "" for none.
     """
 
     sample: NDArray[np.int64]
     measured: Array
     volts: Array
     gripped: NDArray[np.bool_]
+    colour: NDArray[np.str_]
 
     def __len__(self) -> int:
         return len(self.sample)
+
+    def feed(self, monitor: Monitor | SeedMonitor, start: int, stop: int) -> None:
+        """Gives rows start to stop - 1 to a monitor."""
+        rows = zip(
+            self.sample[start:stop].tolist(),
+            self.measured[start:stop],
+            self.volts[start:stop],
+            self.gripped[start:stop].tolist(),
+            self.colour[start:stop].tolist(),
+            strict=True,
+        )
+        if isinstance(monitor, SeedMonitor):
+            for sample, measured, _, gripped, colour in rows:
+                monitor.update(sample, measured, gripped, colour)
+        else:
+            for sample, measured, volts, gripped, _ in rows:
+                monitor.update(sample, measured, volts, gripped)
 
 
 def stream(log: Log) -> Stream:
@@ -50,13 +66,4 @@ def stream(log: Log) -> Stream:
     sample = np.round(log.columns["t"] / PERIOD).astype(np.int64)
     if not np.allclose(sample * PERIOD, log.columns["t"], atol=1e-6):
         raise ParameterError(f"the log's times are no multiples of {PERIOD} s: expected one row a tick")
-    return Stream(sample, log.stack("measured"), log.stack("volts")[:, :3].copy(), log.columns["box_gripped"])
-
-
-def follow(monitor: Monitor, seen: Stream, between: Callable[[int], bool] | None = None) -> None:
-    """Feeds a monitor; `between`, told the rows done once a second of plant time, ends it by returning False."""
-    measured, volts = seen.measured, seen.volts
-    for k, (sample, gripped) in enumerate(zip(seen.sample.tolist(), seen.gripped.tolist(), strict=True)):
-        monitor.update(sample, measured[k], volts[k], gripped)
-        if between is not None and k % CHUNK == 0 and not between(k):
-            return
+    return Stream(sample, log.stack("measured"), log.stack("volts")[:, :3].copy(), log.columns["box_gripped"], log.columns["box_colour"])

@@ -141,7 +141,7 @@ class SeedMonitor:
             for joint, when in enumerate(self.failed.tolist(), 1)
             if when == when
         )
-        return Verdict(self.time, {**states, UNITS[3]: "nominal"}, findings, (), self.missed)
+        return Verdict(self.time, {**states, UNITS[3]: "nominal"}, findings, (), (), self.missed)
 
     def _begin(self, measured: Array, gripped: bool, goal: str) -> None:
         self._states[0, :3], self._states[0, 3:] = measured, 0.0

@@ -77,12 +77,47 @@ class Finding(msgspec.Struct, frozen=True):
         return f"{self.cause}{where}{amount}, confidence {100 * self.confidence:.0f} %, since {self.since:.2f} s"
 
 
+class Forecast(msgspec.Struct, frozen=True):
+    """A parameter on its way to a limit.
+
+    Attributes:
+        parameter: K2, D1, bias3, ...
+        cause: of the change, in words.
+        joint: 1 to 3.
+        change: so far, of K and D relative to the model, of an encoder's offset in rad.
+        per_hour: of the change.
+        limit: that the change must not pass.
+        hours: until it does, from the last entry; 0 if it has.
+        earliest, latest: 95 % interval of the hours; latest is infinite if the slope may be zero.
+    """
+
+    parameter: str
+    cause: Cause
+    joint: int
+    change: float
+    per_hour: float
+    limit: float
+    hours: float
+    earliest: float
+    latest: float
+
+    def text(self) -> str:
+        """One line for people."""
+        relative = self.parameter[0] in "KD"
+        amount = f"{100 * self.change:+.1f} %" if relative else f"{1e3 * self.change:+.2f} mrad"
+        slope = f"{100 * self.per_hour:+.2g} %/h" if relative else f"{1e3 * self.per_hour:+.2g} mrad/h"
+        limit = f"{100 * self.limit:+.0f} %" if relative else f"{1e3 * self.limit:+.0f} mrad"
+        end = "is reached" if not self.hours else f"in {self.hours:.1f} h ({self.earliest:.1f} to {self.latest:.1f} h)"
+        return f"{self.cause} of joint {self.joint} is {amount} and changes by {slope}: limit {limit} {end}"
+
+
 class Verdict(msgspec.Struct, frozen=True):
     """The monitor's opinion at a plant time (s).
 
     Attributes:
         states: by UNITS.
         findings: what is wrong now, first come first.
+        forecasts: slow changes that will reach a limit, soonest first.
         unobservable: causes (with joint) that the last seconds could not have shown, such as friction of a joint
             that stood still.
         missed: samples that did not arrive since the start.
@@ -91,6 +126,7 @@ class Verdict(msgspec.Struct, frozen=True):
     time: float
     states: dict[str, State]
     findings: tuple[Finding, ...]
+    forecasts: tuple[Forecast, ...]
     unobservable: tuple[str, ...]
     missed: int
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 import msgspec
 import numpy as np
@@ -26,6 +26,7 @@ from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.signals import StepRecord
 
 Method = Literal["default", "seed"]
+METHODS: Final[tuple[Method, ...]] = get_args(Method)
 
 NOMINAL_BOX: Final = 0.2
 """kg, what the monitor expects a box to weigh"""

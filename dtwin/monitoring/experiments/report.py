@@ -1,0 +1,235 @@
+"""Report pages of the monitoring experiments: Markdown with tables, and plots as PNG."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from dtwin.errors import RecordingError
+from dtwin.identification.plots import save
+from dtwin.monitoring.experiments.faults import WITHIN, Line, Scorecard, label
+from dtwin.monitoring.experiments.sampling import Speed
+from dtwin.monitoring.experiments.trial import METHODS, Outcome, true_cause
+from dtwin.recording import replacing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PAGE: Final = "report.md"
+CHART: Final = "report.png"
+
+_FAILURE_THESIS: Final = (
+    "The thesis tests one failure: K2 to 10 % at 45 s, compared every 0.5 s with a simulation of 5 ms steps. It takes "
+    "ten deviating comparisons in a row, so more than five seconds, and names the link but no cause."
+)
+_SAMPLING_THESIS: Final = (
+    "The thesis's monitor could not keep up below a simulation step of 5 ms or a sample time of 100 ms."
+)
+
+
+def failure_text(outcomes: Sequence[Outcome]) -> str:
+    """The page of the failure test."""
+    rows = []
+    for method in METHODS:
+        chosen = [o for o in outcomes if o.method == method]
+        for state, group in (
+            ("all", chosen),
+            ("moving", [o for o in chosen if o.moving]),
+            ("holding", [o for o in chosen if not o.moving]),
+        ):
+            if group:
+                rows.append([method, state, *_failure_row(group)])
+    header = [
+        "method", "arm", "runs", "detected", "within 0.2 s", "median s", "95 % s", "largest s",
+        "named K2", "size error median", "largest", "false alarms",
+    ]  # fmt: skip
+    return _page(
+        "The voltage constant of joint 2 drops to a tenth",
+        "The emulated cell (MuJoCo) sorts boxes under its function blocks; every run has its own boxes, encoder noise, "
+        "and model from one simulated identification run at the same noise. At 45 s K2 is multiplied by 0.1.",
+        _table(header, rows),
+        _FAILURE_THESIS,
+    )
+
+
+def faults_text(card: Scorecard) -> str:
+    """The page of the scorecard."""
+    causes, matrix = confusion(card)
+    header = [
+        "fault", "runs", "detected", f"within {WITHIN:g} s of motion", "named right", "latency median s", "95 % s",
+        "in motion median s", "95 % s", "size error median", "largest",
+    ]  # fmt: skip
+    isolation = [[cause, *(str(n) if n else "" for n in row)] for cause, row in zip(causes[0], matrix, strict=True)]
+    alarms = [f"seed {q.seed}, noise {q.noise:g} rad: {alarm}" for q in card.quiet for alarm in q.alarms]
+    return _page(
+        "Faults of the cell",
+        "Every fault comes at a random time between 30 s and 60 s into normal work with random boxes; every run has its "
+        "own boxes, encoder noise, and model from one simulated identification run at the same noise. A latency in "
+        "motion counts only the time in which the arm moves, for the payload with a box.",
+        _table(header, [_line(line) for line in card.lines()]),
+        "## Named causes\n\nRows are true causes, columns named ones, with the joint.",
+        _table(["", *causes[1]], isolation),
+        f"## Without fault\n\n{card.false_alarms} false alarms in {card.hours:.2f} hours of normal work.",
+        *alarms,
+    )
+
+
+def sampling_text(speeds: Sequence[Speed]) -> str:
+    """The page of the limits test."""
+    rows = [
+        [
+            s.method,
+            f"{1e3 * s.step:g}",
+            f"{1e3 * s.sample_time:g}",
+            f"{100 * s.core_share:.2f} %",
+            f"{s.real_time_factor:.0f}",
+            _number(s.latency_s),
+        ]
+        for s in speeds
+    ]
+    header = ["method", "step ms", "sample time ms", "of a core", "times real time", "K2 to 10 % found after s"]
+    return _page(
+        "Simulation step and sample time",
+        "One run of the emulated cell is watched in every combination; processor time is measured.",
+        _table(header, rows),
+        _SAMPLING_THESIS,
+    )
+
+
+def confusion(card: Scorecard) -> tuple[tuple[list[str], list[str]], np.ndarray]:
+    """True causes and named ones, and the number of runs by both."""
+    counts = card.confusion()
+    true = list(dict.fromkeys(label(*true_cause(line.fault)) for line in card.lines()))
+    named = [*true, *sorted({pair[1] for pair in counts} - set(true))]
+    return (true, named), np.array([[counts.get((t, n), 0) for n in named] for t in true])
+
+
+def write(folder: Path, text: str, draw: Callable[[Figure], None]) -> Path:
+    """Writes a page and its chart into a folder, made if need be; returns the page.
+
+    Raises:
+        RecordingError: the folder cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordingError(f"{folder}: cannot be made: {error.strerror}") from None
+    figure = Figure(layout="constrained")
+    draw(figure)
+    save(figure, folder / CHART)
+    path = folder / PAGE
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return path
+
+
+def draw_failure(outcomes: Sequence[Outcome], figure: Figure) -> None:
+    """Share of the runs detected over the time since the failure, a line a method."""
+    figure.set_size_inches(8, 4)
+    axis = figure.subplots()
+    for method in METHODS:
+        latency = sorted(math.inf if o.latency_s is None else o.latency_s for o in outcomes if o.method == method)
+        shares = np.arange(1, len(latency) + 1) / max(len(latency), 1)
+        axis.step(latency, 100 * shares, where="post", label=f"{method} method")
+    axis.axvline(0.2, color="0.6", ls="--", lw=1)
+    axis.set_xscale("log")
+    axis.set(xlabel="time since K2 dropped to 10 %, s", ylabel="runs detected, %", ylim=(0, 103))
+    axis.grid(alpha=0.3)
+    axis.legend()
+
+
+def draw_faults(card: Scorecard, figure: Figure) -> None:
+    """Latencies in motion, and the matrix of named causes."""
+    lines = card.lines()
+    (true, named), matrix = confusion(card)
+    figure.set_size_inches(16, max(4.0, 0.27 * max(len(lines), len(true)) + 2))
+    left, right = figure.subplots(1, 2)
+    for row, line in enumerate(lines):
+        runs = [o for o in card.outcomes if o.fault == line.fault and o.motion_latency_s is not None]
+        left.plot([max(o.motion_latency_s or 0.0, 0.01) for o in runs], [row] * len(runs), ".", color="#4c72b0", alpha=0.6)
+    left.set_yticks(range(len(lines)), [line.fault for line in lines], fontsize=8)
+    left.axvline(WITHIN, color="0.6", ls="--", lw=1)
+    left.set_xscale("log")
+    left.set(xlabel="motion until detection, s", title="latency")
+    left.invert_yaxis()
+    left.grid(alpha=0.3)
+    shares = matrix / np.maximum(matrix.sum(axis=1, keepdims=True), 1)
+    right.imshow(shares, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+    for (i, j), count in np.ndenumerate(matrix):
+        if count:
+            right.text(j, i, str(count), ha="center", va="center", fontsize=7, color="w" if shares[i, j] > 0.5 else "k")
+    right.set_xticks(range(len(named)), named, rotation=90, fontsize=7)
+    right.set_yticks(range(len(true)), true, fontsize=7)
+    right.set(title="named (columns) and true (rows) causes, runs")
+
+
+def draw_sampling(speeds: Sequence[Speed], figure: Figure) -> None:
+    """Share of a core and latency over the sample time, a line a step."""
+    figure.set_size_inches(12, 4)
+    share, latency = figure.subplots(1, 2)
+    for step in dict.fromkeys(s.step for s in speeds if s.method == "seed"):
+        chosen = [s for s in speeds if s.method == "seed" and s.step == step]
+        times = [s.sample_time for s in chosen]
+        share.plot(times, [100 * s.core_share for s in chosen], ".-", label=f"thesis's method, step {1e3 * step:g} ms")
+        latency.plot(times, [s.latency_s or math.nan for s in chosen], ".-")
+    for s in speeds:
+        if s.method == "default":
+            share.plot(s.sample_time, 100 * s.core_share, "k*", ms=10, label="default method")
+            latency.plot(s.sample_time, s.latency_s or math.nan, "k*", ms=10)
+    share.set(xlabel="sample time, s", ylabel="of a core, %", xscale="log", yscale="log")
+    latency.set(xlabel="sample time, s", ylabel="K2 to 10 % found after, s", xscale="log", yscale="log")
+    share.legend(fontsize=8)
+    for axis in (share, latency):
+        axis.grid(alpha=0.3)
+
+
+def _failure_row(group: Sequence[Outcome]) -> list[str]:
+    latency = sorted(math.inf if o.latency_s is None else o.latency_s for o in group)
+    errors = [abs(o.size / o.size_true - 1) for o in group if o.named and o.size is not None and o.size_true]
+    return [
+        str(len(group)),
+        _percent(sum(o.detected for o in group) / len(group)),
+        _percent(sum(value <= 0.2 + 1e-9 for value in latency) / len(group)),
+        _number(latency[(len(group) - 1) // 2]),
+        _number(latency[math.ceil(0.95 * len(group)) - 1]),
+        _number(latency[-1]),
+        _percent(sum(o.named for o in group) / len(group)),
+        _percent(float(np.median(errors)) if errors else None),
+        _percent(max(errors, default=None)),
+        str(sum(o.false_alarms for o in group)),
+    ]
+
+
+def _line(line: Line) -> list[str]:
+    return [
+        f"`{line.fault}`",
+        str(line.runs),
+        *(_percent(share) for share in (line.detected, line.in_motion, line.named)),
+        *(_number(v) for v in (line.latency_median, line.latency_95, line.motion_median, line.motion_95)),
+        _percent(line.size_median),
+        _percent(line.size_worst),
+    ]
+
+
+def _percent(share: float | None) -> str:
+    return "" if share is None else f"{100 * share:.3g} %"
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None or math.isinf(value) else f"{value:.2f}"
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _page(title: str, *parts: str) -> str:
+    chart = f"![{title}]({CHART})"
+    return "\n\n".join([f"# {title}", parts[0], parts[1], chart, *parts[2:]]) + "\n"
