@@ -144,11 +144,11 @@ class Identification:
         collector = self._collector
         if isinstance(item, IdentificationRequest):
             self._begin(item)
-        elif collector is not None and isinstance(item, Sensors):
-            collector.sample(item)
         elif collector is not None and isinstance(item, Voltages):
-            before = collector.done
             collector.command(item)
+        elif collector is not None and isinstance(item, Sensors):
+            before = collector.done
+            collector.sample(item)
             if collector.complete:
                 self._collector = None
                 self._estimate(collector.experiment())
@@ -187,7 +187,7 @@ class Identification:
         self._enter(
             IdentificationState(
                 "proposed",
-                estimate.identifiability.text()[:1000],
+                f"{estimate.identifiability.text()}{self._warning(experiment)}"[:1000],
                 count,
                 count,
                 estimate.converged,
@@ -200,6 +200,11 @@ class Identification:
                 (first, second, third),
             )
         )
+
+    def _warning(self, experiment: Experiment) -> str:
+        if not experiment.payload.any():
+            return ""
+        return f" A box was held and taken for {self._request.box_mass:g} kg; c and I are as wrong as that."
 
     def _enter(self, state: IdentificationState) -> None:
         self._state = state

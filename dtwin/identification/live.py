@@ -8,11 +8,11 @@ from typing import Final
 from dtwin.errors import IdentificationError
 from dtwin.identification.data import Experiment
 from dtwin.identification.excitation import Excitation
-from dtwin.parameters import Triple
+from dtwin.parameters import PERIOD, Triple
 from dtwin.signals import Sensors, Voltages
 
-_KEPT: Final = 100
-"""samples that wait for their commands"""
+LAG: Final = 20
+"""ticks to wait for what comes late or in another order: samples and commands have different senders"""
 _MOST_HELD: Final = 0.1
 """share of the samples that may have had no command of their own"""
 
@@ -33,11 +33,12 @@ class Collector:
     box_mass: float
     done: int = 0
     _expected: list[list[float]] = field(init=False, repr=False)
-    _waiting: dict[int, Triple] = field(default_factory=dict, init=False, repr=False)
+    _sensors: dict[int, Sensors] = field(default_factory=dict, init=False, repr=False)
+    _commands: dict[int, Voltages] = field(default_factory=dict, init=False, repr=False)
+    _next: int = field(default=-1, init=False, repr=False)
     _measured: list[Triple] = field(default_factory=list, init=False, repr=False)
     _volts: list[list[float]] = field(default_factory=list, init=False, repr=False)
     _payload: list[float] = field(default_factory=list, init=False, repr=False)
-    _last: int = field(default=-1, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._expected = self.signal.volts(self.samples).tolist()
@@ -48,39 +49,38 @@ class Collector:
         return self.done == self.samples
 
     def sample(self, sensors: Sensors) -> None:
-        """Takes a sample."""
-        self._waiting[sensors.sequence] = sensors.theta
-        if len(self._waiting) > _KEPT:
-            del self._waiting[next(iter(self._waiting))]
-
-    def command(self, voltages: Voltages) -> None:
-        """Takes the command that answers a sample. Samples without one were run under the command before.
+        """Takes a sample.
 
         Raises:
-            IdentificationError: samples are missing, or too many commands are, or others come.
+            IdentificationError: samples are missing, too many commands are, or others than the signal's come.
         """
-        theta = self._waiting.pop(voltages.sequence, None)
-        if self.complete or theta is None or voltages.sequence <= self._last:
-            return
-        volts = list(voltages.volts[:3])
-        plays = volts == self._expected[self.done]
-        if self.done:
-            missed = [self._waiting.pop(k, None) for k in range(self._last + 1, voltages.sequence)]
-            held = len(self._measured) + len(missed) - self.done
-            if not plays or None in missed or held > _MOST_HELD * self.samples:
-                raise IdentificationError(
-                    f"the signal broke off after {self.done} of {self.samples} ticks, at {voltages.time:.2f} s: "
-                    "ticks are missing or something else commands the arm; ask again"
-                )
-            for earlier in missed:
-                self._take(earlier, self._volts[-1], self._payload[-1])
-        if plays:
-            self._take(theta, volts, self.box_mass if voltages.box_gripped else 0.0)
-            self._last = voltages.sequence
-            self.done += 1
+        self._sensors[sensors.sequence] = sensors
+        if self._next < 0:
+            self._next = sensors.sequence
+        while self._next <= sensors.sequence - LAG and not self.complete:
+            self._tick(self._sensors.pop(self._next, None), self._commands.pop(self._next, None))
+            self._next += 1
 
-    def _take(self, theta: Triple | None, volts: list[float], payload: float) -> None:
-        assert theta is not None
+    def command(self, voltages: Voltages) -> None:
+        """Takes the command that answers a sample."""
+        if voltages.sequence >= self._next:
+            self._commands.setdefault(voltages.sequence, voltages)
+
+    def _tick(self, sensors: Sensors | None, command: Voltages | None) -> None:
+        """One tick; without a command of its own it was run under the one before."""
+        if command is not None and sensors is not None and list(command.volts[:3]) == self._expected[self.done]:
+            self._take(sensors.theta, list(command.volts[:3]), self.box_mass if command.box_gripped else 0.0)
+            self.done += 1
+        elif self.done:
+            held = len(self._measured) + 1 - self.done
+            if sensors is None or command is not None or held > _MOST_HELD * self.samples:
+                raise IdentificationError(
+                    f"the signal broke off after {self.done} of {self.samples} ticks, at {self._next * PERIOD:.2f} s:"
+                    " ticks are missing or something else commands the arm; ask again"
+                )
+            self._take(sensors.theta, self._volts[-1], self._payload[-1])
+
+    def _take(self, theta: Triple, volts: list[float], payload: float) -> None:
         self._measured.append(theta)
         self._volts.append(volts)
         self._payload.append(payload)
