@@ -36,6 +36,8 @@ EXPLAIN: Final = 2.0
 """s that joining may take before it is said why"""
 _TRANSPORT_LIMIT: Final = 1 << 20
 """bytes: what a session takes from a peer before it is put together to one message"""
+_LOG: Final = "error,zenoh::net::protocol::gossip=off,zenoh::api::session=off"
+"""Those two say for every message on its way to a session that has just closed that it is not there."""
 _RETRY: Final = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
 _TLS_FILES: Final = tuple(
     f"transport/link/tls/{name}"
@@ -155,7 +157,7 @@ def _peer(listen: list[str], connect: list[str]) -> zenoh.Config:
 
 
 def _open(configuration: zenoh.Config) -> zenoh.Session:
-    zenoh.init_log_from_env_or("error")
+    zenoh.init_log_from_env_or(_LOG)
     try:
         return zenoh.open(configuration)
     except zenoh.ZError as error:

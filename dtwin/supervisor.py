@@ -82,8 +82,7 @@ class _Child:
             pass_fds=(self._lifeline,),
             start_new_session=True,
         )
-        self._born = time.monotonic()
-        self.status = None
+        self._born = self.heard = time.monotonic()
         threading.Thread(target=self._listen, args=(self._process,), daemon=True).start()
 
     def look(self) -> None:
@@ -223,6 +222,7 @@ class Supervisor:
     def _note_token(self, name: str, alive: bool) -> None:
         if name in self._children:
             self._children[name].alive = alive
+            self._children[name].heard = time.monotonic()
 
     def _note_status(self, status: Status) -> None:
         child = self._children.get(status.service)

@@ -269,7 +269,7 @@ class Emulator:
         sensors = self._cell.read()
         self._gate.restart(sensors.sequence)
         if entries:
-            log.warning("goes on at %.2f s after %d entries of the journal", sensors.time, len(entries))
+            log.info("goes on at %.2f s after %d entries of the journal", sensors.time, len(entries))
 
     def _start_over(self, seed: int) -> None:
         self._settings = replace(self._settings, seed=seed)

@@ -53,8 +53,6 @@ class Options(Link):
     """A parameter of the emulated arm, for drawing it; repeatable."""
     model: Path = MODEL_FILE
     """MJCF file of the arm."""
-    fresh: bool = False
-    """Forget what an earlier recorder left unfinished at the same paths."""
 
     def run(self) -> int:
         try:
@@ -168,7 +166,7 @@ class Recorder:
         options = self._options
         if options.log is not None:
             self._parts = Parts(self._numbered(options.log))
-            if options.fresh:
+            if self._runs > 1:
                 self._parts.clear()
         if options.record is not None or options.viewer != "none":
             file = None if options.record is None else self._numbered(options.record)

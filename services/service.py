@@ -6,6 +6,7 @@ and SIGTERM put None there, so that the main thread finds everything in one plac
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import logging
 import os
@@ -31,6 +32,8 @@ REPORT_PERIOD: Final = 1.0
 """s"""
 
 
+_PRIORITY: Final = 10
+"""of 1 to 99: before all ordinary processes, after the kernel's own threads"""
 GRACE: Final = 5.0
 """s to end in after the parent has gone"""
 
@@ -47,6 +50,8 @@ class Link:
     """Zenoh configuration file, or a folder with one file per service; else peers on this machine."""
     meet: str = RENDEZVOUS
     """Where the peers of this machine meet when there is no configuration file."""
+    urgent: bool = False
+    """Ask the system for real-time priority; do without where it is not granted."""
     wait_for: tuple[str, ...] = ()
     """A service that must be there before this one says it is; repeatable."""
 
@@ -86,6 +91,8 @@ class Service:
         self._last_error = _LastError()
         logging.getLogger().addHandler(self._last_error)
         watch_lifeline()
+        if link.urgent:
+            hurry()
         self.bus = self._join(link)
         self._awaited = set(link.wait_for)
         self._publish: Callable[[Status], None] = self.bus.publisher(STATUS, name)
@@ -188,6 +195,13 @@ def main(name: str, options: type[Runnable], arguments: Sequence[str] | None = N
         return 2
     except KeyboardInterrupt:
         return 130
+
+
+def hurry() -> None:
+    """Real-time priority for this thread and those it starts, if the system grants it and knows it."""
+    if hasattr(os, "sched_setscheduler"):
+        with contextlib.suppress(PermissionError):
+            os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(_PRIORITY))
 
 
 def free_port() -> int:

@@ -26,6 +26,7 @@ from dtwin.control import ControlSettings, Law
 from dtwin.emulation import NoiseKind, parse_fault
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.iec61499.address import parse_address
+from dtwin.live.parts import discard_parts
 from dtwin.loop import tick_count
 from dtwin.messages import SUMMARY, Summary
 from dtwin.parameters import ArmParameters, assignment
@@ -98,6 +99,8 @@ class UpCommand:
         meet = f"tcp/127.0.0.1:{free_port()}"
         with RunFile(self.cell) as file, self._bus(meet) as bus:
             journal_of(file.path).unlink(missing_ok=True)
+            if self.log is not None:
+                discard_parts(self.log)
             supervisor = Supervisor(bus, self._programs(meet, file.path))
             zenoh = None if self.zenoh is None else str(self.zenoh.resolve())
             up = runfile.Up(os.getpid(), self.arm, meet, zenoh)
@@ -159,6 +162,7 @@ class UpCommand:
         """The services in the order to be started; each waits for those it needs."""
         link = ["--cell", self.cell, "--arm", self.arm]
         link += ["--zenoh", str(self.zenoh.resolve())] if self.zenoh else ["--meet", meet]
+        urgent = ["--urgent"] if self.pace == "realtime" else []
         programs = []
         management = self.controller.partition("://")[2]
         if self.controller.startswith("forte://"):
@@ -175,8 +179,8 @@ class UpCommand:
                 self.law,
             ]
             programs.append(_service("controller", [*link, *options]))
-        bridge = ["--controller", management, *(["--lossless"] if self.pace != "realtime" else [])]
-        emulator = ["--pace", self.pace, "--seed", str(self.seed), "--noise", str(self.noise)]
+        bridge = ["--controller", management, *urgent, *(["--lossless"] if self.pace != "realtime" else [])]
+        emulator = ["--pace", self.pace, *urgent, "--seed", str(self.seed), "--noise", str(self.noise)]
         emulator += ["--noise-kind", self.noise_kind, "--journal", str(journal_of(file))]
         emulator += [word for text in self.fault for word in ("--fault", text)]
         emulator += [word for text in self.set for word in ("--set", text)]
@@ -193,7 +197,7 @@ class UpCommand:
 
     def _recorder_options(self) -> list[str]:
         notes = msgspec.json.encode(metadata(self._settings())).decode()
-        options = ["--fresh", "--viewer", self.viewer, "--notes", notes]
+        options = ["--viewer", self.viewer, "--notes", notes]
         options += ["--log", str(self.log.resolve())] if self.log else []
         options += ["--record", str(self.record.resolve())] if self.record else []
         return options + [word for text in self.set for word in ("--set", text)]

@@ -16,6 +16,11 @@ SUFFIX: Final = ".parts"
 """of the folder of parts, after the log's name; any Parquet reader takes the folder for one table"""
 
 
+def discard_parts(path: Path) -> None:
+    """Forgets what an earlier run left unfinished of the log `path`."""
+    shutil.rmtree(_folder(path), ignore_errors=True)
+
+
 class Parts:
     """The parts of the log `path`.
 
@@ -32,7 +37,7 @@ class Parts:
     def __init__(self, path: Path) -> None:
         ensure_writable(path)
         self._path = path
-        self._folder = path.with_name(path.name + SUFFIX)
+        self._folder = _folder(path)
         try:
             self._folder.mkdir(exist_ok=True)
         except OSError as error:
@@ -57,3 +62,7 @@ class Parts:
             whole.write_parquet(self._path)
         shutil.rmtree(self._folder)
         return whole
+
+
+def _folder(path: Path) -> Path:
+    return path.with_name(path.name + SUFFIX)

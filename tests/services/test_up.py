@@ -1,0 +1,150 @@
+"""`dtwin up`, `status`, `down`, `watch` and the setting commands, as a user runs them."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dtwin.cell import Cell, CellSettings
+from dtwin.cli import main
+from dtwin.emulation import parse_fault
+from dtwin.recording import read_log
+from tests.services.bench import ROOT, until
+
+DURATION = 20
+
+
+class Desk:
+    """Runs dtwin commands with a runtime folder of their own."""
+
+    def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        self.folder = folder
+        self._capsys = capsys
+
+    def up(self, *words: str, status: int = 0) -> str:
+        """`dtwin up` as a process; what it said."""
+        command = [sys.executable, "-m", "dtwin", "up", *words]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=90)
+        assert done.returncode == status, done.stderr
+        return done.stdout if status == 0 else done.stderr
+
+    def run(self, *words: str, status: int = 0) -> str:
+        """Another command, in this process; what it said."""
+        self._capsys.readouterr()
+        assert main(words) == status
+        said = self._capsys.readouterr()
+        return said.out if status == 0 else said.err
+
+    def summary(self) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads(self.run("status", "--json"))
+        return found
+
+    def processes(self) -> dict[int, str]:
+        """Command lines of supervisors and services of this desk, by process id."""
+        marker = f"XDG_RUNTIME_DIR={self.folder}".encode()
+        found = {}
+        for entry in Path("/proc").iterdir():
+            try:
+                if entry.name != str(os.getpid()) and marker in (entry / "environ").read_bytes():
+                    found[int(entry.name)] = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+            except (OSError, ValueError):
+                continue
+        return found
+
+    def find(self, part: str) -> int:
+        """The process with this in its command line."""
+        (pid,) = (pid for pid, line in self.processes().items() if part in line)
+        return pid
+
+
+@pytest.fixture
+def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Iterator[Desk]:
+    folder = tmp_path / "runtime"
+    folder.mkdir()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    desk = Desk(folder, capsys)
+    yield desk
+    for pid in desk.processes():
+        os.kill(pid, signal.SIGKILL)
+
+
+def test_lockstep_over_zenoh_logs_what_a_headless_run_logs(desk: Desk, tmp_path: Path) -> None:
+    log, headless = tmp_path / "zenoh.parquet", tmp_path / "headless.parquet"
+    options = ["--seed", "5", "--noise", "0.003", "--fault", "D1*=1.5@9"]
+    said = desk.up("--pace", "lockstep", "--duration", str(DURATION), *options, "--log", str(log), "--json")
+    summary = json.loads(said)
+    cell = Cell(CellSettings(DURATION, 5, 0.003, faults=(parse_fault("D1*=1.5@9"),)))
+    cell.run()
+    cell.log.freeze().write_parquet(headless)
+    assert log.read_bytes() == headless.read_bytes()
+    assert summary["ticks"] == 100 * DURATION
+    assert {name: service["restarts"] for name, service in summary["services"].items()} == dict.fromkeys(
+        ("controller", "recorder", "bridge", "emulator"), 0
+    )
+    score = cell.emulation.score
+    assert summary["boxes"]["arrived"] == score.arrived
+    assert summary["boxes"]["delivered"] == score.delivered
+    assert not desk.processes()
+    assert list((desk.folder / "dtwin").iterdir()) == []
+
+
+def test_a_cell_is_started_watched_set_and_stopped(desk: Desk, tmp_path: Path) -> None:
+    recording = tmp_path / "run.rrd"
+    desk.up("--detach", "--record", str(recording))
+    assert "is up already" in desk.up(status=2)
+    assert "is up already" in desk.up("--detach", status=2)
+    until(lambda: desk.summary()["ticks"] > 100, "the cell runs in real time")
+    summary = desk.summary()
+    assert {service["state"] for service in summary["services"].values()} == {"running"}
+    assert summary["latency_ms"]["p50"] < 10
+    lines = desk.run("watch", "--count", "6").splitlines()
+    assert all(line.startswith("dtwin/cell/arm/") and '"schema":1' in line for line in lines)
+    assert json.loads(desk.run("gains", "set", "--kp", "210", "500", "300"))["gains"]["kp"] == [210, 500, 300]
+    assert json.loads(desk.run("target", "set", "--time", "1.5"))["target_time"] == 1.5
+    assert "above 0" in desk.run("model", "set", "--set", "m1=-1", status=2)
+    assert "is down" in desk.run("down")
+    until(lambda: not desk.processes(), "all processes end")
+    assert recording.stat().st_size > 100_000
+    assert "not up" in desk.run("status", status=2)
+
+
+def test_killed_services_come_back_and_end_with_their_supervisor(desk: Desk, tmp_path: Path) -> None:
+    log = tmp_path / "run.parquet"
+    desk.up("--detach", "--pace", "lockstep", "--log", str(log))
+    for name in ("bridge", "emulator", "controller", "recorder"):
+        before = desk.summary()
+        os.kill(desk.find(f"services.{name}"), signal.SIGKILL)
+        back = {"restarts": 1, "state": "running"}.items()
+        until(lambda name=name, back=back: back <= desk.summary()["services"][name].items(), f"{name} is back")
+        until(lambda t=before["ticks"]: desk.summary()["ticks"] > t + 200, f"the cell goes on after {name}")
+        after = desk.summary()
+        assert after["boxes"]["arrived"] >= before["boxes"]["arrived"]
+    boxes = desk.summary()["boxes"]
+    assert boxes["picked"] - boxes["delivered"] - boxes["misplaced"] in (0, 1)
+    parts = sorted((tmp_path / "run.parquet.parts").iterdir())
+    assert len(read_log(parts[0])) > 0
+    os.kill(desk.find("dtwin up"), signal.SIGKILL)
+    until(lambda: not desk.processes(), "no process outlives its supervisor")
+    rows = read_log(log)
+    assert len(rows) >= after["ticks"] * 0.5
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        (["--controller", "nonsense"], "expected embedded, forte://HOST:PORT or tcp://HOST:PORT"),
+        (["--duration", "0"], "duration"),
+        (["--log", "/nowhere/run.parquet"], "/nowhere/run.parquet"),
+    ],
+)
+def test_bad_options_are_one_line(desk: Desk, options: list[str], expected: str) -> None:
+    said = desk.up(*options, status=2)
+    assert expected in said
+    assert len(said.strip().splitlines()) == 1
+    assert not desk.processes()
