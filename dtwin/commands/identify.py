@@ -26,7 +26,7 @@ from dtwin.identification.options import settings_for
 from dtwin.identification.rig import Rig
 from dtwin.identification.signal_blocks import SignalBlocks
 from dtwin.identification.store import STORE, ModelStore, check_name
-from dtwin.parameters import ArmParameters, assignment, load_arm
+from dtwin.parameters import PERIOD, ArmParameters, assignment, load_arm
 from dtwin.recording import Log, ensure_writable, read_log
 
 _HELD_OUT_SHARE = 0.2
@@ -77,6 +77,8 @@ class Identify:
     """Folder of the kept models."""
     plot: Path | None = None
     """Draw motion, intervals and correlation to this PNG file."""
+    record: Path | None = None
+    """Write the same to this .rrd file for the Rerun viewer."""
     json: bool = False
     """Print one JSON object on standard output and nothing else."""
 
@@ -85,8 +87,9 @@ class Identify:
             raise ParameterError(f"--seed: expected a whole number of at least 0, got {self.seed}")
         if self.save is not None:
             check_name(self.save)
-        if self.plot is not None:
-            ensure_writable(self.plot)
+        for path in (self.plot, self.record):
+            if path is not None:
+                ensure_writable(path)
         settings = self._settings()
         with Console(stderr=True).status("measuring") as status:
             if self.log is not None:
@@ -102,7 +105,7 @@ class Identify:
         new = compare(judging, estimate.parameters, offset)
         model = from_estimate(estimate, new.fit, str(self.log or "simulated experiment"))
         file = ModelStore(self.store).save(model, self.save).path if self.save else None
-        if self.plot is not None:
+        if self.plot is not None or self.record is not None:
             self._draw(estimate, compare(judging, estimate.problem.fixed, offset), new, truth)
         report = _report(estimate, new, truth, criteria, seconds, file)
         if self.json:
@@ -158,10 +161,20 @@ class Identify:
         return self.payload or [0.2]
 
     def _draw(self, estimate: Estimate, old: Comparison, new: Comparison, truth: ArmParameters | None) -> None:
-        from dtwin.identification.plots import draw
+        if self.plot is not None:
+            from dtwin.identification.plots import draw
 
-        assert self.plot is not None
-        draw(estimate, old, new, truth, self.plot, f"identified from {self.log or 'a simulated experiment'}")
+            draw(estimate, old, new, truth, self.plot, f"identified from {self.log or 'a simulated experiment'}")
+        if self.record is not None:
+            from dtwin.view.identification import write_identification
+
+            rows = [
+                (name, estimate.values[name], NINETY_FIVE * estimate.standard_errors[name])
+                for name in estimate.identifiability.identifiable
+            ]
+            motions = {"measured": new.measured, "before": old.predicted, "identified": new.predicted}
+            names = estimate.problem.shared
+            write_identification(self.record, PERIOD, motions, rows, names, estimate.correlation)
 
 
 def _truth(log: Log) -> ArmParameters | None:

@@ -20,7 +20,7 @@ def run_json(capsys, *arguments, status=0):
 
 
 def test_identify(capsys, tmp_path):
-    report = run_json(capsys, "identify", "--noise", "0.01", "--seed", "3", "--plot", "p.png")
+    report = run_json(capsys, "identify", "--noise", "0.01", "--seed", "3", "--plot", "p.png", "--record", "r.rrd")
     assert report["converged"]
     assert report["residual_white"]
     assert report["rank"] == 12
@@ -33,6 +33,7 @@ def test_identify(capsys, tmp_path):
     assert min(report["fit"]) > 0.98
     assert report["model_file"] == "identified/arm/0001.json"
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "r.rrd").read_bytes().startswith(b"RRF")
     assert not list(tmp_path.glob(".*"))
 
 

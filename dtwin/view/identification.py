@@ -1,0 +1,83 @@
+"""An identification as a Rerun recording: measured motion against two models, intervals, correlation."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from dtwin.recording import replacing
+from dtwin.view.series import TIMELINE
+
+Array = NDArray[np.float64]
+
+_CELL: Final = 12
+"""pixels of a coefficient of correlation"""
+_COLOURS: Final = {"measured": (90, 90, 90), "before": (196, 78, 82), "identified": (76, 114, 176)}
+
+
+def write_identification(
+    path: Path,
+    period: float,
+    motions: Mapping[str, Array],
+    rows: Sequence[tuple[str, float, float]],
+    names: Sequence[str],
+    correlation: Array,
+) -> None:
+    """Writes an .rrd file with a prepared layout; the file appears complete or not at all.
+
+    Args:
+        path: of the file.
+        period: s, between samples.
+        motions: angles (N, 3), rad: measured, and predicted by the model before and by the identified one.
+        rows: name, estimate and half of the 95 % interval of each parameter, SI units.
+        names: of the correlation's rows.
+        correlation: (n, n); NaN is left white.
+
+    Raises:
+        RecordingError: the path cannot be written.
+    """
+    digest = hashlib.blake2b(b"".join(angles.tobytes() for angles in motions.values()), digest_size=16).hexdigest()
+    stream = rr.RecordingStream("dtwin identification", recording_id=digest, send_properties=False)
+    stream.set_log_tick_enabled(False)
+    stream.set_log_time_enabled(False)
+    with replacing(path) as temporary, stream:
+        stream.save(temporary, default_blueprint=_layout())
+        for name, angles in motions.items():
+            time = rr.TimeColumn(TIMELINE, duration=np.arange(len(angles)) * period)
+            for joint in (1, 2, 3):
+                entity = f"motion/joint_{joint}/{name}"
+                stream.log(entity, rr.SeriesLines(colors=[_COLOURS[name]], names=[name]), static=True)
+                stream.send_columns(entity, [time], rr.Scalars.columns(scalars=angles[:, joint - 1]))
+        lines = [f"| {name} | {value:.6g} | +- {half:.2g} |" for name, value, half in rows]
+        table = "\n".join(["| | estimate | 95 % interval |", "|---|---|---|", *lines])
+        stream.log("parameters", rr.TextDocument(table, media_type=rr.MediaType.MARKDOWN), static=True)
+        stream.log("correlation", rr.Image(_heat(correlation)), static=True)
+        stream.log("correlation_order", rr.TextDocument(", ".join(names)), static=True)
+
+
+def _layout() -> rrb.Blueprint:
+    motions = [rrb.TimeSeriesView(origin=f"motion/joint_{j}", name=f"theta {j}, held-out motion") for j in (1, 2, 3)]
+    facts = [
+        rrb.TextDocumentView(origin="parameters", name="parameters"),
+        rrb.Spatial2DView(origin="correlation", name="correlation: red +1, blue -1"),
+        rrb.TextDocumentView(origin="correlation_order", name="its rows, from the top"),
+    ]
+    return rrb.Blueprint(
+        rrb.Horizontal(rrb.Vertical(*motions), rrb.Vertical(*facts, row_shares=[3, 3, 1]), column_shares=[3, 2])
+    )
+
+
+def _heat(correlation: Array) -> NDArray[np.uint8]:
+    """White at 0 and for NaN, red towards +1, blue towards -1."""
+    value = np.nan_to_num(correlation)
+    fade = 1.0 - np.abs(value)
+    red, blue = np.where(value < 0, fade, 1.0), np.where(value > 0, fade, 1.0)
+    pixels = (255 * np.stack([red, fade, blue], axis=-1)).astype(np.uint8)
+    return pixels.repeat(_CELL, axis=0).repeat(_CELL, axis=1)
