@@ -39,7 +39,9 @@ class ExperimentFailure:
 
     def execute(self) -> int:
         _at_least("--runs", self.runs, 1)
-        outcomes = _with_bar("watching", lambda bar: failure_experiment(self.runs, self.noise, self.seed, progress=bar))
+        outcomes = _with_bar(
+            "watching", lambda bar: failure_experiment(self.runs, self.noise, self.seed, progress=bar)
+        )
         hours = sum(outcome.hours for outcome in outcomes if outcome.method == "default")
         alarms = sum(outcome.false_alarms for outcome in outcomes if outcome.method == "default")
         text = report.failure_text(outcomes)
@@ -58,7 +60,7 @@ class ExperimentFaults:
     hours: float = 2.0
     """Of normal work without fault, plant time."""
     fault: tuple[str, ...] = ()
-    """A fault in the notation of `dtwin run --fault` without its start, such as K1*=0.5; repeatable, all if not given."""
+    """In the notation of `dtwin run --fault` without its start, such as K1*=0.5; repeatable, all if not given."""
     alarms_per_hour: float = ALARMS_PER_HOUR
     """False alarms to be expected of a healthy arm."""
     seed: int = 0
@@ -82,7 +84,7 @@ class ExperimentFaults:
 
 @dataclass(frozen=True)
 class ExperimentSampling:
-    """The thesis's monitor in every combination of simulation step and sample time, and what the default one takes."""
+    """The thesis's monitor in every combination of simulation step and sample time, and the default one beside it."""
 
     out: Path = Path("experiment-sampling")
     """Folder for the report page and its chart."""

@@ -84,6 +84,8 @@ def identified(model: IdentifiedModel) -> Belief:
             if row in place and column in place:
                 covariance[i, j] = matrix[place[row], place[column]]
     first, second, third = model.offsets
-    spread = [max(1e-3, matrix[place[name], place[name]] ** 0.5) if name in place else UNKNOWN_OFFSET for name in _BIAS]
+    spread = [
+        max(1e-3, matrix[place[name], place[name]] ** 0.5) if name in place else UNKNOWN_OFFSET for name in _BIAS
+    ]
     n1, n2, n3 = model.validity.noise
     return Belief(model.arm, covariance, (n1, n2, n3), (first, second, third), (spread[0], spread[1], spread[2]))

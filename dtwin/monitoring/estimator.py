@@ -45,8 +45,8 @@ class Tuning:
         walk: relative standard deviation K, D, c and I may gain in one second.
         offset_walk: standard deviation an encoder's offset may gain in one second, rad.
         box_mass: expected, kg.
-        box_deviation: standard deviation of the boxes' masses, kg; less than the 6 g of masses spread evenly over 20 g,
-            whose tails end where those of a normal distribution go on.
+        box_deviation: standard deviation of the boxes' masses, kg; less than the 6 g of
+            masses spread evenly over 20 g, whose tails end where those of a normal distribution go on.
         speed: standard deviation of the speeds at the first sample, rad/s.
     """
 
@@ -120,7 +120,7 @@ class Estimator:
         self.correct(measured, np.ones(3, dtype=bool))
 
     def predict(self, volts: Array, gripped: bool, guessed: bool = False) -> None:
-        """Carries the estimate over one period with the given command held, (3,) V; guessed if it was not received."""
+        """Carries the estimate over one period with a command (3,) V held; guessed if it was not received."""
         if gripped != self.gripped:
             self._hold(gripped)
         u = np.clip(volts, -VOLTAGE_LIMIT, VOLTAGE_LIMIT)

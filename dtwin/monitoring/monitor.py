@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import msgspec
@@ -15,6 +15,7 @@ from dtwin.identification.quality import noise
 from dtwin.monitoring.belief import NOISE_FLOOR, Belief
 from dtwin.monitoring.diagnosis import Candidate, Change, Diagnosis, Moment
 from dtwin.monitoring.estimator import Estimator, Tuning
+from dtwin.monitoring.layout import INDEX
 from dtwin.monitoring.signatures import LONGEST, SPACING, SignatureBank, plausible_sizes, threshold
 from dtwin.monitoring.trend import WATCHED, Trend
 from dtwin.monitoring.verdict import CAUSE_OF, UNITS, Finding, State, Verdict, joint_of, unit_of
@@ -58,7 +59,7 @@ class MonitorSettings:
 
     alarms_per_hour: float = ALARMS_PER_HOUR
     warnings_per_hour: float = 1.0
-    tuning: Tuning = Tuning()
+    tuning: Tuning = field(default_factory=Tuning)
 
     def __post_init__(self) -> None:
         for name in ("alarms_per_hour", "warnings_per_hour"):
@@ -82,12 +83,13 @@ class Monitor:
         trend: of the parameters over hours.
         restarts: how often the estimate of the motion had to start anew.
         sample: number of the last sample, -1 before the first.
+        threshold: of `statistic`.
     """
 
     def __init__(self, belief: Belief, settings: MonitorSettings | None = None) -> None:
         self.settings = settings or MonitorSettings()
         self._sizes = plausible_sizes(belief.arm)
-        self._alarm = threshold(self.settings.alarms_per_hour)
+        self.threshold = threshold(self.settings.alarms_per_hour)
         self._warning = threshold(self.settings.warnings_per_hour)
         self._noisy = np.array(belief.noise) > NOISE_FLOOR
         self._belief = belief
@@ -139,6 +141,11 @@ class Monitor:
                 self._step(measured, used if step == gap else np.zeros(3, dtype=bool), command, gap > 1)
         self._command, self._gripped = volts, gripped
 
+    @property
+    def statistic(self) -> float:
+        """The strongest evidence of a sudden change, 2 log likelihood ratio; the threshold while one is diagnosed."""
+        return self.threshold if self._diagnosis is not None else self._bank.worst()
+
     def verdict(self) -> Verdict:
         """The opinion now."""
         states: dict[str, State] = dict.fromkeys(UNITS, "nominal")
@@ -148,14 +155,15 @@ class Monitor:
         forecasts = self.trend.forecasts()
         for forecast in forecasts:
             states[unit_of(forecast.joint)] = "may be degrading" if forecast.hours else "failed"
-        findings = [*self.findings.values(), *([self._pending] if self._pending else [])]
+        findings = [self._now(finding) for finding in self.findings.values()]
+        findings += [self._pending] if self._pending else []
         for finding in findings:
             states[unit_of(finding.joint)] = "failed"
         return Verdict(self.time, states, tuple(findings), tuple(forecasts), self.unobservable(), self.missed)
 
     def unobservable(self) -> tuple[str, ...]:
         """Causes that, had they come about in their plausible size, the last seconds would not have shown."""
-        visible = self._bank.visible({name: 0.5 * size for name, size in self._sizes.items()}, self._alarm)
+        visible = self._bank.visible({name: 0.5 * size for name, size in self._sizes.items()}, self.threshold)
         hidden = []
         for name, seen in visible.items():
             text = f"{CAUSE_OF[name.rstrip('123')]}{f' of joint {name[-1]}' if name[-1] in '123' else ''}"
@@ -163,6 +171,16 @@ class Monitor:
             if not seen and not visible[other] and text not in hidden:
                 hidden.append(text)
         return tuple(hidden)
+
+    def _now(self, finding: Finding) -> Finding:
+        """The finding with the size that the estimator has refined it to since."""
+        name = finding.parameter
+        if name not in self._before:
+            return finding
+        before, index = self._before[name], INDEX[name]
+        unit = before if name[0] == "K" else 1.0
+        size = (float(self.estimator.x[index]) - before) / unit
+        return msgspec.structs.replace(finding, size=size, deviation=self.estimator.deviation(name) / abs(unit))
 
     def _suspected(self) -> str | None:
         """The unit something may be wrong with."""
@@ -228,9 +246,11 @@ class Monitor:
             return
         self.trend.enter(self.time, estimator)
         self._bank.update(estimator, used, self.sample)
-        if self._bank.worst() > self._alarm:
+        if self._bank.worst() > self.threshold:
             suspicions = self._bank.suspicions()
-            self._diagnosis = Diagnosis(suspicions, list(self._moments), self.sample, self._sizes, bool(estimator.locked))
+            self._diagnosis = Diagnosis(
+                suspicions, list(self._moments), self.sample, self._sizes, bool(estimator.locked)
+            )
             self._decide(self._diagnosis)
 
     def _forget(self) -> None:
@@ -312,7 +332,9 @@ class Monitor:
         changes = {n: c._replace(before=self._before.get(n, c.before)) for n, c in candidate.changes().items()}
         name, size, deviation = candidate.parameter, 0.0, 0.0
         if changes:
-            state, change = max(changes.items(), key=lambda item: abs(item[1].value - item[1].before) / self._sizes[item[0]])
+            state, change = max(
+                changes.items(), key=lambda item: abs(item[1].value - item[1].before) / self._sizes[item[0]]
+            )
             scale = change.before if state[0] == "K" else 1.0
             size, deviation = (change.value - change.before) / scale, change.deviation / abs(scale)
             name = name if name not in self._sizes and not name.startswith("friction") else state

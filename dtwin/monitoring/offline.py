@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +12,15 @@ from numpy.typing import NDArray
 from dtwin.errors import ParameterError
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.seed import SeedMonitor
+from dtwin.monitoring.verdict import Verdict
 from dtwin.parameters import PERIOD
 from dtwin.recording import Log
+from dtwin.signals import Event
 
 Array = NDArray[np.float64]
+
+SECOND: Final = 100
+"""rows"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,4 +73,51 @@ def stream(log: Log) -> Stream:
     sample = np.round(log.columns["t"] / PERIOD).astype(np.int64)
     if not np.allclose(sample * PERIOD, log.columns["t"], atol=1e-6):
         raise ParameterError(f"the log's times are no multiples of {PERIOD} s: expected one row a tick")
-    return Stream(sample, log.stack("measured"), log.stack("volts")[:, :3].copy(), log.columns["box_gripped"], log.columns["box_colour"])
+    return Stream(
+        sample,
+        log.stack("measured"),
+        log.stack("volts")[:, :3].copy(),
+        log.columns["box_gripped"],
+        log.columns["box_colour"],
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trace:
+    """What the default monitor made of every sample, to be drawn.
+
+    Attributes:
+        predicted: (N, 3), what the encoders should have read, rad.
+        deviation: (N, 3), standard deviation of the readings about it, rad.
+        statistic: (N,), the strongest evidence of a fault, 2 log likelihood ratio.
+        threshold: of it.
+        verdicts: the opinion, from the row at which it came to be on; the first is for row 0.
+        events: everything that was noticed.
+    """
+
+    predicted: Array
+    deviation: Array
+    statistic: Array
+    threshold: float
+    verdicts: tuple[tuple[int, Verdict], ...]
+    events: tuple[Event, ...]
+
+
+def watch(monitor: Monitor, seen: Stream, progress: Callable[[int], None] = lambda done: None) -> Trace:
+    """Gives a whole log to a fresh monitor; `progress` is told the rows done once a second of plant time."""
+    predicted, deviation, statistic = np.zeros((len(seen), 3)), np.zeros((len(seen), 3)), np.zeros(len(seen))
+    verdicts: list[tuple[int, Verdict]] = []
+    noticed = -1
+    for row in range(len(seen)):
+        seen.feed(monitor, row, row + 1)
+        innovation = monitor.estimator.innovation
+        predicted[row] = seen.measured[row] - innovation
+        deviation[row] = np.sqrt(monitor.estimator.variance)
+        statistic[row] = monitor.statistic
+        if row % SECOND == 0 or len(monitor.events) != noticed:
+            noticed = len(monitor.events)
+            verdict = monitor.verdict()
+            if not verdicts or verdict.states != verdicts[-1][1].states:
+                verdicts.append((row, verdict))
+            progress(row + 1)
+    return Trace(predicted, deviation, statistic, monitor.threshold, tuple(verdicts), tuple(monitor.events))

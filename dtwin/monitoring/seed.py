@@ -7,7 +7,7 @@ deviating samples in a row on a joint are a failure.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Literal
 
 import numpy as np
@@ -48,7 +48,7 @@ class SeedSettings:
 
     sample_time: float = 0.5
     step: float = 0.005
-    control: ControlSettings = ControlSettings()
+    control: ControlSettings = field(default_factory=ControlSettings)
 
     def __post_init__(self) -> None:
         if not _divides(PERIOD, self.sample_time):

@@ -53,7 +53,7 @@ def threshold(alarms_per_hour: float) -> float:
 
 @dataclass(slots=True)
 class Onset:
-    """The estimator as it was at a sample, before anything went wrong if that was the onset; `gap` samples to the next."""
+    """The estimator as it was at a sample, if that was the onset still healthy; `gap` samples to the next."""
 
     sample: int
     gap: int

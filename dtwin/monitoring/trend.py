@@ -100,9 +100,7 @@ class Trend:
         fast, slow = slope + math.copysign(1.96 * error, slope), slope - math.copysign(1.96 * error, slope)
         latest = 0.0 if reached else (limit - level) / slow if slow * slope > 0 else math.inf
         earliest = 0.0 if reached else (limit - level) / fast
-        return Forecast(
-            name, CAUSE_OF[name[:-1]], joint_of(name), level, slope, limit, ahead, earliest, latest
-        )
+        return Forecast(name, CAUSE_OF[name[:-1]], joint_of(name), level, slope, limit, ahead, earliest, latest)
 
 
 def line(x: Array, y: Array) -> tuple[float, float, float]:

@@ -107,7 +107,9 @@ class Forecast(msgspec.Struct, frozen=True):
         amount = f"{100 * self.change:+.1f} %" if relative else f"{1e3 * self.change:+.2f} mrad"
         slope = f"{100 * self.per_hour:+.2g} %/h" if relative else f"{1e3 * self.per_hour:+.2g} mrad/h"
         limit = f"{100 * self.limit:+.0f} %" if relative else f"{1e3 * self.limit:+.0f} mrad"
-        end = "is reached" if not self.hours else f"in {self.hours:.1f} h ({self.earliest:.1f} to {self.latest:.1f} h)"
+        end = (
+            "is reached" if not self.hours else f"in {self.hours:.1f} h ({self.earliest:.1f} to {self.latest:.1f} h)"
+        )
         return f"{self.cause} of joint {self.joint} is {amount} and changes by {slope}: limit {limit} {end}"
 
 

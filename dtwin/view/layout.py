@@ -17,7 +17,7 @@ def blueprint() -> rrb.Blueprint:
     """The layout of a recording."""
     return rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Vertical(_cell(), _events(), row_shares=[3, 1]),
+            rrb.Vertical(cell_view(), _events(), row_shares=[3, 1]),
             rrb.Tabs(_overview(), _joints(), _boxes(), active_tab=0),
             column_shares=[1.15, 1],
         ),
@@ -27,7 +27,8 @@ def blueprint() -> rrb.Blueprint:
     )
 
 
-def _cell() -> rrb.Spatial3DView:
+def cell_view() -> rrb.Spatial3DView:
+    """The cell in 3D."""
     trail = rrb.VisibleTimeRanges(
         timeline=series.TIMELINE,
         start=rrb.TimeRangeBoundary.cursor_relative(seconds=-_TRAIL_SECONDS),
@@ -58,16 +59,19 @@ def _events() -> rrb.TextLogView:
 
 def _overview() -> rrb.Vertical:
     return rrb.Vertical(
-        _plot("Angles and targets (rad)", series.ANGLES),
-        _plot("Tracking error (mrad)", series.ERROR),
-        _plot("Voltages (V)", series.VOLTS, rrb.ScalarAxis(range=(-_VOLTS_SHOWN, _VOLTS_SHOWN))),
+        plot_view("Angles and targets (rad)", series.ANGLES),
+        plot_view("Tracking error (mrad)", series.ERROR),
+        plot_view("Voltages (V)", series.VOLTS, rrb.ScalarAxis(range=(-_VOLTS_SHOWN, _VOLTS_SHOWN))),
         name="Overview",
     )
 
 
 def _joints() -> rrb.Vertical:
     return rrb.Vertical(
-        *(_plot(f"Joint {joint}: angle and target (rad)", f"{series.ANGLES}/joint_{joint}") for joint in (1, 2, 3)),
+        *(
+            plot_view(f"Joint {joint}: angle and target (rad)", f"{series.ANGLES}/joint_{joint}")
+            for joint in (1, 2, 3)
+        ),
         name="Joints",
     )
 
@@ -75,14 +79,15 @@ def _joints() -> rrb.Vertical:
 def _boxes() -> rrb.Vertical:
     return rrb.Vertical(
         rrb.StateTimelineView(name="Boxes", origin=series.STATES),
-        _plot("Gripper angle (rad)", series.GRIPPER),
-        _plot("Payload (kg)", series.PAYLOAD),
+        plot_view("Gripper angle (rad)", series.GRIPPER),
+        plot_view("Payload (kg)", series.PAYLOAD),
         row_shares=[1, 2, 2],
         name="Boxes",
     )
 
 
-def _plot(name: str, origin: str, axis_y: rrb.ScalarAxis | None = None) -> rrb.TimeSeriesView:
+def plot_view(name: str, origin: str, axis_y: rrb.ScalarAxis | None = None) -> rrb.TimeSeriesView:
+    """Lines of all entities below an origin, on the time axis of all plots."""
     return rrb.TimeSeriesView(
         name=name,
         origin=origin,

@@ -75,6 +75,10 @@ class Scene:
         stream.reset_time()
         stream.log(TRAIL, rr.Points3D.from_fields(colors=style.TRAIL, radii=0.0015), static=True)
 
+    def frame(self, body: str) -> rr.CoordinateFrame:
+        """The frame that moves with a body of the model, for what is drawn on it."""
+        return rr.CoordinateFrame(self._logger.paths.body_frame(body))
+
     def log_motion(self, stream: rr.RecordingStream, log: Log) -> None:
         """Sends the poses of the moving bodies and the trail of the tip of a log, or a part of one."""
         times = time_column(log.columns["t"][::STRIDE])
@@ -123,7 +127,7 @@ class Scene:
         """Sends one row of boxes for each (tick, boxes), relative to a body or to the world."""
         entity = f"{BOXES}/{name}"
         if body is not None:
-            stream.log(entity, rr.CoordinateFrame(self._logger.paths.body_frame(body)), static=True)
+            stream.log(entity, self.frame(body), static=True)
         stream.log(entity, rr.Boxes3D.from_fields(fill_mode="solid"), static=True)
         spots = [spot for _, row in rows for spot in row]
         columns = rr.Boxes3D.columns(

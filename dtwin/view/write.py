@@ -40,7 +40,7 @@ def write_recording(log: Log, model_file: Path, path: Path, arm: ArmParameters =
     if not len(log):
         raise RecordingError(f"{path}: expected a log of at least one tick to draw")
     scene = Scene(model_file, arm)
-    with replacing(path) as temporary, _stream(log) as stream:
+    with replacing(path) as temporary, open_stream(log) as stream:
         stream.save(temporary, default_blueprint=blueprint())
         log_run(stream, scene, log)
 
@@ -62,7 +62,7 @@ def log_run(stream: rr.RecordingStream, scene: Scene, log: Log) -> None:
     log_events(stream, log.events)
 
 
-def _stream(log: Log) -> rr.RecordingStream:
+def open_stream(log: Log) -> rr.RecordingStream:
     """A stream whose id is the log's digest: the viewer keeps different runs apart and knows equal ones."""
     notes = msgspec.json.encode((log.events, dict(log.metadata)), order="sorted")
     digest = hashlib.blake2b(notes, digest_size=16)

@@ -23,8 +23,8 @@ PAGE: Final = "report.md"
 CHART: Final = "report.png"
 
 _FAILURE_THESIS: Final = (
-    "The thesis tests one failure: K2 to 10 % at 45 s, compared every 0.5 s with a simulation of 5 ms steps. It takes "
-    "ten deviating comparisons in a row, so more than five seconds, and names the link but no cause."
+    "The thesis tests one failure: K2 to 10 % at 45 s, compared every 0.5 s with a simulation of 5 ms steps. It "
+    "takes ten deviating comparisons in a row, so more than five seconds, and names the link but no cause."
 )
 _SAMPLING_THESIS: Final = (
     "The thesis's monitor could not keep up below a simulation step of 5 ms or a sample time of 100 ms."
@@ -49,8 +49,8 @@ def failure_text(outcomes: Sequence[Outcome]) -> str:
     ]  # fmt: skip
     return _page(
         "The voltage constant of joint 2 drops to a tenth",
-        "The emulated cell (MuJoCo) sorts boxes under its function blocks; every run has its own boxes, encoder noise, "
-        "and model from one simulated identification run at the same noise. At 45 s K2 is multiplied by 0.1.",
+        "The emulated cell (MuJoCo) sorts boxes under its function blocks; every run has its own boxes, encoder "
+        "noise, and model from one simulated identification run at the same noise. At 45 s K2 is multiplied by 0.1.",
         _table(header, rows),
         _FAILURE_THESIS,
     )
@@ -67,8 +67,8 @@ def faults_text(card: Scorecard) -> str:
     alarms = [f"seed {q.seed}, noise {q.noise:g} rad: {alarm}" for q in card.quiet for alarm in q.alarms]
     return _page(
         "Faults of the cell",
-        "Every fault comes at a random time between 30 s and 60 s into normal work with random boxes; every run has its "
-        "own boxes, encoder noise, and model from one simulated identification run at the same noise. A latency in "
+        "Every fault comes at a random time between 30 s and 60 s into normal work with random boxes; every run has "
+        "its own boxes, encoder noise, and model from one simulated identification run at the same noise. A latency in "
         "motion counts only the time in which the arm moves, for the payload with a box.",
         _table(header, [_line(line) for line in card.lines()]),
         "## Named causes\n\nRows are true causes, columns named ones, with the joint.",
@@ -152,7 +152,9 @@ def draw_faults(card: Scorecard, figure: Figure) -> None:
     left, right = figure.subplots(1, 2)
     for row, line in enumerate(lines):
         runs = [o for o in card.outcomes if o.fault == line.fault and o.motion_latency_s is not None]
-        left.plot([max(o.motion_latency_s or 0.0, 0.01) for o in runs], [row] * len(runs), ".", color="#4c72b0", alpha=0.6)
+        left.plot(
+            [max(o.motion_latency_s or 0.0, 0.01) for o in runs], [row] * len(runs), ".", color="#4c72b0", alpha=0.6
+        )
     left.set_yticks(range(len(lines)), [line.fault for line in lines], fontsize=8)
     left.axvline(WITHIN, color="0.6", ls="--", lw=1)
     left.set_xscale("log")
@@ -163,7 +165,9 @@ def draw_faults(card: Scorecard, figure: Figure) -> None:
     right.imshow(shares, cmap="Blues", vmin=0, vmax=1, aspect="auto")
     for (i, j), count in np.ndenumerate(matrix):
         if count:
-            right.text(j, i, str(count), ha="center", va="center", fontsize=7, color="w" if shares[i, j] > 0.5 else "k")
+            right.text(
+                j, i, str(count), ha="center", va="center", fontsize=7, color="w" if shares[i, j] > 0.5 else "k"
+            )
     right.set_xticks(range(len(named)), named, rotation=90, fontsize=7)
     right.set_yticks(range(len(true)), true, fontsize=7)
     right.set(title="named (columns) and true (rows) causes, runs")
@@ -176,7 +180,9 @@ def draw_sampling(speeds: Sequence[Speed], figure: Figure) -> None:
     for step in dict.fromkeys(s.step for s in speeds if s.method == "seed"):
         chosen = [s for s in speeds if s.method == "seed" and s.step == step]
         times = [s.sample_time for s in chosen]
-        share.plot(times, [100 * s.core_share for s in chosen], ".-", label=f"thesis's method, step {1e3 * step:g} ms")
+        share.plot(
+            times, [100 * s.core_share for s in chosen], ".-", label=f"thesis's method, step {1e3 * step:g} ms"
+        )
         latency.plot(times, [s.latency_s or math.nan for s in chosen], ".-")
     for s in speeds:
         if s.method == "default":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal, get_args
 
@@ -103,7 +104,9 @@ class Outcome(msgspec.Struct, frozen=True):
 
 def identified_belief(noise: float, noise_kind: NoiseKind, seed: int) -> Belief:
     """A model of the healthy arm from one identification run at the given noise, as imperfect as that makes it."""
-    experiment = Rig(noise=noise, noise_kind=noise_kind).measure(Plan(), SignalBlocks(), np.random.default_rng((seed, 1)))
+    experiment = Rig(noise=noise, noise_kind=noise_kind).measure(
+        Plan(), SignalBlocks(), np.random.default_rng((seed, 1))
+    )
     estimate = identify([experiment], standard_settings())
     return identified(from_estimate(estimate, np.ones(3), "simulated"))
 
@@ -156,10 +159,8 @@ class _Run:
     def outcome(self) -> Outcome:
         trial = self.trial
         ticks = round((self.start + trial.patience) / PERIOD)
-        try:
+        with contextlib.suppress(DivergenceError):  # a monitor that has not reported by then has failed to
             run(self.plant, self.controller, ticks, record=self.record, between=self.between)
-        except DivergenceError:
-            pass  # a monitor that has not reported by then has failed to
         finding = self._finding()
         cause, joint = true_cause(trial.fault) if trial.fault else ("", 0)
         size_true = self._true_size()
