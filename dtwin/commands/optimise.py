@@ -21,7 +21,7 @@ from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.recording import ensure_writable, replacing
 from dtwin.simulation.checks import MOTIONS, Motion
 from dtwin.simulation.objective import Limits, Objective, possible_arms, scenarios_for
-from dtwin.simulation.optimise import Optimum, optimise
+from dtwin.simulation.optimise import Optimum, check_search, optimise
 from dtwin.simulation.places import angles_of
 
 _UNITS = {"time": "s", "tracking": "rad", "energy": "J", "voltage": "V"}
@@ -86,6 +86,7 @@ class Optimise:
         for path in (self.plot, self.save):
             if path is not None:
                 ensure_writable(path)
+        check_search(self.target_time, self.candidates, self.processes)
         objective = self._objective()
         with _progress(self.json) as progress:
             task = progress.add_task("", total=self.candidates, best="")

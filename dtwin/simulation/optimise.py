@@ -91,11 +91,8 @@ def optimise(
     Raises:
         ParameterError: a bound is out of order, or the settings in use cannot be judged.
     """
+    check_search(target_times, candidates, processes)
     low, high = target_times
-    if not 0 < low <= high < math.inf:
-        raise ParameterError(f"target times: expected a range above 0 s, got {low:g} to {high:g}")
-    if candidates < 2 * POPULATION:
-        raise ParameterError(f"candidates: expected at least {2 * POPULATION}, got {candidates}")
     base = objective.base
     reference = score(replace(objective, limits=UNLIMITED), base.target_time, base.gains)
     if reference.broken:
@@ -133,6 +130,17 @@ def optimise(
     return Optimum(min(scores, key=lambda found: found.cost), reference, tuple(scores), seconds)
 
 
+def check_search(target_times: tuple[float, float], candidates: int, processes: int | None) -> None:
+    """Raises ParameterError when a bound is out of order or a number too small."""
+    low, high = target_times
+    if not 0 < low <= high < math.inf:
+        raise ParameterError(f"target times: expected a range above 0 s, got {low:g} to {high:g}")
+    if candidates < 2 * POPULATION:
+        raise ParameterError(f"candidates: expected at least {2 * POPULATION}, got {candidates}")
+    if processes is not None and processes < 1:
+        raise ParameterError(f"processes: expected at least 1, got {processes}")
+
+
 def cores() -> int:
     """That this process may use."""
     return len(os.sched_getaffinity(0))
@@ -159,8 +167,6 @@ def _unused(_: Array) -> float:
 
 
 def _pool(processes: int | None) -> Any:
-    if processes is not None and processes < 1:
-        raise ParameterError(f"processes: expected at least 1, got {processes}")
     if processes == 1:
         return nullcontext()
     # Not by fork: a progress bar's thread may hold a lock that the child would wait for.

@@ -12,6 +12,7 @@ from dtwin.parameters import HANGING, HOME, PICKUP, PLACES, ArmParameters, Tripl
 from dtwin.twin.kinematics import inverse
 
 _POSES: Final[dict[str, Triple]] = {"home": HOME, "hanging": HANGING}
+_TURN: Final = 2.0 * math.pi
 FORMS: Final = (
     f"a place ({', '.join((*NAMES, *_POSES))}), coordinates of the tip X,Y in m, or joint angles Q1,Q2,Q3 in rad"
 )
@@ -65,10 +66,10 @@ def nearest(x: float, y: float, arm: ArmParameters, near: Triple) -> Triple:
         UnreachableError: the point is out of reach.
     """
     best: tuple[float, Triple] | None = None
-    for elbow, turns in itertools.product(("up", "down"), (-1, 0, 1)):
+    for elbow, more_1, more_2 in itertools.product(("up", "down"), (-1, 0, 1), (-1, 0, 1)):
         first, second, _ = inverse(x, y, arm, elbow="up" if elbow == "up" else "down")
-        first += 2.0 * math.pi * round((near[0] - first) / (2.0 * math.pi))
-        second += 2.0 * math.pi * (round((near[1] - second) / (2.0 * math.pi)) + turns)
+        first += _TURN * (round((near[0] - first) / _TURN) + more_1)
+        second += _TURN * (round((near[1] - second) / _TURN) + more_2)
         theta = (first, second, -first - second)
         way = max(abs(a - b) for a, b in zip(theta, near, strict=True))
         if best is None or way < best[0]:

@@ -26,6 +26,7 @@ class TrialRules:
         allowance: and further for noise and what the twin does not know, rad.
         samples: in a row beyond that make a failure: one may be an outlier.
         grace: s in which a distance that was there before may go down.
+        calm: samples in a row within the bounds that show that it has.
     """
 
     duration: float = 10.0
@@ -33,6 +34,7 @@ class TrialRules:
     allowance: float = 0.01
     samples: int = 5
     grace: float = 5.0
+    calm: int = 50
 
 
 class Trial:
@@ -55,8 +57,9 @@ class Trial:
         self.offender = 0
         self.bounds = triple(rules.factor * distance + rules.allowance for distance in predicted)
         self._rules = rules
-        self._moved = self._counts = False
-        self._beyond = 0
+        self._moved = False
+        self._counts = False
+        self._seen = self._calm = self._beyond = 0
 
     def observe(self, time: float, path: Triple, measured: Triple) -> Verdict:
         """Judges a sample: plant time s, path and measured angles rad.
@@ -68,7 +71,10 @@ class Trial:
         limit = 1.0 if self._moved else INTERIM
         over = [distance / bound for distance, bound in zip(away, self.bounds, strict=True)]
         inside = max(over) <= limit
-        self._counts = self._counts or inside or time >= self.began + self._rules.grace
+        self._seen += 1
+        self._calm = self._calm + 1 if inside else 0
+        was_good = self._calm == self._seen or self._counts
+        self._counts = was_good or self._moved or self._calm >= self._rules.calm or self._late(time)
         if self._counts:
             self.measured = triple(map(max, self.measured, away))
             self._beyond = 0 if inside else self._beyond + 1
@@ -76,3 +82,6 @@ class Trial:
                 self.offender = over.index(max(over)) + 1
                 return "failed"
         return "passed" if time >= self.began + self._rules.duration else "running"
+
+    def _late(self, time: float) -> bool:
+        return time >= self.began + self._rules.grace

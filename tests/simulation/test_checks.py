@@ -1,0 +1,68 @@
+"""What is refused before it reaches a controller, and what is predicted of the rest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from dtwin.control import ControlSettings
+from dtwin.parameters import ArmParameters, Gains, scaled
+from dtwin.simulation.checks import MOTIONS, Checker, Motion, Refused
+from dtwin.simulation.places import angles_of
+from dtwin.simulation.whatif import Case, Simulator
+
+USUAL = ControlSettings()
+
+
+def test_prediction_is_the_worst_of_the_motions(checker: Checker, simulator: Simulator) -> None:
+    prediction = checker.check(USUAL, ArmParameters())
+    found = [
+        simulator.run(
+            Case(
+                m.goal, USUAL, angles_of(m.start), payload=0.2 if m.carries else 0.0, carries=m.carries, duration=2.5
+            )
+        ).figures
+        for m in MOTIONS
+    ]
+    for joint in range(3):
+        assert prediction.tracking[joint] == max(figures.tracking_max[joint] for figures in found)
+        assert prediction.peak_volts[joint] == max(figures.peak_volts[joint] for figures in found)
+    assert max(found[MOTIONS.index(prediction.worst)].tracking_max) == max(prediction.tracking)
+    assert prediction.spectral_radius < 1.0
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [
+        (replace(USUAL, gains=Gains(kp=(1000.0,) * 3)), "not stable at blue with a box: spectral radius 1.00"),
+        (replace(USUAL, gains=Gains(kd=(200.0,) * 3)), "not stable"),
+        (replace(USUAL, gains=Gains((0.0,) * 3, (0.0,) * 3, (0.0,) * 3)), "not stable"),
+        (replace(USUAL, law="seed"), "not stable"),
+        (replace(USUAL, payload_model="weight"), "not stable"),
+        (replace(USUAL, model=scaled(ArmParameters(), "K", 0.5)), "not stable"),
+        (replace(USUAL, target_time=0.9), "pickup to green: joint 3 would leave its path by"),
+        (replace(USUAL, model=scaled(ArmParameters(), "D", 20.0)), "would leave its path"),
+        (replace(USUAL, target_time=0.01), "target time: expected 0.1 to 60 s, got 0.01"),
+        (replace(USUAL, gains=Gains(ki=(1.0, 1e6, 1.0))), "ki2: expected at most 100000, got 1e"),
+        (replace(USUAL, model=replace(ArmParameters(), length=(0.15, 5.0, 0.16))), "l2: expected 0.01 to 0.5, got 5"),
+    ],
+)
+def test_bad_settings_are_refused_with_the_reason(checker: Checker, settings: ControlSettings, reason: str) -> None:
+    with pytest.raises(Refused, match=reason):
+        checker.check(settings, ArmParameters())
+
+
+def test_what_is_bad_for_another_arm_is_refused(checker: Checker) -> None:
+    """The arm that the twin knows takes the plant's place, not the one that the controller believes in."""
+    weak = ArmParameters().with_values({"K2": 0.03})
+    with pytest.raises(Refused):
+        checker.check(USUAL, weak)
+    assert max(checker.predict(USUAL, weak, MOTIONS[:2]).tracking) > 0.1
+
+
+def test_only_the_motions_that_are_asked_for_count(checker: Checker) -> None:
+    fast = replace(USUAL, target_time=1.0)
+    with pytest.raises(Refused, match="green"):
+        checker.check(fast, ArmParameters())
+    assert checker.check(fast, ArmParameters(), [Motion("pickup", "red", True)]).worst.goal == "red"

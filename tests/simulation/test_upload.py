@@ -1,0 +1,262 @@
+"""Uploads into a running controller: nothing jumps, nothing bad gets through, and what disappoints is taken back."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dtwin.cell import Cell, CellSettings
+from dtwin.control import ControlSettings, EmbeddedController
+from dtwin.errors import CommunicationError, ParameterError
+from dtwin.parameters import ArmParameters, Gains, scaled
+from dtwin.recording import Log
+from dtwin.simulation.checks import Checker, Refused
+from dtwin.simulation.history import History
+from dtwin.simulation.live import WatchedController
+from dtwin.simulation.ports import EmbeddedPort
+from dtwin.simulation.trial import Trial, TrialRules
+from dtwin.simulation.upload import Proposal, Uploader
+
+HIGHER = Gains(kp=(250.0, 500.0, 350.0))
+Action = Callable[[Uploader, float], object]
+
+
+class Desk:
+    """A controller, its uploader and its history."""
+
+    def __init__(self, folder: Path, checker: Checker, settings: ControlSettings | None = None) -> None:
+        self.controller = EmbeddedController(settings)
+        self.port = EmbeddedPort(self.controller)
+        self.history = History(folder / "history.jsonl")
+        self.checker = checker
+        self.uploader = Uploader(self.port, self.history, checker)
+
+    def run(self, duration: float, actions: dict[float, Action], arm: ArmParameters | None = None) -> Log:
+        """Runs the cell with something done to the uploader at some seconds."""
+        cell = Cell(
+            CellSettings(duration=duration, seed=1, arm=arm or ArmParameters()),
+            WatchedController(self.controller, self.uploader),
+        )
+
+        def between(done: int) -> bool:
+            if (action := actions.get(done / 100)) is not None:
+                action(self.uploader, done / 100)
+            return True
+
+        cell.run(between)
+        return cell.log.freeze()
+
+    def actions(self) -> list[str]:
+        return [entry.action for entry in self.history.entries()]
+
+
+@pytest.fixture
+def desk(tmp_path: Path, checker: Checker) -> Desk:
+    return Desk(tmp_path, checker)
+
+
+def gains(values: Gains, who: str = "anna", why: str = "to try") -> Action:
+    return lambda uploader, at: uploader.upload(Proposal(who, why, uploader.version, values), at)
+
+
+def model(values: ArmParameters) -> Action:
+    return lambda uploader, at: uploader.upload(Proposal("anna", "to try", uploader.version, model=values), at)
+
+
+def test_sending_the_same_again_changes_no_voltage(tmp_path: Path, checker: Checker, desk: Desk) -> None:
+    undisturbed = Cell(CellSettings(duration=20.0, seed=1))
+    undisturbed.run()
+    send_gains = lambda uploader, at: desk.port.send_gains(Gains(), 2.0)  # noqa: E731 - one line of a table
+    send_model = lambda uploader, at: desk.port.send_model(ArmParameters())  # noqa: E731 - one line of a table
+    log = desk.run(20.0, {float(k): send_gains if k % 2 else send_model for k in range(1, 20)})
+    assert log.stack("volts").tobytes() == undisturbed.log.freeze().stack("volts").tobytes()
+
+
+def test_new_gains_make_no_jump_beyond_the_new_law(tmp_path: Path, checker: Checker, desk: Desk) -> None:
+    """In the middle of a motion, with a heavier arm than the controller knows; the integral stays what it was."""
+    heavy = scaled(ArmParameters(), "m", 1.2)
+    other = Gains(ki=(150.0, 100.0, 300.0))
+    plain = Cell(CellSettings(duration=14.2, seed=1, arm=heavy))
+    plain.run()
+    usual, changed = plain.log.freeze().stack("volts"), desk.run(14.2, {14.0: gains(other)}, heavy).stack("volts")
+    assert desk.uploader.settings.gains == other
+    np.testing.assert_array_equal(changed[:1400], usual[:1400])
+    # One sample of the new gain, 0.01 s x 150 1/s^3 x 0.1 rad; with the gain outside the integral it would be 0.5 V.
+    assert 0.0 < np.abs(changed[1400] - usual[1400]).max() < 0.02
+
+
+def test_an_upload_is_in_force_from_the_next_tick(desk: Desk) -> None:
+    desk.run(3.0, {2.0: gains(HIGHER)})
+    assert desk.port.read_back().gains == HIGHER
+    assert desk.uploader.settings.gains == HIGHER
+    desk.port.send_model(scaled(ArmParameters(), "D", 1.1))
+    assert desk.port.read_back().model == scaled(ArmParameters(), "D", 1.1)
+    assert desk.port.read_back().gains == HIGHER
+
+
+def test_good_settings_are_confirmed(desk: Desk) -> None:
+    log = desk.run(15.0, {3.0: gains(HIGHER)})
+    entries = desk.history.entries()
+    assert [entry.action for entry in entries] == ["start", "upload", "confirm"]
+    assert [entry.version for entry in entries] == [1, 2, 2]
+    assert [entry.time for entry in entries] == pytest.approx([0.0, 3.0, 13.0])
+    assert (entries[1].who, entries[1].why, entries[1].kind) == ("anna", "to try", "gains")
+    assert entries[2].measured is not None
+    assert entries[1].predicted is not None
+    assert max(entries[2].measured) < 1.5 * max(entries[1].predicted) + 0.01
+    assert desk.uploader.trial is None
+    assert len(log) == 1500
+
+
+def test_a_model_that_disappoints_is_rolled_back(desk: Desk) -> None:
+    """The twin is told that the arm has that damping, so it agrees; the arm has not."""
+    log = desk.run(25.0, {7.0: model(scaled(ArmParameters(), "D", 2.5))})
+    entries = desk.history.entries()
+    assert [entry.action for entry in entries] == ["start", "upload", "roll back"]
+    assert entries[-1].version == 3
+    assert "rad from its path, expected at most" in entries[-1].why
+    assert entries[-1].settings == entries[0].settings
+    assert desk.port.read_back() == ControlSettings()
+    late = np.abs(log.stack("target") - log.stack("theta"))[2000:]
+    assert late.max() < 0.02
+
+
+def test_a_trial_that_a_crash_cut_short_goes_on(desk: Desk) -> None:
+    desk.run(8.0, {7.0: model(scaled(ArmParameters(), "D", 2.5))})
+    assert desk.actions() == ["start", "upload"]
+    again = Uploader(desk.port, desk.history, desk.checker, time=8.0)
+    assert again.trial is not None
+    assert again.version == 2
+    for tick in range(20):
+        entry = again.observe(8.0 + tick / 100, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0 if tick < 2 else 0.3))
+        if entry is not None:
+            break
+    assert desk.actions() == ["start", "upload", "roll back"]
+    assert desk.port.read_back() == ControlSettings()
+
+
+def test_refusals_change_nothing_but_the_history(desk: Desk) -> None:
+    before = desk.port.read_back()
+    refused = [
+        Proposal("bob", "more is better", 1, Gains(kp=(5000.0,) * 3)),
+        Proposal("bob", "old", 0, HIGHER),
+        Proposal("bob", "quick", 1, target_time=0.5),
+        Proposal("bob", "light", 1, model=scaled(ArmParameters(), "m", 0.1)),
+    ]
+    for proposal in refused:
+        with pytest.raises(Refused) as reason:
+            desk.uploader.upload(proposal, 1.0, ArmParameters())
+        last = desk.history.last()
+        assert last is not None
+        assert (last.action, last.version, last.why, last.text) == ("refuse", 1, proposal.why, str(reason.value))
+    assert desk.port.read_back() == before == desk.uploader.settings
+    assert desk.uploader.trial is None
+
+
+def test_one_trial_at_a_time_and_a_roll_back_by_hand(desk: Desk) -> None:
+    desk.uploader.upload(Proposal("anna", "", 1, HIGHER, 2.5), 5.0)
+    with pytest.raises(Refused, match=r"version 2 is on trial until 15\.00 s"):
+        desk.uploader.upload(Proposal("bob", "", 2, Gains()), 6.0)
+    entry = desk.uploader.roll_back("bob", "do not like it", 7.0)
+    assert (entry.version, entry.who, entry.settings) == (3, "bob", ControlSettings())
+    assert desk.port.read_back() == ControlSettings()
+    with pytest.raises(Refused, match="nothing is on trial"):
+        desk.uploader.roll_back("bob", "again", 8.0)
+
+
+def test_settings_that_others_have_changed_are_noticed(desk: Desk) -> None:
+    desk.port.send_gains(HIGHER, 2.0)
+    desk.uploader.look_again(4.0)
+    assert desk.uploader.version == 2
+    assert desk.uploader.settings.gains == HIGHER
+    with pytest.raises(Refused, match="expected version 2, got 1"):
+        desk.uploader.upload(Proposal("anna", "", 1, Gains()), 5.0)
+    again = Uploader(desk.port, desk.history, desk.checker)
+    assert again.version == 2
+    desk.port.send_gains(Gains(), 3.0)
+    assert Uploader(desk.port, desk.history, desk.checker).version == 3
+
+
+def test_a_controller_that_does_not_take_settings_over_is_an_error(desk: Desk) -> None:
+    class Deaf:
+        send_gains = send_model = lambda self, *values: None
+
+        def read_back(self) -> ControlSettings:
+            return ControlSettings()
+
+    uploader = Uploader(Deaf(), desk.history, desk.checker)
+    with pytest.raises(CommunicationError, match="has not taken the gains it was sent"):
+        uploader.upload(Proposal("anna", "", 1, HIGHER), 0.0)
+    assert uploader.version == 1
+    assert uploader.trial is None
+
+
+def test_acknowledged_within_100_ms(desk: Desk) -> None:
+    seconds = []
+    for number in range(7):
+        changed = replace(HIGHER, kd=(2.0 + 0.1 * number,) * 3)
+        began = time.perf_counter()
+        desk.uploader.upload(Proposal("anna", "", desk.uploader.version, changed), 0.0)
+        seconds.append(time.perf_counter() - began)
+        desk.uploader.trial = None
+    assert sorted(seconds)[3] < 0.1
+
+
+@pytest.mark.parametrize(
+    "parts", [{}, {"gains": HIGHER, "model": ArmParameters()}, {"target_time": 1.0, "model": ArmParameters()}]
+)
+def test_proposals_are_one_message(parts: dict[str, object]) -> None:
+    with pytest.raises(ParameterError, match="expected gains, a target time or both, or a model alone"):
+        Proposal("anna", "", 1, **parts)  # type: ignore[arg-type]
+
+
+def test_not_a_number_and_wrong_shapes_never_become_settings() -> None:
+    with pytest.raises(ParameterError, match="kp1"):
+        Gains(kp=(float("nan"), 1.0, 1.0))
+    with pytest.raises(ParameterError, match="mass: expected 3 values"):
+        ArmParameters(mass=(0.1, 0.1))  # type: ignore[arg-type]
+    with pytest.raises(ParameterError, match="target time"):
+        ControlSettings(target_time=float("inf"))
+
+
+REST = (0.0, 0.0, 0.0)
+
+
+def verdicts(distances: list[float], rules: TrialRules | None = None, path: float = 1.0) -> list[str]:
+    trial = Trial(rules or TrialRules(), 10.0, (0.01, 0.01, 0.01))
+    assert trial.bounds == pytest.approx((0.025,) * 3)
+    return [
+        trial.observe(10.0 + k / 100, (path, 0.0, 0.0), (path - distance, 0.0, 0.0))
+        for k, distance in enumerate(distances)
+    ]
+
+
+def test_trial_fails_after_some_samples_beyond_the_bound() -> None:
+    moved = [0.0]  # the first sample of a path
+    assert verdicts(moved + [0.03] * 4 + [0.01] + [0.03] * 4)[-1] == "running"
+    assert verdicts(moved + [0.03] * 5)[-2:] == ["running", "failed"]
+
+
+def test_trial_is_patient_with_the_motion_that_ran_before() -> None:
+    assert verdicts([0.02] + [0.07] * 50)[-1] == "running"
+    assert verdicts([0.02] + [0.08] * 5)[-1] == "failed"
+
+
+def test_trial_waits_for_a_distance_that_was_there_before() -> None:
+    falling = [2.0 * 0.99**k for k in range(460)]
+    assert verdicts(falling)[-1] == "running"
+    swinging = [2.0] * 50 + [0.01] * 30 + [1.0] * 40 + [0.05] * 100
+    assert verdicts(swinging)[-1] == "running"
+    assert verdicts([*swinging, *[0.1] * 5])[-1] == "failed"
+    assert verdicts([2.0] * 505)[-1] == "failed"
+
+
+def test_trial_passes_at_its_end() -> None:
+    found = verdicts([0.0] + [0.01] * 1000)
+    assert found[-1] == "passed"
+    assert set(found[:-1]) == {"running"}
