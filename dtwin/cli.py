@@ -123,6 +123,8 @@ def _dispatch(arguments: list[str]) -> int:
     if name not in COMMANDS:
         under = [key for key in COMMANDS if key.startswith(f"{name} ")]
         raise DtwinError(f"unknown command {name!r}: expected {choices(under or COMMANDS)}")
+    # All matrices here are small: threads of the linear algebra would only fight over the cores.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     entry = COMMANDS[name]
     options = getattr(importlib.import_module(entry.module), entry.options)
     command = parse_options(options, f"dtwin {name}", arguments[words:])
