@@ -14,6 +14,7 @@ from dtwin.errors import CommunicationError, ParameterError
 from dtwin.messages import ALIVE, SENSORS, STATUS, TARGET, TOPICS, TargetSetting, encode
 from dtwin.parameters import ROOT
 from dtwin.signals import Sensors
+from tests.services.bench import until
 
 SAMPLE = Sensors(1, 0.01, (0.1, 0.2, 0.3), 0.9, True, "red")
 WAIT = 10.0
@@ -202,3 +203,27 @@ def test_shipped_files_are_configurations_that_find_others_only_by_endpoint(file
     assert configuration.get_json("scouting/multicast/enabled") == "false"
     assert configuration.get_json("transport/shared_memory/enabled") == "false", "it would pass the limit by"
     assert int(configuration.get_json("transport/link/rx/max_message_size")) == 1 << 20
+
+
+def test_clients_of_a_router_find_each_other_again_after_it_was_away(tmp_path: Path, rendezvous: str) -> None:
+    host = rendezvous.removeprefix("tcp/")
+    for file in (ROOT / "config" / "routed").glob("*.json5"):
+        text = file.read_text().replace("0.0.0.0:7447", host).replace("127.0.0.1:7447", host)
+        (tmp_path / file.name).write_text(text)
+    router = open_configured(tmp_path, "router")
+    sender, receiver = Bus(open_configured(tmp_path, "emulator")), Bus(open_configured(tmp_path, "recorder"))
+    publish, heard = sender.publisher(SENSORS), Heard(receiver)
+    lost = threading.Event()
+    receiver.announce("receiver")
+    sender.watch_alive(lambda name, alive: lost.set() if not alive else lost.clear())
+    try:
+        until(lambda: publish(SAMPLE) or not heard.messages.empty(), "a message passes")
+        router.close()
+        assert lost.wait(WAIT)
+        while not heard.messages.empty():
+            heard.messages.get()
+        router = open_configured(tmp_path, "router")
+        until(lambda: publish(SAMPLE) or not heard.messages.empty(), "messages pass again")
+    finally:
+        for end in (sender, receiver, router):
+            end.close()

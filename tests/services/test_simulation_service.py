@@ -1,0 +1,103 @@
+"""Uploads to a running cell, from the command line through the service to the controller's ports and back."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dtwin.bus import Bus
+from dtwin.commands.up import join
+from dtwin.errors import CommunicationError
+from dtwin.identification.estimate import identify
+from dtwin.identification.excitation import Plan
+from dtwin.identification.experiments import standard_settings
+from dtwin.identification.model import from_estimate, write_model
+from dtwin.identification.rig import Rig
+from dtwin.identification.signal_blocks import SignalBlocks
+from dtwin.messages import GAINS, UPLOAD, GainsSetting, Upload, UploadRequest
+from dtwin.parameters import ArmParameters, Gains, scaled
+from dtwin.simulation.history import History
+from tests.services.bench import until
+from tests.services.test_up import Desk
+
+HIGHER = Gains(kp=(250.0, 500.0, 350.0))
+
+
+@pytest.fixture
+def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Iterator[Desk]:
+    folder = tmp_path / "runtime"
+    folder.mkdir()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    desk = Desk(folder, capsys)
+    history = str(tmp_path / "history.jsonl")
+    desk.up("--detach", "--pace", "lockstep", "--simulation", "--history", history, "--seed", "2")
+    yield desk
+    desk.run("down")
+    for pid in desk.processes():
+        os.kill(pid, signal.SIGKILL)
+
+
+def now(bus: Bus) -> Upload:
+    return bus.ask(UPLOAD, None, Upload)
+
+
+def test_settings_are_uploaded_watched_and_taken_back(cell: Desk, tmp_path: Path) -> None:
+    first = json.loads(cell.run("upload", "gains", "--why", "to try", "--who", "anna", "--kp", "250", "500", "350"))
+    assert (first["version"], first["action"], first["on_trial"]) == (2, "upload", True)
+    assert first["gains"]["kp"] == [250.0, 500.0, 350.0]
+    with join("cell") as bus:
+        assert bus.ask(GAINS, None, GainsSetting).gains == HIGHER
+        until(lambda: not now(bus).on_trial, "the trial of good gains ends")
+        assert now(bus).action == "confirm"
+        for request, reason in (
+            (UploadRequest("bob", "old", 1, gains=Gains()), "expected version 2, got 1"),
+            (UploadRequest("bob", "wild", 2, gains=Gains(kp=(2000.0,) * 3)), "not stable at blue with a box"),
+            (UploadRequest("bob", "nothing", 2), "expected gains, a target time or both, or a model alone"),
+        ):
+            with pytest.raises(CommunicationError, match=reason):
+                bus.ask(UPLOAD, request, Upload)
+        assert bus.ask(GAINS, None, GainsSetting).gains == HIGHER
+        wrong = scaled(ArmParameters(), "D", 2.5)
+        answer = bus.ask(UPLOAD, UploadRequest("bob", "a wrong model", 2, model=wrong), Upload)
+        assert (answer.version, answer.model) == (3, wrong)
+        until(lambda: not now(bus).on_trial, "the trial of a wrong model ends")
+        last = now(bus)
+        assert (last.action, last.version, last.model) == ("roll back", 4, ArmParameters())
+        bus.ask(GAINS, GainsSetting(Gains()), GainsSetting)
+        with pytest.raises(CommunicationError, match="expected version 5, got 4"):
+            bus.ask(UPLOAD, UploadRequest("anna", "unaware of bob", 4, target_time=1.8), Upload)
+    entries = History(tmp_path / "history.jsonl").entries()
+    actions = [entry.action for entry in entries]
+    assert actions[:3] == ["start", "upload", "confirm"]
+    assert actions.count("refuse") == 3
+    assert actions[-4:] == ["upload", "roll back", "start", "refuse"]
+    summary = cell.summary()
+    assert summary["services"]["simulation"]["restarts"] == 0
+
+
+def test_identified_models_and_optimised_settings_are_uploaded(cell: Desk, tmp_path: Path) -> None:
+    import numpy as np
+
+    estimate = identify(
+        [Rig(noise=0.002).measure(Plan(), SignalBlocks(), np.random.default_rng(0))], standard_settings()
+    )
+    file = tmp_path / "arm.json"
+    write_model(from_estimate(estimate, np.ones(3), "test"), file)
+    said = cell.run("upload", "model", "--why", "identified", "--model", str(file), "--wait").splitlines()
+    answers: list[dict[str, Any]] = [json.loads(line) for line in said]
+    assert [answer["action"] for answer in answers] == ["upload", "confirm"]
+    assert answers[-1]["model"]["damping"] == list(estimate.parameters.damping)
+    saved = tmp_path / "best.json"
+    saved.write_text(json.dumps({"target_time": 1.9, "gains": {"kp": [210, 480, 300], "ki": [70, 200, 150]}}))
+    answer = json.loads(cell.run("upload", "gains", "--why", "optimised", "--file", str(saved), "--arm", str(file)))
+    assert answer["target_time"] == 1.9
+    assert answer["gains"]["kp"] == [210.0, 480.0, 300.0]
+    assert answer["gains"]["kd"] == [2.0, 2.0, 2.0]
+    message = cell.run("upload", "target", "--why", "impatient", "--time", "0.2", status=2)
+    assert "is on trial until" in message
