@@ -30,65 +30,92 @@ class Entry:
     summary: str
 
 
-COMMANDS: Final[dict[str, Entry]] = {
-    "run": Entry("dtwin.commands.run", "Run", "run the cell: arm, boxes and function blocks; record and summarise"),
-    "validate": Entry("dtwin.commands.validate", "Validate", "hold the emulation against the analytic twin"),
-    "identify": Entry("dtwin.commands.identify", "Identify", "identify the arm from a log or a simulated experiment"),
-    "identify live": Entry("dtwin.commands.identify_live", "IdentifyLive", "excite and identify the running arm"),
-    "experiment noise": Entry("dtwin.commands.experiment", "ExperimentNoise", "identify under encoder noise; report"),
-    "experiment mass": Entry("dtwin.commands.experiment", "ExperimentMass", "identify with a wrong load; report"),
-    "experiment friction": Entry("dtwin.commands.experiment", "ExperimentFriction", "compare friction laws; report"),
-    "experiment accuracy": Entry(
-        "dtwin.commands.experiment_simulation",
-        "ExperimentAccuracy",
-        "hold the twin's motions against the arm's; report",
-    ),
-    "experiment upload": Entry(
-        "dtwin.commands.experiment_simulation",
-        "ExperimentUpload",
-        "upload gains and a model to a running cell; report",
-    ),
-    "experiment failure": Entry(
-        "dtwin.commands.experiment_monitoring", "ExperimentFailure", "monitor K2 failing; report"
-    ),
-    "experiment faults": Entry(
-        "dtwin.commands.experiment_monitoring", "ExperimentFaults", "score the monitor on faults"
-    ),
-    "experiment sampling": Entry(
-        "dtwin.commands.experiment_monitoring", "ExperimentSampling", "limits of the monitors"
-    ),
-    "monitor": Entry("dtwin.commands.monitor", "MonitorCommand", "find faults of the arm in a log"),
-    "model list": Entry("dtwin.commands.model", "ModelList", "list the identified models"),
-    "model show": Entry("dtwin.commands.model", "ModelShow", "show an identified model"),
-    "model diff": Entry("dtwin.commands.model", "ModelDiff", "compare two identified models"),
-    "model export": Entry("dtwin.commands.model", "ModelExport", "write an identified model as MJCF or parameters"),
-    "simulate": Entry(
-        "dtwin.commands.simulate", "Simulate", "try a motion on the twin with the real function blocks"
-    ),
-    "optimise": Entry("dtwin.commands.optimise", "Optimise", "search the best gains and target time on the twin"),
-    "fb run": Entry("dtwin.commands.fb", "FbRun", "serve function blocks as a device that management can build on"),
-    "fb watch": Entry("dtwin.commands.fb", "FbWatch", "read values of a running device"),
-    "fb check": Entry("dtwin.commands.fb_library", "FbCheck", "check function-block files"),
-    "fb export": Entry("dtwin.commands.fb_library", "FbExport", "write block types as Lua, or systems as boot files"),
-    "fb deploy": Entry("dtwin.commands.fb_library", "FbDeploy", "build a system on a device"),
-    "fb stop": Entry("dtwin.commands.fb", "FbStop", "stop what runs on a device"),
-    "up": Entry("dtwin.commands.up", "UpCommand", "start the services of a cell on Zenoh and keep them running"),
-    "status": Entry("dtwin.commands.up", "StatusCommand", "show how the services of a cell do"),
-    "down": Entry("dtwin.commands.up", "DownCommand", "stop a cell that is up"),
-    "watch": Entry("dtwin.commands.watch", "WatchCommand", "print what passes on a cell's bus"),
-    "gains set": Entry("dtwin.commands.settings", "GainsSet", "set gains of the running controller"),
-    "model set": Entry("dtwin.commands.settings", "ModelSet", "set the arm model of the running controller"),
-    "target set": Entry("dtwin.commands.settings", "TargetSet", "set how long the motions take"),
-    "bench identify": Entry("dtwin.commands.bench_identify", "BenchIdentify", "time a fit against mujoco.sysid"),
-    "upload gains": Entry(
-        "dtwin.commands.upload", "UploadGains", "check gains, upload them to a running cell, on trial"
-    ),
-    "upload model": Entry("dtwin.commands.upload", "UploadModel", "the same with an identified model"),
-    "upload target": Entry("dtwin.commands.upload", "UploadTarget", "the same with the target time"),
-    "history": Entry("dtwin.commands.history", "ShowHistory", "show all changes of the controller's settings"),
-    "demo recovery": Entry("dtwin.commands.demo", "DemoRecovery", "let the twin find a fault and put it right"),
-    "bench": Entry("dtwin.commands.bench", "Bench", "measure the speed of the parts on this machine"),
+GROUPS: Final[dict[str, dict[str, Entry]]] = {
+    "the cell": {
+        "run": Entry(
+            "dtwin.commands.run", "Run", "run the cell: arm, boxes and function blocks; record and summarise"
+        ),
+        "validate": Entry("dtwin.commands.validate", "Validate", "hold the emulation against the analytic twin"),
+        "bench": Entry("dtwin.commands.bench", "Bench", "measure the speed of the parts on this machine"),
+    },
+    "function blocks": {
+        "fb check": Entry("dtwin.commands.fb_library", "FbCheck", "check function-block files"),
+        "fb export": Entry(
+            "dtwin.commands.fb_library", "FbExport", "write block types as Lua, or systems as boot files"
+        ),
+        "fb run": Entry(
+            "dtwin.commands.fb", "FbRun", "serve function blocks as a device that management can build on"
+        ),
+        "fb deploy": Entry("dtwin.commands.fb_library", "FbDeploy", "build a system on a device"),
+        "fb watch": Entry("dtwin.commands.fb", "FbWatch", "read values of a running device"),
+        "fb stop": Entry("dtwin.commands.fb", "FbStop", "stop what runs on a device"),
+    },
+    "the cell as services": {
+        "up": Entry("dtwin.commands.up", "UpCommand", "start the services of a cell on Zenoh and keep them running"),
+        "status": Entry("dtwin.commands.up", "StatusCommand", "show how the services of a cell do"),
+        "down": Entry("dtwin.commands.up", "DownCommand", "stop a cell that is up"),
+        "watch": Entry("dtwin.commands.watch", "WatchCommand", "print what passes on a cell's bus"),
+        "gains set": Entry("dtwin.commands.settings", "GainsSet", "set gains of the running controller"),
+        "model set": Entry("dtwin.commands.settings", "ModelSet", "set the arm model of the running controller"),
+        "target set": Entry("dtwin.commands.settings", "TargetSet", "set how long the motions take"),
+    },
+    "identification": {
+        "identify": Entry(
+            "dtwin.commands.identify", "Identify", "identify the arm from a log or a simulated experiment"
+        ),
+        "identify live": Entry("dtwin.commands.identify_live", "IdentifyLive", "excite and identify the running arm"),
+        "model list": Entry("dtwin.commands.model", "ModelList", "list the identified models"),
+        "model show": Entry("dtwin.commands.model", "ModelShow", "show an identified model"),
+        "model diff": Entry("dtwin.commands.model", "ModelDiff", "compare two identified models"),
+        "model export": Entry(
+            "dtwin.commands.model", "ModelExport", "write an identified model as MJCF or parameters"
+        ),
+        "bench identify": Entry("dtwin.commands.bench_identify", "BenchIdentify", "time a fit against mujoco.sysid"),
+        "experiment noise": Entry(
+            "dtwin.commands.experiment", "ExperimentNoise", "identify under encoder noise; report"
+        ),
+        "experiment mass": Entry("dtwin.commands.experiment", "ExperimentMass", "identify with a wrong load; report"),
+        "experiment friction": Entry(
+            "dtwin.commands.experiment", "ExperimentFriction", "compare friction laws; report"
+        ),
+    },
+    "monitoring": {
+        "monitor": Entry("dtwin.commands.monitor", "MonitorCommand", "find faults of the arm in a log"),
+        "experiment failure": Entry(
+            "dtwin.commands.experiment_monitoring", "ExperimentFailure", "monitor K2 failing; report"
+        ),
+        "experiment faults": Entry(
+            "dtwin.commands.experiment_monitoring", "ExperimentFaults", "score the monitor on faults"
+        ),
+        "experiment sampling": Entry(
+            "dtwin.commands.experiment_monitoring", "ExperimentSampling", "limits of the monitors"
+        ),
+    },
+    "simulation": {
+        "simulate": Entry(
+            "dtwin.commands.simulate", "Simulate", "try a motion on the twin with the real function blocks"
+        ),
+        "optimise": Entry("dtwin.commands.optimise", "Optimise", "search the best gains and target time on the twin"),
+        "upload gains": Entry(
+            "dtwin.commands.upload", "UploadGains", "check gains, upload them to a running cell, on trial"
+        ),
+        "upload model": Entry("dtwin.commands.upload", "UploadModel", "the same with an identified model"),
+        "upload target": Entry("dtwin.commands.upload", "UploadTarget", "the same with the target time"),
+        "history": Entry("dtwin.commands.history", "ShowHistory", "show all changes of the controller's settings"),
+        "experiment accuracy": Entry(
+            "dtwin.commands.experiment_simulation",
+            "ExperimentAccuracy",
+            "hold the twin's motions against the arm's; report",
+        ),
+        "experiment upload": Entry(
+            "dtwin.commands.experiment_simulation",
+            "ExperimentUpload",
+            "upload gains and a model to a running cell; report",
+        ),
+        "demo recovery": Entry("dtwin.commands.demo", "DemoRecovery", "let the twin find a fault and put it right"),
+    },
 }
+COMMANDS: Final = {name: entry for group in GROUPS.values() for name, entry in group.items()}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -167,7 +194,8 @@ def _one_line(box: str, prog: str) -> str:
 
 def _overview() -> str:
     width = max(len(name) for name in COMMANDS)
-    lines = [f"  {name:<{width}}  {entry.summary}" for name, entry in COMMANDS.items()]
-    usage = f"usage: dtwin COMMAND [OPTIONS]\n\n{DESCRIPTION}\n\ncommands:"
-    hint = "dtwin COMMAND --help shows the options of one command; dtwin --version the version."
-    return "\n".join([usage, *lines, "", hint])
+    lines = [f"usage: dtwin COMMAND [OPTIONS]\n\n{DESCRIPTION}"]
+    for title, group in GROUPS.items():
+        lines += [f"\n{title}:", *(f"  {name:<{width}}  {entry.summary}" for name, entry in group.items())]
+    lines.append("\ndtwin COMMAND --help shows the options of one command; dtwin --version the version.")
+    return "\n".join(lines)
