@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import NoReturn
+
+from dtwin.iec61499.bootfile import Command
 from dtwin.iec61499.deployment import Deployment
 from dtwin.iec61499.management import Block, ManagementError, Reason, Request, Type
 from dtwin.iec61499.management_client import ManagementClient
@@ -17,40 +20,63 @@ def deploy(client: ManagementClient, deployment: Deployment) -> None:
         ManagementError: the device refuses; names the block.
         CommunicationError: the device does not answer.
     """
-    building = False
-    for command in deployment.commands:
-        request = command.request
-        creates = not command.resource and isinstance(request.subject, Block)
-        if creates:
-            remove(client, deployment.resource)
-        reason = client.request(command.resource, request.action, request.subject).reason
-        if reason is not None:
-            if building:
-                remove(client, deployment.resource)
-            raise ManagementError(reason, f"{client.address}: {_refusal(deployment, request, reason)}")
-        building = building or creates
+    types = [command for command in deployment.commands if isinstance(command.request.subject, Type)]
+    for command in types:
+        if not _knows(client, deployment, command):
+            _demand(client, deployment, command)
+    remove(client, deployment.resource)
+    try:
+        for command in deployment.commands[len(types) :]:
+            _demand(client, deployment, command)
+    except ManagementError:
+        remove(client, deployment.resource)
+        raise
 
 
 def remove(client: ManagementClient, resource: str) -> None:
-    """Kills and deletes a resource, if there is one of that name. Raises ManagementError when it cannot be."""
-    if any(block.name == resource for block in client.blocks("")):
-        # refused where it does not run, which deleting then takes
-        client.request("", "KILL", Block(resource, ""))
-        client.delete_block("", resource)
+    """Stops and deletes a resource, if there is one of that name. Raises ManagementError when it cannot be."""
+    if all(block.name != resource for block in client.blocks("")):
+        return
+    # what is not running refuses to stop and to be killed, and may be deleted
+    client.request("", "STOP", Block(resource, ""))
+    # FORTE goes on through its list of sockets behind that of the request, while KILL takes those of the resource
+    # out of it; behind the socket of a new session there are none
+    client.reconnect()
+    client.request("", "KILL", Block(resource, ""))
+    client.delete_block("", resource)
+
+
+def _knows(client: ManagementClient, deployment: Deployment, command: Command) -> bool:
+    """Whether the device has the type already, which its name says it has with the same text."""
+    assert isinstance(command.request.subject, Type)
+    reason = client.request("", "QUERY", Type(command.request.subject.name)).reason
+    if reason is not None and reason != "UNSUPPORTED_TYPE":
+        # without Lua, FORTE's buffer is too short for a type: it would not even refuse one
+        _refuse(client, deployment, command.request, "UNSUPPORTED_CMD")
+    return reason is None
+
+
+def _demand(client: ManagementClient, deployment: Deployment, command: Command) -> None:
+    request = command.request
+    reason = client.request(command.resource, request.action, request.subject).reason
+    if reason is not None:
+        _refuse(client, deployment, request, reason)
+
+
+def _refuse(client: ManagementClient, deployment: Deployment, request: Request, reason: Reason) -> NoReturn:
+    raise ManagementError(reason, f"{client.address}: {_refusal(deployment, request, reason)}")
 
 
 def _refusal(deployment: Deployment, request: Request, reason: Reason) -> str:
     subject = request.subject
     if isinstance(subject, Type):
-        blocks = [c.request.subject for c in deployment.commands]
+        blocks = [command.request.subject for command in deployment.commands]
         user = next(block.name for block in blocks if isinstance(block, Block) and block.type_name == subject.name)
-        if reason in ("UNSUPPORTED_CMD", "UNSUPPORTED_TYPE"):
-            needed = (
-                "the device does not take block types: expected a 4diac FORTE built with FORTE_USE_LUATYPES, "
-                "or dtwin fb run with the same library"
-            )
-        else:
-            needed = "expected a 4diac FORTE with Lua 5.1 or later"
+        needed = {
+            "UNSUPPORTED_CMD": "the device takes no block types: expected dtwin fb run, or a 4diac FORTE built with "
+            "FORTE_USE_LUATYPES",
+            "UNSUPPORTED_TYPE": "the device has no such block type or has it otherwise: expected the same library",
+        }.get(reason, "the device cannot read it: expected a 4diac FORTE with Lua 5.1 or later")
         return f"refused type {subject.name} of block {user}: {reason}: {needed}"
     if isinstance(subject, Block) and reason == "UNSUPPORTED_TYPE":
         return (

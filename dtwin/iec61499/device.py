@@ -219,11 +219,13 @@ def _execute_in(resource: ManagedResource, request: Request, library: Library) -
 def _types(request: Request, subject: Type, library: Library) -> Response:
     if request.action == "QUERY" and subject.tag == "FBType" and subject.name == ANY:
         return Response(request.id, names=(*library.names(), *standard_names()))
-    if request.action != "CREATE" or subject.tag != "FBType":
-        raise ManagementError("UNSUPPORTED_CMD", f"{request.action} {subject.tag}: expected CREATE FBType")
+    if request.action not in ("CREATE", "QUERY") or subject.tag != "FBType":
+        raise ManagementError("UNSUPPORTED_CMD", f"{request.action} {subject.tag}: expected CREATE or QUERY FBType")
     try:
         library.find(subject.name)
     except FunctionBlockError as error:
+        if request.action == "QUERY":
+            return Response(request.id, "UNSUPPORTED_TYPE")
         _adopt(library, subject, error)
     return Response(request.id)
 

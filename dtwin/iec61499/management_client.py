@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from types import TracebackType
 from typing import Final
 
@@ -44,7 +45,8 @@ class ManagementClient:
 
     def __init__(self, address: Address, timeout: float = TIMEOUT) -> None:
         self.address = address
-        self._client = BlockingClient(address, REQUESTS, RESPONSES, timeout)
+        self._timeout = timeout
+        self._client = self._connected()
         self._number = 0
 
     def __enter__(self) -> ManagementClient:
@@ -57,6 +59,22 @@ class ManagementClient:
 
     def close(self) -> None:
         self._client.close()
+
+    def reconnect(self) -> None:
+        """Ends the session and begins another one; a FORTE refuses until it has noticed the end."""
+        self._client.close()
+        deadline = time.monotonic() + self._timeout
+        while True:
+            try:
+                self._client = self._connected()
+                self.blocks("")
+                return
+            except CommunicationError:
+                if time.monotonic() > deadline:
+                    raise
+
+    def _connected(self) -> BlockingClient:
+        return BlockingClient(self.address, REQUESTS, RESPONSES, self._timeout)
 
     def request(self, resource: str, action: Action, subject: Subject | None = None) -> Response:
         """The device's response, refusals included.

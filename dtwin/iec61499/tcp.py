@@ -187,7 +187,8 @@ class Server:
 
     Connections wait side by side until one has sent its first whole message; it becomes the client, the others
     are closed, and so is every connection that comes while it stays. So a peer that connects and says nothing
-    keeps nobody out.
+    keeps nobody out. Until then what the block sends goes to all of them, as the clients of a block that only sends
+    say nothing.
 
     Args:
         indicate: called with the values of every message.
@@ -211,14 +212,14 @@ class Server:
         self.address = self._listener.address
 
     def send(self, values: Sequence[Value]) -> None:
-        """Sends a message to the client; without one it is lost, as the client is.
+        """Sends a message to the client, or to those who wait; without any it is lost.
 
         Raises:
             CommunicationError: the values do not fit the signature.
         """
         data = self._sends.encode(values)
-        if self._client is not None:
-            self._client.send(data)
+        for connection in [self._client] if self._client is not None else list(self._readers):
+            connection.send(data)
 
     def close(self) -> None:
         self._listener.close()

@@ -300,6 +300,20 @@ def test_a_second_deployment_takes_the_place_of_the_first() -> None:
         assert [block.name for block in client.blocks("")] == ["OTHER", "EMB_RES"]
 
 
+def test_types_that_the_device_knows_are_not_sent_again() -> None:
+    sent: list[str] = []
+
+    def note(request: str) -> bool:
+        sent.append(request)
+        return False
+
+    with session(note) as client:
+        for count in (12, 0):
+            sent.clear()
+            deploy(client, cell_plan())
+            assert sum('Action="CREATE"><FBType' in request for request in sent) == count
+
+
 def test_a_type_that_the_device_has_otherwise_is_refused() -> None:
     library = Library([BLOCKS])
     changed = library.find("DATA_SELECTOR")
@@ -318,7 +332,7 @@ def test_a_device_without_lua_keeps_what_it_runs() -> None:
             deploy(client, cell_plan())
         assert [block.name for block in client.blocks("")] == ["EMB_RES"]
     assert "refused type RESTART_DETECTOR_" in str(refused.value)
-    assert "of block DETECTOR: UNSUPPORTED_CMD: the device does not take block types" in str(refused.value)
+    assert "of block DETECTOR: UNSUPPORTED_CMD: the device takes no block types" in str(refused.value)
     assert "FORTE_USE_LUATYPES" in str(refused.value)
 
 

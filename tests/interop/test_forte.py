@@ -1,0 +1,192 @@
+"""The application on a real 4diac FORTE, deployed by this project, against the embedded runtime.
+
+The same tests hold the embedded runtime as a device to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from served import BLOCKS, FORTE, NO_FORTE, Listener, Served, embedded, forte, patiently
+
+from dtwin.cell import Cell, CellSettings
+from dtwin.cli import main
+from dtwin.control import EmbeddedController
+from dtwin.iec61499.bootfile import print_boot_file
+from dtwin.iec61499.types import BOOL, LREAL
+from dtwin.iec61499.wire import Signature
+from dtwin.loop import run
+from dtwin.parameters import ArmParameters
+from dtwin.recording import Log
+from dtwin.remote import RemoteController
+
+SAME = 1e-9
+"""V, between FORTE and the embedded runtime"""
+needs_forte = pytest.mark.skipif(not FORTE, reason=NO_FORTE)
+
+
+@pytest.fixture(params=["embedded", pytest.param("forte", marks=needs_forte)])
+def served(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Served]:
+    with forte(tmp_path) if request.param == "forte" else embedded() as management:
+        device = Served(management)
+        device.deploy()
+        with device.client:
+            yield device
+
+
+def controller(served: Served) -> RemoteController:
+    """The device's application, with a new embedded one as shadow."""
+    return patiently(lambda: RemoteController(served.address(61500), EmbeddedController(), timeout=10.0))
+
+
+def assert_same_run(one: Log, other: Log) -> None:
+    assert one.events == other.events
+    assert np.abs(one.stack("volts") - other.stack("volts")).max() <= SAME
+
+
+def test_120_seconds_of_pick_and_place_are_the_same(served: Served) -> None:
+    settings = CellSettings(duration=120.0, seed=1, noise=0.001)
+    alone = Cell(settings)
+    alone.run()
+    with controller(served) as remote:
+        cell = Cell(settings, remote)
+        cell.run()
+    log = cell.log.freeze()
+    assert_same_run(log, alone.log.freeze())
+    assert cell.summary(log).boxes.delivered > 3
+
+
+@needs_forte
+def test_forte_takes_a_thirtieth_of_real_time(tmp_path: Path) -> None:
+    factors = []
+    with forte(tmp_path) as management:
+        device = Served(management)
+        device.deploy()
+        # the best of three: other processes may take their part of the machine
+        for seed in range(3):
+            with controller(device) as remote:
+                cell = Cell(CellSettings(duration=40.0, seed=seed), remote)
+                cell.run()
+            factors.append(cell.summary(cell.log.freeze()).real_time_factor)
+    assert max(factors) >= 30
+
+
+def test_a_second_run_on_the_same_application(served: Served) -> None:
+    for seed, duration in ((1, 15.0), (2, 24.7), (3, 5.0)):
+        settings = CellSettings(duration=duration, seed=seed)
+        alone = Cell(settings)
+        alone.run()
+        with controller(served) as remote:
+            cell = Cell(settings, remote)
+            cell.run()
+        assert_same_run(cell.log.freeze(), alone.log.freeze())
+
+
+def test_a_second_deployment_takes_the_place_of_the_first(served: Served) -> None:
+    settings = CellSettings(duration=3.0, seed=1)
+    served.deploy()
+    with controller(served) as remote:
+        Cell(settings, remote).run()
+        served.client.write("EMB_RES", "PLANNER.T", "9.0")
+        # the client of the first one is still there
+        served.deploy()
+    with controller(served) as remote:
+        Cell(settings, remote).run()
+        assert remote.largest_difference <= SAME
+    assert float(served.client.read("EMB_RES", "PLANNER.T")) == 2.0
+
+
+@needs_forte
+def test_changed_code_takes_the_place_of_the_old_one(tmp_path: Path) -> None:
+    blocks = tmp_path / "fb"
+    blocks.mkdir()
+    for file in BLOCKS.glob("*.fbt"):
+        (blocks / file.name).write_text(file.read_text().replace("V_GRIPPER := 3.0", "V_GRIPPER := 2.5"))
+    with forte(tmp_path) as management:
+        device = Served(management)
+        for folder, volts in ((BLOCKS, 3.0), (blocks, 2.5), (BLOCKS, 3.0)):
+            device.deploy(folder)
+            with controller(device) as remote:
+                cell = Cell(CellSettings(duration=0.1), remote)
+                cell.run()
+            assert cell.log.freeze().columns["volts_4"][-1] == volts
+
+
+def test_identification_gains_and_model_from_the_twin(served: Served) -> None:
+    """What comes to the twin's ports between two samples has the same effect; what they send is the same."""
+    shadow = EmbeddedController()
+    response: list[tuple[object, ...]] = []
+    monitoring: list[tuple[object, ...]] = []
+    shadow.resource.port("TWIN.IDENTIFICATION.BLOCK.DATA").attach(response.append)
+    shadow.resource.port("TWIN.MONITORING.DATA").attach(monitoring.append)
+    remote = patiently(lambda: RemoteController(served.address(61500), shadow, timeout=10.0))
+    listeners = (
+        Listener(served.address(61502), Signature([LREAL] * 7)),
+        Listener(served.address(61503), Signature([LREAL] * 6 + [BOOL, LREAL])),
+    )
+    generator = np.random.default_rng(1)
+    cell = Cell(CellSettings(duration=60.0, seed=4, noise=0.001), remote)
+
+    def advance(ticks: int) -> None:
+        run(cell.emulation, remote, ticks, record=cell.log.append)
+        assert remote.largest_difference <= SAME
+
+    def tell(port: int, block: str, *values: float | bool) -> None:
+        kind = BOOL if isinstance(values[0], bool) else LREAL
+        served.tell(port, Signature([kind] * len(values)), values)
+        shadow.resource.port(f"TWIN.{block}").deliver(values)
+        shadow.resource.run_until_idle()
+
+    advance(300)
+    tell(61501, "IDENTIFICATION.REQUEST", True)
+    advance(1)
+    assert served.client.read("EMB_RES", "SELECTOR.OVERRIDE") == "TRUE"
+    advance(400)
+    assert served.client.read("EMB_RES", "SELECTOR.OVERRIDE") == "FALSE"
+    tell(61504, "SIMULATION.GAIN_PORT", *generator.uniform(10.0, 300.0, 6), *generator.uniform(1.0, 3.0, 3), 1.5)
+    advance(700)
+    tell(61505, "SIMULATION.MODEL_PORT", *(ArmParameters().vector()[:18] * generator.uniform(0.9, 1.1, 18)))
+    advance(1500)
+    tell(61501, "IDENTIFICATION.REQUEST", True)
+    advance(100)
+    tell(61501, "IDENTIFICATION.REQUEST", False)
+    advance(200)
+    for listener, expected in zip(listeners, (response, monitoring), strict=True):
+        assert listener.received(len(expected)) == expected
+        listener.close()
+    assert len(response) == 450
+    assert len(monitoring) > 200
+    # the voltages of the controller after the signal follow on without a jump
+    back = cell.log.freeze().stack("volts")[651:800, :3]
+    assert np.abs(np.diff(back, axis=0)).max() < 0.5
+    remote.close()
+
+
+@needs_forte
+def test_forte_boots_from_an_exported_file(tmp_path: Path) -> None:
+    boot = tmp_path / "cell.fboot"
+    with forte(tmp_path) as management:
+        ports = Served(management)
+    boot.write_text(print_boot_file(ports.plan().commands))
+    with forte(tmp_path, "-f", str(boot)), controller(ports) as remote:
+        Cell(CellSettings(duration=3.0, seed=1), remote).run()
+        assert remote.largest_difference <= SAME
+
+
+def test_watch_and_stop_from_the_command_line(served: Served, capsys: pytest.CaptureFixture[str]) -> None:
+    served.client.close()
+
+    def output(*arguments: str) -> list[str]:
+        # FORTE refuses a management client until it has noticed that the one before has gone
+        while main(["fb", *arguments]):
+            assert "connection lost" in capsys.readouterr().err
+        return capsys.readouterr().out.splitlines()
+
+    management = str(served.client.address)
+    names, *rows = output("watch", management, "PLANNER.T", "CONTROLLER.KP2", "--count", "2", "--interval", "0.001")
+    assert names == "PLANNER.T\tCONTROLLER.KP2"
+    assert [list(map(float, row.split("\t"))) for row in rows] == [[2.0, 500.0]] * 2
+    assert output("stop", management) == ["EMB_RES stopped"]
