@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from dtwin.bus import Bus
@@ -48,6 +49,12 @@ def now(bus: Bus) -> Upload:
 
 
 def test_settings_are_uploaded_watched_and_taken_back(cell: Desk, tmp_path: Path) -> None:
+    """One cell for both: starting it takes longer than all that is done to it."""
+    by_hand(cell, tmp_path / "history.jsonl")
+    from_files(cell, tmp_path)
+
+
+def by_hand(cell: Desk, history: Path) -> None:
     first = json.loads(cell.run("upload", "gains", "--why", "to try", "--who", "anna", "--kp", "250", "500", "350"))
     assert (first["version"], first["action"], first["on_trial"]) == (2, "upload", True)
     assert first["gains"]["kp"] == [250.0, 500.0, 350.0]
@@ -72,7 +79,7 @@ def test_settings_are_uploaded_watched_and_taken_back(cell: Desk, tmp_path: Path
         bus.ask(GAINS, GainsSetting(Gains()), GainsSetting)
         with pytest.raises(CommunicationError, match="expected version 5, got 4"):
             bus.ask(UPLOAD, UploadRequest("anna", "unaware of bob", 4, target_time=1.8), Upload)
-    entries = History(tmp_path / "history.jsonl").entries()
+    entries = History(history).entries()
     actions = [entry.action for entry in entries]
     assert actions[:3] == ["start", "upload", "confirm"]
     assert actions.count("refuse") == 3
@@ -81,9 +88,7 @@ def test_settings_are_uploaded_watched_and_taken_back(cell: Desk, tmp_path: Path
     assert summary["services"]["simulation"]["restarts"] == 0
 
 
-def test_identified_models_and_optimised_settings_are_uploaded(cell: Desk, tmp_path: Path) -> None:
-    import numpy as np
-
+def from_files(cell: Desk, tmp_path: Path) -> None:
     estimate = identify(
         [Rig(noise=0.002).measure(Plan(), SignalBlocks(), np.random.default_rng(0))], standard_settings()
     )

@@ -86,7 +86,7 @@ def test_new_gains_make_no_jump_beyond_the_new_law(tmp_path: Path, checker: Chec
     usual, changed = plain.log.freeze().stack("volts"), desk.run(14.2, {14.0: gains(other)}, heavy).stack("volts")
     assert desk.uploader.settings.gains == other
     np.testing.assert_array_equal(changed[:1400], usual[:1400])
-    # One sample of the new gain, 0.01 s x 150 1/s^3 x 0.1 rad; with the gain outside the integral it would be 0.5 V.
+    # One sample of the new gain, 0.01 s x 150 1/s^3 x 0.1 rad; with the gain outside the integral it would be 0.26 V.
     assert 0.0 < np.abs(changed[1400] - usual[1400]).max() < 0.02
 
 
