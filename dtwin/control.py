@@ -22,6 +22,7 @@ SYSTEM: Final = "dtwin.sys"
 Law = Literal["default", "seed"]
 LAWS: Final[tuple[Law, ...]] = get_args(Law)
 """In the order of the input LAW of the controller block."""
+_NEEDED: Final[dict[Law, PayloadModel]] = {"default": "point", "seed": "weight"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +35,8 @@ class ControlSettings:
         law: "default" feeds back through the mass matrix, "seed" through its row sums, without damping term.
         model: the arm as the controller believes it to be; its Coulomb friction is not compensated.
         payload: assumed mass of a box, kg.
-        payload_model: "point", a held box is a point mass at the tip; "weight", only its weight counts: with that the
-            default law is unstable where the held box is far out.
+        payload_model: how a held box counts; unless given as the law needs it to hold a box everywhere: as a point mass
+            for the default law, by its weight alone for the seed's.
 
     Raises:
         ParameterError: a value is out of range.
@@ -46,7 +47,7 @@ class ControlSettings:
     law: Law = "default"
     model: ArmParameters = field(default_factory=ArmParameters)
     payload: float = 0.2
-    payload_model: PayloadModel = "point"
+    payload_model: PayloadModel | None = None
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.target_time) and self.target_time > 0):
@@ -81,7 +82,7 @@ class ControlSettings:
         }
         values["CONTROLLER.LAW"] = LAWS.index(self.law)
         values["CONTROLLER.PAYLOAD_MASS"] = self.payload
-        values["CONTROLLER.WEIGHT_ONLY"] = self.payload_model == "weight"
+        values["CONTROLLER.WEIGHT_ONLY"] = (self.payload_model or _NEEDED[self.law]) == "weight"
         values["PLANNER.T"] = self.target_time
         return values
 

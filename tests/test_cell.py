@@ -66,7 +66,7 @@ def test_target_time_sets_the_speed_of_motion() -> None:
 
 
 def test_the_row_sum_law_sorts_boxes_too() -> None:
-    control = ControlSettings(law="seed", payload_model="weight")
+    control = ControlSettings(law="seed")
     _, summary = run(CellSettings(duration=120.0, seed=1, control=control))
     assert summary.boxes.delivered >= 5
     assert summary.boxes.misplaced == summary.saturated_ticks == 0

@@ -115,11 +115,7 @@ class Run:
             noise_kind=self.noise_kind,
             faults=tuple(parse_fault(text) for text in self.fault),
             arm=ArmParameters().with_values(dict(assignment(text) for text in self.set)),
-            control=ControlSettings(
-                target_time=self.target_time,
-                law=self.law,
-                payload_model="weight" if self.law == "seed" else "point",
-            ),
+            control=ControlSettings(target_time=self.target_time, law=self.law),
             step=self.step,
             model_file=self.model,
             blocks=self.blocks,
