@@ -35,8 +35,8 @@ class ControlSettings:
         law: "default" feeds back through the mass matrix, "seed" through its row sums, without damping term.
         model: the arm as the controller believes it to be; its Coulomb friction is not compensated.
         payload: assumed mass of a box, kg.
-        payload_model: how a held box counts; unless given as the law needs it to hold a box everywhere: as a point mass
-            for the default law, by its weight alone for the seed's.
+        payload_model: how a held box counts; if not given, as the law needs it to hold a box everywhere: as a
+            point mass for the default law, by its weight alone for the seed's.
 
     Raises:
         ParameterError: a value is out of range.
@@ -56,7 +56,7 @@ class ControlSettings:
             raise ParameterError(f"payload: expected a finite mass of at least 0 kg, got {self.payload}")
         if self.law not in LAWS:
             raise ParameterError(f"law: expected {choices(LAWS)}, got {self.law!r}")
-        if self.payload_model not in get_args(PayloadModel):
+        if self.payload_model not in (None, *get_args(PayloadModel)):
             raise ParameterError(
                 f"payload model: expected {choices(get_args(PayloadModel))}, got {self.payload_model!r}"
             )
