@@ -155,6 +155,33 @@ def test_a_server_without_values_answers_null(reactor: Reactor) -> None:
     server.close()
 
 
+def test_what_is_sent_reaches_those_who_only_listen(reactor: Reactor) -> None:
+    server = Server(reactor, ANY_PORT, NOTHING, NUMBER, lambda message: None)
+    first, second = connect(server.address), connect(server.address)
+    reactor.run_once(0.05)
+    reactor.run_once(0.05)
+    server.send([7])
+    for sock in (first, second):
+        assert sock.recv(100) == NUMBER.encode([7])
+    # who speaks first becomes the one client
+    first.sendall(NOTHING.encode([]))
+    with suppress(ConnectionError):
+        pump(reactor, lambda: _ended(second))
+    server.send([8])
+    assert first.recv(100) == NUMBER.encode([8])
+    for sock in (first, second):
+        sock.close()
+    server.close()
+
+
+def _ended(sock: socket.socket) -> bool:
+    sock.setblocking(False)
+    try:
+        return sock.recv(100) == b""
+    except BlockingIOError:
+        return False
+
+
 def test_second_client_is_refused_and_the_first_stays(
     reactor: Reactor, doubler: Server, caplog: pytest.LogCaptureFixture
 ) -> None:

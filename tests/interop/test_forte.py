@@ -15,8 +15,15 @@ from served import BLOCKS, FORTE, NO_FORTE, Listener, Served, embedded, forte, p
 from dtwin.cell import Cell, CellSettings
 from dtwin.cli import main
 from dtwin.control import EmbeddedController
+from dtwin.iec61499 import model
 from dtwin.iec61499.bootfile import print_boot_file
-from dtwin.iec61499.types import BOOL, LREAL
+from dtwin.iec61499.deploy import deploy
+from dtwin.iec61499.deployment import plan_deployment
+from dtwin.iec61499.library import Library
+from dtwin.iec61499.management_client import ManagementClient
+from dtwin.iec61499.runtime import Resource
+from dtwin.iec61499.standard.declare import basic
+from dtwin.iec61499.types import BOOL, LREAL, parse_literal
 from dtwin.iec61499.wire import Signature
 from dtwin.loop import run
 from dtwin.parameters import ArmParameters
@@ -163,6 +170,59 @@ def test_identification_gains_and_model_from_the_twin(served: Served) -> None:
     back = cell.log.freeze().stack("volts")[651:800, :3]
     assert np.abs(np.diff(back, axis=0)).max() < 0.5
     remote.close()
+
+
+LITERALS = {
+    "BOOL": "TRUE",
+    "SINT": "-128",
+    "INT": "-32768",
+    "DINT": "-2147483648",
+    "LINT": "-9223372036854775808",
+    "USINT": "255",
+    "UINT": "65535",
+    "UDINT": "4294967295",
+    "ULINT": "18446744073709551615",
+    "BYTE": "16#FF",
+    "WORD": "16#FFFF",
+    "DWORD": "16#FFFFFFFF",
+    "LWORD": "16#FFFFFFFFFFFFFFFF",
+    "REAL": "1.5",
+    "LREAL": "0.1",
+    "STRING": "'a$'b'",
+    "WSTRING": '"w"',
+    "TIME": "T#1h2m3s4ms",
+}
+WRAPPING = ("SINT", "INT", "DINT", "USINT", "UINT", "UDINT")
+
+
+@needs_forte
+def test_every_type_reaches_forte_and_wraps_there(tmp_path: Path) -> None:
+    inputs = "; ".join(f"X_{name}: {name}" for name in LITERALS) + "; X: LREAL[3]"
+    outputs = "; ".join(f"Y_{name}: {name}" for name in LITERALS) + "; Y: LREAL[3]"
+    sums = "; ".join(f"Z_{name}: {name}" for name in WRAPPING)
+    copies = "".join(f"Y_{name} := X_{name};\n" for name in LITERALS)
+    library = Library()
+    doubling = "".join(f"Z_{name} := X_{name} + X_{name};\n" for name in WRAPPING)
+    rows = [("REQ", copies, "CNF"), ("SUM", doubling, ""), ("LIST", "Y := X; Y[1] := 2.0 * X[1];", "")]
+    library.add(basic("COPY", "", "REQ, SUM, LIST -> CNF", f"{inputs} -> {outputs}; {sums}", rows))
+    parameters = tuple(model.Parameter(f"X_{name}", literal) for name, literal in LITERALS.items())
+    blocks = (
+        model.Block("START", "E_RESTART"),
+        model.Block("C", "COPY", (*parameters, model.Parameter("X", "[1.0, 2.5, -3.0]"))),
+    )
+    events = tuple(model.Connection("START.COLD", f"C.{event}") for event in ("REQ", "SUM", "LIST"))
+    network = model.FBNetwork(blocks, (), events)
+    alone = Resource(network, library)
+    alone.start()
+    names = [*(f"Y_{name}" for name in LITERALS), *(f"Z_{name}" for name in WRAPPING)]
+    with forte(tmp_path) as management, patiently(lambda: ManagementClient(management)) as client:
+        deploy(client, plan_deployment("R", network, library))
+        for name in names:
+            expected, kind = alone.read(f"C.{name}"), alone.variable_type(f"C.{name}")
+            text = client.read("R", f"C.{name}")
+            assert (text if isinstance(expected, str) else parse_literal(text, kind)) == expected
+        assert client.read("R", "C.Y").replace(" ", "") == "[1,5,-3]"
+        assert alone.read("C.Y") == [1.0, 5.0, -3.0]
 
 
 @needs_forte
