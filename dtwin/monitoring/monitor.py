@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import msgspec
@@ -126,10 +126,10 @@ class Monitor:
             volts: (3,), V.
             gripped: whether the command holds a box.
         """
+        if not (np.isfinite(measured).all() and np.isfinite(volts).all()):
+            return  # what says nothing has not arrived; the next sample counts it as missing
         gap = sample - self.sample
         used = self._readable(measured)
-        if len(self._heard) < LISTENING:
-            self._listen(measured)
         if self.sample < 0 or gap < 1 or gap > BRIDGED + 1:
             self._restart(sample, measured, gripped, gap)
         else:
@@ -140,6 +140,8 @@ class Monitor:
                 self.sample += 1
                 self._step(measured, used if step == gap else np.zeros(3, dtype=bool), command, gap > 1)
         self._command, self._gripped = volts, gripped
+        if len(self._heard) < LISTENING:
+            self._listen(measured)
 
     @property
     def statistic(self) -> float:
@@ -195,9 +197,15 @@ class Monitor:
         self._heard.append(measured)
         if len(self._heard) == LISTENING:
             heard = noise(np.array(self._heard))
-            believed = np.array(self._belief.noise)
-            self.estimator.set_noise(np.where(heard > _NOISIER * believed, heard, believed))
+            believed = np.maximum(self._belief.noise, NOISE_FLOOR)
+            louder = heard > _NOISIER * believed
             self._noisy = np.maximum(heard, believed) > NOISE_FLOOR
+            if louder.any():
+                first, second, third = np.where(louder, heard, believed).tolist()
+                self._belief = replace(self._belief, noise=(first, second, third))
+                self.estimator = Estimator(self._belief, self.settings.tuning)
+                self.estimator.begin(measured, self._gripped)
+                self._quiet = SETTLING
 
     def _readable(self, measured: Array) -> NDArray[np.bool_]:
         """Which readings to use: an encoder with noise that repeats itself to the last bit does not measure."""

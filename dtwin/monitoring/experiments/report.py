@@ -68,8 +68,8 @@ def faults_text(card: Scorecard) -> str:
     return _page(
         "Faults of the cell",
         "Every fault comes at a random time between 30 s and 60 s into normal work with random boxes; every run has "
-        "its own boxes, encoder noise, and model from one simulated identification run at the same noise. A latency in "
-        "motion counts only the time in which the arm moves, for the payload with a box.",
+        "its own boxes, encoder noise, and model from one simulated identification run at the same noise. A "
+        "latency in motion counts only the time in which the arm moves, for the payload with a box.",
         _table(header, [_line(line) for line in card.lines()]),
         "## Named causes\n\nRows are true causes, columns named ones, with the joint.",
         _table(["", *causes[1]], isolation),

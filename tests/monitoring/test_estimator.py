@@ -1,0 +1,164 @@
+"""The estimator against the twin it is built on, and on runs of the cell."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dtwin.monitoring.belief import assumed
+from dtwin.monitoring.estimator import Estimator, Tuning
+from dtwin.monitoring.layout import ARM_NAMES, INDEX, NAMES, PAYLOAD
+from dtwin.monitoring.offline import stream
+from dtwin.parameters import ArmParameters
+from dtwin.twin.rollout import rollout
+
+ARM = ArmParameters()
+STATE = np.array([-0.6, -1.5, 2.2, 0.8, -1.1, 0.6])
+VOLTS = np.array([2.0, -1.0, 1.5])
+ALL = np.ones(3, dtype=bool)
+
+
+def at(state: np.ndarray, gripped: bool = False, arm: ArmParameters = ARM) -> Estimator:
+    """An estimator that is certain of a state."""
+    estimator = Estimator(assumed(arm, (1e-3, 1e-3, 1e-3)), Tuning())
+    estimator.begin(state[:3], gripped)
+    estimator.x[:6] = state
+    estimator.P[:] = 0.0
+    return estimator
+
+
+@pytest.mark.parametrize("gripped", [False, True])
+def test_the_mean_follows_the_twin(gripped: bool) -> None:
+    estimator = at(STATE, gripped)
+    for _ in range(50):
+        estimator.predict(VOLTS, gripped)
+    expected = rollout(ARM, STATE, np.tile(VOLTS, (50, 1)), 0.2 if gripped else 0.0)[-1]
+    np.testing.assert_allclose(estimator.x[:6], expected, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", ["K1", "K3", "D2", "mu1", "c2", "I3", "payload"])
+def test_parameters_act_as_they_do_in_the_twin(name: str) -> None:
+    """A step with a changed state is that of the twin with the changed parameter; F is its derivative."""
+    size = 1e-4 * (0.2 if name == "payload" else ARM.get(name) or 0.01)
+    estimator, changed = at(STATE, True), at(STATE, True)
+    changed.x[INDEX[name]] += size
+    estimator.predict(VOLTS, True)
+    changed.predict(VOLTS, True)
+    arm = ARM if name == "payload" else ARM.with_values({name: ARM.get(name) + size})
+    payload = 0.2 + size if name == "payload" else 0.2
+    expected = rollout(arm, STATE, VOLTS[None], payload)[-1]
+    moved = changed.x[:6] - estimator.x[:6]
+    np.testing.assert_allclose(changed.x[:6], expected, rtol=0, atol=1e-3 * np.abs(moved).max())
+    np.testing.assert_allclose(moved, estimator.F[:, INDEX[name]] * size, rtol=1e-3, atol=1e-12)
+
+
+def test_volts_beyond_the_limit_count_as_the_limit() -> None:
+    first, second = at(STATE), at(STATE)
+    first.predict(np.array([8.0, -8.0, 0.0]), False)
+    second.predict(np.array([20.0, -9.0, 0.0]), False)
+    np.testing.assert_array_equal(first.x, second.x)
+
+
+def test_readings_draw_the_estimate_as_bayes_demands() -> None:
+    """With an independent prior per joint, the correction is the precision-weighted mean."""
+    estimator = at(STATE)
+    prior, noise = 4e-6, 1e-6
+    for i in range(3):
+        estimator.P[i, i] = prior
+    measured = STATE[:3] + np.array([1e-3, -2e-3, 0.0])
+    likelihood = estimator.correct(measured, ALL)
+    share = prior / (prior + noise)
+    np.testing.assert_allclose(estimator.x[:3], STATE[:3] + share * np.array([1e-3, -2e-3, 0.0]))
+    np.testing.assert_allclose(np.diag(estimator.P)[:3], prior * noise / (prior + noise))
+    s = prior + noise
+    expected = -0.5 * np.sum((measured - STATE[:3]) ** 2 / s + np.log(2 * np.pi * s))
+    assert likelihood == pytest.approx(expected)
+
+
+def test_unused_readings_change_nothing() -> None:
+    estimator = at(STATE)
+    estimator.P += np.eye(len(NAMES)) * 1e-6
+    before = estimator.x.copy()
+    assert estimator.correct(STATE[:3] + 1.0, np.zeros(3, dtype=bool)) == 0.0
+    np.testing.assert_array_equal(estimator.x, before)
+
+
+def test_a_new_box_has_the_prior_mass_and_an_empty_gripper_none(belief) -> None:
+    estimator = Estimator(belief, Tuning())
+    estimator.begin(STATE[:3], False)
+    assert estimator.x[PAYLOAD] == 0.0 == estimator.P[PAYLOAD, PAYLOAD]
+    estimator.predict(VOLTS, True)
+    assert estimator.x[PAYLOAD] == 0.2
+    assert estimator.deviation("payload") == pytest.approx(Tuning().box_deviation)
+    estimator.predict(VOLTS, False)
+    assert estimator.x[PAYLOAD] == 0.0 == estimator.deviation("payload")
+
+
+@pytest.mark.parametrize("joint", [1, 2, 3])
+def test_a_locked_joint_stays_where_it_is(joint: int) -> None:
+    estimator = at(STATE)
+    estimator.lock(joint)
+    for _ in range(30):
+        estimator.predict(VOLTS, False)
+    assert estimator.x[joint - 1] == STATE[joint - 1]
+    assert estimator.x[2 + joint] == 0.0
+    assert np.all(np.abs(np.delete(estimator.x[:3] - STATE[:3], joint - 1)) > 1e-3)
+    assert np.linalg.eigvalsh(estimator.P).min() > -1e-12
+
+
+def test_copies_are_independent(belief, run_cell) -> None:
+    seen = stream(run_cell())
+    estimator = Estimator(belief, Tuning())
+    estimator.begin(seen.measured[0], False)
+    twin = estimator.copy()
+    for k in range(1, 50):
+        twin.predict(seen.volts[k - 1], False)
+        twin.correct(seen.measured[k], ALL)
+    for k in range(1, 50):
+        estimator.predict(seen.volts[k - 1], False)
+        estimator.correct(seen.measured[k], ALL)
+    np.testing.assert_array_equal(estimator.x, twin.x)
+    np.testing.assert_array_equal(estimator.P, twin.P)
+
+
+def test_innovations_of_a_healthy_arm_are_white_and_the_truth_is_within_its_errors(belief, run_cell) -> None:
+    log = run_cell()
+    seen = stream(log)
+    estimator = Estimator(belief, Tuning())
+    estimator.begin(seen.measured[0], bool(seen.gripped[0]))
+    whitened, misses = [], []
+    for k in range(1, len(seen)):
+        estimator.predict(seen.volts[k - 1], bool(seen.gripped[k - 1]))
+        estimator.correct(seen.measured[k], ALL)
+        whitened.append(estimator.innovation / np.sqrt(estimator.variance))
+        deviation = np.sqrt(np.diag(estimator.P)[3:6])
+        misses.append((estimator.x[3:6] - log.stack("omega")[k]) / deviation)
+    z = np.array(whitened)[200:]
+    assert np.all(np.abs(z.mean(axis=0)) < 5 / np.sqrt(len(z)))
+    assert np.all((z**2).mean(axis=0) > 0.8)
+    assert np.all((z**2).mean(axis=0) < 1.2)
+    assert np.all(np.abs((z[1:] * z[:-1]).mean(axis=0)) < 5 / np.sqrt(len(z)))
+    assert np.all(np.mean(np.abs(misses), axis=0) < 2.0)
+    errors = [(estimator.x[INDEX[n]] - ARM.get(n)) / estimator.deviation(n) for n in ARM_NAMES if n[:2] != "mu"]
+    assert np.max(np.abs(errors)) < 4.0
+    assert np.abs(estimator.P - estimator.P.T).max() == 0.0
+
+
+def test_bounds_keep_the_estimate_physical(belief) -> None:
+    estimator = Estimator(belief, Tuning())
+    estimator.begin(STATE[:3], True)
+    estimator.x[INDEX["K2"]], estimator.x[INDEX["D1"]], estimator.x[PAYLOAD] = -1.0, 9.0, -3.0
+    estimator.correct(STATE[:3], ALL)
+    assert estimator.x[INDEX["K2"]] == 0.0
+    assert estimator.x[INDEX["D1"]] == 0.2
+    assert estimator.x[PAYLOAD] == 0.0
+    assert estimator.parameters().voltage_constant[1] > 0.0
+
+
+def test_a_belief_with_coulomb_friction_is_followed() -> None:
+    arm = replace(ARM, coulomb=(0.01, 0.008, 0.006))
+    estimator = at(STATE, False, arm)
+    for _ in range(20):
+        estimator.predict(VOLTS, False)
+    expected = rollout(arm, STATE, np.tile(VOLTS, (20, 1)))[-1]
+    np.testing.assert_allclose(estimator.x[:6], expected, rtol=0, atol=1e-10)

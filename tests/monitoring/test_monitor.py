@@ -1,0 +1,211 @@
+"""The monitor as a whole: faults of the emulated cell found, named and sized; and what it must not say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dtwin.errors import ModelError, ParameterError
+from dtwin.monitoring.belief import Belief, assumed, identified
+from dtwin.monitoring.experiments.trial import Trial, run_trial
+from dtwin.monitoring.monitor import BRIDGED, Monitor, MonitorSettings
+from dtwin.monitoring.offline import Stream, stream, watch
+from dtwin.parameters import ArmParameters
+from dtwin.recording import RunLog
+
+
+def followed(belief: Belief, seen: Stream, stop: int | None = None) -> Monitor:
+    monitor = Monitor(belief)
+    seen.feed(monitor, 0, len(seen) if stop is None else stop)
+    return monitor
+
+
+@pytest.mark.parametrize(
+    ("fault", "largest_error"),
+    [
+        ("K2*=0.1", 0.1),
+        ("K1*=0.8", 0.1),
+        ("D1*=2", 0.15),
+        ("mu2+=0.01", 0.15),
+        ("payload+=0.05", 0.15),
+        ("bias3+=0.02", 0.15),
+        ("drift2+=0.01", 0.15),
+        ("freeze1", None),
+        ("lock2", None),
+        ("cut3", None),
+        ("slip", None),
+    ],
+)
+def test_faults_are_found_named_and_sized(fault: str, largest_error: float | None) -> None:
+    outcome = run_trial(Trial(seed=5, fault=fault, noise=0.003, start=31.0))
+    assert outcome.detected
+    assert outcome.named, f"named {outcome.cause} of {outcome.joint}"
+    assert outcome.false_alarms == 0
+    assert outcome.motion_latency_s is not None
+    assert outcome.motion_latency_s < 2.0
+    if largest_error is None:
+        assert outcome.size is None
+    else:
+        assert outcome.size == pytest.approx(outcome.size_true, rel=largest_error)
+
+
+@pytest.mark.parametrize("step", [0.0025, 0.001, 0.005])
+def test_normal_work_raises_no_alarm_however_finely_it_is_emulated(step: float, belief, run_cell) -> None:
+    monitor = followed(belief, stream(run_cell(90.0, 8, step=step)))
+    assert monitor.events == []
+    verdict = monitor.verdict()
+    assert set(verdict.states.values()) == {"nominal"}
+    assert verdict.missed == 0
+
+
+def test_a_fault_that_ends_is_struck_out(belief, run_cell) -> None:
+    monitor = followed(belief, stream(run_cell(45.0, 3, "K1*=0.6@31-38")))
+    kinds = [event.kind for event in monitor.events]
+    assert kinds == ["suspected", "failed", "suspected", "recovered"]
+    times = [event.time for event in monitor.events]
+    assert times[0] == pytest.approx(31.0, abs=0.2)
+    assert times[2] == pytest.approx(38.0, abs=0.2)
+    assert monitor.findings == {}
+    assert [finding.parameter for finding in monitor.history] == ["K1"]
+    assert set(monitor.verdict().states.values()) == {"nominal"}
+
+
+def test_a_frozen_encoder_that_works_again_is_used_again(belief, run_cell) -> None:
+    monitor = followed(belief, stream(run_cell(40.0, 3, "freeze2@31-34")))
+    assert [event.kind for event in monitor.events] == ["failed", "recovered"]
+    assert monitor.events[0].time == pytest.approx(31.03, abs=0.02)
+    assert monitor.verdict().states["joint 2"] == "nominal"
+
+
+def test_the_size_is_refined_after_the_diagnosis(belief, run_cell) -> None:
+    seen = stream(run_cell(60.0, 3, "D2*=2@31"))
+    monitor = followed(belief, seen)
+    (finding,) = monitor.verdict().findings
+    (first,) = monitor.history
+    assert finding.parameter == first.parameter == "D2"
+    assert finding.deviation < first.deviation
+    assert finding.size == pytest.approx(0.05, abs=4 * finding.deviation + 1e-3)
+
+
+def test_the_truth_is_not_looked_at(belief, run_cell) -> None:
+    log = run_cell(45.0, 3, "K1*=0.6@31-38")
+    hidden = {f"{name}_{joint}" for name in ("theta", "omega", "target") for joint in (1, 2, 3)} | {"payload_mass"}
+    columns = {name: np.zeros_like(c) if name in hidden else c for name, c in log.columns.items()}
+    first, second = (followed(belief, stream(each)) for each in (log, replace(log, columns=columns)))
+    assert first.events == second.events
+    assert first.events
+
+
+def test_equal_streams_give_equal_verdicts(belief, run_cell) -> None:
+    seen = stream(run_cell(45.0, 3, "K1*=0.6@31-38"))
+    first, second = followed(belief, seen), followed(belief, seen)
+    assert first.events == second.events
+    np.testing.assert_array_equal(first.estimator.P, second.estimator.P)
+
+
+def test_missing_samples_are_counted_and_are_no_fault(belief, run_cell) -> None:
+    seen = stream(run_cell())
+    lost = np.random.default_rng(0).random(len(seen)) < 0.05
+    monitor = Monitor(belief)
+    for row in np.flatnonzero(~lost).tolist():
+        seen.feed(monitor, row, row + 1)
+    assert monitor.missed == np.count_nonzero(lost[: monitor.sample])
+    assert monitor.restarts == 0
+    assert monitor.findings == {}
+    assert "failed" not in [event.kind for event in monitor.events]
+
+
+def test_long_gaps_start_the_motion_anew_and_keep_what_was_learned(belief, run_cell) -> None:
+    seen = stream(run_cell())
+    monitor = followed(belief, seen, 2000)
+    learned = monitor.estimator.deviation("K1")
+    seen.feed(monitor, 2000 + BRIDGED + 1, 3000)
+    assert monitor.restarts == 1
+    assert monitor.missed == BRIDGED + 1
+    assert monitor.estimator.deviation("K1") == pytest.approx(learned, rel=0.5)
+    seen.feed(monitor, 1000, 2000)  # the cell started again
+    assert monitor.restarts == 2
+    assert [event.kind for event in monitor.events] == ["restart", "restart"]
+    seen.feed(monitor, 2000, len(seen))
+    assert monitor.findings == {}
+
+
+def test_a_fault_during_a_gap_is_found_after_it(belief, run_cell) -> None:
+    seen = stream(run_cell(45.0, 3, "K1*=0.6@31-38"))
+    monitor = followed(belief, seen, 3090)
+    seen.feed(monitor, 3110, 3400)
+    assert monitor.verdict().states["joint 1"] == "failed"
+
+
+def test_friction_of_an_arm_at_rest_is_said_to_be_unobservable(belief, run_cell) -> None:
+    log = run_cell()
+    seen = stream(log)
+    monitor = Monitor(belief)
+    hidden = set()
+    for row in range(0, len(seen), 100):
+        seen.feed(monitor, row, row + 100)
+        quiet = np.abs(log.stack("omega")[max(row - 900, 0) : row + 100]).max() < 0.03
+        hidden |= set(monitor.unobservable()) if quiet else set()
+        if np.abs(log.stack("omega")[row : row + 100]).max() > 1.0 and row > 500:
+            assert "friction of joint 2" not in monitor.unobservable()
+    assert monitor.findings == {}
+
+
+def test_noise_that_the_model_does_not_tell_of_is_heard(run_cell) -> None:
+    seen = stream(run_cell())
+    monitor = followed(assumed(ArmParameters(), (0.0, 0.0, 0.0)), seen)
+    assert monitor.events == []
+
+
+def test_impossible_readings_do_not_leave_the_monitor_blind(belief, run_cell) -> None:
+    seen = stream(run_cell())
+    measured = seen.measured.copy()
+    measured[2000:2050] = np.nan
+    monitor = Monitor(belief)
+    replace(seen, measured=measured).feed(monitor, 0, len(seen))
+    assert np.isfinite(monitor.estimator.x).all()
+    assert monitor.missed >= 50
+
+
+def test_the_trace_of_a_log_covers_every_tick(belief, run_cell) -> None:
+    seen = stream(run_cell(45.0, 3, "K1*=0.6@31-38"))
+    trace = watch(Monitor(belief), seen)
+    assert trace.predicted.shape == trace.deviation.shape == (4500, 3)
+    residual = np.abs(seen.measured - trace.predicted)[300:3000] / trace.deviation[300:3000]
+    assert np.mean(residual < 2.5758) > 0.98
+    assert trace.statistic[:3000].max() < trace.threshold
+    states = [verdict.states["joint 1"] for _, verdict in trace.verdicts]
+    assert states[0] == "nominal" == states[-1]
+    assert "failed" in states
+
+
+def test_settings_and_beliefs_are_checked() -> None:
+    with pytest.raises(ParameterError, match="alarms_per_hour"):
+        MonitorSettings(alarms_per_hour=0.0)
+    belief = assumed(ArmParameters(), (1e-3, 1e-3, 1e-3))
+    with pytest.raises(ParameterError, match="15 x 15"):
+        Belief(belief.arm, np.eye(3), belief.noise)
+    with pytest.raises(ParameterError, match="noise"):
+        Belief(belief.arm, belief.covariance, (-1.0, 0.0, 0.0))
+    with pytest.raises(ParameterError, match="empty"):
+        stream(RunLog({}).freeze())
+
+
+def test_an_identified_model_brings_its_uncertainty(belief) -> None:
+    assert belief.arm != ArmParameters()
+    deviations = np.sqrt(np.diag(belief.covariance)) / np.maximum([belief.arm.get("K1")], 1e-9)
+    assert 1e-4 < deviations[0] < 1e-2
+    assert max(np.abs(np.array(belief.offset) - 0.0015)) < 5e-4
+
+
+def test_models_with_open_parameters_are_refused() -> None:
+    from dtwin.identification.estimate import Settings, identify
+    from dtwin.identification.excitation import Plan
+    from dtwin.identification.model import from_estimate
+    from dtwin.identification.rig import Rig
+    from dtwin.identification.signal_blocks import SignalBlocks
+
+    experiment = Rig(noise=0.001).measure(Plan(payload=0.0), SignalBlocks(), np.random.default_rng(0))
+    estimate = identify([experiment], Settings(free=tuple(f"{s}{j}" for s in "KmID" for j in (1, 2, 3)), starts=1))
+    with pytest.raises(ModelError, match="open"):
+        identified(from_estimate(estimate, np.ones(3), "simulated"))

@@ -1,0 +1,129 @@
+"""Traces of faults and the evidence for them."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from dtwin.monitoring import kernels
+from dtwin.monitoring.estimator import Estimator, Tuning
+from dtwin.monitoring.layout import INDEX, SIZE
+from dtwin.monitoring.offline import stream
+from dtwin.monitoring.signatures import (
+    FAULTS,
+    INDEPENDENT,
+    LONGEST,
+    ONSETS,
+    SPACING,
+    SignatureBank,
+    plausible_sizes,
+    threshold,
+)
+
+ALL = np.ones(3, dtype=bool)
+
+
+def test_the_threshold_is_that_of_the_stated_rate() -> None:
+    for rate in (1e-3, 0.01, 1.0, 60.0):
+        assert chi2.sf(threshold(rate), 1) * 3600 * INDEPENDENT == pytest.approx(rate)
+    assert threshold(0.001) > threshold(0.01) > threshold(1.0)
+
+
+@pytest.mark.parametrize("fault", ["K1", "D3", "payload", "bias2", "drift1"])
+def test_a_trace_is_the_difference_of_the_innovations(fault: str, belief, run_cell) -> None:
+    """Two filters that differ by a small jump of one state see innovations that differ by the trace."""
+    seen = stream(run_cell())
+    first = int(np.flatnonzero(seen.gripped)[5])
+    estimator = Estimator(belief, Tuning())
+    estimator.begin(seen.measured[0], False)
+    for k in range(1, first + 2):
+        estimator.predict(seen.volts[k - 1], bool(seen.gripped[k - 1]))
+        estimator.correct(seen.measured[k], ALL)
+    size = 1e-6
+    jumped = estimator.copy()
+    jumped.x[INDEX[fault]] -= size
+    E = np.zeros((SIZE, 1))
+    E[INDEX[fault]] = 1.0
+    h, J = np.zeros(1), np.zeros(1)
+    total = np.zeros(2)
+    for k in range(first + 2, first + 60):
+        for each in (estimator, jumped):
+            each.predict(seen.volts[k - 1], True)
+            each.correct(seen.measured[k], ALL)
+        kernels.trace(E, h, J, estimator.F, estimator.gains, estimator.innovation, estimator.variance, ALL, 0.01)
+        g = (jumped.innovation - estimator.innovation) / size
+        expected_h = float(np.sum(g * estimator.innovation / estimator.variance))
+        expected_J = float(np.sum(g**2 / estimator.variance))
+        total += np.array([expected_h, expected_J])
+    assert J[0] == pytest.approx(total[1], rel=0.02)
+    assert h[0] == pytest.approx(total[0], abs=0.02 * np.sqrt(total[1]) * (1.0 + np.sqrt(total[1])))
+    assert J[0] > 0.0
+
+
+def follow(bank: SignatureBank, estimator: Estimator, seen, start: int, stop: int) -> None:
+    for k in range(start, stop):
+        gripped = bool(seen.gripped[k - 1])
+        new = gripped != estimator.gripped
+        estimator.predict(seen.volts[k - 1], gripped)
+        if new:
+            bank.regrip()
+        estimator.correct(seen.measured[k], ALL)
+        bank.update(estimator, ALL, k)
+
+
+def test_healthy_innovations_stay_below_the_threshold_and_a_fault_passes_it(belief, run_cell) -> None:
+    seen = stream(run_cell(45.0, 3, "K1*=0.8@40"))
+    estimator = Estimator(belief, Tuning())
+    estimator.begin(seen.measured[0], False)
+    bank = SignatureBank(plausible_sizes(belief.arm))
+    follow(bank, estimator, seen, 1, 100)
+    highest = 0.0
+    for k in range(100, 3980, 20):
+        follow(bank, estimator, seen, k, k + 20)
+        highest = max(highest, bank.worst())
+    assert highest < threshold(1.0)
+    k = 3980
+    while bank.worst() < threshold(0.01):
+        follow(bank, estimator, seen, k, k + 1)
+        k += 1
+    assert 4000 < k < 4020
+    best = {suspicion.fault: suspicion for suspicion in bank.suspicions()[:4]}
+    assert abs(best["K1"].onset.sample - 4000) <= 2 * SPACING
+    assert abs(best["K1"].size / belief.arm.get("K1") + 0.2) < 0.1
+
+
+def test_onsets_reach_back_and_get_sparser(belief, run_cell) -> None:
+    seen = stream(run_cell())
+    estimator = Estimator(belief, Tuning())
+    estimator.begin(seen.measured[0], False)
+    bank = SignatureBank(plausible_sizes(belief.arm))
+    follow(bank, estimator, seen, 1, 3000)
+    onsets = sorted(onset.sample for onset in bank._place.values())
+    gaps = {onset.sample: onset.gap for onset in bank._place.values()}
+    assert len(onsets) == ONSETS
+    assert onsets[-1] > 3000 - 2 * SPACING
+    assert 300 < 3000 - onsets[0] <= LONGEST + SPACING
+    for onset, following in zip(onsets, onsets[1:], strict=False):
+        assert gaps[onset] == following - onset
+    spaces = np.diff(onsets)
+    assert spaces[-1] == SPACING < spaces[0]
+
+
+def test_what_cannot_be_seen_is_not_visible(belief, run_cell) -> None:
+    """Friction of an arm that stands still leaves no trace, a voltage constant that carries it does."""
+    log = run_cell(60.0, 3)
+    still = np.flatnonzero(np.abs(log.stack("omega")).max(axis=1) > 0.03)
+    longest = np.argmax(np.diff(still))
+    first, last = int(still[longest]) + 20, int(still[longest + 1]) - 20
+    assert last - first > 200
+    seen = stream(log)
+    estimator = Estimator(belief, Tuning())
+    estimator.begin(seen.measured[0], False)
+    bank = SignatureBank(plausible_sizes(belief.arm))
+    follow(bank, estimator, seen, 1, first)
+    bank.clear()
+    follow(bank, estimator, seen, first, last)
+    sizes = {fault: 0.3 * size for fault, size in plausible_sizes(belief.arm).items()}
+    visible = bank.visible(sizes, threshold(0.01))
+    assert visible["K1"]
+    assert not visible["D1"]
+    assert set(visible) == set(FAULTS)

@@ -1,0 +1,90 @@
+"""Slow changes and their forecast."""
+
+import math
+
+import numpy as np
+import pytest
+
+from dtwin.monitoring.estimator import Estimator, Tuning
+from dtwin.monitoring.layout import INDEX
+from dtwin.monitoring.trend import FEWEST, INTERVAL, KEPT, Trend, line
+
+
+def grown(belief, name: str, course, entries: int, noise: float = 0.0) -> Trend:
+    """A trend whose parameter takes the value course(hours) at every entry."""
+    estimator = Estimator(belief, Tuning())
+    trend = Trend(estimator)
+    generator = np.random.default_rng(0)
+    for k in range(entries):
+        time = INTERVAL * k
+        estimator.x[INDEX[name]] = course(time / 3600.0) + noise * generator.standard_normal()
+        trend.enter(time, estimator)
+    return trend
+
+
+def test_growing_friction_is_forecast(belief) -> None:
+    healthy = belief.arm.get("D2")
+    trend = grown(belief, "D2", lambda h: healthy * (1 + 0.2 * h), 360, noise=1e-4)
+    (forecast,) = trend.forecasts()
+    last = (359 * INTERVAL) / 3600
+    assert forecast.parameter == "D2"
+    assert forecast.cause == "friction"
+    assert forecast.per_hour == pytest.approx(0.2, rel=0.02)
+    assert forecast.hours == pytest.approx(2.5 - last, rel=0.05)
+    assert forecast.earliest < 2.5 - last < forecast.latest
+    assert "limit +50 %" in forecast.text()
+
+
+def test_a_limit_that_is_reached(belief) -> None:
+    healthy = belief.arm.get("K1")
+    trend = grown(belief, "K1", lambda h: healthy * (0.95 - 0.1 * h), 360)
+    (forecast,) = trend.forecasts()
+    assert forecast.hours == 0.0
+    assert "is reached" in forecast.text()
+
+
+def test_an_encoder_that_wanders_counts_from_where_it_was_learned(belief) -> None:
+    trend = grown(belief, "bias3", lambda h: 0.0025 - 0.004 * h, 720)
+    (forecast,) = trend.forecasts()
+    learned = 0.5 * FEWEST * INTERVAL / 3600
+    assert forecast.parameter == "bias3"
+    assert forecast.limit == pytest.approx(-0.01)
+    assert forecast.hours == pytest.approx(2.5 - (719 * INTERVAL / 3600 - learned), rel=0.05)
+
+
+@pytest.mark.parametrize("noise", [1e-4, 1e-3])
+def test_a_healthy_arm_has_no_forecast(belief, noise: float) -> None:
+    assert grown(belief, "D2", lambda h: belief.arm.get("D2"), 500, noise).forecasts() == []
+
+
+def test_few_entries_tell_nothing_and_old_ones_are_dropped(belief) -> None:
+    healthy = belief.arm.get("D2")
+    assert grown(belief, "D2", lambda h: healthy * (1 + 3 * h), FEWEST - 1).forecasts() == []
+    trend = grown(belief, "D2", lambda h: healthy, KEPT + 50)
+    assert len(trend.changes()[0]) == KEPT
+    trend.restart()
+    assert trend.forecasts() == []
+
+
+def test_the_line_is_that_of_least_squares_with_an_honest_error() -> None:
+    generator = np.random.default_rng(1)
+    x = np.linspace(-1.0, 0.0, 200)
+    slopes, errors = [], []
+    for _ in range(200):
+        level, slope, error = line(x, 2.0 + 3.0 * x + 0.1 * generator.standard_normal(200))
+        assert level == pytest.approx(2.0, abs=0.1)
+        slopes.append(slope)
+        errors.append(error)
+    assert np.mean(slopes) == pytest.approx(3.0, abs=0.02)
+    assert np.std(slopes) == pytest.approx(np.mean(errors), rel=0.25)
+
+
+def test_residuals_that_follow_each_other_widen_the_error() -> None:
+    generator = np.random.default_rng(2)
+    x = np.linspace(-1.0, 0.0, 400)
+    noise = np.zeros(400)
+    for k in range(1, 400):
+        noise[k] = 0.9 * noise[k - 1] + 0.1 * generator.standard_normal()
+    _, _, error = line(x, noise)
+    naive = noise.std() / math.sqrt(np.sum((x - x.mean()) ** 2))
+    assert error > 2.0 * naive
