@@ -21,7 +21,8 @@ class TrialRules:
     """When tracking counts as worse than predicted.
 
     Attributes:
-        duration: of the trial, s.
+        duration: of the trial, s, at least; it also takes a whole motion to judge by.
+        longest: s after which it ends without one.
         factor: by which the distance from the path may be larger than predicted,
         allowance: and further for noise and what the twin does not know, rad.
         samples: in a row beyond that make a failure: one may be an outlier.
@@ -30,6 +31,7 @@ class TrialRules:
     """
 
     duration: float = 10.0
+    longest: float = 60.0
     factor: float = 1.5
     allowance: float = 0.01
     samples: int = 5
@@ -49,6 +51,7 @@ class Trial:
         measured: the largest distance of each joint that counted, rad.
         bounds: that count from the next motion on, rad.
         offender: joint (1 to 3) that failed, 0 for none.
+        judged_motion: whether a motion that began with the new settings has come to its end.
     """
 
     def __init__(self, rules: TrialRules, began: float, predicted: Triple) -> None:
@@ -57,6 +60,8 @@ class Trial:
         self.offender = 0
         self.bounds = triple(rules.factor * distance + rules.allowance for distance in predicted)
         self._rules = rules
+        self.judged_motion = False
+        self._path: Triple | None = None
         self._moved = False
         self._counts = False
         self._seen = self._calm = self._beyond = 0
@@ -67,6 +72,8 @@ class Trial:
         A path starts where the arm is measured to be, which tells its first sample from all others.
         """
         self._moved = self._moved or path == measured
+        self.judged_motion = self.judged_motion or (self._moved and path == self._path)
+        self._path = path
         away = triple(abs(wanted - found) for wanted, found in zip(path, measured, strict=True))
         limit = 1.0 if self._moved else INTERIM
         over = [distance / bound for distance, bound in zip(away, self.bounds, strict=True)]
@@ -81,7 +88,9 @@ class Trial:
             if self._beyond >= self._rules.samples:
                 self.offender = over.index(max(over)) + 1
                 return "failed"
-        return "passed" if time >= self.began + self._rules.duration else "running"
+        rules = self._rules
+        enough = rules.duration if self.judged_motion else rules.longest
+        return "passed" if time >= self.began + enough else "running"
 
     def _late(self, time: float) -> bool:
         return time >= self.began + self._rules.grace

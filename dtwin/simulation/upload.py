@@ -175,11 +175,12 @@ class Uploader:
         if verdict == "running":
             return None
         if verdict == "failed":
-            seen, bound = trial.measured[trial.offender - 1], trial.bounds[trial.offender - 1]
-            why = f"joint {trial.offender} is {seen:.3g} rad from its path, expected at most {bound:.3g}"
+            away, bound = trial.measured[trial.offender - 1], trial.bounds[trial.offender - 1]
+            why = f"joint {trial.offender} is {away:.3g} rad from its path, expected at most {bound:.3g}"
             return self.roll_back(SELF, why, time)
         self.trial = None
-        text = f"tracking was as predicted for {time - trial.began:.1f} s"
+        seen = "tracking was as predicted" if trial.judged_motion else "the arm stood still"
+        text = f"{seen} for {time - trial.began:.1f} s"
         return self._record("confirm", self._tried, self.settings, time, text, measured=trial.measured)
 
     def roll_back(self, who: str, why: str, time: float) -> Entry:
@@ -204,7 +205,9 @@ class Uploader:
             raise Refused(f"the settings have changed: expected version {self.version}, got {proposal.based_on}")
         if self.trial is not None:
             end = self.trial.began + self._rules.duration
-            raise Refused(f"version {self.version} is on trial until {end:.2f} s: expected to wait, or a roll back")
+            raise Refused(
+                f"version {self.version} is on trial until {end:.2f} s and the end of a motion: expected to wait"
+            )
 
     def _send(self, settings: ControlSettings, kind: Kind) -> None:
         if kind == "model":
