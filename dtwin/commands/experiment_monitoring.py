@@ -104,7 +104,8 @@ class ExperimentSampling:
 
 def _with_bar(title: str, experiment: Callable[[Callable[[int, int], None]], Any]) -> Any:
     columns = (TextColumn(title), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, console=Console(file=sys.stderr), transient=True) as bar:
+    console = Console(file=sys.stderr)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=None)
         return experiment(lambda done, of: bar.update(task, completed=done, total=of))
 

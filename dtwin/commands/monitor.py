@@ -116,7 +116,8 @@ def _as_json(
 
 def _progress(rows: int, quiet: bool) -> Progress:
     columns = (TextColumn("watching the log"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    progress = Progress(*columns, console=Console(file=sys.stderr), transient=True, disable=quiet)
+    console = Console(file=sys.stderr)
+    progress = Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal)
     progress.add_task("", total=rows)
     return progress
 

@@ -54,19 +54,19 @@ def test_a_sample_deviates_beyond_both_thresholds_only() -> None:
     monitor.update(1, monitor.simulated.copy(), False, "")
     simulated = monitor.simulated.copy()
     beyond = ABSOLUTE + 1e-3
-    monitor._compare(simulated + [beyond, 0.0, -ABSOLUTE + 1e-3])
+    monitor._compare(simulated + np.array([beyond, 0.0, -ABSOLUTE + 1e-3]))
     assert monitor.counts.tolist() == [1, 0, 0]
     assert monitor.messages() == ("may be degrading", "nominal", "nominal")
     assert beyond < RELATIVE * 4.0
     monitor._states[0, :3] = simulated = np.array([4.0, 4.0, 0.0])  # rad: a twentieth of it is more than 0.1 rad
-    monitor._compare(simulated + [beyond, 2 * beyond + 0.1, ABSOLUTE + 0.01])
+    monitor._compare(simulated + np.array([beyond, 2 * beyond + 0.1, ABSOLUTE + 0.01]))
     assert monitor.counts.tolist() == [0, 1, 1]
 
 
 def test_ten_in_a_row_and_not_nine_are_a_failure() -> None:
     monitor = SeedMonitor(ARM, SeedSettings(sample_time=0.01))
     monitor.update(0, np.array([-0.6699, -1.5931, 2.2630]), False, "")
-    off = monitor.simulated + [0.0, 0.5, 0.0]
+    off = monitor.simulated + np.array([0.0, 0.5, 0.0])
     for _ in range(IN_A_ROW - 1):
         monitor._compare(off)
     monitor._compare(monitor.simulated)

@@ -1,5 +1,7 @@
 """Traces of faults and the evidence for them."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -102,7 +104,7 @@ def test_onsets_reach_back_and_get_sparser(belief, run_cell) -> None:
     assert len(onsets) == ONSETS
     assert onsets[-1] > 3000 - 2 * SPACING
     assert 300 < 3000 - onsets[0] <= LONGEST + SPACING
-    for onset, following in zip(onsets, onsets[1:], strict=False):
+    for onset, following in pairwise(onsets):
         assert gaps[onset] == following - onset
     spaces = np.diff(onsets)
     assert spaces[-1] == SPACING < spaces[0]
