@@ -23,7 +23,7 @@ from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.remote import SENSORS, VOLTAGES
 from dtwin.signals import Sensors, Voltages
 
-V = TypeVar("V")
+V = TypeVar("V", float, Gains, ArmParameters)
 
 TIMEOUT: Final = 1.0
 """s, for every answer"""
@@ -38,6 +38,8 @@ _PATH: Final = tuple(f"PLANNER.THETA_D{joint}" for joint in (1, 2, 3))
 _GAINS: Final = tuple(f"CONTROLLER.{kind}{joint}" for kind in ("KP", "KI", "KD") for joint in (1, 2, 3))
 _MODEL: Final = tuple(f"CONTROLLER.{kind}{joint}" for kind in ("K", "M", "I", "L", "C", "D") for joint in (1, 2, 3))
 _TARGET_TIME: Final = "PLANNER.T"
+DIGITS: Final = 1e-14
+"""relative difference of a number and what a FORTE writes of it"""
 _READ_BACK: Final = 0.2
 """s after which a setting that was acknowledged must show"""
 
@@ -216,10 +218,21 @@ class Settings:
     def _confirmed(self, wanted: V, read: Callable[[], V]) -> V:
         """What is in effect, once it is what was wanted: the acknowledgement may come before the blocks have run."""
         deadline = time.monotonic() + _READ_BACK
-        while (found := read()) != wanted:
+        while not _alike(found := read(), wanted):
             if time.monotonic() > deadline:
                 raise CommunicationError(f"the controller has {found}, expected {wanted}")
         return found
+
+
+def _alike(one: float | Gains | ArmParameters, other: float | Gains | ArmParameters) -> bool:
+    """Whether two settings are the same to what FORTE writes of a LREAL: 15 digits."""
+    return all(math.isclose(a, b, rel_tol=DIGITS) for a, b in zip(_numbers(one), _numbers(other), strict=True))
+
+
+def _numbers(setting: float | Gains | ArmParameters) -> tuple[float, ...]:
+    if isinstance(setting, Gains):
+        return (*setting.kp, *setting.ki, *setting.kd)
+    return setting.vector() if isinstance(setting, ArmParameters) else (setting,)
 
 
 def _triple(values: Sequence[float]) -> Triple:
