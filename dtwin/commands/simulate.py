@@ -4,25 +4,36 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import Any
 
 import msgspec
+import numpy as np
 from rich.console import Console
 from rich.table import Column, Table
 
+from dtwin.bus import Bus
+from dtwin.commands.up import join
 from dtwin.control import ControlSettings, Law
 from dtwin.emulation.encoders import NoiseKind
-from dtwin.errors import ParameterError
+from dtwin.errors import CommunicationError, ParameterError
 from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.messages import GAINS, MODEL, SENSORS, TARGET, GainsSetting, ModelSetting, TargetSetting
+from dtwin.parameters import PERIOD, ArmParameters, Gains, Triple
 from dtwin.recording import Log, ensure_writable, read_log
+from dtwin.signals import Sensors
 from dtwin.simulation.candidates import vary
-from dtwin.simulation.figures import Figures
+from dtwin.simulation.figures import Figures, triple
 from dtwin.simulation.measured import Comparison, compare, find, settings_of
 from dtwin.simulation.places import parse_goal, parse_start
 from dtwin.simulation.whatif import Case, Outcome, Simulator
+
+_SAMPLES = 9
+"""that the velocity of a running arm is taken from"""
+_PATIENCE = 5.0
+"""s for the samples of a running cell"""
 
 
 @dataclass(frozen=True)
@@ -34,6 +45,10 @@ class Simulate:
 
     start: str = "pickup"
     """Where from."""
+    live: bool = False
+    """Start from the state of the running cell, with its gains, target time and model."""
+    cell: str = "cell"
+    """Name of that cell."""
     goal: str = "red"
     """Where to."""
     target_time: float = 2.0
@@ -83,6 +98,8 @@ class Simulate:
         simulator = Simulator()
         log = read_log(self.log) if self.log is not None else None
         base, comparison = self._measured(log, simulator) if log is not None else (self._base(), None)
+        if self.live:
+            base = self._from_live(base)
         cases = {"base": base} | {text: vary(base, text) for text in self.candidate}
         simulator.run(base)
         outcomes, seconds = {}, {}
@@ -122,6 +139,22 @@ class Simulate:
             duration=self.duration,
         )
 
+    def _from_live(self, base: Case) -> Case:
+        """The case from where the arm of a running cell is and how fast it is."""
+        with join(self.cell) as bus:
+            last = _latest(bus)
+            gains = bus.ask(GAINS, None, GainsSetting).gains
+            target_time = bus.ask(TARGET, None, TargetSetting).target_time
+            model = bus.ask(MODEL, None, ModelSetting).model
+        settings = replace(base.settings, gains=gains, target_time=target_time, model=model)
+        theta = last[-1].theta
+        # A parabola through several samples: a difference of two would show the encoders' noise.
+        times = PERIOD * np.arange(1 - len(last), 1)
+        speeds = np.polyfit(times, np.array([sample.theta for sample in last]), 2)[1]
+        arm = base.arm if self.model or self.set else model
+        goal = parse_goal(self.goal, arm, theta)
+        return replace(base, goal=goal, settings=settings, theta=theta, omega=triple(speeds), arm=arm)
+
     def _measured(self, log: Log, simulator: Simulator) -> tuple[Case, Comparison]:
         settings = settings_of(log)
         arm = with_set(self._arm(self.model, settings.model), self.set)
@@ -134,6 +167,20 @@ class Simulate:
         if reference.endswith(".json") or self.store.is_dir():
             return open_model(reference, ModelStore(self.store)).arm
         raise ParameterError(f"model {reference!r}: expected a .json file, or a name in a folder of models (--store)")
+
+
+def _latest(bus: Bus) -> list[Sensors]:
+    """Samples in a row."""
+    inbox: SimpleQueue[Sensors] = SimpleQueue()
+    bus.subscribe(SENSORS, Sensors, inbox.put)
+    found: list[Sensors] = []
+    while len(found) < _SAMPLES:
+        try:
+            sample = inbox.get(timeout=_PATIENCE)
+        except Empty:
+            raise CommunicationError(f"no samples of the arm within {_PATIENCE:g} s; is the cell working?") from None
+        found = [*found, sample] if found and sample.sequence == found[-1].sequence + 1 else [sample]
+    return found
 
 
 def with_set(arm: ArmParameters, assignments: list[str]) -> ArmParameters:

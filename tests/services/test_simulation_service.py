@@ -50,8 +50,20 @@ def now(bus: Bus) -> Upload:
 
 def test_settings_are_uploaded_watched_and_taken_back(cell: Desk, tmp_path: Path) -> None:
     """One cell for both: starting it takes longer than all that is done to it."""
+    from_live_state(cell)
     by_hand(cell, tmp_path / "history.jsonl")
     from_files(cell, tmp_path)
+
+
+def from_live_state(cell: Desk) -> None:
+    """A what-if starts where the arm is; the candidate's target time counts, not that of the cell."""
+    first, second = (
+        json.loads(cell.run("simulate", "--live", "--goal", "red", "--json", "--candidate", "T=3")) for _ in range(2)
+    )
+    base, slower = first["candidates"]
+    assert (base["target_time"], slower["target_time"]) == (2.0, 3.0)
+    assert base["start"] == slower["start"] != second["candidates"][0]["start"]
+    assert base["target"] == [2.5298, -2.0654, -0.4644]
 
 
 def by_hand(cell: Desk, history: Path) -> None:
