@@ -47,6 +47,8 @@ log = logging.getLogger(__name__)
 NAME: Final = "emulator"
 REPEAT: Final = 0.2
 """s after which a sample that nobody answers is published again"""
+_REMEMBERED: Final = 256
+"""samples whose times are kept, for the latency of commands that come late"""
 REQUEST_TIMEOUT: Final = 4.0
 """s that a request waits for its turn between two ticks"""
 
@@ -124,6 +126,7 @@ class Emulator:
         self._gate = Gate(bus.refuse, stale)
         self._latencies = Latencies()
         self._late = 0
+        self._sent = [0.0] * _REMEMBERED
         self._cell = emulate(settings)
         self._command = Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), False)
         self._state: State = "waiting"
@@ -159,6 +162,7 @@ class Emulator:
     def _tick(self, sensors: Sensors, due: float) -> float:
         """One tick that should begin at `due`; returns when the next one should."""
         began = time.monotonic()
+        self._sent[sensors.sequence % _REMEMBERED] = began
         self._publish_sensors(sensors)
         self._publish_truth(self._cell.truth())
         for event in self._cell.drain_events():
@@ -168,11 +172,11 @@ class Emulator:
                 self._late += 1
                 due = began
             due += PERIOD
-            self._collect(began, due)
+            self._collect(due)
         elif self._pace == "free" and self._gate.commanded:
-            self._collect(began, began)
+            self._collect(began)
         else:
-            self._wait(sensors, began)
+            self._wait(sensors)
             due = time.monotonic() + PERIOD
         if self._anew or self._service.stopping:
             self._anew = False
@@ -186,20 +190,20 @@ class Emulator:
             self._report(self._state)
         return due
 
-    def _collect(self, began: float, until: float) -> None:
+    def _collect(self, until: float) -> None:
         """Waits for the command until a time; without it the last one holds, or the safe one when it is too old."""
         while not self._gate.answered and not self._anew:
             now = time.monotonic()
             if now >= until and self._service.inbox.empty():
                 self._late += self._pace == "realtime" and self._state != "safe"
                 break
-            self._deal_with_next(until - now, began)
+            self._deal_with_next(until - now)
         if self._gate.is_stale(time.monotonic()) and self._state != "safe":
             self._make_safe()
 
-    def _wait(self, sensors: Sensors, began: float) -> None:
+    def _wait(self, sensors: Sensors) -> None:
         """Waits for the command as long as it takes, publishing the sample again for who has come later."""
-        repeat = began + REPEAT
+        repeat = time.monotonic() + REPEAT
         while not self._gate.answered and not self._anew and not self._service.stopping:
             now = time.monotonic()
             if now >= repeat:
@@ -209,14 +213,14 @@ class Emulator:
                 repeat = now + REPEAT
             if self._service.report_due():
                 self._report(self._state)
-            self._deal_with_next(repeat - now, began)
+            self._deal_with_next(repeat - now)
 
     def _idle_until(self, due: float) -> None:
         """Passes the rest of the tick."""
         while (remaining := due - time.monotonic()) > 0 and not self._service.stopping:
-            self._deal_with_next(remaining, None)
+            self._deal_with_next(remaining)
 
-    def _deal_with_next(self, timeout: float, began: float | None) -> None:
+    def _deal_with_next(self, timeout: float) -> None:
         """Deals with what comes next into the inbox: a command, or a request between two ticks."""
         item = self._service.next(timeout)
         if item is None:
@@ -230,8 +234,9 @@ class Emulator:
                 self._gate.rivals = False
                 self._announce("rivals", "two publishers of voltages: the first answer to each sample counts")
             return
-        if began is not None and self._gate.answered:
-            self._latencies.add(time.monotonic() - began, began)
+        if self._began is not None and self._gate.expected - command.sequence < _REMEMBERED:
+            now = time.monotonic()
+            self._latencies.add(now - self._sent[command.sequence % _REMEMBERED], now)
         if self._state == "safe":
             self._announce("resumed", "commands have come back: the arm obeys them again")
         self._state = "running"
