@@ -170,7 +170,7 @@ class _Run:
         self._model, self._arm = model, model.arm
         self._fault = fault
         self._seed = seed
-        self._destination = self._place = ""
+        self._destination = ""
         self._served: set[str] = set()
         self._began: float | None = None
         self._finding: Finding | None = None
