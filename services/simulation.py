@@ -1,7 +1,8 @@
 """Uploads settings to the running controller: checks them on the twin, watches the trial, keeps the history.
 
-They go through the blocks of SYSTEM_SIMULATION on the device, a 4diac FORTE or the embedded runtime. The samples and
-the path that a trial is judged by come over the bus. A trial that the end of this service cut short is taken up again.
+They go through the blocks of SYSTEM_SIMULATION on the device, a 4diac FORTE or the embedded runtime. The samples
+and the path that a trial is judged by come over the bus. A trial that the end of this service cut short is taken up
+again.
 """
 
 from __future__ import annotations
