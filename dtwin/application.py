@@ -7,9 +7,10 @@ where the library puts them.
 from __future__ import annotations
 
 import math
+import threading
 import time
-from collections.abc import Callable, Sequence
-from types import TracebackType
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Final, TypeVar
 
 from dtwin.errors import CommunicationError
@@ -47,6 +48,8 @@ _READ_BACK: Final = 0.2
 class Application:
     """A management session with the device, and the addresses of its blocks.
 
+    Threads may share it, and should: a FORTE serves one management client at a time.
+
     Args:
         address: of device management.
 
@@ -56,6 +59,7 @@ class Application:
 
     def __init__(self, address: Address) -> None:
         self._address = address
+        self._lock = threading.Lock()
         self._management = ManagementClient(address, TIMEOUT)
         try:
             self._resource = self._find_resource()
@@ -72,7 +76,8 @@ class Application:
         Raises:
             CommunicationError: no answer, or no number.
         """
-        texts = [self._management.read(self._resource, name) for name in names]
+        with self._lock:
+            texts = [self._management.read(self._resource, name) for name in names]
         try:
             return [float(text) for text in texts]
         except ValueError:
@@ -82,7 +87,8 @@ class Application:
         """A connection to a block that listens."""
         name, usual = block
         try:
-            port = parse_block_id(self._management.read(self._resource, f"{name}.ID")).port
+            with self._lock:
+                port = parse_block_id(self._management.read(self._resource, f"{name}.ID")).port
         except ManagementError:
             port = usual
         return BlockingClient(Address(self._address.host, port), sends, receives, TIMEOUT)
@@ -100,12 +106,16 @@ class ControlLoop:
     Args:
         address: of device management.
 
+    Attributes:
+        settings: of the same application, over the same management session; for another thread if need be.
+
     Raises:
         CommunicationError: the device does not answer, or the application is not there.
     """
 
     def __init__(self, address: Address) -> None:
         self._application = Application(address)
+        self.settings = Settings(self._application)
         try:
             self._cell = self._application.connect(CELL, SENSORS, VOLTAGES)
         except CommunicationError:
@@ -154,23 +164,11 @@ class ControlLoop:
 class Settings:
     """Gains, model and target time of the running application; used from one thread at a time.
 
-    Args:
-        address: of device management.
-
-    Raises:
-        CommunicationError: as in all methods: the device does not answer, or does not take over a value.
+    All methods raise CommunicationError when the device does not answer, or does not take over a value.
     """
 
-    def __init__(self, address: Address) -> None:
-        self._application = Application(address)
-
-    def __enter__(self) -> Settings:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._application.close()
+    def __init__(self, application: Application) -> None:
+        self._application = application
 
     def gains(self) -> Gains:
         """Those in effect."""
@@ -222,6 +220,20 @@ class Settings:
             if time.monotonic() > deadline:
                 raise CommunicationError(f"the controller has {found}, expected {wanted}")
         return found
+
+
+@contextmanager
+def settings_at(address: Address) -> Iterator[Settings]:
+    """The settings of the application on a device, over a management session of their own.
+
+    Raises:
+        CommunicationError: the device does not answer, or the application is not there.
+    """
+    application = Application(address)
+    try:
+        yield Settings(application)
+    finally:
+        application.close()
 
 
 def _alike(one: float | Gains | ArmParameters, other: float | Gains | ArmParameters) -> bool:

@@ -169,9 +169,12 @@ class Bridge:
         )
 
     def _set(self, action: Callable[[Settings], S]) -> S:
-        """Reads or changes settings, on connections of their own: the samples do not wait for them."""
-        with self._settings_lock, Settings(self._address) as settings:
-            return action(settings)
+        """Reads or changes settings, on other connections than the samples, which do not wait for them."""
+        with self._settings_lock:
+            controller = self._controller
+            if controller is None:
+                raise CommunicationError(f"{self._address}: the bridge has no controller at present")
+            return action(controller.settings)
 
     def _report(self) -> None:
         last = self._last

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from dtwin.application import Settings
+from dtwin.application import settings_at
 from dtwin.control import ControlSettings, Law
 from dtwin.errors import CommunicationError, DtwinError
 from dtwin.iec61499.address import Address, parse_address
@@ -72,17 +72,17 @@ class DevicePort:
 
     def send_gains(self, gains: Gains, target_time: float) -> None:
         """Raises CommunicationError when the device does not take them over."""
-        with Settings(self._address) as settings:
+        with settings_at(self._address) as settings:
             settings.set_tuning(gains, target_time)
 
     def send_model(self, model: ArmParameters) -> None:
         """Raises CommunicationError when the device does not take it over."""
-        with Settings(self._address) as settings:
+        with settings_at(self._address) as settings:
             settings.set_model(model)
 
     def read_back(self) -> ControlSettings:
         """Raises CommunicationError when the device does not answer."""
-        with Settings(self._address) as settings:
+        with settings_at(self._address) as settings:
             return replace(
                 self._started, gains=settings.gains(), target_time=settings.target_time(), model=settings.model()
             )
