@@ -265,6 +265,67 @@ class Upload(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     predicted: Triple | None = None
 
 
+class MonitoredUnit(msgspec.Struct, frozen=True):
+    """A joint or the gripper as the monitor sees it.
+
+    Attributes:
+        state: nominal, may be degrading or failed.
+        cause: in words, "" for none.
+        parameter: what changed, in the notation of faults, "" for nothing.
+        size: of the change: of a voltage constant relative, of others in SI units.
+        deviation: standard deviation of the size.
+        confidence: probability of the cause.
+        since: plant time at which it began, s.
+    """
+
+    state: Word
+    cause: Word = ""
+    parameter: Word = ""
+    size: float = 0.0
+    deviation: float = 0.0
+    confidence: float = 0.0
+    since: Seconds = 0.0
+
+
+class MonitoringVerdict(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The monitor's opinion of the arm, once a second and whenever it changes.
+
+    Attributes:
+        time: plant time, s.
+        units: joint 1, joint 2, joint 3 and gripper.
+        forecasts: slow changes that will reach a limit, in words.
+        unobservable: causes that the last seconds could not have shown.
+        missed: samples that did not arrive since the service started.
+        restarts: how often the estimate of the motion had to start anew.
+    """
+
+    time: Seconds
+    units: dict[Word, MonitoredUnit]
+    forecasts: tuple[Line, ...]
+    unobservable: tuple[Line, ...]
+    missed: Count
+    restarts: Count
+
+
+class MonitoringResiduals(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA):
+    """What the encoders said beyond what was expected, rad; ten times a second.
+
+    Attributes:
+        sequence, time: of the sample.
+        residual: reading minus prediction, rad.
+        deviation: standard deviation that a healthy arm's residuals have, rad.
+        evidence: of a sudden change, 2 log likelihood ratio.
+        threshold: of the evidence.
+    """
+
+    sequence: Count
+    time: Seconds
+    residual: Triple
+    deviation: Triple
+    evidence: float
+    threshold: float
+
+
 class Topic(NamedTuple):
     """One line of the table: `message` is published, or sent with a query and answered by `reply`."""
 
@@ -296,9 +357,11 @@ DECIDE: Final = Topic(
     "twin/identification/decide", "query", IdentificationDecision, IdentificationState, "identification"
 )
 UPLOAD: Final = Topic("twin/simulation/upload", "query", UploadRequest, Upload, "simulation")
+MONITORING: Final = Topic("twin/monitoring/verdict", "publication", MonitoringVerdict, None, "monitoring")
+RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, PATH, TRUTH, EVENTS, STATUS, ALIVE, GAINS, MODEL, TARGET, FAULT, RESET, SUMMARY),
-    *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD),
+    *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, MONITORING, RESIDUALS),
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""
 

@@ -77,6 +77,10 @@ class UpCommand:
     """Recording for the Rerun viewer to write."""
     viewer: Viewer = "none"
     """Show the run live: in a window of the Rerun viewer, or in a browser (web)."""
+    monitoring: bool = False
+    """Start the monitoring service too: it watches the arm and publishes verdicts under twin/monitoring."""
+    model: Path | None = None
+    """Identified model of the healthy arm for the monitoring service; the data sheet's arm if not given."""
     simulation: bool = False
     """Start the simulation service too: it checks, uploads and watches new settings (dtwin upload)."""
     history: Path = HISTORY
@@ -189,6 +193,9 @@ class UpCommand:
             programs.append(_service("recorder", [*link, *self._recorder_options()]))
             bridge += ["--wait-for", "recorder"]
         programs.append(_service("bridge", [*link, *bridge]))
+        if self.monitoring:
+            model = ["--model", str(self.model.resolve())] if self.model else []
+            programs.append(_service("monitoring", [*link, *model]))
         if self.simulation:
             uploads = ["--controller", management, "--law", self.law, "--history", str(self.history.resolve())]
             programs.append(_service("simulation", [*link, *uploads]))

@@ -42,14 +42,24 @@ _HOPELESS: Final = 25.0
 
 
 class Moment(NamedTuple):
-    """One sample as the monitor took it: the command that led to it (V), the readings (rad), which of them were used,
-    whether a box was held and the command guessed, and the log-likelihood under the arm as believed so far."""
+    """One sample as the monitor took it.
+
+    Attributes:
+        volts: (3,), the command that led to it, V.
+        gripped: whether a box was held.
+        doubt: about the torques of the command, N m.
+        measured: (3,), rad.
+        used: (3,), which readings were taken in.
+        counts: whether it is evidence.
+        likelihood: logarithm, under the arm as believed so far.
+    """
 
     volts: Array
     gripped: bool
-    guessed: bool
+    doubt: float
     measured: Array
     used: NDArray[np.bool_]
+    counts: bool
     likelihood: float
 
 
@@ -116,9 +126,12 @@ class Candidate:
             for name, variance in self._variance.items():
                 self.estimator.spread(name, variance)
             self._opening -= 1
-        self.estimator.predict(moment.volts, moment.gripped, moment.guessed)
-        gain = self.gain + self.estimator.correct(moment.measured, moment.used) - moment.likelihood
-        self.gain = gain if math.isfinite(gain) else -math.inf
+        self.estimator.predict(moment.volts, moment.gripped, moment.doubt)
+        gain = self.estimator.correct(moment.measured, moment.used) - moment.likelihood
+        if not math.isfinite(gain):
+            self.gain = -math.inf
+        elif moment.counts:
+            self.gain += gain
 
     def catch_up(self, history: Sequence[Moment], sample: int) -> None:
         """Takes in all samples since the onset; the last one in the history has the given number."""

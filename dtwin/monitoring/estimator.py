@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dtwin.monitoring import kernels
 from dtwin.monitoring.belief import NOISE_FLOOR, Belief
 from dtwin.monitoring.layout import ARM, ARM_NAMES, BIAS, DRIFT, INDEX, MOVING, PAYLOAD, SIZE, W
-from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters, Triple
+from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters
 from dtwin.twin.dynamics import coefficients
 from dtwin.twin.sensitivity import integrate_linearised
 
@@ -32,8 +32,6 @@ _JOLT: Final = 0.5
 """standard deviation of the joints' speeds after one of them was locked, relative to the speed it had"""
 _FOREIGN: Final = 0.1
 """N m, standard deviation of a torque on a joint that no fault explains"""
-_BLIND: Final = 0.05
-"""N m, standard deviation of the torque in a sample whose command was not received"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,8 +117,8 @@ class Estimator:
         self._hold(gripped)
         self.correct(measured, np.ones(3, dtype=bool))
 
-    def predict(self, volts: Array, gripped: bool, guessed: bool = False) -> None:
-        """Carries the estimate over one period with a command (3,) V held; guessed if it was not received."""
+    def predict(self, volts: Array, gripped: bool, doubt: float = 0.0) -> None:
+        """Carries the estimate over one period with a command (3,) V held, its torques in doubt by so much (N m)."""
         if gripped != self.gripped:
             self._hold(gripped)
         u = np.clip(volts, -VOLTAGE_LIMIT, VOLTAGE_LIMIT)
@@ -142,7 +140,7 @@ class Estimator:
         x[:6] = self._states[1]
         x[BIAS:DRIFT] += PERIOD * x[DRIFT:]
         self.F = derivatives[1]
-        torque = self._torque + _BLIND**2 if guessed else self._torque
+        torque = self._torque + doubt**2
         kernels.predict(self.P, self.F, torque, u, self._walk, PERIOD)
 
     def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:
@@ -218,16 +216,6 @@ class Estimator:
         index = INDEX[name]
         return float(max(self.P[index, index], 0.0) ** 0.5)
 
-    def parameters(self) -> ArmParameters:
-        """The arm as estimated; what cannot be below zero is cut off there."""
-        values = dict(zip(ARM_NAMES, np.maximum(self.x[ARM:PAYLOAD], 0.0).tolist(), strict=True))
-        return self.belief.arm.with_values({k: max(v, 1e-9) if k[0] in "KI" else v for k, v in values.items()})
-
-    def angles(self) -> Triple:
-        """What the encoders should read, rad."""
-        first, second, third = (self.x[:W] + self.x[BIAS:DRIFT]).tolist()
-        return first, second, third
-
     def _oppose(self, u: Array, F: Array) -> None:
         """Changes the voltage of a locked joint to one that holds it, by Newton's method."""
         joint = self._locked - 1
@@ -262,7 +250,7 @@ def _bounds(arm: ArmParameters) -> tuple[Array, Array]:
     lower, upper = np.full(SIZE, -np.inf), np.full(SIZE, np.inf)
     for name in ARM_NAMES:
         value, index = arm.get(name), INDEX[name]
-        least, most = {"K": (0.0, 3.0 * value), "D": (0.0, 0.2), "mu": (0.0, 0.015)}.get(
+        least, most = {"K": (0.0, 3.0 * value), "D": (0.0, 0.23), "mu": (0.0, 0.015)}.get(
             name.rstrip("123"), (0.5 * value, 2.0 * value)
         )
         lower[index], upper[index] = min(least, value), max(most, value)

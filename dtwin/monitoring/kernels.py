@@ -128,7 +128,16 @@ def correct(
 
 @_kernel
 def trace(
-    E: Array, h: Array, J: Array, F: Array, gains: Array, innovation: Array, variance: Array, used: Any, period: float
+    E: Array,
+    h: Array,
+    J: Array,
+    F: Array,
+    gains: Array,
+    innovation: Array,
+    variance: Array,
+    used: Any,
+    counts: bool,
+    period: float,
 ) -> None:
     """Carries the signatures of all hypothetical faults over one sample, in place.
 
@@ -141,6 +150,7 @@ def trace(
         innovation: (3,), rad.
         variance: (3,), rad^2.
         used: (3,) bool, which readings the filter took in.
+        counts: whether the sample is evidence.
         period: s.
     """
     E[:6] = F @ E[:MOVING]
@@ -155,8 +165,10 @@ def trace(
         scaled = innovation[i] * weight
         for c in range(n):
             g[c] = E[i, c] + E[BIAS + i, c]
-            J[c] += g[c] * g[c] * weight
-            h[c] += g[c] * scaled
+        if counts:
+            for c in range(n):
+                J[c] += g[c] * g[c] * weight
+                h[c] += g[c] * scaled
         for j in range(SIZE):
             k = gains[i, j]
             if k != 0.0:

@@ -31,15 +31,23 @@ CERTAIN: Final = 8.0
 FROZEN: Final = 5
 """equal readings in a row that a working encoder does not give"""
 BRIDGED: Final = 10
-"""samples that may be missing in a row before the estimate of the motion starts anew"""
+"""samples that may be missing in a row, with the gripper unchanged, before the motion is estimated anew"""
 SETTLING: Final = 50
 """samples after a start before anything is suspected"""
 LISTENING: Final = 100
 """samples from which the noise of the encoders is judged"""
+_BLIND: Final = 0.1
+"""N m, doubt about the torques in a sample whose command was not received"""
+_DOUBT: Final = 0.1
+"""N m/V, further doubt where the commands before and after differ"""
+_UNSETTLED: Final = 10
+"""samples after one that did not arrive that are no evidence: how wrong the guess was is not known well"""
 _NOISIER: Final = 1.3
 """how much more noise than believed a second of readings must show to be believed instead"""
 _LEAST_LIKELY: Final = -1e4
 """log-likelihood of a sample that cannot be: the arm as believed has nothing to do with it any more"""
+_LOST: Final = 0.02
+"""share of a voltage constant that is as good as none"""
 _NOTHING: Final = {"K": 0.02, "D": 0.1, "mu": 0.1, "bias": 0.02, "drift": 0.02, "payload": 0.05}
 """change, relative to what is plausible, below which a parameter counts as back to normal"""
 
@@ -110,7 +118,7 @@ class Monitor:
         self._equal = np.zeros(3, dtype=int)
         self._command = np.zeros(3)
         self._gripped = False
-        self._quiet = 0
+        self._quiet = self._doubted = 0
 
     @property
     def time(self) -> float:
@@ -130,15 +138,16 @@ class Monitor:
             return  # what says nothing has not arrived; the next sample counts it as missing
         gap = sample - self.sample
         used = self._readable(measured)
-        if self.sample < 0 or gap < 1 or gap > BRIDGED + 1:
+        bridged = gap == 1 or (1 < gap <= BRIDGED + 1 and gripped == self._gripped)
+        if self.sample < 0 or not bridged:
             self._restart(sample, measured, gripped, gap)
         else:
             self.missed += gap - 1
             for step in range(1, gap + 1):
-                share = (step - 1) / gap
-                command = self._command if gap == 1 else self._command + share * (volts - self._command)
+                command = self._command + (step - 1) / gap * (volts - self._command)
+                doubt = 0.0 if gap == 1 else _BLIND + _DOUBT * float(np.abs(volts - self._command).max())
                 self.sample += 1
-                self._step(measured, used if step == gap else np.zeros(3, dtype=bool), command, gap > 1)
+                self._step(measured, used if step == gap else np.zeros(3, dtype=bool), command, doubt)
         self._command, self._gripped = volts, gripped
         if len(self._heard) < LISTENING:
             self._listen(measured)
@@ -219,7 +228,7 @@ class Monitor:
         if self.sample >= 0:
             self.missed += max(gap - 1, 0)
             self.restarts += 1
-            reason = f"{gap - 1} samples are missing" if gap > 0 else "time went back"
+            reason = f"{gap - 1} samples did not arrive" if gap > 0 else "time went back"
             self.events.append(Event(sample * PERIOD, "restart", f"{reason}: the estimate of the motion starts anew"))
         self.sample = sample
         self._diagnosis = self._pending = None
@@ -228,17 +237,19 @@ class Monitor:
         self.estimator.begin(measured, gripped)
         self._quiet = max(SETTLING, LISTENING - len(self._heard))
 
-    def _step(self, measured: Array, used: NDArray[np.bool_], command: Array, guessed: bool) -> None:
+    def _step(self, measured: Array, used: NDArray[np.bool_], command: Array, doubt: float) -> None:
         estimator, gripped = self.estimator, self._gripped
         regripped = gripped != estimator.gripped
-        estimator.predict(command, gripped, guessed)
+        estimator.predict(command, gripped, doubt)
         likelihood = estimator.correct(measured, used)
         if not likelihood > _LEAST_LIKELY:
             likelihood = _LEAST_LIKELY
             if self._diagnosis is None and not np.isfinite(estimator.x).all():
                 self._forget()
                 return
-        moment = Moment(command, gripped, guessed, measured, used, likelihood)
+        self._doubted = _UNSETTLED if doubt else max(self._doubted - 1, 0)
+        counts = not self._doubted
+        moment = Moment(command, gripped, doubt, measured, used, counts, likelihood)
         self._moments.append(moment)
         if regripped:
             self._bank.regrip()
@@ -253,7 +264,7 @@ class Monitor:
             self._decide(self._diagnosis)
             return
         self.trend.enter(self.time, estimator)
-        self._bank.update(estimator, used, self.sample)
+        self._bank.update(estimator, used, self.sample, counts)
         if self._bank.worst() > self.threshold:
             suspicions = self._bank.suspicions()
             self._diagnosis = Diagnosis(
@@ -345,6 +356,8 @@ class Monitor:
             )
             scale = change.before if state[0] == "K" else 1.0
             size, deviation = (change.value - change.before) / scale, change.deviation / abs(scale)
+            if state[0] == "K" and abs(change.value) < max(_LOST * change.before, 2.5 * change.deviation):
+                name = f"cut{joint_of(state)}"
             name = name if name not in self._sizes and not name.startswith("friction") else state
         if name == "free":
             name = f"lock{candidate.onset.estimator.locked}"

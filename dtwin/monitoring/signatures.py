@@ -6,7 +6,6 @@ leave and the likelihood ratio of its best size (see `kernels`). Onsets get spar
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -97,8 +96,8 @@ class SignatureBank:
         self._E[PAYLOAD] = 0.0
         self._E[PAYLOAD, self._payload[: len(self._place)]] = 1.0
 
-    def update(self, estimator: Estimator, used: NDArray[np.bool_], sample: int) -> None:
-        """Takes in what the estimator made of a sample, and notes an onset after it when one is due."""
+    def update(self, estimator: Estimator, used: NDArray[np.bool_], sample: int, counts: bool = True) -> None:
+        """Takes in what the estimator made of a sample, as evidence if it counts; notes an onset when one is due."""
         kernels.trace(
             self._E,
             self._h,
@@ -108,6 +107,7 @@ class SignatureBank:
             estimator.innovation,
             estimator.variance,
             used,
+            counts,
             PERIOD,
         )
         if sample % SPACING == 0:
@@ -171,8 +171,3 @@ class SignatureBank:
         before = self._place[ordered[drop - 1]]
         before.gap = times[drop + 1] - before.sample
         return ordered[drop]
-
-
-def chance(statistic: float) -> float:
-    """Probability that a healthy arm exceeds 2 log likelihood ratio at one onset, sample and fault."""
-    return math.erfc(math.sqrt(0.5 * statistic))

@@ -103,16 +103,27 @@ def test_equal_streams_give_equal_verdicts(belief, run_cell) -> None:
     np.testing.assert_array_equal(first.estimator.P, second.estimator.P)
 
 
-def test_missing_samples_are_counted_and_are_no_fault(belief, run_cell) -> None:
+@pytest.mark.parametrize("share", [0.05, 0.3])
+def test_missing_samples_are_counted_and_are_no_fault(share: float, belief, run_cell) -> None:
     seen = stream(run_cell())
-    lost = np.random.default_rng(0).random(len(seen)) < 0.05
+    monitor, lost = losing(belief, seen, share)
+    assert monitor.missed == np.count_nonzero(lost[: monitor.sample])
+    assert {event.kind for event in monitor.events} <= {"restart"}
+
+
+def test_faults_are_named_although_samples_are_missing(belief, run_cell) -> None:
+    monitor, _ = losing(belief, stream(run_cell(45.0, 3, "K1*=0.6@31-38")), 0.05)
+    assert [finding.parameter for finding in monitor.history] == ["K1"]
+    assert monitor.history[0].size == pytest.approx(-0.4, abs=0.04)
+
+
+def losing(belief: Belief, seen: Stream, share: float) -> tuple[Monitor, np.ndarray]:
+    """A monitor that has not received a share of the samples, and which ones."""
+    lost = np.random.default_rng(0).random(len(seen)) < share
     monitor = Monitor(belief)
     for row in np.flatnonzero(~lost).tolist():
         seen.feed(monitor, row, row + 1)
-    assert monitor.missed == np.count_nonzero(lost[: monitor.sample])
-    assert monitor.restarts == 0
-    assert monitor.findings == {}
-    assert "failed" not in [event.kind for event in monitor.events]
+    return monitor, lost
 
 
 def test_long_gaps_start_the_motion_anew_and_keep_what_was_learned(belief, run_cell) -> None:

@@ -165,6 +165,8 @@ class _Run:
         cause, joint = true_cause(trial.fault) if trial.fault else ("", 0)
         size_true = self._true_size()
         named = finding is not None and (finding.cause, finding.joint) == (cause, joint)
+        # Viscous friction taken for Coulomb's is named right, but the sizes have different units.
+        same = finding is not None and self.fault is not None and finding.parameter == self.fault.target
         detected = self.reported is not None
         began = self.began if self.began is not None else self.start
         return Outcome(
@@ -177,7 +179,7 @@ class _Run:
             self.moving_then,
             finding.cause if finding else "",
             finding.joint if finding else 0,
-            finding.size if finding and size_true is not None else None,
+            finding.size if finding and size_true is not None and same else None,
             size_true,
             finding.confidence if finding else 0.0,
             named,

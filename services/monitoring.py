@@ -1,0 +1,164 @@
+"""Watches the running arm: samples and commands off the bus in, verdicts and residuals out.
+
+A sample counts when its command is there, too; what is lost on the way is counted and bridged by the monitor. When
+the service starts again, it starts from the model and learns anew.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, TypeVar
+
+import numpy as np
+
+from dtwin.identification.model import read_model
+from dtwin.messages import (
+    EVENTS,
+    MONITORING,
+    RESIDUALS,
+    SENSORS,
+    VOLTAGES,
+    MonitoredUnit,
+    MonitoringResiduals,
+    MonitoringVerdict,
+)
+from dtwin.monitoring.belief import Belief, assumed, identified
+from dtwin.monitoring.monitor import ALARMS_PER_HOUR, Monitor, MonitorSettings
+from dtwin.monitoring.verdict import Verdict, unit_of
+from dtwin.parameters import ArmParameters, Triple
+from dtwin.signals import Event, Sensors, Voltages
+from services.service import Link, Service, main
+
+M = TypeVar("M", Sensors, Voltages)
+
+log = logging.getLogger(__name__)
+
+NAME: Final = "monitoring"
+UNHEARD: Final[Triple] = (0.0, 0.0, 0.0)
+"""rad: without a model the monitor judges the noise by the readings alone"""
+RESIDUAL_EVERY: Final = 10
+"""ticks"""
+VERDICT_EVERY: Final = 100
+"""ticks"""
+_KEPT: Final = 100
+"""samples that may wait for their command"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(Link):
+    """Watch the arm of a running cell and say when something is wrong with it."""
+
+    model: Path | None = None
+    """Identified model of the healthy arm; the data sheet's arm if not given."""
+    alarms_per_hour: float = ALARMS_PER_HOUR
+    """False alarms to be expected of a healthy arm."""
+
+    def run(self) -> int:
+        belief = assumed(ArmParameters(), UNHEARD) if self.model is None else identified(read_model(self.model))
+        settings = MonitorSettings(alarms_per_hour=self.alarms_per_hour)
+        warm_up(belief)
+        with Service(NAME, self) as service:
+            Monitoring(service, Monitor(belief, settings)).run()
+        return 0
+
+
+class Monitoring:
+    """One arm under watch."""
+
+    def __init__(self, service: Service, monitor: Monitor) -> None:
+        self._service = service
+        self._monitor = monitor
+        self._samples: dict[int, Sensors] = {}
+        self._commands: dict[int, Voltages] = {}
+        self._told = 0
+        bus = service.bus
+        self._tell_event: Callable[[Event], None] = bus.publisher(EVENTS)
+        self._tell_verdict: Callable[[MonitoringVerdict], None] = bus.publisher(MONITORING)
+        self._tell_residuals: Callable[[MonitoringResiduals], None] = bus.publisher(RESIDUALS)
+        bus.subscribe(SENSORS, Sensors, service.inbox.put)
+        bus.subscribe(VOLTAGES, Voltages, service.inbox.put)
+
+    def run(self) -> None:
+        """Works until it is asked to end."""
+        service, done = self._service, 0
+        service.ready()
+        while not service.stopping:
+            item = service.next(0.2)
+            if isinstance(item, Sensors):
+                _keep(self._samples, item)
+            elif isinstance(item, Voltages):
+                _keep(self._commands, item)
+            done += self._pair(item)
+            if service.report_due():
+                service.report("running" if done else "waiting", done, time=max(self._monitor.time, 0.0))
+
+    def _pair(self, item: Sensors | Voltages | None) -> int:
+        """Watches the sample of which both parts are there now; the command may have overtaken its sample."""
+        if item is None or item.sequence not in self._samples or item.sequence not in self._commands:
+            return 0
+        self._watch(self._samples.pop(item.sequence), self._commands.pop(item.sequence))
+        return 1
+
+    def _watch(self, sensors: Sensors, command: Voltages) -> None:
+        monitor = self._monitor
+        volts = np.array(command.volts[:3])
+        monitor.update(sensors.sequence, np.array(sensors.theta), volts, command.box_gripped)
+        if sensors.sequence % RESIDUAL_EVERY == 0:
+            self._tell_residuals(residuals(sensors.sequence, monitor))
+        news = monitor.events[self._told :]
+        if news or sensors.sequence % VERDICT_EVERY == 0:
+            self._tell_verdict(verdict_message(monitor.verdict(), monitor.restarts))
+        for event in news:
+            log.info("%.2f s: %s: %s", event.time, event.kind, event.text)
+            self._tell_event(Event(event.time, f"monitor_{event.kind}", event.text))
+        self._told = len(monitor.events)
+
+
+def _keep(waiting: dict[int, M], item: M) -> None:
+    """Lets a message wait for its other half, and forgets those that waited longest."""
+    waiting[item.sequence] = item
+    while len(waiting) > _KEPT:
+        del waiting[next(iter(waiting))]
+
+
+def verdict_message(verdict: Verdict, restarts: int) -> MonitoringVerdict:
+    """A verdict as it is published; of several findings on a unit the last."""
+    units = {unit: MonitoredUnit(state) for unit, state in verdict.states.items()}
+    for finding in verdict.findings:
+        unit = unit_of(finding.joint)
+        units[unit] = MonitoredUnit(
+            verdict.states[unit],
+            finding.cause,
+            finding.parameter,
+            finding.size,
+            finding.deviation,
+            finding.confidence,
+            finding.since,
+        )
+    forecasts = tuple(forecast.text() for forecast in verdict.forecasts)
+    return MonitoringVerdict(verdict.time, units, forecasts, verdict.unobservable, verdict.missed, restarts)
+
+
+def residuals(sequence: int, monitor: Monitor) -> MonitoringResiduals:
+    """The last sample's residuals as they are published."""
+    first, second, third = monitor.estimator.innovation.tolist()
+    d1, d2, d3 = np.sqrt(monitor.estimator.variance).tolist()
+    return MonitoringResiduals(
+        sequence, monitor.time, (first, second, third), (d1, d2, d3), monitor.statistic, monitor.threshold
+    )
+
+
+def warm_up(belief: Belief) -> None:
+    """Loads all that is compiled, so that the first samples need not wait for it."""
+    monitor = Monitor(belief)
+    generator = np.random.default_rng(0)
+    for sample in range(200):
+        monitor.update(sample, 1e-3 * generator.random(3), np.zeros(3), False)
+
+
+if __name__ == "__main__":
+    sys.exit(main(NAME, Options))
