@@ -4,6 +4,7 @@ import socket
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -14,9 +15,13 @@ def free_port() -> int:
         return probe.getsockname()[1]
 
 
-def until(condition: Callable[[], object], what: str, timeout: float = 20.0) -> None:
-    """Waits for a condition; the pause between two looks is no synchronisation."""
+T = TypeVar("T")
+
+
+def until(condition: Callable[[], T], what: str, timeout: float = 20.0) -> T:
+    """Waits for a condition and returns its value; the pause between two looks is no synchronisation."""
     deadline = time.monotonic() + timeout
-    while not condition():
+    while not (value := condition()):
         assert time.monotonic() < deadline, f"not within {timeout} s: {what}"
         time.sleep(0.02)
+    return value
