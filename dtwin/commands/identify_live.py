@@ -27,7 +27,7 @@ _LOOK = 0.2
 class IdentifyLive:
     """Excite and identify the arm of a running cell; the model is shown, then kept or not.
 
-    Needs the service: python -m services.identification. The exit status is 1 when no model is kept.
+    Needs the service: dtwin up --identification. The exit status is 1 when no model is kept.
     """
 
     free: str = IdentificationRequest().free

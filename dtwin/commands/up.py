@@ -25,6 +25,7 @@ from dtwin.cell import CellSettings, metadata
 from dtwin.control import ControlSettings, Law
 from dtwin.emulation import NoiseKind, parse_fault
 from dtwin.errors import CommunicationError, ParameterError
+from dtwin.identification.store import STORE
 from dtwin.iec61499.address import parse_address
 from dtwin.live.parts import discard_parts
 from dtwin.loop import tick_count
@@ -77,6 +78,10 @@ class UpCommand:
     """Recording for the Rerun viewer to write."""
     viewer: Viewer = "none"
     """Show the run live: in a window of the Rerun viewer, or in a browser (web)."""
+    identification: bool = False
+    """Start the identification service too: it excites and identifies the running arm (dtwin identify live)."""
+    store: Path = STORE
+    """Folder of identified models that the identification service keeps."""
     monitoring: bool = False
     """Start the monitoring service too: it watches the arm and publishes verdicts under twin/monitoring."""
     model: Path | None = None
@@ -193,6 +198,9 @@ class UpCommand:
             programs.append(_service("recorder", [*link, *self._recorder_options()]))
             bridge += ["--wait-for", "recorder"]
         programs.append(_service("bridge", [*link, *bridge]))
+        if self.identification:
+            kept = ["--controller", management, "--store", str(self.store.resolve())]
+            programs.append(_service("identification", [*link, *kept]))
         if self.monitoring:
             model = ["--model", str(self.model.resolve())] if self.model else []
             programs.append(_service("monitoring", [*link, *model]))
