@@ -30,7 +30,7 @@ SUBSTEPS: Final = 4
 def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: None) -> dict[str, dict[str, float]]:
     """Medians over the rounds, by part, and the rates relative to `raw_mj_step`: MuJoCo alone on models/arm.xml.
 
-    `raw_plant_step` is MuJoCo alone on what the plant compiles of that file: the same motion without what is only seen.
+    `raw_plant_step` is MuJoCo alone on what the plant compiles of that file: without what is only seen.
     """
     ticks = tick_count(DURATION)
     parts: dict[str, Callable[[], float]] = {

@@ -108,9 +108,7 @@ def fit(
         began = time.perf_counter()
         # Its optimiser prints whatever `verbose` says.
         with contextlib.redirect_stdout(io.StringIO()):
-            found, _ = sysid.optimize(
-                parameters, residual, optimizer="mujoco", verbose=False, x_scale="jac"
-            )
+            found, _ = sysid.optimize(parameters, residual, optimizer="mujoco", verbose=False, x_scale="jac")
         seconds = time.perf_counter() - began
     finally:
         logging.getLogger().setLevel(level)
