@@ -124,7 +124,7 @@ def test_refused_messages_are_counted_by_reason(join: Join, caplog: pytest.LogCa
     ):
         raw.put(key, payload)
     raw.delete(key)
-    sender.publisher(SENSORS)(SAMPLE)
+    raw.put(key, encode(SAMPLE))  # of the same priority, so it comes last
     assert heard.messages.get(timeout=WAIT) == SAMPLE
     # the largest one is more than the session takes, and never gets here
     assert receiver.refused == {"malformed": 3, "invalid": 2, "too long": 1}
