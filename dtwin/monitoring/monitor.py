@@ -303,8 +303,9 @@ class Monitor:
             return
         finding, self._pending = self._pending, None
         if candidate.changes():
-            candidate = candidate.again(self._sizes)
-            candidate.catch_up(list(self._moments), self.sample)
+            second = candidate.again(self._sizes)
+            second.catch_up(list(self._moments), self.sample)
+            candidate = max(candidate, second, key=lambda either: either.gain)
         self.estimator = candidate.estimator
         if finding.cause == "unknown":
             self.estimator.disturb(0)
