@@ -23,8 +23,9 @@ import msgspec
 import zenoh
 from zenoh.handlers import Callback
 
+from dtwin.codec import M, MessageError, Reader, encode
 from dtwin.errors import CommunicationError, DtwinError
-from dtwin.messages import ALIVE, M, MessageError, Reader, Topic, encode
+from dtwin.messages import ALIVE, Topic
 
 log = logging.getLogger(__name__)
 

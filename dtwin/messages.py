@@ -7,29 +7,17 @@ know are ignored, missing or mistyped ones make it refuse the message. docs/zeno
 from __future__ import annotations
 
 import math
-from typing import Annotated, Final, Generic, Literal, NamedTuple, TypeVar
+from typing import Annotated, Final, Literal, NamedTuple
 
 import msgspec
 
-from dtwin.errors import CommunicationError, ParameterError
+from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.signals import SCHEMA, Count, Event, Line, Seconds, Sensors, Truth, Voltages, Word
 
-SIZE_LIMIT: Final = 65536
-"""bytes: longer messages are refused before they are looked at"""
-
-M = TypeVar("M", bound=msgspec.Struct)
 Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}$")]
 State = Literal["starting", "running", "waiting", "safe", "stopping"]
 """starting: not ready yet; waiting: for a peer; safe: the arm has no voltage because commands stay away."""
-
-
-class MessageError(CommunicationError):
-    """A message is refused; `reason` is the short name under which refusals are counted."""
-
-    def __init__(self, reason: str, detail: str) -> None:
-        super().__init__(f"{reason}: {detail}")
-        self.reason = reason
 
 
 class Latency(msgspec.Struct, frozen=True):
@@ -364,44 +352,3 @@ TOPICS: Final = (
     *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, MONITORING, RESIDUALS),
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""
-
-
-class _Unversioned(msgspec.Struct, frozen=True, tag_field="schema", tag=0):
-    """Version 0 never was; in a union with it, msgspec asks every message for its version."""
-
-
-class Reader(Generic[M]):
-    """Decodes and checks one kind of message.
-
-    Args:
-        message: its type.
-    """
-
-    def __init__(self, message: type[M]) -> None:
-        self._message = message
-        self._decode = msgspec.json.Decoder(message | _Unversioned).decode
-
-    def __call__(self, payload: bytes) -> M:
-        """The message.
-
-        Raises:
-            MessageError: it is too long, no JSON, of another version, or a field is missing or out of range.
-        """
-        if len(payload) > SIZE_LIMIT:
-            raise MessageError("too long", f"expected at most {SIZE_LIMIT} bytes, got {len(payload)}")
-        try:
-            found = self._decode(payload)
-        except msgspec.ValidationError as error:
-            raise MessageError("invalid", str(error)) from None
-        except msgspec.DecodeError as error:
-            raise MessageError("malformed", str(error)) from None
-        except RecursionError:
-            raise MessageError("malformed", "nested too deeply") from None
-        if type(found) is not self._message:
-            raise MessageError("invalid", f"expected schema {SCHEMA}, got 0")
-        message: M = found
-        return message
-
-
-encode: Final = msgspec.json.Encoder().encode
-"""The bytes of a message."""

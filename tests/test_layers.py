@@ -10,7 +10,7 @@ LAYERS = [
     {"dtwin.errors"},
     {"dtwin.parameters"},
     {"dtwin.signals"},
-    {"dtwin.messages"},
+    {"dtwin.messages", "dtwin.codec"},
     {"dtwin.recording", "dtwin.bus"},
     {"dtwin.view"},
     {"dtwin.emulation", "dtwin.twin", "dtwin.iec61499"},

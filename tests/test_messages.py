@@ -9,15 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dtwin.codec import SIZE_LIMIT, MessageError, Reader, encode
 from dtwin.messages import (
-    SIZE_LIMIT,
     TOPICS,
     GainsSetting,
-    MessageError,
     ModelSetting,
-    Reader,
     TargetSetting,
-    encode,
 )
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.signals import Sensors, Voltages

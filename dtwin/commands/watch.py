@@ -9,9 +9,10 @@ from queue import Empty, SimpleQueue
 
 import tyro
 
+from dtwin.codec import SIZE_LIMIT, MessageError, Reader, encode
 from dtwin.commands.up import join
 from dtwin.errors import ParameterError
-from dtwin.messages import SIZE_LIMIT, TOPICS, MessageError, Reader, encode
+from dtwin.messages import TOPICS
 
 
 @dataclass(frozen=True)

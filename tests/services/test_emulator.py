@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from dtwin.bus import Bus, open_peer
+from dtwin.codec import encode
 from dtwin.errors import CommunicationError
 from dtwin.messages import (
     EVENTS,
@@ -26,7 +27,6 @@ from dtwin.messages import (
     FaultRequest,
     ResetRequest,
     Status,
-    encode,
 )
 from dtwin.parameters import GripperParameters
 from dtwin.signals import Event, Sensors, Truth, Voltages
