@@ -77,8 +77,8 @@ class UpCommand:
     record: Path | None = None
     """Recording for the Rerun viewer to write."""
     viewer: Viewer = "none"
-    """Show the run live: in a window of the Rerun viewer, or in a browser (web). Rerun serves the empty page of the web
-    viewer on all interfaces; the data come from this machine's loopback only."""
+    """Show the run live: in a window of the Rerun viewer, or in a browser (web). Rerun serves the empty page of the
+    web viewer on all interfaces; the data come from this machine's loopback only."""
     identification: bool = False
     """Start the identification service too: it excites and identifies the running arm (dtwin identify live)."""
     store: Path = STORE
