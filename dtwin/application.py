@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Final, TypeVar
+from typing import Final
 
+from dtwin.control import DIGITS, MODEL, TUNING, ControlSettings
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.address import Address, parse_block_id
 from dtwin.iec61499.client import BlockingClient
@@ -20,27 +21,23 @@ from dtwin.iec61499.management import ManagementError
 from dtwin.iec61499.management_client import ManagementClient
 from dtwin.iec61499.types import BOOL, LREAL
 from dtwin.iec61499.wire import Signature
+from dtwin.messages import IdentificationSignal
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.remote import SENSORS, VOLTAGES
 from dtwin.signals import Sensors, Voltages
 
-V = TypeVar("V", float, Gains, ArmParameters)
-
 TIMEOUT: Final = 1.0
 """s, for every answer"""
-CELL: Final = ("EMULATOR", 61500)
-REQUEST: Final = ("TWIN.IDENTIFICATION.REQUEST", 61501)
-GAINS: Final = ("TWIN.SIMULATION.GAIN_PORT", 61504)
-MODEL: Final = ("TWIN.SIMULATION.MODEL_PORT", 61505)
+_CELL: Final = ("EMULATOR", 61500)
+_REQUEST: Final = ("TWIN.IDENTIFICATION.REQUEST", 61501)
+_GAIN_PORT: Final = ("TWIN.SIMULATION.GAIN_PORT", 61504)
+_MODEL_PORT: Final = ("TWIN.SIMULATION.MODEL_PORT", 61505)
 """Blocks that listen, and where the library puts them."""
 
 _NOTHING: Final = Signature([])
 _PATH: Final = tuple(f"PLANNER.THETA_D{joint}" for joint in (1, 2, 3))
-_GAINS: Final = tuple(f"CONTROLLER.{kind}{joint}" for kind in ("KP", "KI", "KD") for joint in (1, 2, 3))
-_MODEL: Final = tuple(f"CONTROLLER.{kind}{joint}" for kind in ("K", "M", "I", "L", "C", "D") for joint in (1, 2, 3))
-_TARGET_TIME: Final = "PLANNER.T"
-DIGITS: Final = 1e-14
-"""relative difference of a number and what a FORTE writes of it"""
+_AMPLITUDE: Final = tuple(f"TWIN.AMPLITUDE{joint}" for joint in (1, 2, 3))
+_TIMING: Final = ("TWIN.UNIT", *(f"TWIN.DELAY{joint}" for joint in (1, 2, 3)), "TWIN.LENGTH")
 _READ_BACK: Final = 0.2
 """s after which a setting that was acknowledged must show"""
 
@@ -71,15 +68,17 @@ class Application:
         self._management.close()
 
     def read(self, names: Sequence[str]) -> list[float]:
-        """Values of LREAL ports.
+        """Values of numeric or BOOL ports.
 
         Raises:
             CommunicationError: no answer, or no number.
         """
-        with self._lock:
-            texts = [self._management.read(self._resource, name) for name in names]
+        texts = []
+        for name in names:
+            with self._lock:  # one by one: nobody shall wait for a long list
+                texts.append(self._management.read(self._resource, name))
         try:
-            return [float(text) for text in texts]
+            return [_number(text) for text in texts]
         except ValueError:
             raise CommunicationError(f"{self._address}: expected numbers at {names}, got {texts}") from None
 
@@ -95,9 +94,9 @@ class Application:
 
     def _find_resource(self) -> str:
         for resource in self._management.blocks(""):
-            if any(block.name == CELL[0] for block in self._management.blocks(resource.name)):
+            if any(block.name == _CELL[0] for block in self._management.blocks(resource.name)):
                 return resource.name
-        raise CommunicationError(f"{self._address}: no resource has a block {CELL[0]}: deploy the application first")
+        raise CommunicationError(f"{self._address}: no resource has a block {_CELL[0]}: deploy the application first")
 
 
 class ControlLoop:
@@ -116,8 +115,9 @@ class ControlLoop:
     def __init__(self, address: Address) -> None:
         self._application = Application(address)
         self.settings = Settings(self._application)
+        self._requesting = threading.Lock()
         try:
-            self._cell = self._application.connect(CELL, SENSORS, VOLTAGES)
+            self._cell = self._application.connect(_CELL, SENSORS, VOLTAGES)
         except CommunicationError:
             self._application.close()
             raise
@@ -146,14 +146,28 @@ class ControlLoop:
         from the measured state. The repeated sample is that of an arm at rest. The next `answer` to the same sample
         is the controller's again.
         """
-        request = self._application.connect(REQUEST, Signature([BOOL]), _NOTHING)
-        try:
+        with self._requests() as request:
             request.exchange([True])
             for _ in range(3):
                 self.answer(sensors)
             request.exchange([False])
-        finally:
-            request.close()
+
+    def signal(self) -> IdentificationSignal:
+        """The identification signal that the blocks play on request."""
+        first, second, third = self._application.read(_AMPLITUDE)
+        unit, delay_1, delay_2, delay_3, samples = map(round, self._application.read(_TIMING))
+        return IdentificationSignal((first, second, third), unit, (delay_1, delay_2, delay_3), samples)
+
+    def request_signal(self, run: bool) -> None:
+        """Lets the blocks play the identification signal from the next sample on, or end it."""
+        with self._requests() as request:
+            request.exchange([run])
+
+    @contextmanager
+    def _requests(self) -> Iterator[BlockingClient]:
+        """A connection to the request port, which a FORTE serves to one client at a time."""
+        with self._requesting, self._application.connect(_REQUEST, Signature([BOOL]), _NOTHING) as request:
+            yield request
 
     def path(self) -> Triple:
         """The path's angles (rad) in the last answer."""
@@ -162,91 +176,66 @@ class ControlLoop:
 
 
 class Settings:
-    """Gains, model and target time of the running application; used from one thread at a time.
+    """What is in force in the running application, and changes of it; used from one thread at a time.
 
-    All methods raise CommunicationError when the device does not answer, or does not take over a value.
+    All methods raise CommunicationError when the device does not answer or does not take over a value, and
+    ParameterError when it has values that are none.
     """
 
     def __init__(self, application: Application) -> None:
         self._application = application
 
-    def gains(self) -> Gains:
-        """Those in effect."""
-        k = self._application.read(_GAINS)
-        return Gains(_triple(k[0:3]), _triple(k[3:6]), _triple(k[6:9]))
+    def in_force(self) -> ControlSettings:
+        """Everything; the controller knows no Coulomb friction."""
+        return ControlSettings.from_inputs(self._read(ControlSettings().inputs()))
 
-    def target_time(self) -> float:
-        """Of the next motion, s."""
-        return self._application.read([_TARGET_TIME])[0]
+    def tuning(self) -> tuple[Gains, float]:
+        """Gains in force, and the target time of the next motion, s."""
+        settings = _settings(self._read(TUNING))
+        return settings.gains, settings.target_time
 
     def model(self) -> ArmParameters:
-        """The one in effect; the controller knows no Coulomb friction."""
-        values = self._application.read(_MODEL)
-        return ArmParameters.from_vector((*values, 0.0, 0.0, 0.0))
+        """The arm as the controller believes it to be."""
+        return _settings(self._read(MODEL)).model
 
-    def set_gains(self, gains: Gains) -> Gains:
-        """Changes the gains between two ticks; returns what is in effect then."""
-        self._send(GAINS, (*gains.kp, *gains.ki, *gains.kd, self.target_time()))
-        return self._confirmed(gains, self.gains)
-
-    def set_target_time(self, seconds: float) -> float:
-        """Changes the time that motions take from the next one on; returns what is in effect then."""
-        gains = self.gains()
-        self._send(GAINS, (*gains.kp, *gains.ki, *gains.kd, seconds))
-        return self._confirmed(seconds, self.target_time)
-
-    def set_tuning(self, gains: Gains, seconds: float) -> None:
-        """Changes gains and target time together, in one message between two ticks."""
-        self._send(GAINS, (*gains.kp, *gains.ki, *gains.kd, seconds))
-        self._confirmed(gains, self.gains)
+    def set_tuning(self, gains: Gains | None, target_time: float | None) -> tuple[Gains, float]:
+        """Changes gains, target time (s) or both in one message between two ticks; returns what is in force then."""
+        if gains is None or target_time is None:
+            gains_now, time_now = self.tuning()
+            gains, target_time = gains or gains_now, target_time or time_now
+        wanted = ControlSettings(target_time, gains).inputs()
+        found = _settings(self._change(_GAIN_PORT, {name: wanted[name] for name in TUNING}))
+        return found.gains, found.target_time
 
     def set_model(self, model: ArmParameters) -> ArmParameters:
-        """Changes the model between two ticks; returns what is in effect then."""
-        values = model.vector()[: len(_MODEL)]
-        self._send(MODEL, values)
-        return self._confirmed(ArmParameters.from_vector((*values, 0.0, 0.0, 0.0)), self.model)
+        """Changes the model in one message between two ticks; returns what is in force then."""
+        wanted = ControlSettings(model=model).inputs()
+        return _settings(self._change(_MODEL_PORT, {name: wanted[name] for name in MODEL})).model
 
-    def _send(self, block: tuple[str, int], values: Sequence[float]) -> None:
-        client = self._application.connect(block, Signature([LREAL] * len(values)), _NOTHING)
-        try:
+    def _read(self, names: Iterable[str]) -> dict[str, float]:
+        names = tuple(names)
+        return dict(zip(names, self._application.read(names), strict=True))
+
+    def _change(self, block: tuple[str, int], wanted: dict[str, float]) -> dict[str, float]:
+        """Sends values to a block; what is in force, once it is that: the blocks may run after they acknowledge."""
+        values = list(wanted.values())
+        with self._application.connect(block, Signature([LREAL] * len(values)), _NOTHING) as client:
             client.exchange(values)
-        finally:
-            client.close()
-
-    def _confirmed(self, wanted: V, read: Callable[[], V]) -> V:
-        """What is in effect, once it is what was wanted: the acknowledgement may come before the blocks have run."""
         deadline = time.monotonic() + _READ_BACK
-        while not _alike(found := read(), wanted):
+        while True:
+            found = self._read(wanted)
+            other = {n: v for n, v in found.items() if not math.isclose(v, wanted[n], rel_tol=DIGITS)}
+            if not other:
+                return found
             if time.monotonic() > deadline:
-                raise CommunicationError(f"the controller has {found}, expected {wanted}")
-        return found
+                expected = {name: wanted[name] for name in other}
+                raise CommunicationError(f"the controller has {other} after an upload, expected {expected}")
 
 
-@contextmanager
-def settings_at(address: Address) -> Iterator[Settings]:
-    """The settings of the application on a device, over a management session of their own.
-
-    Raises:
-        CommunicationError: the device does not answer, or the application is not there.
-    """
-    application = Application(address)
-    try:
-        yield Settings(application)
-    finally:
-        application.close()
+def _settings(values: Mapping[str, float]) -> ControlSettings:
+    """Settings of which only the inputs in `values` mean something."""
+    return ControlSettings.from_inputs({**ControlSettings().inputs(), **values})
 
 
-def _alike(one: float | Gains | ArmParameters, other: float | Gains | ArmParameters) -> bool:
-    """Whether two settings are the same to what FORTE writes of a LREAL: 15 digits."""
-    return all(math.isclose(a, b, rel_tol=DIGITS) for a, b in zip(_numbers(one), _numbers(other), strict=True))
-
-
-def _numbers(setting: float | Gains | ArmParameters) -> tuple[float, ...]:
-    if isinstance(setting, Gains):
-        return (*setting.kp, *setting.ki, *setting.kd)
-    return setting.vector() if isinstance(setting, ArmParameters) else (setting,)
-
-
-def _triple(values: Sequence[float]) -> Triple:
-    first, second, third = values
-    return first, second, third
+def _number(text: str) -> float:
+    return float(text == "TRUE") if text in ("TRUE", "FALSE") else float(text)

@@ -181,6 +181,17 @@ class Publisher:
         return _matching(self._publisher.matching_status)
 
 
+class Subscription:
+    """A subscription that can be ended before its session."""
+
+    def __init__(self, subscriber: Any) -> None:
+        self._end = subscriber.undeclare
+
+    def end(self) -> None:
+        """Nothing is received any more, and the publisher learns that it is not wanted; once only."""
+        self._end()
+
+
 class Bus:
     """One session, under the keys of one arm.
 
@@ -251,8 +262,11 @@ class Bus:
         )
         return Publisher(publisher)
 
-    def subscribe(self, topic: Topic, message: type[M], receive: Callable[[M], Any], part: str = "*") -> None:
-        """Calls `receive` with every valid message, on a thread of Zenoh's; it must return at once and not raise."""
+    def subscribe(self, topic: Topic, message: type[M], receive: Callable[[M], Any], part: str = "*") -> Subscription:
+        """Calls `receive` with every valid message, on a thread of Zenoh's; it must return at once and not raise.
+
+        It ends with the session, or before that by what is returned.
+        """
         reader = Reader(message)
 
         def take(sample: zenoh.Sample) -> None:
@@ -261,7 +275,7 @@ class Bus:
             except MessageError as error:
                 self.refuse(error.reason, f"{sample.key_expr}: {error}")
 
-        self._declare(self._session.declare_subscriber, self.key(topic, part), take)
+        return Subscription(self._declare(self._session.declare_subscriber, self.key(topic, part), take))
 
     def watch_raw(self, expression: str, receive: Callable[[str, bytes], Any]) -> None:
         """Calls `receive` with key and payload of everything published under the arm's keys that matches."""
@@ -337,9 +351,11 @@ class Bus:
             listener.undeclare()
             querier.undeclare()
 
-    def _declare(self, declare: Callable[[str, Any], Any], key: str, take: Callable[[Any], None]) -> None:
+    def _declare(self, declare: Callable[[str, Any], Any], key: str, take: Callable[[Any], None]) -> Any:
         # Direct: a hand-over to another thread would cost as much as the way over the wire.
-        self._declared.append(declare(key, Callback(take, lambda: None, indirect=False)))
+        declared = declare(key, Callback(take, lambda: None, indirect=False))
+        self._declared.append(declared)
+        return declared
 
 
 def _matching(status: Any) -> bool:

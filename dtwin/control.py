@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, Literal, get_args
+from typing import Final, get_args
 
 from dtwin.errors import ParameterError, choices
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime import Resource
-from dtwin.parameters import ROOT, ArmParameters, Gains, PayloadModel, Triple
+from dtwin.parameters import ROOT, ArmParameters, Gains, Law, PayloadModel, Triple
 from dtwin.signals import Sensors, Voltages
 
 BLOCKS: Final = ROOT / "fb"
 """Folder of the function-block library."""
 SYSTEM: Final = "dtwin.sys"
 """The system in that folder which holds the application."""
+DIGITS: Final = 1e-14
+"""relative difference of a number and what a FORTE writes of it"""
 
-Law = Literal["default", "seed"]
 LAWS: Final[tuple[Law, ...]] = get_args(Law)
 """In the order of the input LAW of the controller block."""
 _NEEDED: Final[dict[Law, PayloadModel]] = {"default": "point", "seed": "weight"}
+
+TUNING: Final = (*(f"CONTROLLER.{kind}{joint}" for kind in ("KP", "KI", "KD") for joint in (1, 2, 3)), "PLANNER.T")
+"""Inputs that one message changes together: gains and target time, in the order of the message."""
+MODEL: Final = tuple(f"CONTROLLER.{kind}{joint}" for kind in "KMILCD" for joint in (1, 2, 3))
+"""Inputs that another one changes together: the model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +68,11 @@ class ControlSettings:
                 f"payload model: expected {choices(get_args(PayloadModel))}, got {self.payload_model!r}"
             )
 
+    @property
+    def box_counts(self) -> PayloadModel:
+        """How a held box counts."""
+        return self.payload_model or _NEEDED[self.law]
+
     def inputs(self) -> dict[str, float | int]:
         """The values by the name of the block's input, `BLOCK.INPUT`."""
         gains, model = self.gains, self.model
@@ -82,9 +94,38 @@ class ControlSettings:
         }
         values["CONTROLLER.LAW"] = LAWS.index(self.law)
         values["CONTROLLER.PAYLOAD_MASS"] = self.payload
-        values["CONTROLLER.WEIGHT_ONLY"] = (self.payload_model or _NEEDED[self.law]) == "weight"
+        values["CONTROLLER.WEIGHT_ONLY"] = self.box_counts == "weight"
         values["PLANNER.T"] = self.target_time
         return values
+
+    @classmethod
+    def from_inputs(cls, values: Mapping[str, float]) -> ControlSettings:
+        """The settings of blocks whose inputs have these values: the inverse of `inputs`.
+
+        Raises:
+            ParameterError: a value is out of range.
+        """
+
+        def triple(name: str) -> Triple:
+            first, second, third = (values[f"CONTROLLER.{name}{joint}"] for joint in (1, 2, 3))
+            return first, second, third
+
+        law = round(values["CONTROLLER.LAW"])
+        if law not in range(len(LAWS)):
+            raise ParameterError(f"CONTROLLER.LAW: expected 0 to {len(LAWS) - 1}, got {law}")
+        return cls(
+            values["PLANNER.T"],
+            Gains(triple("KP"), triple("KI"), triple("KD")),
+            LAWS[law],
+            ArmParameters(*map(triple, "KMILCD")),
+            values["CONTROLLER.PAYLOAD_MASS"],
+            "weight" if values["CONTROLLER.WEIGHT_ONLY"] else "point",
+        )
+
+    def alike(self, other: ControlSettings) -> bool:
+        """Whether a controller cannot tell them apart: it knows no Coulomb friction, and a FORTE writes 15 digits."""
+        pairs = zip(self.inputs().values(), other.inputs().values(), strict=True)
+        return all(math.isclose(mine, its, rel_tol=DIGITS) for mine, its in pairs)
 
 
 class EmbeddedController:

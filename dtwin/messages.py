@@ -12,7 +12,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 import msgspec
 
 from dtwin.errors import ParameterError
-from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.parameters import ArmParameters, Gains, Law, PayloadModel, Triple
 from dtwin.signals import SCHEMA, Count, Event, Line, Seconds, Sensors, Truth, Voltages, Word
 
 Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}$")]
@@ -82,9 +82,19 @@ class Path(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA
 
 
 class GainsSetting(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """Gains of the computed-torque law."""
+    """Gains of the computed-torque law and, to come into force in the same tick, the target time.
+
+    Attributes:
+        gains: of the law.
+        target_time: s; in a query None for the one in force.
+    """
 
     gains: Gains
+    target_time: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.target_time is not None:
+            _check_time(self.target_time)
 
 
 class ModelSetting(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -99,8 +109,53 @@ class TargetSetting(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA)
     target_time: float
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.target_time) and self.target_time > 0):
-            raise ParameterError(f"target time: expected a finite number of seconds above 0, got {self.target_time}")
+        _check_time(self.target_time)
+
+
+class SettingsRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Asks for nothing in particular."""
+
+
+class SettingsInForce(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Everything that the controller's blocks have.
+
+    Attributes:
+        gains: of the computed-torque law.
+        target_time: of the next motion, s.
+        model: the arm as the controller believes it to be.
+        law: default or seed.
+        payload: assumed mass of a box, kg.
+        payload_model: how a held box counts: as a point mass or by its weight alone.
+    """
+
+    gains: Gains
+    target_time: float
+    model: ArmParameters
+    law: Law
+    payload: float
+    payload_model: PayloadModel
+
+
+class SignalRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The blocks shall play the identification signal from the next sample on, or end it."""
+
+    run: bool
+
+
+class IdentificationSignal(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The 3-2-1-1 signal that the blocks play on request.
+
+    Attributes:
+        amplitude: V.
+        unit: of time, ticks.
+        delay: by which a joint starts later, ticks.
+        samples: length, ticks.
+    """
+
+    amplitude: Triple
+    unit: Count
+    delay: tuple[Count, Count, Count]
+    samples: Count
 
 
 class FaultRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -334,6 +389,8 @@ PATH: Final = Topic("path", "publication", Path, None, "bridge")
 GAINS: Final = Topic("controller/gains", "query", GainsSetting, GainsSetting, "bridge")
 MODEL: Final = Topic("controller/model", "query", ModelSetting, ModelSetting, "bridge")
 TARGET: Final = Topic("controller/target", "query", TargetSetting, TargetSetting, "bridge")
+SETTINGS: Final = Topic("controller/settings", "query", SettingsRequest, SettingsInForce, "bridge")
+SIGNAL: Final = Topic("controller/signal", "query", SignalRequest, IdentificationSignal, "bridge")
 FAULT: Final = Topic("emulator/fault", "query", FaultRequest, Done, "emulator")
 RESET: Final = Topic("emulator/reset", "query", ResetRequest, Done, "emulator")
 SUMMARY: Final = Topic("supervisor/summary", "query", SummaryRequest, Summary, "supervisor")
@@ -348,7 +405,13 @@ UPLOAD: Final = Topic("twin/simulation/upload", "query", UploadRequest, Upload, 
 MONITORING: Final = Topic("twin/monitoring/verdict", "publication", MonitoringVerdict, None, "monitoring")
 RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
 TOPICS: Final = (
-    *(SENSORS, VOLTAGES, PATH, TRUTH, EVENTS, STATUS, ALIVE, GAINS, MODEL, TARGET, FAULT, RESET, SUMMARY),
+    *(SENSORS, VOLTAGES, PATH, TRUTH, EVENTS, STATUS, ALIVE),
+    *(GAINS, MODEL, TARGET, SETTINGS, SIGNAL, FAULT, RESET, SUMMARY),
     *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, MONITORING, RESIDUALS),
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""
+
+
+def _check_time(seconds: float) -> None:
+    if not (math.isfinite(seconds) and seconds > 0):
+        raise ParameterError(f"target time: expected a finite number of seconds above 0, got {seconds}")

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
-from dtwin.application import ControlLoop, Settings
+from dtwin.application import ControlLoop
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.address import Address, parse_address
 from dtwin.live.gate import STALE
@@ -26,11 +26,17 @@ from dtwin.messages import (
     MODEL,
     PATH,
     SENSORS,
+    SETTINGS,
+    SIGNAL,
     TARGET,
     VOLTAGES,
     GainsSetting,
+    IdentificationSignal,
     ModelSetting,
     Path,
+    SettingsInForce,
+    SettingsRequest,
+    SignalRequest,
     TargetSetting,
 )
 from dtwin.parameters import PERIOD
@@ -87,6 +93,8 @@ class Bridge:
         bus.answer(GAINS, GainsSetting, self._gains)
         bus.answer(MODEL, ModelSetting, self._model)
         bus.answer(TARGET, TargetSetting, self._target)
+        bus.answer(SETTINGS, SettingsRequest, self._settings)
+        bus.answer(SIGNAL, SignalRequest, self._signal)
 
     def run(self) -> None:
         """Works until it is asked to end."""
@@ -158,23 +166,34 @@ class Bridge:
             self._restart = True
 
     def _gains(self, asked: GainsSetting | None) -> GainsSetting:
-        return GainsSetting(self._set(lambda s: s.gains() if asked is None else s.set_gains(asked.gains)))
-
-    def _model(self, asked: ModelSetting | None) -> ModelSetting:
-        return ModelSetting(self._set(lambda s: s.model() if asked is None else s.set_model(asked.model)))
+        if asked is None:
+            return GainsSetting(*self._do(lambda c: c.settings.tuning()))
+        return GainsSetting(*self._do(lambda c: c.settings.set_tuning(asked.gains, asked.target_time)))
 
     def _target(self, asked: TargetSetting | None) -> TargetSetting:
-        return TargetSetting(
-            self._set(lambda s: s.target_time() if asked is None else s.set_target_time(asked.target_time))
-        )
+        if asked is None:
+            return TargetSetting(self._do(lambda c: c.settings.tuning())[1])
+        return TargetSetting(self._do(lambda c: c.settings.set_tuning(None, asked.target_time))[1])
 
-    def _set(self, action: Callable[[Settings], S]) -> S:
+    def _model(self, asked: ModelSetting | None) -> ModelSetting:
+        return ModelSetting(self._do(lambda c: c.settings.set_model(asked.model) if asked else c.settings.model()))
+
+    def _settings(self, asked: SettingsRequest | None) -> SettingsInForce:
+        s = self._do(lambda c: c.settings.in_force())
+        return SettingsInForce(s.gains, s.target_time, s.model, s.law, s.payload, s.box_counts)
+
+    def _signal(self, asked: SignalRequest | None) -> IdentificationSignal:
+        if asked is not None:
+            self._do(lambda c: c.request_signal(asked.run))
+        return self._do(lambda c: c.signal())
+
+    def _do(self, action: Callable[[ControlLoop], S]) -> S:
         """Reads or changes settings, on other connections than the samples, which do not wait for them."""
         with self._settings_lock:
             controller = self._controller
             if controller is None:
                 raise CommunicationError(f"{self._address}: the bridge has no controller at present")
-            return action(controller.settings)
+            return action(controller)
 
     def _report(self) -> None:
         last = self._last

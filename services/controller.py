@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from dtwin.control import BLOCKS, SYSTEM, ControlSettings, Law
+from dtwin.control import BLOCKS, SYSTEM, ControlSettings
 from dtwin.iec61499.address import Address, parse_numeric_address
 from dtwin.iec61499.deploy import deploy
 from dtwin.iec61499.deployment import plan_deployment
@@ -21,6 +21,7 @@ from dtwin.iec61499.management_server import ManagementServer
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.model import Block, FBNetwork, System
 from dtwin.iec61499.reactor import Reactor
+from dtwin.parameters import Law
 from services.service import REPORT_PERIOD, Link, Service, free_port, main
 
 log = logging.getLogger(__name__)

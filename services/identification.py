@@ -1,7 +1,7 @@
 """Identifies the running arm: an operator asks, the blocks excite it, the fit runs here, the operator decides.
 
-The signal never waits for this service: it takes samples and commands off the bus. Only an accepted model is kept,
-and sent to the controller if the operator wants that, too.
+The signal never waits for this service: the bridge passes the request on, samples and commands come off the bus.
+Only an accepted model is kept, and sent to the controller if the operator wants that, too.
 """
 
 from __future__ import annotations
@@ -16,31 +16,30 @@ from typing import Final
 import msgspec
 import numpy as np
 
-from dtwin.application import REQUEST, Application
 from dtwin.errors import DtwinError, IdentificationError
 from dtwin.identification.data import Experiment
 from dtwin.identification.estimate import identify, load_kernels
-from dtwin.identification.excitation import PLAIN, SAMPLES, Excitation
+from dtwin.identification.excitation import Excitation
 from dtwin.identification.held_out import compare
 from dtwin.identification.live import Collector, divided
 from dtwin.identification.model import IdentifiedModel, from_estimate
 from dtwin.identification.options import settings_for
 from dtwin.identification.store import STORE, ModelStore
-from dtwin.iec61499.address import Address, parse_address
-from dtwin.iec61499.types import BOOL
-from dtwin.iec61499.wire import Signature
 from dtwin.messages import (
     DECIDE,
     IDENTIFICATION,
     IDENTIFY,
     MODEL,
     SENSORS,
+    SIGNAL,
     VOLTAGES,
     Estimated,
     IdentificationDecision,
     IdentificationRequest,
+    IdentificationSignal,
     IdentificationState,
     ModelSetting,
+    SignalRequest,
 )
 from dtwin.parameters import PERIOD
 from dtwin.signals import Sensors, Voltages
@@ -53,33 +52,27 @@ PATIENCE: Final = 30.0
 """s for the signal to be over, beyond its own length"""
 PROGRESS: Final = 50
 """ticks between two messages about progress"""
-_SIGNAL: Final = tuple(f"TWIN.{name}" for name in ("AMPLITUDE1", "AMPLITUDE2", "AMPLITUDE3"))
-_TIMING: Final = tuple(f"TWIN.{name}" for name in ("UNIT", "DELAY1", "DELAY2", "DELAY3", "LENGTH"))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options(Link):
     """Identify the arm of a running cell when an operator asks."""
 
-    controller: str = "127.0.0.1:61499"
-    """HOST:PORT of the controller's device management."""
     store: Path = STORE
     """Folder of the kept models."""
 
     def run(self) -> int:
-        address = parse_address(self.controller)
         load_kernels()
         with Service(NAME, self) as service:
-            Identification(service, address, ModelStore(self.store)).run()
+            Identification(service, ModelStore(self.store)).run()
         return 0
 
 
 class Identification:
     """One identification after another, each from request to decision."""
 
-    def __init__(self, service: Service, controller: Address, store: ModelStore) -> None:
+    def __init__(self, service: Service, store: ModelStore) -> None:
         self._service = service
-        self._controller = controller
         self._store = store
         self._state = IdentificationState("idle", "ready")
         self._collector: Collector | None = None
@@ -161,19 +154,13 @@ class Identification:
 
     def _begin(self, request: IdentificationRequest) -> None:
         self._request, self._model = request, None
-        application = Application(self._controller)
-        try:
-            signal, samples = _signal(application)
-            self._collector = Collector(signal, samples, request.box_mass)
-            self._deadline = time.monotonic() + samples * PERIOD + PATIENCE
-            port = application.connect(REQUEST, Signature([BOOL]), Signature([]))
-            try:
-                port.exchange([True])
-            finally:
-                port.close()
-        finally:
-            application.close()
-        self._enter(IdentificationState("measuring", "the arm is excited", 0, samples))
+        bus = self._service.bus
+        signal = bus.ask(SIGNAL, None, IdentificationSignal)
+        excitation = Excitation(signal.amplitude, signal.unit, signal.delay)
+        self._collector = Collector(excitation, signal.samples, request.box_mass)
+        self._deadline = time.monotonic() + signal.samples * PERIOD + PATIENCE
+        bus.ask(SIGNAL, SignalRequest(True), IdentificationSignal)
+        self._enter(IdentificationState("measuring", "the arm is excited", 0, signal.samples))
 
     def _estimate(self, experiment: Experiment) -> None:
         count = len(experiment)
@@ -210,16 +197,6 @@ class Identification:
         self._state = state
         self._publish(state)
         log.info("%s: %s", state.phase, state.text)
-
-
-def _signal(application: Application) -> tuple[Excitation, int]:
-    """What the blocks will play; the library's own values where the device does not tell."""
-    try:
-        first, second, third = application.read(_SIGNAL)
-        unit, *delay, samples = (round(value) for value in application.read(_TIMING))
-    except DtwinError:
-        return PLAIN, SAMPLES
-    return Excitation((first, second, third), unit, (delay[0], delay[1], delay[2])), samples
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """Uploads settings to the running controller: checks them on the twin, watches the trial, keeps the history.
 
-They go through the blocks of SYSTEM_SIMULATION on the device, a 4diac FORTE or the embedded runtime. The samples
-and the path that a trial is judged by come over the bus. A trial that the end of this service cut short is taken up
-again.
+They go through the bridge and the blocks of SYSTEM_SIMULATION on the device, a 4diac FORTE or the embedded runtime.
+The samples and the path that a trial is judged by come over the bus. A trial that the end of this service cut short
+is taken up again.
 """
 
 from __future__ import annotations
@@ -10,15 +10,27 @@ from __future__ import annotations
 import logging
 import sys
 import threading
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from dtwin.application import settings_at
-from dtwin.control import ControlSettings, Law
+from dtwin.bus import Bus, Subscription
+from dtwin.control import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError
-from dtwin.iec61499.address import Address, parse_address
-from dtwin.messages import EVENTS, PATH, SENSORS, UPLOAD, Upload, UploadRequest
+from dtwin.messages import (
+    EVENTS,
+    GAINS,
+    MODEL,
+    PATH,
+    SENSORS,
+    SETTINGS,
+    UPLOAD,
+    GainsSetting,
+    ModelSetting,
+    SettingsInForce,
+    Upload,
+    UploadRequest,
+)
 from dtwin.messages import Path as PathAngles
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.signals import Event, Sensors
@@ -40,60 +52,45 @@ _KEPT: Final = 100
 class Options(Link):
     """Upload settings to the controller of a running cell."""
 
-    controller: str = "127.0.0.1:61499"
-    """HOST:PORT of the controller's device management."""
     history: Path = HISTORY
     """File for the history of the settings; it says what was in force when the service starts again."""
-    law: Law = "default"
-    """Control law that the controller was started with."""
-    box: float = 0.2
-    """Mass of a box that the controller counts on, kg."""
 
     def run(self) -> int:
-        address = parse_address(self.controller)
-        port = DevicePort(address, ControlSettings(law=self.law, payload=self.box))
         checker = Checker()
         with Service(NAME, self) as service:
-            Simulation(service, port, History(self.history), checker).run()
+            Simulation(service, History(self.history), checker).run()
         return 0
 
 
-class DevicePort:
-    """A controller on a device, as uploads see it.
+class BridgePort:
+    """The running controller as uploads see it: through the bridge, which alone talks to the device.
 
     Args:
-        address: of device management.
-        started: settings that the device was started with; law and box stay what they are there.
+        bus: joined.
     """
 
-    def __init__(self, address: Address, started: ControlSettings) -> None:
-        self._address = address
-        self._started = started
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
 
     def send_gains(self, gains: Gains, target_time: float) -> None:
         """Raises CommunicationError when the device does not take them over."""
-        with settings_at(self._address) as settings:
-            settings.set_tuning(gains, target_time)
+        self._bus.ask(GAINS, GainsSetting(gains, target_time), GainsSetting)
 
     def send_model(self, model: ArmParameters) -> None:
         """Raises CommunicationError when the device does not take it over."""
-        with settings_at(self._address) as settings:
-            settings.set_model(model)
+        self._bus.ask(MODEL, ModelSetting(model), ModelSetting)
 
     def read_back(self) -> ControlSettings:
         """Raises CommunicationError when the device does not answer."""
-        with settings_at(self._address) as settings:
-            return replace(
-                self._started, gains=settings.gains(), target_time=settings.target_time(), model=settings.model()
-            )
+        s = self._bus.ask(SETTINGS, None, SettingsInForce)
+        return ControlSettings(s.target_time, s.gains, s.law, s.model, s.payload, s.payload_model)
 
 
 class Simulation:
     """One upload after another."""
 
-    def __init__(self, service: Service, port: DevicePort, history: History, checker: Checker) -> None:
+    def __init__(self, service: Service, history: History, checker: Checker) -> None:
         self._service = service
-        self._port = port
         self._history = history
         self._checker = checker
         self._uploader: Uploader | None = None
@@ -103,8 +100,8 @@ class Simulation:
         self._done = 0
         bus = service.bus
         self._publish = bus.publisher(EVENTS)
+        self._path: Subscription | None = None
         bus.subscribe(SENSORS, Sensors, service.inbox.put)
-        bus.subscribe(PATH, PathAngles, service.inbox.put)
         bus.answer(UPLOAD, UploadRequest, self._answer)
 
     def run(self) -> None:
@@ -112,12 +109,13 @@ class Simulation:
         service = self._service
         while self._uploader is None and not service.stopping:
             try:
-                self._uploader = Uploader(self._port, self._history, self._checker)
+                self._uploader = Uploader(BridgePort(service.bus), self._history, self._checker)
             except CommunicationError as error:
                 log.info("%s", error)
                 service.next(RETRY)
             if service.report_due():
                 service.report("waiting")
+        self._follow()
         service.ready()
         while not service.stopping:
             item = service.next(RETRY)
@@ -145,8 +143,18 @@ class Simulation:
             except DtwinError as error:
                 log.error("%s", error)
                 return
+            self._follow()
         if entry is not None:
             self._tell(entry)
+
+    def _follow(self) -> None:
+        """Has the path sent while there is a trial to judge; it costs the bridge a look at the device every tick."""
+        wanted = self._uploader is not None and self._uploader.trial is not None
+        if wanted and self._path is None:
+            self._path = self._service.bus.subscribe(PATH, PathAngles, self._service.inbox.put)
+        elif not wanted and self._path is not None:
+            self._path.end()
+            self._path = None
 
     def _answer(self, request: UploadRequest | None) -> Upload:
         """Answers on a thread of its own: a check may take longer than a tick."""
@@ -164,6 +172,8 @@ class Simulation:
                 except DtwinError:
                     self._tell(uploader.last)
                     raise
+                finally:
+                    self._follow()
             return _upload(uploader)
 
     def _tell(self, entry: Entry) -> None:

@@ -18,14 +18,14 @@ import msgspec
 from dtwin import runfile
 from dtwin.bus import Bus, open_configured, open_peer
 from dtwin.cell import CellSettings, metadata
-from dtwin.control import ControlSettings, Law
+from dtwin.control import ControlSettings
 from dtwin.emulation import NoiseKind, parse_fault
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.identification.store import STORE
 from dtwin.iec61499.address import parse_address
 from dtwin.live.parts import discard_parts
 from dtwin.loop import tick_count
-from dtwin.parameters import ArmParameters, assignment
+from dtwin.parameters import ArmParameters, Law, assignment
 from dtwin.recording import ensure_writable
 from dtwin.runfile import RunFile
 from dtwin.simulation.history import HISTORY
@@ -161,14 +161,12 @@ class CellOptions:
             bridge += ["--wait-for", "recorder"]
         programs.append(_service("bridge", [*link, *bridge]))
         if self.identification:
-            kept = ["--controller", management, "--store", str(self.store.resolve())]
-            programs.append(_service("identification", [*link, *kept]))
+            programs.append(_service("identification", [*link, "--store", str(self.store.resolve())]))
         if self.monitoring:
             model = ["--model", str(self.model.resolve())] if self.model else []
             programs.append(_service("monitoring", [*link, *model]))
         if self.simulation:
-            uploads = ["--controller", management, "--law", self.law, "--history", str(self.history.resolve())]
-            programs.append(_service("simulation", [*link, *uploads]))
+            programs.append(_service("simulation", [*link, "--history", str(self.history.resolve())]))
         programs.append(_service("emulator", [*link, *emulator, "--wait-for", "bridge"], leading=True))
         return programs
 

@@ -13,11 +13,11 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from dtwin.control import ControlSettings, Law
+from dtwin.control import ControlSettings
 from dtwin.errors import ParameterError
 from dtwin.identification.model import IdentifiedModel
 from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.parameters import ArmParameters, Gains, Law, Triple
 from dtwin.recording import ensure_writable, replacing
 from dtwin.simulation.checks import MOTIONS, Motion
 from dtwin.simulation.objective import Limits, Objective, possible_arms, scenarios_for

@@ -13,11 +13,11 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from dtwin.cell import Cell, CellSettings, Summary
-from dtwin.control import BLOCKS, ControlSettings, EmbeddedController, Law
+from dtwin.control import BLOCKS, ControlSettings, EmbeddedController
 from dtwin.emulation import MODEL_FILE, NoiseKind, parse_fault
 from dtwin.errors import DtwinError
 from dtwin.iec61499.address import parse_address
-from dtwin.parameters import PERIOD, PHYSICS_STEP, ArmParameters, assignment
+from dtwin.parameters import PERIOD, PHYSICS_STEP, ArmParameters, Law, assignment
 from dtwin.recording import Log, ensure_writable
 from dtwin.remote import RemoteController
 

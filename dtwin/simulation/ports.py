@@ -8,16 +8,11 @@ from __future__ import annotations
 
 from typing import Final, Protocol
 
-from dtwin.control import LAWS, ControlSettings, EmbeddedController
-from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains
-from dtwin.simulation.figures import triple
+from dtwin.control import MODEL, TUNING, ControlSettings, EmbeddedController
+from dtwin.parameters import ArmParameters, Gains
 
 GAIN_PORT: Final = "TWIN.SIMULATION.GAIN_PORT"
 MODEL_PORT: Final = "TWIN.SIMULATION.MODEL_PORT"
-MODEL_SIZE: Final = 18
-"""K, m, I, l, c and D of three joints; the controller does not compensate Coulomb friction"""
-_GAINS: Final = tuple(f"CONTROLLER.{kind}{joint}" for kind in ("KP", "KI", "KD") for joint in (1, 2, 3))
-_MODEL: Final = tuple(f"CONTROLLER.{name.upper()}" for name in PARAMETER_NAMES[:MODEL_SIZE])
 
 
 class SettingsPort(Protocol):
@@ -26,16 +21,6 @@ class SettingsPort(Protocol):
     def send_gains(self, gains: Gains, target_time: float) -> None: ...
     def send_model(self, model: ArmParameters) -> None: ...
     def read_back(self) -> ControlSettings: ...
-
-
-def gain_values(gains: Gains, target_time: float) -> tuple[float, ...]:
-    """The 10 values of the gain port."""
-    return (*gains.kp, *gains.ki, *gains.kd, target_time)
-
-
-def model_values(model: ArmParameters) -> tuple[float, ...]:
-    """The 18 values of the model port."""
-    return model.vector()[:MODEL_SIZE]
 
 
 class EmbeddedPort:
@@ -55,21 +40,15 @@ class EmbeddedPort:
 
     def send_gains(self, gains: Gains, target_time: float) -> None:
         """Puts gains and target time into force from the next tick; the time from the next motion."""
-        self._gains.exchange(gain_values(gains, target_time))
+        values = ControlSettings(target_time, gains).inputs()
+        self._gains.exchange([values[name] for name in TUNING])
 
     def send_model(self, model: ArmParameters) -> None:
         """Puts a model into force from the next tick."""
-        self._model.exchange(model_values(model))
+        values = ControlSettings(model=model).inputs()
+        self._model.exchange([values[name] for name in MODEL])
 
     def read_back(self) -> ControlSettings:
         """The settings as the controller's blocks have them."""
         read = self._resource.read
-        gains, model = [read(name) for name in _GAINS], [read(name) for name in _MODEL]
-        return ControlSettings(
-            read("PLANNER.T"),
-            Gains(triple(gains[:3]), triple(gains[3:6]), triple(gains[6:])),
-            LAWS[read("CONTROLLER.LAW")],
-            ArmParameters.from_vector((*model, 0.0, 0.0, 0.0)),
-            read("CONTROLLER.PAYLOAD_MASS"),
-            "weight" if read("CONTROLLER.WEIGHT_ONLY") else "point",
-        )
+        return ControlSettings.from_inputs({name: read(name) for name in ControlSettings().inputs()})

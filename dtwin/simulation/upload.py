@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
@@ -15,7 +14,6 @@ from dtwin.simulation.ports import SettingsPort
 from dtwin.simulation.trial import Trial, TrialRules
 
 Kind = Literal["gains", "target", "model", ""]
-_DIGITS: Final = 1e-14
 SELF: Final = "dtwin"
 """who it is that confirms and rolls back"""
 
@@ -101,7 +99,7 @@ class Uploader:
         self._tried: Proposal | None = None
         entries = history.entries()
         found = port.read_back()
-        if entries and _same(entries[-1].settings, found):
+        if entries and entries[-1].settings.alike(found):
             self.last = entries[-1]
             self._resume_trial(entries, time)
         else:
@@ -124,7 +122,7 @@ class Uploader:
             CommunicationError: the controller does not answer.
         """
         found = self._port.read_back()
-        if not _same(self.settings, found):
+        if not self.settings.alike(found):
             self.trial = None
             self.last = self._found(self.version + 1, found, time)
 
@@ -216,7 +214,7 @@ class Uploader:
             self._port.send_model(settings.model)
         else:
             self._port.send_gains(settings.gains, settings.target_time)
-        if not _same(settings, self._port.read_back()):
+        if not settings.alike(self._port.read_back()):
             raise CommunicationError(f"the controller has not taken the {kind} it was sent: its settings are others")
 
     def _record(
@@ -246,9 +244,3 @@ class Uploader:
         if len(acts) > 1 and acts[-1].action == "upload" and acts[-1].predicted is not None:
             self._before = acts[-2].settings
             self.trial = Trial(self._rules, time, acts[-1].predicted)
-
-
-def _same(one: ControlSettings, other: ControlSettings) -> bool:
-    """Whether a controller cannot tell them apart: it knows no Coulomb friction, and a FORTE writes 15 digits."""
-    pairs = zip(one.inputs().values(), other.inputs().values(), strict=True)
-    return all(math.isclose(a, b, rel_tol=_DIGITS) for a, b in pairs)
