@@ -201,17 +201,28 @@ class SummaryRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA
     """Asks for nothing in particular."""
 
 
+DataSource = Literal["signal", "motion"]
+
+
 class IdentificationRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """An operator's request to excite the arm and identify it.
+    """An operator's request to identify the arm.
 
     Attributes:
         free: what to estimate, as for `dtwin identify --free`. Without a known load nothing sets the scale of the
             forces: by default motor 1 does, by its data sheet.
         box_mass: kg, taken for a box held meanwhile.
+        source: of the data: an identification signal that the blocks play, or motion of the empty arm as it passes,
+            which takes the known model for all that is not free.
+        since: plant time from which on the motion counts, s.
+        anew: of the free parameters those of which nothing is known any more, all when empty; what is known of the
+            others counts as it is. For motion only.
     """
 
     free: Line = "K2,K3,I,c,D"
     box_mass: Annotated[float, msgspec.Meta(ge=0.0)] = 0.2
+    source: DataSource = "signal"
+    since: Seconds = 0.0
+    anew: Line = ""
 
 
 class IdentificationDecision(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -308,6 +319,57 @@ class Upload(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     predicted: Triple | None = None
 
 
+class PredictionRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """What if the controller had other settings? Nothing is changed.
+
+    Attributes:
+        gains: of the computed-torque law; those in force when None.
+        target_time: s; the one in force when None.
+        model: of the arm, in the controller; the one in force when None.
+        arm: as the twin knows it; the controller's model when None.
+        box: kg, of a carried box.
+    """
+
+    gains: Gains | None = None
+    target_time: float | None = None
+    model: ArmParameters | None = None
+    arm: ArmParameters | None = None
+    box: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.2
+
+
+class PredictedMotion(msgspec.Struct, frozen=True):
+    """One of the cell's motions on the twin.
+
+    Attributes:
+        start, goal: names of places.
+        carries: whether a box is held.
+        rms: distance of each joint from its path, root mean square, rad.
+        tracking: the largest such distance, rad.
+        peak_volts: largest voltage of each joint, V.
+        saturated: share of the samples with a voltage at its limit.
+    """
+
+    start: Word
+    goal: Word
+    carries: bool
+    rms: Triple
+    tracking: Triple
+    peak_volts: Triple
+    saturated: float
+
+
+class Predicted(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """What the twin expects of settings.
+
+    Attributes:
+        version: of the settings in force, which were taken for what the request left open.
+        motions: all of the cell's.
+    """
+
+    version: Count
+    motions: tuple[PredictedMotion, ...]
+
+
 class MonitoredUnit(msgspec.Struct, frozen=True):
     """A joint or the gripper as the monitor sees it.
 
@@ -319,6 +381,8 @@ class MonitoredUnit(msgspec.Struct, frozen=True):
         deviation: standard deviation of the size.
         confidence: probability of the cause.
         since: plant time at which it began, s.
+        detected: plant time at which it was noticed, s.
+        settled: whether the diagnosis is complete; until then cause and size may still change.
     """
 
     state: Word
@@ -328,6 +392,8 @@ class MonitoredUnit(msgspec.Struct, frozen=True):
     deviation: float = 0.0
     confidence: float = 0.0
     since: Seconds = 0.0
+    detected: Seconds = 0.0
+    settled: bool = False
 
 
 class MonitoringVerdict(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -402,12 +468,13 @@ DECIDE: Final = Topic(
     "twin/identification/decide", "query", IdentificationDecision, IdentificationState, "identification"
 )
 UPLOAD: Final = Topic("twin/simulation/upload", "query", UploadRequest, Upload, "simulation")
+PREDICT: Final = Topic("twin/simulation/predict", "query", PredictionRequest, Predicted, "simulation")
 MONITORING: Final = Topic("twin/monitoring/verdict", "publication", MonitoringVerdict, None, "monitoring")
 RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, PATH, TRUTH, EVENTS, STATUS, ALIVE),
     *(GAINS, MODEL, TARGET, SETTINGS, SIGNAL, FAULT, RESET, SUMMARY),
-    *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, MONITORING, RESIDUALS),
+    *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, MONITORING, RESIDUALS),
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""
 

@@ -1,7 +1,8 @@
-"""Identifies the running arm: an operator asks, the blocks excite it, the fit runs here, the operator decides.
+"""Identifies the running arm: an operator asks, the fit runs here, the operator decides.
 
-The signal never waits for this service: the bridge passes the request on, samples and commands come off the bus.
-Only an accepted model is kept, and sent to the controller if the operator wants that, too.
+The data are a signal that the blocks excite the arm with, or the motions that pass anyway, where all but some
+parameters are known. The signal never waits for this service: the bridge passes the request on, samples and commands
+come off the bus. Only an accepted model is kept, and sent to the controller if the operator wants that, too.
 """
 
 from __future__ import annotations
@@ -14,19 +15,20 @@ from pathlib import Path
 from typing import Final
 
 import msgspec
-import numpy as np
 
 from dtwin.errors import DtwinError, IdentificationError
 from dtwin.identification.data import Experiment
-from dtwin.identification.estimate import identify, load_kernels
+from dtwin.identification.estimate import Estimate, Settings, identify, load_kernels
 from dtwin.identification.excitation import Excitation
 from dtwin.identification.held_out import compare
 from dtwin.identification.live import Collector, divided
-from dtwin.identification.model import IdentifiedModel, from_estimate
-from dtwin.identification.options import settings_for
+from dtwin.identification.model import IdentifiedModel, from_estimate, read_model
+from dtwin.identification.options import free_names, settings_for
+from dtwin.identification.passing import PIECES, Passing, estimate_from, renewed
 from dtwin.identification.store import STORE, ModelStore
 from dtwin.messages import (
     DECIDE,
+    EVENTS,
     IDENTIFICATION,
     IDENTIFY,
     MODEL,
@@ -41,8 +43,8 @@ from dtwin.messages import (
     ModelSetting,
     SignalRequest,
 )
-from dtwin.parameters import PERIOD
-from dtwin.signals import Sensors, Voltages
+from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.signals import Event, Sensors, Voltages
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)
@@ -50,8 +52,10 @@ log = logging.getLogger(__name__)
 NAME: Final = "identification"
 PATIENCE: Final = 30.0
 """s for the signal to be over, beyond its own length"""
+MOTION_PATIENCE: Final = 120.0
+"""s for the arm to move"""
 PROGRESS: Final = 50
-"""ticks between two messages about progress"""
+"""ticks between two messages about progress, and between two looks at the motions that have passed"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,20 +64,29 @@ class Options(Link):
 
     store: Path = STORE
     """Folder of the kept models."""
+    model: Path | None = None
+    """Identified model of the arm as it is known; the data sheet's arm if not given."""
 
     def run(self) -> int:
+        known = None if self.model is None else read_model(self.model)
         load_kernels()
         with Service(NAME, self) as service:
-            Identification(service, ModelStore(self.store)).run()
+            Identification(service, ModelStore(self.store), known).run()
         return 0
 
 
 class Identification:
     """One identification after another, each from request to decision."""
 
-    def __init__(self, service: Service, store: ModelStore) -> None:
+    def __init__(self, service: Service, store: ModelStore, known: IdentifiedModel | None) -> None:
         self._service = service
         self._store = store
+        self._known = ArmParameters() if known is None else known.arm
+        self._errors = {} if known is None else known.standard_errors
+        self._passing = Passing()
+        self._time = 0.0
+        self._measuring = False
+        self._phase = ""
         self._state = IdentificationState("idle", "ready")
         self._collector: Collector | None = None
         self._request = IdentificationRequest()
@@ -82,8 +95,9 @@ class Identification:
         self._finished = 0
         bus = service.bus
         self._publish = bus.publisher(IDENTIFICATION)
-        bus.subscribe(SENSORS, Sensors, self._pass_on)
-        bus.subscribe(VOLTAGES, Voltages, self._pass_on)
+        self._tell = bus.publisher(EVENTS)
+        bus.subscribe(SENSORS, Sensors, service.inbox.put)
+        bus.subscribe(VOLTAGES, Voltages, service.inbox.put)
         bus.answer(IDENTIFY, IdentificationRequest, self._ask)
         bus.answer(DECIDE, IdentificationDecision, self._decide)
 
@@ -96,22 +110,21 @@ class Identification:
             try:
                 self._deal_with(item)
             except DtwinError as error:
-                self._collector = None
+                self._collector, self._measuring = None, False
                 self._enter(IdentificationState("refused", str(error)[:1000]))
             if service.report_due():
                 service.report("running", self._finished)
-
-    def _pass_on(self, message: Sensors | Voltages) -> None:
-        if self._state.phase == "measuring":
-            self._service.inbox.put(message)
 
     def _ask(self, request: IdentificationRequest | None) -> IdentificationState:
         """Answers on Zenoh's thread; the work is the main thread's."""
         if request is not None:
             if self._state.phase in ("measuring", "estimating"):
                 raise IdentificationError(f"an identification is {self._state.phase}; wait for it")
-            settings_for(request.free)
-            self._state = IdentificationState("measuring", "the signal is asked for")
+            if request.source == "signal":
+                settings_for(request.free)
+            else:
+                self._renewed(request)
+            self._state = IdentificationState("measuring", f"waits for the {request.source}")
             self._service.inbox.put(request)
         return self._state
 
@@ -134,26 +147,26 @@ class Identification:
         return self._state
 
     def _deal_with(self, item: Sensors | Voltages | IdentificationRequest | None) -> None:
-        collector = self._collector
         if isinstance(item, IdentificationRequest):
             self._begin(item)
-        elif collector is not None and isinstance(item, Voltages):
-            collector.command(item)
-        elif collector is not None and isinstance(item, Sensors):
-            before = collector.done
-            collector.sample(item)
-            if collector.complete:
-                self._collector = None
-                self._estimate(collector.experiment())
-            elif collector.done != before and collector.done % PROGRESS == 0:
-                self._enter(IdentificationState("measuring", "the arm is excited", collector.done, collector.samples))
-        if self._collector is not None and time.monotonic() > self._deadline:
-            raise IdentificationError(
-                f"only {self._collector.done} ticks of the signal were seen: does the cell run?"
-            )
+        elif item is not None:
+            self._passing.take(item)
+            if isinstance(item, Sensors):
+                self._time = item.time
+            if self._collector is not None:
+                self._collect(self._collector, item)
+            elif self._measuring and item.sequence % PROGRESS == 0:
+                self._look_at_motions()
+        if self._measuring and time.monotonic() > self._deadline:
+            raise IdentificationError(f"{self._state.text}, and there it stopped: does the cell run?")
 
     def _begin(self, request: IdentificationRequest) -> None:
-        self._request, self._model = request, None
+        self._request, self._model, self._collector = request, None, None
+        self._measuring = True
+        if request.source == "motion":
+            self._deadline = time.monotonic() + MOTION_PATIENCE
+            self._look_at_motions()
+            return
         bus = self._service.bus
         signal = bus.ask(SIGNAL, None, IdentificationSignal)
         excitation = Excitation(signal.amplitude, signal.unit, signal.delay)
@@ -162,29 +175,60 @@ class Identification:
         bus.ask(SIGNAL, SignalRequest(True), IdentificationSignal)
         self._enter(IdentificationState("measuring", "the arm is excited", 0, signal.samples))
 
+    def _collect(self, collector: Collector, item: Sensors | Voltages) -> None:
+        """Finds the signal among what passes."""
+        if isinstance(item, Voltages):
+            collector.command(item)
+            return
+        before = collector.done
+        collector.sample(item)
+        if collector.complete:
+            self._collector = None
+            self._estimate(collector.experiment())
+        elif collector.done != before and collector.done % PROGRESS == 0:
+            self._enter(IdentificationState("measuring", "the arm is excited", collector.done, collector.samples))
+
+    def _look_at_motions(self) -> None:
+        """Estimates from what has passed once that is enough."""
+        pieces = self._passing.pieces(self._request.since)
+        seen = len(pieces)
+        if seen < PIECES:
+            if (seen, PIECES) != (self._state.samples, self._state.of):
+                text = f"{seen} of {PIECES} pieces of empty motion since {self._request.since:.2f} s"
+                self._enter(IdentificationState("measuring", text, seen, PIECES))
+            return
+        self._enter(IdentificationState("estimating", "the model is fitted", seen, PIECES))
+        self._propose(*estimate_from(pieces, self._renewed(self._request), "motions of the running cell"))
+
+    def _renewed(self, request: IdentificationRequest) -> Settings:
+        anew = free_names(request.anew) if request.anew else ()
+        return renewed(self._known, self._errors, free_names(request.free), anew)
+
     def _estimate(self, experiment: Experiment) -> None:
         count = len(experiment)
         self._enter(IdentificationState("estimating", "the model is fitted", count, count))
         part, rest = divided(experiment)
         estimate = identify([part], settings_for(self._request.free))
         fit = compare([rest], estimate.parameters, estimate.problem.offset(estimate.x)).fit
-        self._model = from_estimate(estimate, np.array(fit), "the running cell")
+        self._propose(estimate, from_estimate(estimate, fit, "the running cell"), self._warning(experiment))
+
+    def _propose(self, estimate: Estimate, model: IdentifiedModel, warning: str = "") -> None:
+        self._model, self._measuring = model, False
         self._finished += 1
-        first, second, third = fit.tolist()
+        first, second, third = model.validity.fit
         self._enter(
-            IdentificationState(
-                "proposed",
-                f"{estimate.identifiability.text()}{self._warning(experiment)}"[:1000],
-                count,
-                count,
-                estimate.converged,
-                estimate.whiteness.white,
-                estimate.identifiability.rank,
-                {
+            msgspec.structs.replace(
+                self._state,
+                phase="proposed",
+                text=f"{estimate.identifiability.text()}{warning}"[:1000],
+                converged=estimate.converged,
+                residual_white=estimate.whiteness.white,
+                rank=estimate.identifiability.rank,
+                parameters={
                     name: Estimated(estimate.values[name], estimate.standard_errors[name])
                     for name in estimate.identifiability.identifiable
                 },
-                (first, second, third),
+                fit=(first, second, third),
             )
         )
 
@@ -194,7 +238,9 @@ class Identification:
         return f" A box was held and taken for {self._request.box_mass:g} kg; c and I are as wrong as that."
 
     def _enter(self, state: IdentificationState) -> None:
-        self._state = state
+        if state.phase != self._phase:
+            self._tell(Event(self._time, NAME, f"{state.phase}: {state.text}"[:1000]))
+        self._state, self._phase = state, state.phase
         self._publish(state)
         log.info("%s: %s", state.phase, state.text)
 

@@ -138,6 +138,8 @@ def verdict_message(verdict: Verdict, restarts: int) -> MonitoringVerdict:
             finding.deviation,
             finding.confidence,
             finding.since,
+            finding.detected,
+            finding.settled,
         )
     forecasts = tuple(forecast.text() for forecast in verdict.forecasts)
     return MonitoringVerdict(verdict.time, units, forecasts, verdict.unobservable, verdict.missed, restarts)

@@ -1,4 +1,4 @@
-"""Uploads settings to the running controller: checks them on the twin, watches the trial, keeps the history.
+"""Predicts what settings would do, and uploads them to the running controller: checked, on trial, with a history.
 
 They go through the bridge and the blocks of SYSTEM_SIMULATION on the device, a 4diac FORTE or the embedded runtime.
 The samples and the path that a trial is judged by come over the bus. A trial that the end of this service cut short
@@ -22,11 +22,15 @@ from dtwin.messages import (
     GAINS,
     MODEL,
     PATH,
+    PREDICT,
     SENSORS,
     SETTINGS,
     UPLOAD,
     GainsSetting,
     ModelSetting,
+    Predicted,
+    PredictedMotion,
+    PredictionRequest,
     SettingsInForce,
     Upload,
     UploadRequest,
@@ -34,9 +38,9 @@ from dtwin.messages import (
 from dtwin.messages import Path as PathAngles
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.signals import Event, Sensors
-from dtwin.simulation.checks import Checker
+from dtwin.simulation.checks import MOTIONS, Checker
 from dtwin.simulation.history import HISTORY, Entry, History
-from dtwin.simulation.upload import Proposal, Uploader
+from dtwin.simulation.upload import Proposal, Uploader, changed
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)
@@ -103,6 +107,7 @@ class Simulation:
         self._path: Subscription | None = None
         bus.subscribe(SENSORS, Sensors, service.inbox.put)
         bus.answer(UPLOAD, UploadRequest, self._answer)
+        bus.answer(PREDICT, PredictionRequest, self._predict)
 
     def run(self) -> None:
         """Works until it is asked to end."""
@@ -158,10 +163,8 @@ class Simulation:
 
     def _answer(self, request: UploadRequest | None) -> Upload:
         """Answers on a thread of its own: a check may take longer than a tick."""
-        uploader = self._uploader
-        if uploader is None:
-            raise CommunicationError("the controller has not answered yet; try again")
         with self._lock:
+            uploader = self._ready()
             if request is not None:
                 uploader.look_again(self._time)
                 proposal = Proposal(
@@ -175,6 +178,27 @@ class Simulation:
                 finally:
                     self._follow()
             return _upload(uploader)
+
+    def _predict(self, request: PredictionRequest | None) -> Predicted:
+        """Answers on a thread of its own, too; one at a time, because all use the same blocks."""
+        asked = request or PredictionRequest()
+        with self._lock:
+            uploader = self._ready()
+            settings = changed(uploader.settings, asked.gains, asked.target_time, asked.model)
+            found = self._checker.simulate(settings, asked.arm or settings.model, asked.box)
+            version = uploader.version
+        return Predicted(
+            version,
+            tuple(
+                PredictedMotion(*motion, f.tracking_rms, f.tracking_max, f.peak_volts, f.saturated)
+                for motion, f in zip(MOTIONS, found, strict=True)
+            ),
+        )
+
+    def _ready(self) -> Uploader:
+        if self._uploader is None:
+            raise CommunicationError("the controller has not answered yet; try again")
+        return self._uploader
 
     def _tell(self, entry: Entry) -> None:
         self._done += 1

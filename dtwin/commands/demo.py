@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import tempfile
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,17 +17,27 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from dtwin.emulation import MODEL_FILE
+from dtwin.commands.launch import CellOptions, launched
 from dtwin.errors import ParameterError
-from dtwin.recording import ensure_writable
-from dtwin.recovery import LIMIT, LONGEST, Recovery, recover
+from dtwin.identification.estimate import identify
+from dtwin.identification.excitation import Plan
+from dtwin.identification.experiments import standard_settings
+from dtwin.identification.model import IdentifiedModel, from_estimate, write_model
+from dtwin.identification.rig import Rig
+from dtwin.identification.signal_blocks import SignalBlocks
+from dtwin.parameters import PERIOD
+from dtwin.recording import ensure_writable, read_log
+from dtwin.recovery.operator import LIMIT, LONGEST, Operator
+from dtwin.recovery.outcome import Recovery, healthy_run, judge
+from services.emulator import Pace
 
 
 @dataclass(frozen=True)
 class DemoRecovery:
-    """Let a joint's friction grow while the cell works; the twin finds it, refits, uploads, and the arm recovers.
+    """Let a joint's friction grow while the cell works; its services find it, refit, upload, and the arm recovers.
 
-    Needs no running services. The exit status is 1 when a run does not recover within 60 s of plant time.
+    Starts a cell with all services and stops it at the end. The exit status is 1 when a run does not recover within
+    60 s of plant time.
     """
 
     seed: int = 0
@@ -35,6 +46,10 @@ class DemoRecovery:
     """With this seed and those that follow."""
     noise: float = 0.002
     """Encoder noise, rad, uniform."""
+    pace: Pace = "lockstep"
+    """lockstep (as fast as every tick has its answer) or realtime."""
+    controller: str = "embedded"
+    """embedded, or forte://HOST:PORT (deploys to that 4diac FORTE)."""
     record: Path | None = None
     """Recording of the first run for the Rerun viewer, with the time line among its events."""
     log: Path | None = None
@@ -51,7 +66,8 @@ class DemoRecovery:
             if path is not None:
                 ensure_writable(path)
         runs = [self._run(seed) for seed in range(self.seed, self.seed + self.runs)]
-        self._write(runs[0])
+        if self.plot is not None:
+            draw(runs[0], self.plot)
         if self.json:
             recovered = sum(run.succeeded for run in runs)
             print(msgspec.json.encode({"recovered": recovered, "runs": [_as_json(run) for run in runs]}).decode())
@@ -60,22 +76,62 @@ class DemoRecovery:
         return 0 if all(run.succeeded for run in runs) else 1
 
     def _run(self, seed: int) -> Recovery:
-        columns = (TextColumn(f"seed {seed}"), BarColumn(), TimeElapsedColumn())
-        progress = Progress(*columns, console=Console(file=sys.stderr), transient=True)
-        with progress, tempfile.TemporaryDirectory() as folder:
+        generator = np.random.default_rng(np.random.SeedSequence(seed).spawn(3)[2])
+        joint, factor = int(generator.integers(1, 4)), round(float(generator.uniform(1.5, 1.9)), 3)
+        fault = f"D{joint}*={factor:g}"
+        model = first_model(self.noise, generator)
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            options = self._options(seed, folder)
+            write_model(model, folder / "arm.json")
+            columns = (TextColumn(f"seed {seed}"), BarColumn(), TimeElapsedColumn())
+            progress = Progress(*columns, console=Console(file=sys.stderr), transient=True)
             task = progress.add_task("", total=LONGEST + LIMIT)
-            history = Path(folder) / "history.jsonl"
-            return recover(seed, history, self.noise, lambda time: progress.update(task, completed=time))
+            with progress, launched(options) as cell:
+                cell.await_ready()
+                operator = Operator(
+                    cell.bus, model.arm, lambda: cell.over, lambda time: progress.update(task, completed=time)
+                )
+                story = operator.work(fault)
+                if cell.stop.is_set():
+                    raise KeyboardInterrupt
+            assert options.log is not None
+            log = read_log(options.log)
+        settings = replace(options.settings(), duration=len(log) * PERIOD)
+        healthy = healthy_run(settings, model.arm, float("inf") if story.started is None else story.started)
+        return judge(seed, fault, story, log, healthy)
 
-    def _write(self, run: Recovery) -> None:
-        if self.log is not None:
-            run.log.write_parquet(self.log)
-        if self.plot is not None:
-            draw(run, self.plot)
-        if self.record is not None:
-            from dtwin.view import write_recording  # rerun takes half a second to import
+    def _options(self, seed: int, folder: Path) -> CellOptions:
+        first = seed == self.seed
+        return CellOptions(
+            controller=self.controller,
+            pace=self.pace,
+            seed=seed,
+            noise=self.noise,
+            log=self.log if first and self.log is not None else folder / "run.parquet",
+            record=self.record if first else None,
+            identification=True,
+            store=folder / "identified",
+            monitoring=True,
+            model=folder / "arm.json",
+            simulation=True,
+            history=folder / "history.jsonl",
+            cell=f"recovery-{os.getpid()}",
+        )
 
-            write_recording(run.log, MODEL_FILE, self.record)
+
+def first_model(noise: float, generator: np.random.Generator) -> IdentifiedModel:
+    """A model of the healthy arm, from one standard experiment.
+
+    Args:
+        noise: of the encoders, rad.
+        generator: of the noise.
+
+    Raises:
+        IdentificationError: the data are too poor.
+    """
+    estimate = identify([Rig(noise=noise).measure(Plan(), SignalBlocks(), generator)], standard_settings())
+    return from_estimate(estimate, np.ones(3), "simulated experiment")
 
 
 def draw(run: Recovery, path: Path) -> None:
@@ -90,7 +146,8 @@ def draw(run: Recovery, path: Path) -> None:
 
     figure = Figure(figsize=(13, 6), layout="constrained")
     axis = figure.subplots()
-    time = run.log.columns["t"] - run.fault
+    began = run.story.fault or 0.0
+    time = run.log.columns["t"] - began
     shown = time > -LIMIT / 2
     away = np.abs(run.log.stack("target") - run.log.stack("theta"))
     for joint in range(3):
@@ -99,10 +156,10 @@ def draw(run: Recovery, path: Path) -> None:
     colours = {"cell": "#c44e52", "monitoring": "#dd8452", "identification": "#8172b3", "simulation": "#4c72b0"}
     for height, moment in enumerate(run.moments):
         colour = colours.get(moment.who, "#55a868")
-        axis.axvline(moment.time - run.fault, color=colour, ls="--", lw=1.0)
+        axis.axvline(moment.time - began, color=colour, ls="--", lw=1.0)
         axis.annotate(
             textwrap.shorten(f"{moment.who}: {moment.text}", 70, placeholder=" ..."),
-            (moment.time - run.fault, 0.97 - 0.045 * height),
+            (moment.time - began, 0.97 - 0.045 * height),
             xycoords=("data", "axes fraction"),
             color=colour,
             fontsize=8,
@@ -116,20 +173,29 @@ def draw(run: Recovery, path: Path) -> None:
 
 
 def _as_json(run: Recovery) -> dict[str, Any]:
-    finding = run.finding
+    story = run.story
+    finding = story.finding
     return {
         "seed": run.seed,
-        "joint": run.joint,
-        "factor": run.factor,
-        "fault_s": run.fault,
-        "detected_after_s": finding and finding.detected - run.fault,
-        "named": finding and {"cause": finding.cause, "joint": finding.joint},
-        "damping": run.damping,
-        "uploaded_after_s": run.uploaded and run.uploaded - run.fault,
-        "recovered_after_s": run.recovered and run.recovered - run.fault,
+        "fault": run.fault,
+        "fault_s": story.fault,
+        "detected_after_s": _since(finding.detected if finding else None, run),
+        "named": finding and {"cause": finding.cause, "parameter": finding.parameter},
+        "refitted": story.refitted,
+        "uploaded_after_s": _since(story.uploaded, run),
+        "recovered_after_s": _since(run.recovered, run),
         "recovered": run.succeeded,
-        "tracking_before_rad": run.before,
-        "ratios": [{"after_s": end - run.fault, "ratio": ratio} for end, ratio in run.ratios],
+        "trouble": story.trouble,
+        "motions": [
+            {
+                "after_s": _since(one.motion.stop, run),
+                "place": one.motion.place,
+                "carries": one.motion.carries,
+                "error_rad": one.motion.error,
+                "healthy_rad": one.healthy,
+            }
+            for one in run.motions
+        ],
         "moments": [{"time": m.time, "who": m.who, "text": m.text} for m in run.moments],
     }
 
@@ -139,22 +205,34 @@ def _print(runs: Sequence[Recovery]) -> None:
     first = runs[0]
     lines = Table("since the fault", "who", "what", title=f"time line of seed {first.seed}")
     for moment in first.moments:
-        lines.add_row(f"{moment.time - first.fault:.2f} s", moment.who, moment.text)
+        lines.add_row(_after(moment.time, first), moment.who, moment.text)
     console.print(lines)
-    table = Table("seed", "fault", "noticed after", "uploaded after", "recovered after", "worst tracking since", "")
+    table = Table("seed", "fault", "noticed", "uploaded", "recovered", "worst since", "")
     for run in runs:
-        since = [ratio for end, ratio in run.ratios if run.recovered is not None and end >= run.recovered]
+        finding = run.story.finding
+        since = [one.ratio for one in run.motions if run.recovered is not None and one.motion.stop >= run.recovered]
         table.add_row(
             str(run.seed),
-            f"D{run.joint} x {run.factor:g}",
-            _after(run.finding.detected if run.finding else None, run),
-            _after(run.uploaded, run),
+            run.fault,
+            _after(finding.detected if finding else None, run),
+            _after(run.story.uploaded, run),
             _after(run.recovered, run),
-            f"{100 * max(since):.0f} % of before" if since else "",
+            f"{100 * max(since):.0f} %" if since else "",
             "[green]recovered[/]" if run.succeeded else "[bold red]NOT RECOVERED[/]",
         )
     console.print(table)
+    console.print(
+        "Times since the fault; worst: distance from the path in any motion since, 100 % is the healthy arm's."
+    )
+    for run in runs:
+        if run.story.trouble:
+            console.print(f"seed {run.seed}: {run.story.trouble}", highlight=False)
+
+
+def _since(time: float | None, run: Recovery) -> float | None:
+    return None if time is None or run.story.fault is None else time - run.story.fault
 
 
 def _after(time: float | None, run: Recovery) -> str:
-    return "never" if time is None else f"{time - run.fault:.2f} s"
+    seconds = _since(time, run)
+    return "never" if seconds is None else f"{seconds:.2f} s"

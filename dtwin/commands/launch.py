@@ -81,7 +81,7 @@ class CellOptions:
     monitoring: bool = False
     """Start the monitoring service too: it watches the arm and publishes verdicts under twin/monitoring."""
     model: Path | None = None
-    """Identified model of the healthy arm for the monitoring service; the data sheet's arm if not given."""
+    """Identified model of the healthy arm, for monitoring and identification; the data sheet's arm if not given."""
     simulation: bool = False
     """Start the simulation service too: it checks, uploads and watches new settings (dtwin upload)."""
     history: Path = HISTORY
@@ -160,10 +160,10 @@ class CellOptions:
             programs.append(_service("recorder", [*link, *self._recorder_options()]))
             bridge += ["--wait-for", "recorder"]
         programs.append(_service("bridge", [*link, *bridge]))
+        model = ["--model", str(self.model.resolve())] if self.model else []
         if self.identification:
-            programs.append(_service("identification", [*link, "--store", str(self.store.resolve())]))
+            programs.append(_service("identification", [*link, *model, "--store", str(self.store.resolve())]))
         if self.monitoring:
-            model = ["--model", str(self.model.resolve())] if self.model else []
             programs.append(_service("monitoring", [*link, *model]))
         if self.simulation:
             programs.append(_service("simulation", [*link, "--history", str(self.history.resolve())]))
@@ -209,11 +209,9 @@ class Launched:
 
     @property
     def over(self) -> bool:
-        """Whether the run has come to its end or was asked to; lets a moment pass, and restarts what has died."""
-        if self.stop.wait(LOOK) or self.supervisor.finished:
-            return True
+        """Whether the run has come to its end or was asked to; restarts what has died meanwhile."""
         self.supervisor.look()
-        return False
+        return self.stop.is_set() or self.supervisor.finished
 
 
 @contextmanager

@@ -40,7 +40,7 @@ class UpCommand(CellOptions):
         with launched(self) as cell:
             with self._table(cell.supervisor) as live:
                 cell.await_ready()
-                while not cell.over:
+                while not (cell.over or cell.stop.wait(LOOK)):
                     if live is not None:
                         live.update(table(cell.supervisor.summary()))
             summary = cell.supervisor.summary()

@@ -56,12 +56,19 @@ class Proposal:
 
     def applied(self, settings: ControlSettings) -> ControlSettings:
         """The settings as they will be."""
-        return replace(
-            settings,
-            gains=settings.gains if self.gains is None else self.gains,
-            target_time=settings.target_time if self.target_time is None else self.target_time,
-            model=settings.model if self.model is None else self.model,
-        )
+        return changed(settings, self.gains, self.target_time, self.model)
+
+
+def changed(
+    settings: ControlSettings, gains: Gains | None, target_time: float | None, model: ArmParameters | None
+) -> ControlSettings:
+    """The settings with what is not None in place of theirs."""
+    return replace(
+        settings,
+        gains=settings.gains if gains is None else gains,
+        target_time=settings.target_time if target_time is None else target_time,
+        model=settings.model if model is None else model,
+    )
 
 
 class Uploader:

@@ -1,0 +1,116 @@
+"""From the traffic of a running cell at work to a model: pieces of its usual motions with an empty gripper.
+
+The arm need not be excited to find out what has changed of it: where all but a few parameters are known, motion as it
+passes tells those. A held box is left out, since nobody knows its mass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from dtwin.errors import IdentificationError
+from dtwin.identification.data import Experiment
+from dtwin.identification.estimate import Estimate, Settings, identify
+from dtwin.identification.held_out import compare
+from dtwin.identification.model import IdentifiedModel, from_estimate
+from dtwin.identification.problem import Prior
+from dtwin.parameters import ArmParameters
+from dtwin.signals import Sensors, Voltages
+
+MEMORY: Final = 6000
+"""ticks that are remembered"""
+LAG: Final = 100
+"""ticks that a sample or a command may wait for its other half, or come late"""
+PIECE: Final = 75
+"""ticks of a piece, each with its own initial state: long enough to tell a speed from noise"""
+PIECES: Final = 3
+"""needed; the last one judges what the others say"""
+MOVED: Final = 0.1
+"""rad that a joint must move in a piece: an arm at rest says nothing of friction"""
+
+
+class Passing:
+    """The last ticks of a running cell: samples with the commands that answer them."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[int, Sensors | Voltages] = {}
+        self._ticks: dict[int, tuple[Sensors, Voltages]] = {}
+        self._newest = -1
+
+    def take(self, item: Sensors | Voltages) -> None:
+        """Takes a sample or a command, in whatever order the two come."""
+        number = item.sequence
+        if number < self._newest - LAG:
+            self.forget()
+        self._newest = max(self._newest, number)
+        other = self._waiting.pop(number, None)
+        if isinstance(item, Sensors) and isinstance(other, Voltages):
+            self._ticks[number] = (item, other)
+        elif isinstance(item, Voltages) and isinstance(other, Sensors):
+            self._ticks[number] = (other, item)
+        else:
+            self._waiting[number] = item
+        for kept, most in ((self._waiting, LAG), (self._ticks, MEMORY)):
+            while len(kept) > most:
+                del kept[next(iter(kept))]
+
+    def forget(self) -> None:
+        """Forgets everything: another run has begun."""
+        self._waiting.clear()
+        self._ticks.clear()
+        self._newest = -1
+
+    def pieces(self, since: float) -> list[Experiment]:
+        """Pieces of motion with an empty gripper that began at a plant time (s) or later, oldest first."""
+        found = []
+        run: list[tuple[Sensors, Voltages]] = []
+        for number in sorted(self._ticks):
+            sensors, command = tick = self._ticks[number]
+            if command.box_gripped or sensors.time < since:
+                run.clear()
+                continue
+            if run and number != run[-1][0].sequence + 1:
+                run.clear()
+            run.append(tick)
+            if len(run) == PIECE:
+                piece = Experiment([s.theta for s, _ in run], [c.volts[:3] for _, c in run])
+                if float(np.ptp(piece.measured, axis=0).max()) > MOVED:
+                    found.append(piece)
+                run.clear()
+        return found
+
+
+def renewed(known: ArmParameters, errors: dict[str, float], free: Sequence[str], anew: Sequence[str]) -> Settings:
+    """Settings that estimate some parameters of a known arm anew.
+
+    Args:
+        known: the arm as it was.
+        errors: standard errors of what was identified of it, SI units.
+        free: names that are estimated; those of which no error is known stay fixed unless they are in `anew`.
+        anew: names of which nothing is known any more; all of `free` when empty.
+
+    Raises:
+        IdentificationError: a name in `anew` is not free.
+    """
+    unknown = tuple(anew) or tuple(free)
+    if strangers := [name for name in unknown if name not in free]:
+        raise IdentificationError(f"--anew {strangers[0]}: expected some of the free parameters, {', '.join(free)}")
+    priors = {name: Prior(known.get(name), errors[name]) for name in free if name not in unknown and name in errors}
+    return Settings(tuple(name for name in free if name in unknown or name in priors), known, priors=priors)
+
+
+def estimate_from(pieces: Sequence[Experiment], settings: Settings, source: str) -> tuple[Estimate, IdentifiedModel]:
+    """Estimates from all pieces but the last, which judges the model.
+
+    Raises:
+        IdentificationError: there are too few pieces, or they are too poor.
+    """
+    if len(pieces) < PIECES:
+        raise IdentificationError(f"expected at least {PIECES} pieces of motion, got {len(pieces)}")
+    *known, last = pieces
+    estimate = identify(known, settings)
+    fit = compare([last], estimate.parameters, estimate.problem.offset(estimate.x)).fit
+    return estimate, from_estimate(estimate, fit, source)
