@@ -9,7 +9,7 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 import numpy as np
@@ -144,32 +144,40 @@ def draw(run: Recovery, path: Path) -> None:
 
     from dtwin.simulation.plots import COLOURS, save
 
-    figure = Figure(figsize=(13, 6), layout="constrained")
-    axis = figure.subplots()
+    figure = Figure(figsize=(13, 9), layout="constrained")
+    above, below = figure.subplots(2, height_ratios=(1, 1.2), sharex=True)
     began = run.story.fault or 0.0
     time = run.log.columns["t"] - began
     shown = time > -LIMIT / 2
     away = np.abs(run.log.stack("target") - run.log.stack("theta"))
     for joint in range(3):
         distance = np.maximum(1e3 * away[shown, joint], 0.1)
-        axis.semilogy(time[shown], distance, color=COLOURS[joint], lw=1.0, label=f"joint {joint + 1}")
-    colours = {"cell": "#c44e52", "monitoring": "#dd8452", "identification": "#8172b3", "simulation": "#4c72b0"}
-    for height, moment in enumerate(run.moments):
-        colour = colours.get(moment.who, "#55a868")
-        axis.axvline(moment.time - began, color=colour, ls="--", lw=1.0)
-        axis.annotate(
-            textwrap.shorten(f"{moment.who}: {moment.text}", 70, placeholder=" ..."),
-            (moment.time - began, 0.97 - 0.045 * height),
-            xycoords=("data", "axes fraction"),
-            color=colour,
-            fontsize=8,
+        below.semilogy(time[shown], distance, color=COLOURS[joint], lw=1.0, label=f"joint {joint + 1}")
+    for row, moment in enumerate(run.moments):
+        since, colour = moment.time - began, _COLOURS.get(moment.who, "#55a868")
+        text = textwrap.shorten(f"{moment.who}: {moment.text}", 95, placeholder=" ...")
+        late = since > 0.3 * LIMIT
+        above.plot(since, row, "o", color=colour)
+        above.text(
+            since + (-0.8 if late else 0.8), row, text, ha="right" if late else "left", va="center", fontsize=8
         )
-    axis.set_ylim(0.1, 1e5)
-    axis.set_xlabel("time since the fault, s")
-    axis.set_ylabel("distance from the path, mrad")
-    axis.legend(loc="lower left", fontsize=8)
-    axis.grid(alpha=0.3)
+        below.axvline(since, color=colour, ls="--", lw=1.0)
+    above.invert_yaxis()
+    above.set_yticks([])
+    above.set_title(f"seed {run.seed}: {run.fault}")
+    below.set_xlabel("time since the fault, s")
+    below.set_ylabel("distance from the path, mrad")
+    below.legend(loc="upper left", fontsize=8)
+    below.grid(alpha=0.3)
     save(figure, path)
+
+
+_COLOURS: Final = {
+    "cell": "#c44e52",
+    "monitoring": "#dd8452",
+    "identification": "#8172b3",
+    "simulation": "#4c72b0",
+}
 
 
 def _as_json(run: Recovery) -> dict[str, Any]:

@@ -16,7 +16,14 @@ from dtwin.bus import Bus
 from dtwin.commands.up import join
 from dtwin.errors import CommunicationError, IdentificationError
 from dtwin.identification.estimate import NINETY_FIVE
-from dtwin.messages import DECIDE, IDENTIFY, IdentificationDecision, IdentificationRequest, IdentificationState
+from dtwin.messages import (
+    DECIDE,
+    IDENTIFY,
+    DataSource,
+    IdentificationDecision,
+    IdentificationRequest,
+    IdentificationState,
+)
 from dtwin.parameters import ArmParameters
 
 _LOOK = 0.2
@@ -25,7 +32,7 @@ _LOOK = 0.2
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifyLive:
-    """Excite and identify the arm of a running cell; the model is shown, then kept or not.
+    """Identify the arm of a running cell, excited or at work; the model is shown, then kept or not.
 
     Needs the service: dtwin up --identification. The exit status is 1 when no model is kept.
     """
@@ -34,6 +41,13 @@ class IdentifyLive:
     """What to estimate; without a known load something must set the scale of the forces: by default K1."""
     box_mass: float = IdentificationRequest().box_mass
     """Taken for a box held meanwhile, kg."""
+    source: DataSource = "signal"
+    """signal: the blocks excite the arm; motion: the arm goes on working, and its motions with an empty gripper tell
+    what of the known model (dtwin up --model) has changed."""
+    since: float = 0.0
+    """Plant time from which on motion counts, s; the service remembers one minute."""
+    anew: str = ""
+    """Which of the free parameters are not known any more, e.g. --free D --anew D2; all if not given. For motion."""
     accept: bool = False
     """Keep the model without asking, if its residuals are white."""
     upload: bool = False
@@ -51,7 +65,8 @@ class IdentifyLive:
 
     def execute(self) -> int:
         with join(self.cell, self.zenoh) as bus:
-            bus.ask(IDENTIFY, IdentificationRequest(self.free, self.box_mass), IdentificationState)
+            request = IdentificationRequest(self.free, self.box_mass, self.source, self.since, self.anew)
+            bus.ask(IDENTIFY, request, IdentificationState)
             state = self._wait(bus)
             if state.phase == "refused":
                 raise IdentificationError(state.text)

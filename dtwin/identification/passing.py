@@ -22,7 +22,7 @@ from dtwin.signals import Sensors, Voltages
 
 MEMORY: Final = 6000
 """ticks that are remembered"""
-LAG: Final = 100
+LAG: Final = 1000
 """ticks that a sample or a command may wait for its other half, or come late"""
 PIECE: Final = 75
 """ticks of a piece, each with its own initial state: long enough to tell a speed from noise"""

@@ -21,8 +21,18 @@ from dtwin.identification.experiments import standard_settings
 from dtwin.identification.model import from_estimate, write_model
 from dtwin.identification.rig import Rig
 from dtwin.identification.signal_blocks import SignalBlocks
-from dtwin.messages import GAINS, UPLOAD, GainsSetting, Upload, UploadRequest
+from dtwin.messages import (
+    GAINS,
+    PREDICT,
+    UPLOAD,
+    GainsSetting,
+    Predicted,
+    PredictionRequest,
+    Upload,
+    UploadRequest,
+)
 from dtwin.parameters import ArmParameters, Gains, scaled
+from dtwin.simulation.checks import MOTIONS
 from dtwin.simulation.history import History
 from tests.services.bench import until
 from tests.services.test_up import Desk
@@ -51,6 +61,7 @@ def now(bus: Bus) -> Upload:
 def test_settings_are_uploaded_watched_and_taken_back(cell: Desk, tmp_path: Path) -> None:
     """One cell for both: starting it takes longer than all that is done to it."""
     from_live_state(cell)
+    predictions()
     by_hand(cell, tmp_path / "history.jsonl")
     from_files(cell, tmp_path)
 
@@ -64,6 +75,31 @@ def from_live_state(cell: Desk) -> None:
     assert (base["target_time"], slower["target_time"]) == (2.0, 3.0)
     assert base["start"] == slower["start"] != second["candidates"][0]["start"]
     assert base["target"] == [2.5298, -2.0654, -0.4644]
+
+
+def predictions() -> None:
+    """What would be, without changing anything."""
+    worn = scaled(ArmParameters(), "D", 1.6)
+    with join("cell") as bus:
+        before = now(bus)
+        usual, blind, knowing, heavy = (
+            bus.ask(PREDICT, request, Predicted)
+            for request in (
+                None,
+                PredictionRequest(arm=worn),
+                PredictionRequest(model=worn),
+                PredictionRequest(target_time=1.6, box=0.21),
+            )
+        )
+        assert now(bus) == before
+        with pytest.raises(CommunicationError, match="target time"):
+            bus.ask(PREDICT, PredictionRequest(target_time=-1.0), Predicted)
+    assert usual.version == before.version
+    assert [(m.start, m.goal, m.carries) for m in usual.motions] == [tuple(motion) for motion in MOTIONS]
+    errors = [sum(max(motion.rms) for motion in p.motions) for p in (usual, blind, knowing, heavy)]
+    assert errors[1] > 3 * errors[0]
+    assert errors[2] == pytest.approx(errors[0], rel=0.5)
+    assert max(motion.saturated for motion in heavy.motions) > max(motion.saturated for motion in usual.motions) == 0
 
 
 def by_hand(cell: Desk, history: Path) -> None:

@@ -17,18 +17,16 @@ USUAL = ControlSettings()
 
 def test_prediction_is_the_worst_of_the_motions(checker: Checker, simulator: Simulator) -> None:
     prediction = checker.check(USUAL, ArmParameters())
+    loads = [(m, 0.2 if m.carries else 0.0) for m in MOTIONS] + [(m, 0.21) for m in MOTIONS if m.carries]
     found = [
-        simulator.run(
-            Case(
-                m.goal, USUAL, angles_of(m.start), payload=0.2 if m.carries else 0.0, carries=m.carries, duration=2.5
-            )
-        ).figures
-        for m in MOTIONS
+        simulator.run(Case(m.goal, USUAL, angles_of(m.start), payload=load, carries=m.carries, duration=2.5)).figures
+        for m, load in loads
     ]
     for joint in range(3):
         assert prediction.tracking[joint] == max(figures.tracking_max[joint] for figures in found)
         assert prediction.peak_volts[joint] == max(figures.peak_volts[joint] for figures in found)
-    assert max(found[MOTIONS.index(prediction.worst)].tracking_max) == max(prediction.tracking)
+    worst = max(zip(found, loads, strict=True), key=lambda pair: max(pair[0].tracking_max))
+    assert prediction.worst == worst[1][0]
     assert prediction.spectral_radius < 1.0
 
 
