@@ -249,8 +249,8 @@ class IdentificationState(msgspec.Struct, frozen=True, tag_field="schema", tag=S
     Attributes:
         phase: proposed waits for a decision; refused says why in text.
         text: for people.
-        samples: ticks of the signal seen.
-        of: ticks the signal lasts.
+        samples: ticks of the signal, or pieces of motion, seen.
+        of: how many are needed.
         converged: whether the search ended at a minimum.
         residual_white: whether nothing but noise is left to explain.
         rank: independent combinations of the free parameters that the data determine.

@@ -66,7 +66,8 @@ def described(message: type) -> set[type]:
     """A message and the structures in it."""
     found = {message}
     for field in msgspec.inspect.type_info(message).fields:
-        parts = [field.type, *getattr(field.type, "types", ()), getattr(field.type, "value_type", field.type)]
+        parts = [field.type, *getattr(field.type, "types", ())]
+        parts += [getattr(field.type, name) for name in ("value_type", "item_type") if hasattr(field.type, name)]
         found |= {part.cls for part in parts if hasattr(part, "cls")}
     return found
 
