@@ -114,7 +114,7 @@ class Operator:
         bus.subscribe(IDENTIFICATION, IdentificationState, self._inbox.put)
 
     def work(self, fault: str) -> Story:
-        """Lets the cell work, makes the fault (such as D2*=1.7), deals with it, and waits for the time to be over."""
+        """Lets the cell work, makes the fault (such as D2*=1.7), deals with it, and waits until the time is over."""
         try:
             reference = self._begin()
             self._break(fault)
@@ -126,9 +126,10 @@ class Operator:
         except CommunicationError as error:
             self._note(trouble=str(error))
             self._say(f"cannot go on: {error}")
-        with contextlib.suppress(_Late):
-            for _ in self._messages():
-                pass
+        if self._story.fault is not None:
+            with contextlib.suppress(_Late):
+                for _ in self._messages():
+                    pass
         return self._story
 
     def _begin(self) -> list[PredictedMotion]:
