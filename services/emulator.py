@@ -14,15 +14,16 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, TypeVar
 
-from dtwin.cell import CellSettings, emulate
+from dtwin.cell import CellSettings
 from dtwin.emulation import MODEL_FILE, NoiseKind, parse_fault
 from dtwin.errors import CommunicationError, DtwinError
 from dtwin.live.gate import STALE, Gate
 from dtwin.live.journal import Journal
+from dtwin.live.journaled import JournaledCell, without_volts
 from dtwin.live.latencies import Latencies
 from dtwin.loop import tick_count
 from dtwin.messages import (
@@ -104,7 +105,7 @@ class Options(Link):
         ticks = None if self.duration is None else tick_count(self.duration)
         journal = None if self.journal is None else Journal(self.journal, self.seed)
         with Service(NAME, self) as service:
-            Emulator(service, settings, self.pace, self.stale, journal).run(ticks)
+            Emulator(service, JournaledCell(settings, journal), self.pace, self.stale).run(ticks)
         return 0
 
 
@@ -112,27 +113,25 @@ class Emulator:
     """The cell between its inbox and its publications.
 
     Args:
-        journal: what it holds is replayed first.
+        cell: to run.
+        pace: to run it at.
+        stale: s without a command, in real time, after which the arm gets 0 V.
     """
 
-    def __init__(
-        self, service: Service, settings: CellSettings, pace: Pace, stale: float, journal: Journal | None
-    ) -> None:
+    def __init__(self, service: Service, cell: JournaledCell, pace: Pace, stale: float) -> None:
         bus = service.bus
         self._service = service
-        self._settings = settings
+        self._cell = cell
         self._pace = pace
-        self._journal = journal
         self._gate = Gate(bus.refuse, stale)
         self._latencies = Latencies()
         self._late = 0
         self._sent = [0.0] * _REMEMBERED
-        self._cell = emulate(settings)
-        self._command = Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), False)
+        self._gate.restart(self._read().sequence)
         self._state: State = "waiting"
         self._anew = False
-        if journal is not None:
-            self._replay(journal)
+        if cell.replayed:
+            log.info("goes on at %.2f s after %d entries of the journal", self._read().time, cell.replayed)
         self._began: tuple[float, float] | None = None
         # A recorder must see every tick of a lockstep run, even if that slows the run down.
         lossless = pace != "realtime"
@@ -150,12 +149,12 @@ class Emulator:
         service.ready()
         due = time.monotonic()
         while not service.stopping:
-            sensors = self._cell.read()
+            sensors = self._read()
             if ticks is not None and sensors.sequence >= ticks:
                 break
             self._gate.expected = sensors.sequence
             due = self._tick(sensors, due)
-        for event in self._cell.drain_events():
+        for event in self._cell.emulation.drain_events():
             self._publish_event(event)
         self._report("stopping")
 
@@ -164,8 +163,8 @@ class Emulator:
         began = time.monotonic()
         self._sent[sensors.sequence % _REMEMBERED] = began
         self._publish_sensors(sensors)
-        self._publish_truth(self._cell.truth())
-        for event in self._cell.drain_events():
+        self._publish_truth(self._cell.emulation.truth())
+        for event in self._cell.emulation.drain_events():
             self._publish_event(event)
         if self._pace == "realtime" and self._gate.commanded:
             if began - due > PERIOD:
@@ -181,9 +180,7 @@ class Emulator:
         if self._anew or self._service.stopping:
             self._anew = False
             return time.monotonic()
-        if self._journal is not None:
-            self._journal.command(self._command.volts, self._command.box_gripped)
-        self._cell.advance(PERIOD)
+        self._cell.advance()
         if self._pace == "realtime":
             self._idle_until(due)
         if self._service.report_due():
@@ -209,7 +206,7 @@ class Emulator:
             if now >= repeat:
                 self._state = "waiting"
                 self._publish_sensors(sensors)
-                self._publish_truth(self._cell.truth())
+                self._publish_truth(self._cell.emulation.truth())
                 repeat = now + REPEAT
             if self._service.report_due():
                 self._report(self._state)
@@ -241,63 +238,32 @@ class Emulator:
             self._announce("resumed", "commands have come back: the arm obeys them again")
         self._state = "running"
         if self._began is None:
-            self._began = (came, self._cell.read().time)
-        self._obey(command)
-
-    def _obey(self, command: Voltages) -> None:
-        self._command = command
-        self._cell.apply(command)
+            self._began = (came, self._read().time)
+        self._cell.obey(command)
 
     def _make_safe(self) -> None:
         """0 V; a held box stays held."""
         self._state = "safe"
-        self._obey(_without_volts(self._command))
+        self._cell.obey(without_volts(self._cell.command))
         self._announce("safe", "no valid command in time: the arm gets 0 V")
 
     def _announce(self, kind: str, text: str) -> None:
         log.warning("%s", text)
-        self._publish_event(Event(self._cell.read().time, kind, text))
+        self._publish_event(Event(self._read().time, kind, text))
 
-    def _replay(self, journal: Journal) -> None:
-        """Brings the cell back to where the journal ends."""
-        self._start_over(journal.seed)
-        entries = journal.entries()
-        for entry in entries:
-            if isinstance(entry, str):
-                self._cell.inject([parse_fault(entry)])
-                continue
-            volts, gripped = entry
-            sensors = self._cell.read()
-            self._obey(Voltages(sensors.sequence, sensors.time, volts, gripped))
-            self._cell.advance(PERIOD)
-        self._cell.drain_events()
-        sensors = self._cell.read()
-        self._gate.restart(sensors.sequence)
-        if entries:
-            log.info("goes on at %.2f s after %d entries of the journal", sensors.time, len(entries))
-
-    def _start_over(self, seed: int) -> None:
-        self._settings = replace(self._settings, seed=seed)
-        self._cell = emulate(self._settings)
-        self._command = _without_volts(Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), False))
-        self._gate.restart(0)
-        self._state = "waiting"
+    def _read(self) -> Sensors:
+        return self._cell.emulation.read()
 
     def _inject(self, request: FaultRequest | None) -> Done:
         if request is None:
             raise CommunicationError("expected the faults to inject")
-        faults = self._cell.inject([parse_fault(text) for text in request.faults])
-        texts = [str(fault) for fault in faults]
-        if self._journal is not None:
-            for text in texts:
-                self._journal.fault(text)
-        return Done(self._cell.read().time, "injected " + ", ".join(texts))
+        return Done(self._read().time, "injected " + ", ".join(self._cell.inject(request.faults)))
 
     def _reset(self, request: ResetRequest | None) -> Done:
-        seed = self._settings.seed if request is None else request.seed
-        if self._journal is not None:
-            self._journal.restart(seed)
-        self._start_over(seed)
+        seed = self._cell.seed if request is None else request.seed
+        self._cell.restart(seed)
+        self._gate.restart(0)
+        self._state = "waiting"
         self._began = None
         self._anew = True
         return Done(0.0, f"started anew with seed {seed}")
@@ -323,10 +289,10 @@ class Emulator:
             raise CommunicationError(f"the emulator did not come to it within {REQUEST_TIMEOUT:g} s") from None
 
     def _report(self, state: State) -> None:
-        sensors = self._cell.read()
+        sensors = self._read()
         wall, plant = self._began or (math.inf, 0.0)
         elapsed = time.monotonic() - wall
-        score = self._cell.score
+        score = self._cell.emulation.score
         self._service.report(
             state,
             sensors.sequence,
@@ -336,11 +302,6 @@ class Emulator:
             latency_ms=self._latencies.summary(),
             boxes=BoxCounts(score.arrived, score.dropped_arrivals, score.picked, score.delivered, score.misplaced),
         )
-
-
-def _without_volts(command: Voltages) -> Voltages:
-    """The same command with 0 V."""
-    return Voltages(command.sequence, command.time, (0.0, 0.0, 0.0, 0.0), command.box_gripped)
 
 
 if __name__ == "__main__":
