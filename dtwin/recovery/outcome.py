@@ -49,7 +49,7 @@ class Tracked(NamedTuple):
         place: where the box goes to, or has gone.
         carries: whether it is held.
         mass: of the box, kg.
-        error: root mean square of the distance from the path over all joints, rad.
+        error: root mean square of the distance from the path over all joints, rad; where the path was recorded.
     """
 
     start: float
@@ -126,7 +126,7 @@ def judge(seed: int, fault: str, story: Story, log: Log, healthy: Log) -> Recove
             judged.append(Judged(motion, same.get((motion.mass, motion.carries), mean)))
     recovered = None
     for one in reversed(judged):
-        if story.uploaded is None or one.motion.start < story.uploaded or one.ratio > TOLERANCE:
+        if story.uploaded is None or one.motion.start < story.uploaded or not one.ratio <= TOLERANCE:
             break
         recovered = one.motion.stop
     moments = [
@@ -148,7 +148,7 @@ def tracked(log: Log) -> Iterator[Tracked]:
         if motion.goal in names:
             place, mass = names[motion.goal], float(log.columns["payload_mass"][motion.start + 1])
         if stop <= len(log) and place and motion.carries == (motion.goal != PICKUP.theta):
-            error = float(np.sqrt(np.mean(away[motion.start : stop] ** 2)))
+            error = float(np.sqrt(np.nanmean(away[motion.start : stop] ** 2)))
             yield Tracked(motion.time, stop * PERIOD, place, motion.carries, mass, error)
 
 
