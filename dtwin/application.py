@@ -36,8 +36,10 @@ _MODEL_PORT: Final = ("TWIN.SIMULATION.MODEL_PORT", 61505)
 
 _NOTHING: Final = Signature([])
 _PATH: Final = tuple(f"PLANNER.THETA_D{joint}" for joint in (1, 2, 3))
-_AMPLITUDE: Final = tuple(f"TWIN.AMPLITUDE{joint}" for joint in (1, 2, 3))
-_TIMING: Final = ("TWIN.UNIT", *(f"TWIN.DELAY{joint}" for joint in (1, 2, 3)), "TWIN.LENGTH")
+_SIGNAL: Final = tuple(
+    f"TWIN.IDENTIFICATION.BLOCK.SIGNAL.{name}"
+    for name in ("AMPLITUDE1", "AMPLITUDE2", "AMPLITUDE3", "UNIT", "DELAY1", "DELAY2", "DELAY3", "LENGTH")
+)
 _READ_BACK: Final = 0.2
 """s after which a setting that was acknowledged must show"""
 
@@ -91,6 +93,29 @@ class Application:
         except ManagementError:
             port = usual
         return BlockingClient(Address(self._address.host, port), sends, receives, TIMEOUT)
+
+    def reopen(self, block: tuple[str, int]) -> None:
+        """Closes a block that listens and opens it again, on a FORTE.
+
+        Half a message that a client left behind there would be taken for the beginning of the next one, whoever sends
+        it. The embedded device keeps clients apart; it cannot trigger events, which tells it from a FORTE.
+
+        Raises:
+            CommunicationError: it does not open.
+        """
+        name = block[0]
+        with self._lock:
+            try:
+                self._management.trigger(self._resource, f"{name}.INIT")
+            except ManagementError:
+                return
+            self._management.reset_block(self._resource, name)
+            self._management.write(self._resource, f"{name}.QO", "FALSE")
+            self._management.trigger(self._resource, f"{name}.INIT")
+        deadline = time.monotonic() + TIMEOUT
+        while not self.read([f"{name}.QO"])[0]:
+            if time.monotonic() > deadline:
+                raise CommunicationError(f"{self._address}: {name} did not open again within {TIMEOUT:g} s")
 
     def _find_resource(self) -> str:
         for resource in self._management.blocks(""):
@@ -154,8 +179,8 @@ class ControlLoop:
 
     def signal(self) -> IdentificationSignal:
         """The identification signal that the blocks play on request."""
-        first, second, third = self._application.read(_AMPLITUDE)
-        unit, delay_1, delay_2, delay_3, samples = map(round, self._application.read(_TIMING))
+        first, second, third, *counts = self._application.read(_SIGNAL)
+        unit, delay_1, delay_2, delay_3, samples = map(round, counts)
         return IdentificationSignal((first, second, third), unit, (delay_1, delay_2, delay_3), samples)
 
     def request_signal(self, run: bool) -> None:
@@ -219,6 +244,7 @@ class Settings:
     def _change(self, block: tuple[str, int], wanted: dict[str, float]) -> dict[str, float]:
         """Sends values to a block; what is in force, once it is that: the blocks may run after they acknowledge."""
         values = list(wanted.values())
+        self._application.reopen(block)
         with self._application.connect(block, Signature([LREAL] * len(values)), _NOTHING) as client:
             client.exchange(values)
         deadline = time.monotonic() + _READ_BACK
