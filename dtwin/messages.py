@@ -261,7 +261,7 @@ class IdentificationState(msgspec.Struct, frozen=True, tag_field="schema", tag=S
 
 
 class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """New settings for the running controller: gains and target time, one of them, or a model.
+    """New settings for the running controller: gains and target time, one of them, a model, or an earlier version.
 
     Attributes:
         who: wants them.
@@ -270,6 +270,7 @@ class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA)
         gains: of the computed-torque law.
         target_time: s.
         model: of the arm.
+        version: of the history, that shall be in force again.
         arm: as the twin knows it, for the check; the controller's model when None.
     """
 
@@ -279,7 +280,20 @@ class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA)
     gains: Gains | None = None
     target_time: float | None = None
     model: ArmParameters | None = None
+    version: Count | None = None
     arm: ArmParameters | None = None
+
+
+class RollBackRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The settings before those on trial shall be in force again, at once and without a check.
+
+    Attributes:
+        who: wants it.
+        why: in their words.
+    """
+
+    who: Word
+    why: Line
 
 
 class Upload(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -402,12 +416,13 @@ DECIDE: Final = Topic(
     "twin/identification/decide", "query", IdentificationDecision, IdentificationState, "identification"
 )
 UPLOAD: Final = Topic("twin/simulation/upload", "query", UploadRequest, Upload, "simulation")
+ROLL_BACK: Final = Topic("twin/simulation/rollback", "query", RollBackRequest, Upload, "simulation")
 MONITORING: Final = Topic("twin/monitoring/verdict", "publication", MonitoringVerdict, None, "monitoring")
 RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, PATH, TRUTH, EVENTS, STATUS, ALIVE),
     *(GAINS, MODEL, TARGET, SETTINGS, SIGNAL, FAULT, RESET, SUMMARY),
-    *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, MONITORING, RESIDUALS),
+    *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, ROLL_BACK, MONITORING, RESIDUALS),
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""
 
