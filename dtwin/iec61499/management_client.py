@@ -61,6 +61,11 @@ class ManagementClient:
     def close(self) -> None:
         self._client.close()
 
+    @property
+    def lost(self) -> bool:
+        """Whether the session has ended, by `close` or after an error."""
+        return self._client.lost
+
     def reconnect(self) -> None:
         """Ends the session and begins another one; a FORTE refuses until it has noticed the end."""
         self._client.close()
