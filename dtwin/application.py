@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from typing import Final
 
 from dtwin.control import DIGITS, MODEL, TUNING, ControlSettings
@@ -36,8 +36,10 @@ _MODEL_PORT: Final = ("TWIN.SIMULATION.MODEL_PORT", 61505)
 
 _NOTHING: Final = Signature([])
 _PATH: Final = tuple(f"PLANNER.THETA_D{joint}" for joint in (1, 2, 3))
-_AMPLITUDE: Final = tuple(f"TWIN.AMPLITUDE{joint}" for joint in (1, 2, 3))
-_TIMING: Final = ("TWIN.UNIT", *(f"TWIN.DELAY{joint}" for joint in (1, 2, 3)), "TWIN.LENGTH")
+_SIGNAL: Final = tuple(
+    f"TWIN.IDENTIFICATION.BLOCK.SIGNAL.{name}"
+    for name in ("AMPLITUDE1", "AMPLITUDE2", "AMPLITUDE3", "UNIT", "DELAY1", "DELAY2", "DELAY3", "LENGTH")
+)
 _READ_BACK: Final = 0.2
 """s after which a setting that was acknowledged must show"""
 
@@ -67,6 +69,11 @@ class Application:
     def close(self) -> None:
         self._management.close()
 
+    @property
+    def lost(self) -> bool:
+        """Whether the management session has ended."""
+        return self._management.lost
+
     def read(self, names: Sequence[str]) -> list[float]:
         """Values of numeric or BOOL ports.
 
@@ -92,6 +99,30 @@ class Application:
             port = usual
         return BlockingClient(Address(self._address.host, port), sends, receives, TIMEOUT)
 
+    def reopen(self, block: tuple[str, int]) -> None:
+        """Closes a block that listens and opens it again, on a FORTE; no sample may be on its way meanwhile.
+
+        Half a message that a client left behind there would be taken for the beginning of the next one, whoever sends
+        it. The embedded device keeps clients apart; it cannot trigger events, which tells it from a FORTE. A FORTE
+        that closes a port while another one is in use crashes now and then.
+
+        Raises:
+            CommunicationError: it does not open.
+        """
+        name = block[0]
+        with self._lock:
+            try:
+                self._management.trigger(self._resource, f"{name}.INIT")
+            except ManagementError:
+                return
+            self._management.reset_block(self._resource, name)
+            self._management.write(self._resource, f"{name}.QO", "FALSE")
+            self._management.trigger(self._resource, f"{name}.INIT")
+        deadline = time.monotonic() + TIMEOUT
+        while not self.read([f"{name}.QO"])[0]:
+            if time.monotonic() > deadline:
+                raise CommunicationError(f"{self._address}: {name} did not open again within {TIMEOUT:g} s")
+
     def _find_resource(self) -> str:
         for resource in self._management.blocks(""):
             if any(block.name == _CELL[0] for block in self._management.blocks(resource.name)):
@@ -113,18 +144,20 @@ class ControlLoop:
     """
 
     def __init__(self, address: Address) -> None:
-        self._application = Application(address)
-        self.settings = Settings(self._application)
         self._requesting = threading.Lock()
-        try:
-            self._cell = self._application.connect(_CELL, SENSORS, VOLTAGES)
-        except CommunicationError:
-            self._application.close()
-            raise
+        with ExitStack() as opened:
+            self._application = opened.enter_context(closing(Application(address)))
+            self.settings = opened.enter_context(closing(Settings(self._application)))
+            self._cell = opened.enter_context(self._application.connect(_CELL, SENSORS, VOLTAGES))
+            self._opened = opened.pop_all()
 
     def close(self) -> None:
-        self._cell.close()
-        self._application.close()
+        self._opened.close()
+
+    @property
+    def lost(self) -> bool:
+        """Whether one of the connections has ended, so that all of them should be made anew."""
+        return self._cell.lost or self._application.lost or self.settings.lost
 
     def answer(self, sensors: Sensors) -> Voltages:
         """The application's answer to a sample.
@@ -154,8 +187,8 @@ class ControlLoop:
 
     def signal(self) -> IdentificationSignal:
         """The identification signal that the blocks play on request."""
-        first, second, third = self._application.read(_AMPLITUDE)
-        unit, delay_1, delay_2, delay_3, samples = map(round, self._application.read(_TIMING))
+        first, second, third, *counts = self._application.read(_SIGNAL)
+        unit, delay_1, delay_2, delay_3, samples = map(round, counts)
         return IdentificationSignal((first, second, third), unit, (delay_1, delay_2, delay_3), samples)
 
     def request_signal(self, run: bool) -> None:
@@ -178,16 +211,32 @@ class ControlLoop:
 class Settings:
     """What is in force in the running application, and changes of it; used from one thread at a time.
 
+    Its connections to the ports are there from the beginning: a FORTE serves one client, so nobody else can get in.
     All methods raise CommunicationError when the device does not answer or does not take over a value, and
     ParameterError when it has values that are none.
     """
 
     def __init__(self, application: Application) -> None:
         self._application = application
+        with ExitStack() as opened:
+            self._ports = {}
+            for block, names in ((_GAIN_PORT, TUNING), (_MODEL_PORT, MODEL)):
+                application.reopen(block)
+                port = application.connect(block, Signature([LREAL] * len(names)), _NOTHING)
+                self._ports[names] = opened.enter_context(port)
+            self._opened = opened.pop_all()
+
+    def close(self) -> None:
+        self._opened.close()
+
+    @property
+    def lost(self) -> bool:
+        """Whether a connection has ended."""
+        return any(port.lost for port in self._ports.values())
 
     def in_force(self) -> ControlSettings:
         """Everything; the controller knows no Coulomb friction."""
-        return ControlSettings.from_inputs(self._read(ControlSettings().inputs()))
+        return ControlSettings.from_inputs(self._read(tuple(ControlSettings().inputs())))
 
     def tuning(self) -> tuple[Gains, float]:
         """Gains in force, and the target time of the next motion, s."""
@@ -203,27 +252,24 @@ class Settings:
         if gains is None or target_time is None:
             gains_now, time_now = self.tuning()
             gains, target_time = gains or gains_now, target_time or time_now
-        wanted = ControlSettings(target_time, gains).inputs()
-        found = _settings(self._change(_GAIN_PORT, {name: wanted[name] for name in TUNING}))
+        found = _settings(self._change(TUNING, ControlSettings(target_time, gains)))
         return found.gains, found.target_time
 
     def set_model(self, model: ArmParameters) -> ArmParameters:
         """Changes the model in one message between two ticks; returns what is in force then."""
-        wanted = ControlSettings(model=model).inputs()
-        return _settings(self._change(_MODEL_PORT, {name: wanted[name] for name in MODEL})).model
+        return _settings(self._change(MODEL, ControlSettings(model=model))).model
 
-    def _read(self, names: Iterable[str]) -> dict[str, float]:
-        names = tuple(names)
+    def _read(self, names: Sequence[str]) -> dict[str, float]:
         return dict(zip(names, self._application.read(names), strict=True))
 
-    def _change(self, block: tuple[str, int], wanted: dict[str, float]) -> dict[str, float]:
-        """Sends values to a block; what is in force, once it is that: the blocks may run after they acknowledge."""
-        values = list(wanted.values())
-        with self._application.connect(block, Signature([LREAL] * len(values)), _NOTHING) as client:
-            client.exchange(values)
+    def _change(self, names: tuple[str, ...], settings: ControlSettings) -> dict[str, float]:
+        """Sends inputs; what is in force, once it is that: the blocks may run after they have acknowledged."""
+        inputs = settings.inputs()
+        wanted = {name: inputs[name] for name in names}
+        self._ports[names].exchange(list(wanted.values()))
         deadline = time.monotonic() + _READ_BACK
         while True:
-            found = self._read(wanted)
+            found = self._read(names)
             other = {n: v for n, v in found.items() if not math.isclose(v, wanted[n], rel_tol=DIGITS)}
             if not other:
                 return found

@@ -101,6 +101,8 @@ GROUPS: Final[dict[str, dict[str, Entry]]] = {
         ),
         "upload model": Entry("dtwin.commands.upload", "UploadModel", "the same with an identified model"),
         "upload target": Entry("dtwin.commands.upload", "UploadTarget", "the same with the target time"),
+        "upload version": Entry("dtwin.commands.upload", "UploadVersion", "the same with an earlier version"),
+        "upload rollback": Entry("dtwin.commands.upload", "RollBack", "take back the settings on trial"),
         "history": Entry("dtwin.commands.history", "ShowHistory", "show all changes of the controller's settings"),
         "experiment accuracy": Entry(
             "dtwin.commands.experiment_simulation",

@@ -122,10 +122,10 @@ class ControlSettings:
             "weight" if values["CONTROLLER.WEIGHT_ONLY"] else "point",
         )
 
-    def alike(self, other: ControlSettings) -> bool:
-        """Whether a controller cannot tell them apart: it knows no Coulomb friction, and a FORTE writes 15 digits."""
-        pairs = zip(self.inputs().values(), other.inputs().values(), strict=True)
-        return all(math.isclose(mine, its, rel_tol=DIGITS) for mine, its in pairs)
+    def differing(self, other: ControlSettings) -> set[str]:
+        """Names of the inputs in which a controller can tell two settings apart: a FORTE writes 15 digits."""
+        mine, its = self.inputs(), other.inputs()
+        return {name for name in mine if not math.isclose(mine[name], its[name], rel_tol=DIGITS)}
 
 
 class EmbeddedController:

@@ -272,7 +272,7 @@ class IdentificationState(msgspec.Struct, frozen=True, tag_field="schema", tag=S
 
 
 class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """New settings for the running controller: gains and target time, one of them, or a model.
+    """New settings for the running controller: gains and target time, one of them, a model, or an earlier version.
 
     Attributes:
         who: wants them.
@@ -281,6 +281,7 @@ class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA)
         gains: of the computed-torque law.
         target_time: s.
         model: of the arm.
+        version: of the history, that shall be in force again.
         arm: as the twin knows it, for the check; the controller's model when None.
     """
 
@@ -290,7 +291,20 @@ class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA)
     gains: Gains | None = None
     target_time: float | None = None
     model: ArmParameters | None = None
+    version: Count | None = None
     arm: ArmParameters | None = None
+
+
+class RollBackRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The settings before those on trial shall be in force again, at once and without a check.
+
+    Attributes:
+        who: wants it.
+        why: in their words.
+    """
+
+    who: Word
+    why: Line
 
 
 class Upload(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -300,7 +314,7 @@ class Upload(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
         version: of the settings in force.
         time: plant time of the entry, s.
         action: start, upload, refuse, confirm or roll back.
-        text: what came of it.
+        text: what came of it, or why it was done.
         on_trial: whether the settings are still being watched.
         gains: in force.
         target_time: in force, s.
@@ -469,12 +483,13 @@ DECIDE: Final = Topic(
 )
 UPLOAD: Final = Topic("twin/simulation/upload", "query", UploadRequest, Upload, "simulation")
 PREDICT: Final = Topic("twin/simulation/predict", "query", PredictionRequest, Predicted, "simulation")
+ROLL_BACK: Final = Topic("twin/simulation/rollback", "query", RollBackRequest, Upload, "simulation")
 MONITORING: Final = Topic("twin/monitoring/verdict", "publication", MonitoringVerdict, None, "monitoring")
 RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, PATH, TRUTH, EVENTS, STATUS, ALIVE),
     *(GAINS, MODEL, TARGET, SETTINGS, SIGNAL, FAULT, RESET, SUMMARY),
-    *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, MONITORING, RESIDUALS),
+    *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, MONITORING, RESIDUALS),
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""
 

@@ -150,6 +150,10 @@ class Bridge:
 
     def _connect(self) -> ControlLoop | None:
         now = time.monotonic()
+        if self._controller is not None and self._controller.lost:
+            # a setting has failed: samples may still be answered, but nothing can be set any more
+            self._controller.close()
+            self._controller = None
         if self._controller is None and now >= self._try_at:
             self._try_at = now + RETRY
             try:

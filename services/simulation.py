@@ -10,19 +10,21 @@ from __future__ import annotations
 import logging
 import sys
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from dtwin.bus import Bus, Subscription
 from dtwin.control import ControlSettings
-from dtwin.errors import CommunicationError, DtwinError
+from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.messages import (
     EVENTS,
     GAINS,
     MODEL,
     PATH,
     PREDICT,
+    ROLL_BACK,
     SENSORS,
     SETTINGS,
     UPLOAD,
@@ -31,6 +33,7 @@ from dtwin.messages import (
     Predicted,
     PredictedMotion,
     PredictionRequest,
+    RollBackRequest,
     SettingsInForce,
     Upload,
     UploadRequest,
@@ -108,6 +111,7 @@ class Simulation:
         bus.subscribe(SENSORS, Sensors, service.inbox.put)
         bus.answer(UPLOAD, UploadRequest, self._answer)
         bus.answer(PREDICT, PredictionRequest, self._predict)
+        bus.answer(ROLL_BACK, RollBackRequest, self._roll_back)
 
     def run(self) -> None:
         """Works until it is asked to end."""
@@ -163,27 +167,38 @@ class Simulation:
 
     def _answer(self, request: UploadRequest | None) -> Upload:
         """Answers on a thread of its own: a check may take longer than a tick."""
+        if request is None:
+            return _upload(self._there())
+        return self._change(lambda uploader: uploader.upload(_proposal(uploader, request), self._time, request.arm))
+
+    def _roll_back(self, request: RollBackRequest | None) -> Upload:
+        if request is None:
+            return _upload(self._there())
+        return self._change(lambda uploader: uploader.roll_back(request.who, request.why, self._time))
+
+    def _there(self) -> Uploader:
+        if self._uploader is None:
+            raise CommunicationError("the controller has not answered yet; try again")
+        return self._uploader
+
+    def _change(self, action: Callable[[Uploader], Entry]) -> Upload:
+        uploader = self._there()
         with self._lock:
-            uploader = self._ready()
-            if request is not None:
+            before = uploader.last
+            try:
                 uploader.look_again(self._time)
-                proposal = Proposal(
-                    request.who, request.why, request.based_on, request.gains, request.target_time, request.model
-                )
-                try:
-                    self._tell(uploader.upload(proposal, self._time, request.arm))
-                except DtwinError:
+                action(uploader)
+            finally:
+                self._follow()
+                if uploader.last is not before:
                     self._tell(uploader.last)
-                    raise
-                finally:
-                    self._follow()
             return _upload(uploader)
 
     def _predict(self, request: PredictionRequest | None) -> Predicted:
         """Answers on a thread of its own, too; one at a time, because all use the same blocks."""
         asked = request or PredictionRequest()
         with self._lock:
-            uploader = self._ready()
+            uploader = self._there()
             settings = changed(uploader.settings, asked.gains, asked.target_time, asked.model)
             found = self._checker.simulate(settings, asked.arm or settings.model, asked.box)
             version = uploader.version
@@ -195,16 +210,20 @@ class Simulation:
             ),
         )
 
-    def _ready(self) -> Uploader:
-        if self._uploader is None:
-            raise CommunicationError("the controller has not answered yet; try again")
-        return self._uploader
-
     def _tell(self, entry: Entry) -> None:
         self._done += 1
         text = f"version {entry.version} of the settings, {entry.kind}: {entry.text or entry.why}"
         log.info("%s: %s", entry.action, text)
         self._publish(Event(entry.time, entry.action, text[:1000]))
+
+
+def _proposal(uploader: Uploader, request: UploadRequest) -> Proposal:
+    who, why, based_on = request.who, request.why, request.based_on
+    if request.version is None:
+        return Proposal(who, why, based_on, request.gains, request.target_time, request.model)
+    if (request.gains, request.target_time, request.model) != (None, None, None):
+        raise ParameterError("upload: expected an earlier version alone, without gains, target time or model")
+    return uploader.earlier(request.version, who, why, based_on)
 
 
 def _upload(uploader: Uploader) -> Upload:
@@ -213,7 +232,7 @@ def _upload(uploader: Uploader) -> Upload:
         last.version,
         last.time,
         last.action,
-        last.text,
+        last.text or last.why,
         uploader.trial is not None,
         settings.gains,
         settings.target_time,

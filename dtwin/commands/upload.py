@@ -1,4 +1,4 @@
-"""`dtwin upload gains|model|target`: new settings for the controller of a running cell, checked and on trial."""
+"""`dtwin upload gains|model|target|version|rollback`: other settings for the controller of a running cell."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
+import tyro
 
 from dtwin.bus import Bus
 from dtwin.commands.up import join
 from dtwin.errors import CommunicationError, ModelError
 from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.messages import UPLOAD, Upload, UploadRequest
+from dtwin.messages import ROLL_BACK, UPLOAD, RollBackRequest, Upload, UploadRequest
 from dtwin.parameters import ArmParameters, Gains, Triple
 
 _LOOK = 0.2
@@ -23,13 +24,33 @@ _PATIENCE = 120.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Upload:
+class _Request:
     """Who wants it, and where."""
 
     why: str
     """Reason, for the history."""
     who: str = ""
     """Name, for the history; the login name if not given."""
+    cell: str = "cell"
+    """Name of the cell."""
+    zenoh: Path | None = None
+    """Zenoh configuration file, for a cell on another machine."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RollBack(_Request):
+    """Put the settings before those on trial into force again, at once and without a check: they were in force."""
+
+    def execute(self) -> int:
+        with join(self.cell, self.zenoh) as bus:
+            _print(bus.ask(ROLL_BACK, RollBackRequest(self.who or getpass.getuser(), self.why), Upload))
+        return 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Upload(_Request):
+    """What every upload has."""
+
     based_on: int | None = None
     """Version of the settings that you have seen; those in force if not given. An old version is refused."""
     arm: str | None = None
@@ -38,10 +59,6 @@ class _Upload:
     """Folder of the kept models."""
     wait: bool = False
     """Wait for the trial; the exit status is 1 when the settings are rolled back."""
-    cell: str = "cell"
-    """Name of the cell."""
-    zenoh: Path | None = None
-    """Zenoh configuration file, for a cell on another machine."""
 
     def execute(self) -> int:
         with join(self.cell, self.zenoh) as bus:
@@ -53,7 +70,7 @@ class _Upload:
                 arm=None if self.arm is None else self._model(self.arm),
             )
             answer = bus.ask(UPLOAD, self.change(request, now), Upload)
-            print(msgspec.json.encode(answer).decode(), flush=True)
+            _print(answer)
             return self._outcome(bus, answer) if self.wait else 0
 
     def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
@@ -71,7 +88,7 @@ class _Upload:
                 raise CommunicationError(f"the trial of version {answer.version} goes on after {_PATIENCE:g} s")
             time.sleep(_LOOK)
             answer = bus.ask(UPLOAD, None, Upload)
-        print(msgspec.json.encode(answer).decode())
+        _print(answer)
         return 0 if answer.action == "confirm" else 1
 
 
@@ -122,6 +139,21 @@ class UploadModel(_Upload):
 
     def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
         return msgspec.structs.replace(request, model=self._model(self.model))
+
+
+@dataclass(frozen=True, kw_only=True)
+class UploadVersion(_Upload):
+    """Upload the settings of an earlier version, as dtwin history shows them; checked and tried like new ones."""
+
+    version: tyro.conf.Positional[int]
+    """Number of the version. What differs must be gains and target time or the model: both are two messages."""
+
+    def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
+        return msgspec.structs.replace(request, version=self.version)
+
+
+def _print(answer: Upload) -> None:
+    print(msgspec.json.encode(answer).decode(), flush=True)
 
 
 def _read(path: Path) -> Tuning:

@@ -68,6 +68,11 @@ class BlockingClient:
     def close(self) -> None:
         self._sock.close()
 
+    @property
+    def lost(self) -> bool:
+        """Whether the connection is closed, by `close` or after an error."""
+        return self._sock.fileno() < 0
+
     def _exchange(self, request: bytes) -> Message:
         deadline = time.monotonic() + self.timeout
         self._sock.settimeout(self.timeout)

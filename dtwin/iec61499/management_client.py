@@ -25,6 +25,7 @@ from dtwin.iec61499.management import (
     parse_response,
 )
 
+_RESET: Final[tuple[Action, ...]] = ("KILL", "RESET", "START")
 TIMEOUT: Final = 5.0
 """s, for every request"""
 
@@ -59,6 +60,11 @@ class ManagementClient:
 
     def close(self) -> None:
         self._client.close()
+
+    @property
+    def lost(self) -> bool:
+        """Whether the session has ended, by `close` or after an error."""
+        return self._client.lost
 
     def reconnect(self) -> None:
         """Ends the session and begins another one; a FORTE refuses until it has noticed the end."""
@@ -132,6 +138,15 @@ class ManagementClient:
         if value is None:
             raise CommunicationError(f"{self.address}: response to READ {source} has no value")
         return value
+
+    def trigger(self, resource: str, event: str) -> None:
+        """Lets an event happen, `BLOCK.EVENT`; only a FORTE built with monitoring can."""
+        self.demand(resource, "WRITE", Link("$e", event))
+
+    def reset_block(self, resource: str, name: str) -> None:
+        """Ends a block and starts it anew: a port of a FORTE closes, and opens with the next event INIT."""
+        for action in _RESET:
+            self.demand(resource, action, Block(name, ""))
 
     def start(self, resource: str) -> None:
         self.demand(resource, "START")

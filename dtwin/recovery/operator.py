@@ -233,7 +233,8 @@ class Operator:
         arm: ArmParameters | None = None,
     ) -> Upload:
         version = self._bus.ask(UPLOAD, None, Upload).version
-        return self._bus.ask(UPLOAD, UploadRequest(NAME, why, version, gains, target_time, model, arm), Upload)
+        request = UploadRequest(NAME, why, version, gains=gains, target_time=target_time, model=model, arm=arm)
+        return self._bus.ask(UPLOAD, request, Upload)
 
     def _await_trial(self) -> None:
         """Until the settings in force are on trial no longer.

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
-from dtwin.control import ControlSettings
+from dtwin.control import MODEL, TUNING, ControlSettings
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.simulation.checks import Checker, Refused
@@ -106,7 +107,7 @@ class Uploader:
         self._tried: Proposal | None = None
         entries = history.entries()
         found = port.read_back()
-        if entries and entries[-1].settings.alike(found):
+        if entries and not entries[-1].settings.differing(found):
             self.last = entries[-1]
             self._resume_trial(entries, time)
         else:
@@ -129,7 +130,7 @@ class Uploader:
             CommunicationError: the controller does not answer.
         """
         found = self._port.read_back()
-        if not self.settings.alike(found):
+        if self.settings.differing(found):
             self.trial = None
             self.last = self._found(self.version + 1, found, time)
 
@@ -155,11 +156,17 @@ class Uploader:
         except Refused as reason:
             self._record("refuse", proposal, self.settings, time, str(reason))
             raise
-        before = self.settings
-        self._send(settings, proposal.kind)
-        self._before, self._tried = before, proposal
+        self._before, self._tried = self.settings, proposal
         self.trial = Trial(self._rules, time, prediction.tracking)
-        return self._record("upload", proposal, settings, time, predicted=prediction.tracking)
+        # in the history first: should this process end now, the next one watches them or finds the old ones
+        entry = self._record("upload", proposal, settings, time, predicted=prediction.tracking)
+        try:
+            self._send(settings, proposal.kind)
+        except CommunicationError:
+            with suppress(CommunicationError):
+                self.look_again(time)
+            raise
+        return entry
 
     def observe(self, time: float, path: Triple, measured: Triple) -> Entry | None:
         """Judges a sample, while a trial runs.
@@ -170,10 +177,11 @@ class Uploader:
             measured: angles, rad.
 
         Returns:
-            the entry that ends the trial, when this sample does: the settings are confirmed or rolled back.
+            the entry that ends the trial, when this sample does: the settings are confirmed or rolled back, or others
+            are found in force.
 
         Raises:
-            CommunicationError: the controller does not take the settings back.
+            CommunicationError: the controller does not answer, or does not take the settings back.
         """
         trial = self.trial
         if trial is None:
@@ -185,10 +193,36 @@ class Uploader:
             away, bound = trial.measured[trial.offender - 1], trial.bounds[trial.offender - 1]
             why = f"joint {trial.offender} is {away:.3g} rad from its path, expected at most {bound:.3g}"
             return self.roll_back(SELF, why, time)
+        self.look_again(time)
+        if self.trial is None:
+            return self.last
         self.trial = None
         seen = "tracking was as predicted" if trial.judged_motion else "the arm stood still"
         text = f"{seen} for {time - trial.began:.1f} s"
         return self._record("confirm", self._tried, self.settings, time, text, measured=trial.measured)
+
+    def earlier(self, version: int, who: str, why: str, based_on: int) -> Proposal:
+        """What would put the settings of an earlier version into force again; they need the checks of any upload.
+
+        Raises:
+            ParameterError: the history has no such version, it is in force, or one message cannot change all that
+                differs.
+        """
+        found = {entry.version: entry.settings for entry in self._history.entries()}
+        if version not in found:
+            raise ParameterError(f"version {version}: expected one of the history, 1 to {self.version}")
+        wanted = found[version]
+        differing = wanted.differing(self.settings)
+        if not differing:
+            raise ParameterError(f"version {version}: expected another one, its settings are in force")
+        if differing <= set(TUNING):
+            return Proposal(who, why, based_on, wanted.gains, wanted.target_time)
+        if differing <= set(MODEL):
+            return Proposal(who, why, based_on, model=wanted.model)
+        raise ParameterError(
+            f"version {version}: expected that gains and target time or the model alone differ from what is in force,"
+            f" got {', '.join(sorted(differing))}: between two messages the controller would have a mixture"
+        )
 
     def roll_back(self, who: str, why: str, time: float) -> Entry:
         """Puts the settings before those on trial into force again; they need no check, they were in force.
@@ -199,7 +233,7 @@ class Uploader:
         trial, before = self.trial, self._before
         if trial is None or before is None:
             raise Refused("roll back: nothing is on trial")
-        if before.model == self.settings.model:
+        if before.differing(self.settings) <= set(TUNING):
             proposal = Proposal(who, why, self.version, before.gains, before.target_time)
         else:
             proposal = Proposal(who, why, self.version, model=before.model)
@@ -221,7 +255,7 @@ class Uploader:
             self._port.send_model(settings.model)
         else:
             self._port.send_gains(settings.gains, settings.target_time)
-        if not settings.alike(self._port.read_back()):
+        if settings.differing(self._port.read_back()):
             raise CommunicationError(f"the controller has not taken the {kind} it was sent: its settings are others")
 
     def _record(

@@ -116,7 +116,8 @@ def forte(folder: Path, *arguments: str) -> Iterator[Address]:
     (port,) = free_ports(1)
     with (folder / "forte.log").open("w") as log:
         command = [FORTE, "-c", f"localhost:{port}", *arguments]
-        process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, cwd=folder)
+        # SIGPIPE stays ignored: a FORTE does not ignore it by itself, and ends with a client that goes too early
+        process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, cwd=folder, restore_signals=False)
         try:
             yield Address(LOOPBACK, port)
         finally:

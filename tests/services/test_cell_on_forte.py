@@ -1,39 +1,187 @@
-"""A cell whose controller is a 4diac FORTE."""
+"""A cell whose controller is a 4diac FORTE; what concerns settings also with the embedded device in its place."""
 
+from __future__ import annotations
+
+import json
 import os
+import signal
 import subprocess
 import sys
-import time
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
+from dtwin import runfile
+from dtwin.bus import Bus
 from dtwin.cell import Cell, CellSettings
+from dtwin.commands.up import join
+from dtwin.errors import CommunicationError
+from dtwin.identification.store import ModelStore, open_model
+from dtwin.messages import (
+    GAINS,
+    MODEL,
+    SETTINGS,
+    SIGNAL,
+    UPLOAD,
+    VOLTAGES,
+    GainsSetting,
+    IdentificationSignal,
+    ModelSetting,
+    SettingsInForce,
+    SignalRequest,
+    Upload,
+    UploadRequest,
+)
+from dtwin.parameters import ArmParameters, Gains, scaled
 from dtwin.recording import read_log
-from tests.services.bench import ROOT, free_port
+from dtwin.signals import Voltages
+from dtwin.simulation.history import History
+from tests.services.bench import FORTE, NO_FORTE, ROOT, forte, until
+from tests.services.test_up import Desk
 
-FORTE = os.environ.get("FORTE")
+needs_forte = pytest.mark.skipif(not FORTE, reason=NO_FORTE)
 
 
-@pytest.mark.skipif(FORTE is None, reason="set FORTE to the path of a 4diac FORTE with Lua types to run this")
-def test_a_forte_moves_the_arm_as_the_embedded_device_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    log, address = tmp_path / "run.parquet", f"127.0.0.1:{free_port()}"
-    forte = subprocess.Popen([str(FORTE), "-c", address], cwd=tmp_path, stdout=subprocess.DEVNULL)
-    words = ["up", "--controller", f"forte://{address}", "--pace", "lockstep", "--duration", "30", "--seed", "1"]
-    command = [sys.executable, "-m", "dtwin", *words, "--log", str(log), "--json"]
-    try:
-        deadline = time.monotonic() + 10
-        while (done := subprocess.run(command, cwd=ROOT, capture_output=True, timeout=90)).returncode:
-            assert "cannot connect" in done.stderr.decode()
-            assert time.monotonic() < deadline, "FORTE does not listen"
-    finally:
-        forte.kill()
-        forte.wait()
+@pytest.fixture(params=["embedded", pytest.param("forte", marks=needs_forte)])
+def controller(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+    """What `dtwin up` is told of the controller."""
+    if request.param == "embedded":
+        yield "embedded"
+        return
+    with forte(tmp_path) as address:
+        yield f"forte://{address}"
+
+
+@pytest.fixture
+def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Iterator[Desk]:
+    folder = tmp_path / "runtime"
+    folder.mkdir()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    desk = Desk(folder, capsys)
+    yield desk
+    for pid in desk.processes():
+        os.kill(pid, signal.SIGKILL)
+
+
+@needs_forte
+def test_a_forte_moves_the_arm_as_the_embedded_device_does(desk: Desk, tmp_path: Path) -> None:
+    log = tmp_path / "run.parquet"
+    with forte(tmp_path) as address:
+        words = ["--controller", f"forte://{address}", "--pace", "lockstep", "--duration", "30", "--seed", "1"]
+        desk.up(*words, "--log", str(log), "--json")
     cell = Cell(CellSettings(30.0, 1))
     cell.run()
     expected, found = cell.log.freeze(), read_log(log)
     assert found.events == expected.events
     np.testing.assert_allclose(found.stack("volts"), expected.stack("volts"), rtol=0, atol=1e-9)
     np.testing.assert_allclose(found.stack("target"), expected.stack("target"), rtol=0, atol=1e-9)
+
+
+def test_uploads_are_acknowledged_watched_and_confirmed(controller: str, desk: Desk, tmp_path: Path) -> None:
+    history = tmp_path / "history.jsonl"
+    options = ["--law", "seed", "--simulation", "--history", str(history)]
+    desk.up("--detach", "--controller", controller, "--pace", "lockstep", "--seed", "2", *options)
+    with join("cell") as bus:
+        first = bus.ask(SETTINGS, None, SettingsInForce)
+        assert (first.law, first.payload, first.payload_model) == ("seed", 0.2, "weight")
+        assert first.gains == Gains()
+        uploads(bus)
+        by_hand(desk, bus)
+    actions = [entry.action for entry in History(history).entries()]
+    assert actions == ["start", *["upload", "confirm"] * 3, "refuse", "upload", "roll back", "upload"]
+    assert [*dict.fromkeys(entry.settings.law for entry in History(history).entries())] == ["seed"]
+    services = desk.summary()["services"]
+    assert {name: service["restarts"] for name, service in services.items() if service["restarts"]} == {}
+    assert "is down" in desk.run("down")
+
+
+def uploads(bus: Bus) -> None:
+    heavier = scaled(ArmParameters(), "m", 1.01)
+    gains = Gains((210.0, 480.0, 310.0), (80.0, 190.0, 150.0), (2.1, 2.0, 2.0))
+    blank = UploadRequest("anna", "better", 0)
+    for request in (
+        replace(blank, gains=gains, target_time=2.2),
+        replace(blank, model=heavier),
+        replace(blank, target_time=2.0),
+    ):
+        before = now(bus).version
+        answer = bus.ask(UPLOAD, replace(request, based_on=before), Upload)
+        assert (answer.version, answer.action, answer.on_trial) == (before + 1, "upload", True)
+        until(lambda: not now(bus).on_trial, "the trial ends", 60.0)
+        assert now(bus).action == "confirm"
+    found = bus.ask(SETTINGS, None, SettingsInForce)
+    assert (found.gains, found.target_time) == (gains, 2.0)
+    np.testing.assert_allclose(found.model.vector(), heavier.vector(), rtol=1e-14)
+    wild = replace(blank, based_on=now(bus).version, gains=Gains(kp=(2000.0,) * 3))
+    with pytest.raises(CommunicationError, match="not stable at"):
+        bus.ask(UPLOAD, wild, Upload)
+    assert bus.ask(SETTINGS, None, SettingsInForce) == found
+
+
+def by_hand(desk: Desk, bus: Bus) -> None:
+    desk.run("upload", "gains", "--why", "to try", "--who", "anna", "--kp", "260", "500", "300")
+    assert bus.ask(GAINS, None, GainsSetting).gains.kp == (260.0, 500.0, 300.0)
+    answer = json.loads(desk.run("upload", "rollback", "--why", "no good", "--who", "bob"))
+    assert (answer["action"], answer["on_trial"], answer["gains"]["kp"]) == (
+        "roll back",
+        False,
+        [210.0, 480.0, 310.0],
+    )
+    assert bus.ask(GAINS, None, GainsSetting).gains.kp == (210.0, 480.0, 310.0)
+    assert "nothing is on trial" in desk.run("upload", "rollback", "--why", "again", status=2)
+    assert "between two messages" in desk.run("upload", "version", "1", "--why", "as before", status=2)
+    answer = json.loads(desk.run("upload", "version", "3", "--why", "slower again", "--who", "bob"))
+    assert (answer["action"], answer["on_trial"], answer["target_time"]) == ("upload", True, 2.2)
+    assert bus.ask(GAINS, None, GainsSetting).target_time == 2.2
+
+
+def now(bus: Bus) -> Upload:
+    return bus.ask(UPLOAD, None, Upload)
+
+
+def test_the_running_arm_is_identified(controller: str, desk: Desk, tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    options = ["--noise", "0.002", "--identification", "--store", str(store)]
+    desk.up("--detach", "--controller", controller, "--pace", "lockstep", "--seed", "2", *options)
+    with join("cell") as bus:
+        signal_ = bus.ask(SIGNAL, None, IdentificationSignal)
+        assert signal_ == IdentificationSignal((6.0, 4.0, 3.0), 5, (0, 0, 0), 350)
+        volts: list[Voltages] = []
+        bus.subscribe(VOLTAGES, Voltages, volts.append)
+        said = json.loads(desk.run("identify", "live", "--accept", "--upload", "--json"))
+        assert (said["phase"], said["samples"]) == ("accepted", 350)
+        played = sum(abs(command.volts[0]) == 6.0 for command in volts)
+        assert played >= 350
+        assert bus.ask(MODEL, None, ModelSetting).model.damping != ArmParameters().damping
+        model = open_model("arm", ModelStore(store))
+        np.testing.assert_allclose(model.arm.damping, ArmParameters().damping, rtol=0.05)
+        # asked for and taken back: the controller has the arm again long before the signal would end
+        bus.ask(SIGNAL, SignalRequest(True), IdentificationSignal)
+        until(lambda: volts[-1].volts[:3] == (6.0, 4.0, 3.0), "the signal plays")
+        bus.ask(SIGNAL, SignalRequest(False), IdentificationSignal)
+        at = len(volts)
+        until(lambda: len(volts) > at + 100, "the cell goes on")
+        assert sum(abs(command.volts[0]) == 6.0 for command in volts[at + 20 : at + 100]) == 0
+    assert "is down" in desk.run("down")
+
+
+def test_sending_the_same_settings_again_changes_no_voltage(controller: str, desk: Desk, tmp_path: Path) -> None:
+    options = ["--controller", controller, "--pace", "lockstep", "--duration", "20", "--seed", "3", "--json"]
+    quiet, disturbed = tmp_path / "quiet.parquet", tmp_path / "disturbed.parquet"
+    desk.up(*options, "--log", str(quiet))
+    command = [sys.executable, "-m", "dtwin", "up", *options, "--log", str(disturbed)]
+    sent = 0
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL)
+    until(lambda: (up := runfile.find("cell")) is not None and up.ready, "the cell is up")
+    with join("cell") as bus, suppress(CommunicationError):  # at its end nobody answers
+        while process.poll() is None:
+            bus.ask(GAINS, GainsSetting(Gains(), 2.0), GainsSetting, 1.0)
+            bus.ask(MODEL, ModelSetting(ArmParameters()), ModelSetting, 1.0)
+            sent += 1
+    assert process.wait(60.0) == 0
+    assert sent > 10
+    assert read_log(disturbed).stack("volts").tobytes() == read_log(quiet).stack("volts").tobytes()

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -193,19 +191,64 @@ def test_a_controller_that_does_not_take_settings_over_is_an_error(desk: Desk) -
     uploader = Uploader(Deaf(), desk.history, desk.checker)
     with pytest.raises(CommunicationError, match="has not taken the gains it was sent"):
         uploader.upload(Proposal("anna", "", 1, HIGHER), 0.0)
-    assert uploader.version == 1
+    assert uploader.settings == ControlSettings()
     assert uploader.trial is None
+    assert desk.actions() == ["start", "upload", "start"]
 
 
-def test_acknowledged_within_100_ms(desk: Desk) -> None:
-    seconds = []
-    for number in range(7):
-        changed = replace(HIGHER, kd=(2.0 + 0.1 * number,) * 3)
-        began = time.perf_counter()
-        desk.uploader.upload(Proposal("anna", "", desk.uploader.version, changed), 0.0)
-        seconds.append(time.perf_counter() - began)
-        desk.uploader.trial = None
-    assert sorted(seconds)[3] < 0.1
+@pytest.mark.parametrize("arrived", [False, True], ids=["before the message", "after the message"])
+def test_an_upload_that_a_crash_cut_short_is_old_or_new(desk: Desk, arrived: bool) -> None:
+    class Dying:
+        read_back = desk.port.read_back
+        send_model = desk.port.send_model
+
+        def send_gains(self, values: Gains, target_time: float) -> None:
+            if arrived:
+                desk.port.send_gains(values, target_time)
+            raise SystemExit
+
+    before = desk.uploader.settings
+    with pytest.raises(SystemExit):
+        Uploader(Dying(), desk.history, desk.checker).upload(Proposal("anna", "", 1, HIGHER), 0.0)
+    again = Uploader(desk.port, desk.history, desk.checker)
+    assert again.settings.gains == (HIGHER if arrived else before.gains)
+    assert not again.settings.differing(desk.port.read_back())
+    assert (again.trial is not None) == arrived
+    if arrived:
+        again.roll_back("bob", "", 1.0)
+    assert not before.differing(desk.port.read_back())
+
+
+def test_what_is_confirmed_is_in_force(desk: Desk) -> None:
+    desk.run(9.0, {3.0: gains(HIGHER), 6.0: lambda uploader, at: desk.port.send_gains(Gains(), 2.0)})
+    trial = desk.uploader.trial
+    assert trial is not None
+    trial.judged_motion = True
+    entry = desk.uploader.observe(14.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    assert entry is not None
+    assert (entry.action, entry.settings.gains) == ("start", Gains())
+    assert desk.uploader.trial is None
+
+
+def test_an_earlier_version_is_an_upload_if_one_message_can_change_all(desk: Desk) -> None:
+    desk.uploader.upload(Proposal("anna", "", 1, HIGHER, 2.5), 0.0)
+    desk.uploader.trial = None
+    proposal = desk.uploader.earlier(1, "bob", "it was better", 2)
+    assert (proposal.gains, proposal.target_time, proposal.model) == (Gains(), 2.0, None)
+    entry = desk.uploader.upload(proposal, 1.0)
+    assert (entry.version, entry.action, entry.who, entry.why) == (3, "upload", "bob", "it was better")
+    assert not ControlSettings().differing(desk.port.read_back())
+    desk.uploader.trial = None
+    lighter = scaled(ArmParameters(), "m", 0.99)
+    desk.uploader.upload(Proposal("anna", "", 3, model=lighter), 2.0)
+    assert desk.uploader.earlier(3, "bob", "", 4).model == ArmParameters()
+    for version, reason in (
+        (2, r"version 2: expected that gains and target time or the model alone differ .* got CONTROLLER\.KP1, CON"),
+        (4, "version 4: expected another one, its settings are in force"),
+        (5, "version 5: expected one of the history, 1 to 4"),
+    ):
+        with pytest.raises(ParameterError, match=reason):
+            desk.uploader.earlier(version, "bob", "", 4)
 
 
 @pytest.mark.parametrize(
