@@ -18,8 +18,9 @@ from dtwin.iec61499.address import Address, parse_block_id
 from dtwin.iec61499.client import BlockingClient
 from dtwin.iec61499.management import ManagementError
 from dtwin.iec61499.management_client import ManagementClient
-from dtwin.iec61499.types import BOOL, LREAL
+from dtwin.iec61499.types import BOOL, DINT, LREAL
 from dtwin.iec61499.wire import Signature
+from dtwin.messages import ARM_STATES, STOPS, ArmState, Stop
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.remote import SENSORS, VOLTAGES
 from dtwin.signals import Sensors, Voltages
@@ -32,6 +33,7 @@ CELL: Final = ("EMULATOR", 61500)
 REQUEST: Final = ("TWIN.IDENTIFICATION.REQUEST", 61501)
 GAINS: Final = ("TWIN.SIMULATION.GAIN_PORT", 61504)
 MODEL: Final = ("TWIN.SIMULATION.MODEL_PORT", 61505)
+VERDICT: Final = ("TWIN.MONITORING.VERDICT", 61506)
 """Blocks that listen, and where the library puts them."""
 
 _NOTHING: Final = Signature([])
@@ -108,6 +110,7 @@ class ControlLoop:
 
     Attributes:
         settings: of the same application, over the same management session; for another thread if need be.
+        safe_stop: of the same application, in the same way.
 
     Raises:
         CommunicationError: the device does not answer, or the application is not there.
@@ -116,6 +119,7 @@ class ControlLoop:
     def __init__(self, address: Address) -> None:
         self._application = Application(address)
         self.settings = Settings(self._application)
+        self.safe_stop = SafeStop(self._application)
         try:
             self._cell = self._application.connect(CELL, SENSORS, VOLTAGES)
         except CommunicationError:
@@ -220,6 +224,36 @@ class Settings:
             if time.monotonic() > deadline:
                 raise CommunicationError(f"the controller has {found}, expected {wanted}")
         return found
+
+
+class SafeStop:
+    """The stop that the blocks decide on; used from one thread at a time.
+
+    All methods return the stop that is in force then, and raise CommunicationError when the device does not answer.
+    """
+
+    def __init__(self, application: Application) -> None:
+        self._application = application
+
+    def now(self) -> Stop:
+        """The one in force."""
+        return self.judge("nominal", 0.0)
+
+    def judge(self, state: ArmState, confidence: float) -> Stop:
+        """Tells a verdict on the arm and its probability; what is not a sure failure changes nothing."""
+        return self._tell(state, confidence, False)
+
+    def release(self) -> Stop:
+        """An operator's release; it counts unless the arm still brakes."""
+        return self._tell("nominal", 0.0, True)
+
+    def _tell(self, state: ArmState, confidence: float, release: bool) -> Stop:
+        client = self._application.connect(VERDICT, Signature([DINT, LREAL, BOOL]), Signature([DINT]))
+        try:
+            (stop,) = client.exchange((ARM_STATES.index(state), confidence, release))
+        finally:
+            client.close()
+        return STOPS[int(stop)]
 
 
 @contextmanager

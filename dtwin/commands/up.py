@@ -87,6 +87,8 @@ class UpCommand:
     """Start the monitoring service too: it watches the arm and publishes verdicts under twin/monitoring."""
     model: Path | None = None
     """Identified model of the healthy arm for the monitoring service; the data sheet's arm if not given."""
+    safe_stop: bool = False
+    """Let the monitoring service ask the function blocks to stop the arm when a failure is confirmed."""
     simulation: bool = False
     """Start the simulation service too: it checks, uploads and watches new settings (dtwin upload)."""
     history: Path = HISTORY
@@ -146,6 +148,8 @@ class UpCommand:
         for path in (self.log, self.record):
             if path is not None:
                 ensure_writable(path)
+        if self.safe_stop and not self.monitoring:
+            raise ParameterError("--safe-stop: expected --monitoring too, whose verdicts stop the arm")
         scheme = self.controller.partition("://")[0]
         if scheme in ("forte", "tcp"):
             parse_address(self.controller, scheme)
@@ -204,7 +208,8 @@ class UpCommand:
             programs.append(_service("identification", [*link, *kept]))
         if self.monitoring:
             model = ["--model", str(self.model.resolve())] if self.model else []
-            programs.append(_service("monitoring", [*link, *model]))
+            stop = ["--safe-stop"] if self.safe_stop else []
+            programs.append(_service("monitoring", [*link, *model, *stop]))
         if self.simulation:
             uploads = ["--controller", management, "--law", self.law, "--history", str(self.history.resolve())]
             programs.append(_service("simulation", [*link, *uploads]))
@@ -310,7 +315,7 @@ def journal_of(file: Path) -> Path:
 def table(summary: Summary) -> Table:
     """A summary for people."""
     grid = Table("service", "state", "rate", "restarts", "last error", title=_title(summary), title_justify="left")
-    colours = {"running": "green", "safe": "red", "dead": "red", "silent": "red"}
+    colours = {"running": "green", "safe": "red", "dead": "red", "silent": "red", "stopped": "red"}
     for name, service in summary.services.items():
         state = f"[{colours.get(service.state, 'yellow')}]{service.state}[/]"
         rate = f"{service.rate_hz:.0f} Hz" if service.rate_hz else ""
