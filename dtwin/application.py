@@ -128,6 +128,7 @@ class ControlLoop:
 
     def close(self) -> None:
         self._cell.close()
+        self.safe_stop.close()
         self._application.close()
 
     def answer(self, sensors: Sensors) -> Voltages:
@@ -229,11 +230,19 @@ class Settings:
 class SafeStop:
     """The stop that the blocks decide on; used from one thread at a time.
 
+    It stays connected from its first use on: a FORTE refuses a client that comes when another has just gone.
+
     All methods return the stop that is in force then, and raise CommunicationError when the device does not answer.
     """
 
     def __init__(self, application: Application) -> None:
         self._application = application
+        self._client: BlockingClient | None = None
+
+    def close(self) -> None:
+        client, self._client = self._client, None
+        if client is not None:
+            client.close()
 
     def now(self) -> Stop:
         """The one in force."""
@@ -248,11 +257,16 @@ class SafeStop:
         return self._tell("nominal", 0.0, True)
 
     def _tell(self, state: ArmState, confidence: float, release: bool) -> Stop:
-        client = self._application.connect(VERDICT, Signature([DINT, LREAL, BOOL]), Signature([DINT]))
+        # another thread may close the loop meanwhile
+        client = self._client
+        if client is None:
+            client = self._application.connect(VERDICT, Signature([DINT, LREAL, BOOL]), Signature([DINT]))
+            self._client = client
         try:
             (stop,) = client.exchange((ARM_STATES.index(state), confidence, release))
-        finally:
-            client.close()
+        except CommunicationError:
+            self.close()
+            raise
         return STOPS[int(stop)]
 
 

@@ -74,13 +74,10 @@ class Served:
         """Where the block listens that has the port in the system's file."""
         return Address(LOOPBACK, self.ports[port])
 
-    def tell(
-        self, port: int, signature: Signature, values: Sequence[float | bool], answer: Signature | None = None
-    ) -> Message:
-        """Sends values to a port of the twin; the answer, which has no values unless a signature is given."""
-        receives = answer or Signature([])
-        with patiently(lambda: BlockingClient(self.address(port), signature, receives, PATIENCE)) as client:
-            return client.exchange(values)
+    def tell(self, port: int, signature: Signature, values: Sequence[float | bool]) -> None:
+        """Sends values to a port of the twin and waits for the answer, which has none."""
+        with patiently(lambda: BlockingClient(self.address(port), signature, Signature([]), PATIENCE)) as client:
+            assert client.exchange(values) == ()
 
 
 class Listener:

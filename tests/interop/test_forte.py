@@ -18,6 +18,7 @@ from dtwin.control import EmbeddedController
 from dtwin.emulation import parse_fault
 from dtwin.iec61499 import model
 from dtwin.iec61499.bootfile import print_boot_file
+from dtwin.iec61499.client import BlockingClient
 from dtwin.iec61499.deploy import deploy
 from dtwin.iec61499.deployment import plan_deployment
 from dtwin.iec61499.library import Library
@@ -145,7 +146,7 @@ def test_identification_gains_and_model_from_the_twin(served: Served) -> None:
 
     def tell(port: int, block: str, *values: float | bool) -> None:
         kind = BOOL if isinstance(values[0], bool) else LREAL
-        assert served.tell(port, Signature([kind] * len(values)), values) == ()
+        served.tell(port, Signature([kind] * len(values)), values)
         shadow.resource.port(f"TWIN.{block}").deliver(values)
         shadow.resource.run_until_idle()
 
@@ -179,6 +180,9 @@ def test_stop_hold_torque_off_and_release(served: Served) -> None:
     shadow = EmbeddedController()
     verdicts = shadow.resource.server("TWIN.MONITORING.VERDICT")
     remote = patiently(lambda: RemoteController(served.address(61500), shadow, timeout=10.0))
+    twin = patiently(
+        lambda: BlockingClient(served.address(61506), Signature([DINT, LREAL, BOOL]), Signature([DINT]), 10.0)
+    )
     faults = (parse_fault("K2*=0.1@19.9-30"),)
     cell = Cell(CellSettings(duration=60.0, seed=4, noise=0.001, faults=faults), remote)
 
@@ -188,7 +192,7 @@ def test_stop_hold_torque_off_and_release(served: Served) -> None:
 
     def tell(state: int, confidence: float, release: bool) -> str:
         values = (state, confidence, release)
-        (stop,) = served.tell(61506, Signature([DINT, LREAL, BOOL]), values, Signature([DINT]))
+        (stop,) = twin.exchange(values)
         assert verdicts.exchange(values) == (stop,)
         assert shadow.resource.read("TWIN.STOP") == stop
         return STOPS[int(stop)]
@@ -218,15 +222,14 @@ def test_stop_hold_torque_off_and_release(served: Served) -> None:
     assert tell(3, 1.0, False) == "torque off"
     advance(100)
     assert not cell.log.freeze().stack("volts")[-100:, :3].any()
-    remote.close()
     # another arm on the same application: still without torque
-    second = patiently(lambda: RemoteController(served.address(61500), shadow, timeout=10.0))
-    other = Cell(CellSettings(duration=3.0, seed=5), second)
+    other = Cell(CellSettings(duration=3.0, seed=5), remote)
     other.run()
-    assert second.largest_difference <= SAME
+    assert remote.largest_difference <= SAME
     assert not other.log.freeze().stack("volts")[:, :3].any()
     assert tell(0, 1.0, False) == "torque off"
-    second.close()
+    twin.close()
+    remote.close()
 
 
 LITERALS = {
