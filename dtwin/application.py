@@ -19,9 +19,9 @@ from dtwin.iec61499.address import Address, parse_block_id
 from dtwin.iec61499.client import BlockingClient
 from dtwin.iec61499.management import ManagementError
 from dtwin.iec61499.management_client import ManagementClient
-from dtwin.iec61499.types import BOOL, LREAL
+from dtwin.iec61499.types import BOOL, DINT, LREAL
 from dtwin.iec61499.wire import Signature
-from dtwin.messages import IdentificationSignal
+from dtwin.messages import ARM_STATES, STOPS, ArmState, IdentificationSignal, Stop
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.remote import SENSORS, VOLTAGES
 from dtwin.signals import Sensors, Voltages
@@ -32,6 +32,7 @@ _CELL: Final = ("EMULATOR", 61500)
 _REQUEST: Final = ("TWIN.IDENTIFICATION.REQUEST", 61501)
 _GAIN_PORT: Final = ("TWIN.SIMULATION.GAIN_PORT", 61504)
 _MODEL_PORT: Final = ("TWIN.SIMULATION.MODEL_PORT", 61505)
+_VERDICT: Final = ("TWIN.MONITORING.VERDICT", 61506)
 """Blocks that listen, and where the library puts them."""
 
 _NOTHING: Final = Signature([])
@@ -138,6 +139,7 @@ class ControlLoop:
 
     Attributes:
         settings: of the same application, over the same management session; for another thread if need be.
+        safe_stop: of the same application, in the same way.
 
     Raises:
         CommunicationError: the device does not answer, or the application is not there.
@@ -148,6 +150,7 @@ class ControlLoop:
         with ExitStack() as opened:
             self._application = opened.enter_context(closing(Application(address)))
             self.settings = opened.enter_context(closing(Settings(self._application)))
+            self.safe_stop = opened.enter_context(closing(SafeStop(self._application)))
             self._cell = opened.enter_context(self._application.connect(_CELL, SENSORS, VOLTAGES))
             self._opened = opened.pop_all()
 
@@ -276,6 +279,49 @@ class Settings:
             if time.monotonic() > deadline:
                 expected = {name: wanted[name] for name in other}
                 raise CommunicationError(f"the controller has {other} after an upload, expected {expected}")
+
+
+class SafeStop:
+    """The stop that the blocks decide on; used from one thread at a time.
+
+    It stays connected from its first use on: a FORTE refuses a client that comes when another has just gone.
+
+    All methods return the stop that is in force then, and raise CommunicationError when the device does not answer.
+    """
+
+    def __init__(self, application: Application) -> None:
+        self._application = application
+        self._client: BlockingClient | None = None
+
+    def close(self) -> None:
+        client, self._client = self._client, None
+        if client is not None:
+            client.close()
+
+    def now(self) -> Stop:
+        """The one in force."""
+        return self.judge("nominal", 0.0)
+
+    def judge(self, state: ArmState, confidence: float) -> Stop:
+        """Tells a verdict on the arm and its probability; what is not a sure failure changes nothing."""
+        return self._tell(state, confidence, False)
+
+    def release(self) -> Stop:
+        """An operator's release; it counts unless the arm still brakes."""
+        return self._tell("nominal", 0.0, True)
+
+    def _tell(self, state: ArmState, confidence: float, release: bool) -> Stop:
+        # another thread may close the loop meanwhile
+        client = self._client
+        if client is None:
+            client = self._application.connect(_VERDICT, Signature([DINT, LREAL, BOOL]), Signature([DINT]))
+            self._client = client
+        try:
+            (stop,) = client.exchange((ARM_STATES.index(state), confidence, release))
+        except CommunicationError:
+            self.close()
+            raise
+        return STOPS[int(stop)]
 
 
 def _settings(values: Mapping[str, float]) -> ControlSettings:

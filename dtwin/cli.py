@@ -58,6 +58,8 @@ GROUPS: Final[dict[str, dict[str, Entry]]] = {
         "gains set": Entry("dtwin.commands.settings", "GainsSet", "set gains of the running controller"),
         "model set": Entry("dtwin.commands.settings", "ModelSet", "set the arm model of the running controller"),
         "target set": Entry("dtwin.commands.settings", "TargetSet", "set how long the motions take"),
+        "stop": Entry("dtwin.commands.stop", "StopCommand", "let the function blocks stop the arm"),
+        "release": Entry("dtwin.commands.stop", "ReleaseCommand", "let a stopped arm move again"),
     },
     "identification": {
         "identify": Entry(
@@ -89,6 +91,9 @@ GROUPS: Final[dict[str, dict[str, Entry]]] = {
         ),
         "experiment sampling": Entry(
             "dtwin.commands.experiment_monitoring", "ExperimentSampling", "limits of the monitors"
+        ),
+        "experiment stop": Entry(
+            "dtwin.commands.experiment_monitoring", "ExperimentStop", "stop the arm on faults; report"
         ),
     },
     "simulation": {

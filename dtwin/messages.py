@@ -7,7 +7,7 @@ know are ignored, missing or mistyped ones make it refuse the message. docs/zeno
 from __future__ import annotations
 
 import math
-from typing import Annotated, Final, Literal, NamedTuple
+from typing import Annotated, Final, Literal, NamedTuple, get_args
 
 import msgspec
 
@@ -16,8 +16,15 @@ from dtwin.parameters import ArmParameters, Gains, Law, PayloadModel, Triple
 from dtwin.signals import SCHEMA, Count, Event, Line, Seconds, Sensors, Truth, Voltages, Word
 
 Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}$")]
-State = Literal["starting", "running", "waiting", "safe", "stopping"]
-"""starting: not ready yet; waiting: for a peer; safe: the arm has no voltage because commands stay away."""
+State = Literal["starting", "running", "waiting", "safe", "stopped", "stopping"]
+"""starting: not ready yet; waiting: for a peer; safe: the arm has no voltage because commands stay away; stopped: a
+safe stop is in force."""
+ArmState = Literal["nominal", "may be degrading", "failed", "angles unknown"]
+ARM_STATES: Final[tuple[ArmState, ...]] = get_args(ArmState)
+"""By the number that the blocks know them by."""
+Stop = Literal["none", "braking", "standstill", "torque off"]
+STOPS: Final[tuple[Stop, ...]] = get_args(Stop)
+"""By the number that the blocks know them by. In terms of IEC 61800-5-2: no stop, SS2, SOS, STO."""
 
 
 class Latency(msgspec.Struct, frozen=True):
@@ -156,6 +163,36 @@ class IdentificationSignal(msgspec.Struct, frozen=True, tag_field="schema", tag=
     unit: Count
     delay: tuple[Count, Count, Count]
     samples: Count
+
+
+class StopRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """A verdict on the arm, by which the blocks decide whether to stop it.
+
+    Attributes:
+        who: judges: monitoring, or an operator's name.
+        why: in their words.
+        state: of the arm; angles unknown is a failure after which nothing can hold it where it is.
+        confidence: probability of that.
+    """
+
+    who: Word
+    why: Line
+    state: ArmState = "failed"
+    confidence: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 1.0
+
+
+class ReleaseRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """An operator's word that a stopped arm may move again."""
+
+    who: Word
+    why: Line
+
+
+class StopState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The stop that is in force in the blocks, at the plant time (s) of the last sample."""
+
+    time: Seconds
+    stop: Stop
 
 
 class FaultRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -471,6 +508,8 @@ MODEL: Final = Topic("controller/model", "query", ModelSetting, ModelSetting, "b
 TARGET: Final = Topic("controller/target", "query", TargetSetting, TargetSetting, "bridge")
 SETTINGS: Final = Topic("controller/settings", "query", SettingsRequest, SettingsInForce, "bridge")
 SIGNAL: Final = Topic("controller/signal", "query", SignalRequest, IdentificationSignal, "bridge")
+STOP: Final = Topic("controller/stop", "query", StopRequest, StopState, "bridge")
+RELEASE: Final = Topic("controller/release", "query", ReleaseRequest, StopState, "bridge")
 FAULT: Final = Topic("emulator/fault", "query", FaultRequest, Done, "emulator")
 RESET: Final = Topic("emulator/reset", "query", ResetRequest, Done, "emulator")
 SUMMARY: Final = Topic("supervisor/summary", "query", SummaryRequest, Summary, "supervisor")
@@ -488,7 +527,7 @@ MONITORING: Final = Topic("twin/monitoring/verdict", "publication", MonitoringVe
 RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, PATH, TRUTH, EVENTS, STATUS, ALIVE),
-    *(GAINS, MODEL, TARGET, SETTINGS, SIGNAL, FAULT, RESET, SUMMARY),
+    *(GAINS, MODEL, TARGET, SETTINGS, SIGNAL, STOP, RELEASE, FAULT, RESET, SUMMARY),
     *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, MONITORING, RESIDUALS),
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""

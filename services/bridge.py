@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
-from dtwin.application import ControlLoop
+from dtwin.application import ControlLoop, SafeStop
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.address import Address, parse_address
 from dtwin.live.gate import STALE
@@ -37,10 +37,12 @@ from dtwin.messages import (
     SettingsInForce,
     SettingsRequest,
     SignalRequest,
+    State,
     TargetSetting,
 )
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event, Sensors, Voltages
+from services.safe_stop import Stops
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)
@@ -95,6 +97,7 @@ class Bridge:
         bus.answer(TARGET, TargetSetting, self._target)
         bus.answer(SETTINGS, SettingsRequest, self._settings)
         bus.answer(SIGNAL, SignalRequest, self._signal)
+        self._stops = Stops(bus, self._safe_stop, lambda: 0.0 if self._last is None else self._last.time)
 
     def run(self) -> None:
         """Works until it is asked to end."""
@@ -159,6 +162,7 @@ class Bridge:
             try:
                 self._controller = ControlLoop(self._address)
                 self._looking_since = math.inf
+                self._stops.follow()
             except CommunicationError as error:
                 self._looking_since = min(self._looking_since, now)
                 patient = now - self._looking_since < PATIENCE
@@ -199,10 +203,17 @@ class Bridge:
                 raise CommunicationError(f"{self._address}: the bridge has no controller at present")
             return action(controller)
 
+    def _safe_stop(self) -> SafeStop:
+        controller = self._controller
+        if controller is None:
+            raise CommunicationError(f"{self._address}: the bridge has no controller at present")
+        return controller.safe_stop
+
     def _report(self) -> None:
         last = self._last
+        state: State = "stopped" if self._stops.stop != "none" else "running"
         self._service.report(
-            "running" if self._controller is not None else "waiting",
+            state if self._controller is not None else "waiting",
             self._answered,
             time=0.0 if last is None else last.time,
             late_ticks=self._skipped,

@@ -1,7 +1,7 @@
 """Watches the running arm: samples and commands off the bus in, verdicts and residuals out.
 
 A sample counts when its command is there, too; what is lost on the way is counted and bridged by the monitor. When
-the service starts again, it starts from the model and learns anew.
+the service starts again, it starts from the model and learns anew. It may ask the function blocks for a safe stop.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from dtwin.monitoring.monitor import ALARMS_PER_HOUR, Monitor, MonitorSettings
 from dtwin.monitoring.verdict import Verdict, unit_of
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.signals import Event, Sensors, Voltages
+from services.safe_stop import Demands
 from services.service import Link, Service, main
 
 M = TypeVar("M", Sensors, Voltages)
@@ -56,25 +57,29 @@ class Options(Link):
     """Identified model of the healthy arm; the data sheet's arm if not given."""
     alarms_per_hour: float = ALARMS_PER_HOUR
     """False alarms to be expected of a healthy arm."""
+    safe_stop: bool = False
+    """Ask the function blocks to stop the arm when a failure is confirmed."""
 
     def run(self) -> int:
         belief = assumed(ArmParameters(), UNHEARD) if self.model is None else identified(read_model(self.model))
         settings = MonitorSettings(alarms_per_hour=self.alarms_per_hour)
         warm_up(belief)
         with Service(NAME, self) as service:
-            Monitoring(service, Monitor(belief, settings)).run()
+            demands = Demands(service.bus) if self.safe_stop else None
+            Monitoring(service, Monitor(belief, settings), demands).run()
         return 0
 
 
 class Monitoring:
     """One arm under watch."""
 
-    def __init__(self, service: Service, monitor: Monitor) -> None:
+    def __init__(self, service: Service, monitor: Monitor, demands: Demands | None = None) -> None:
         self._service = service
         self._monitor = monitor
         self._samples: dict[int, Sensors] = {}
         self._commands: dict[int, Voltages] = {}
-        self._told = 0
+        self._demands = demands
+        self._told = self._confirmed = 0
         bus = service.bus
         self._tell_event: Callable[[Event], None] = bus.publisher(EVENTS)
         self._tell_verdict: Callable[[MonitoringVerdict], None] = bus.publisher(MONITORING)
@@ -116,6 +121,11 @@ class Monitoring:
             log.info("%.2f s: %s: %s", event.time, event.kind, event.text)
             self._tell_event(Event(event.time, f"monitor_{event.kind}", event.text))
         self._told = len(monitor.events)
+        if news and self._demands is not None:
+            self._demands.stand(frozenset(monitor.findings))
+            for finding in monitor.history[self._confirmed :]:
+                self._demands.failed(finding)
+        self._confirmed = len(monitor.history)
 
 
 def _keep(waiting: dict[int, M], item: M) -> None:

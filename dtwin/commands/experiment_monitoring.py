@@ -1,4 +1,4 @@
-"""`dtwin experiment failure`, `faults` and `sampling`: what the monitors find, miss, and cost."""
+"""`dtwin experiment failure`, `faults`, `sampling` and `stop`: what the monitors find, miss, and cost."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from dtwin.monitoring.experiments import report
 from dtwin.monitoring.experiments.failure import failure_experiment
 from dtwin.monitoring.experiments.faults import FAULTS, NOISES, faults_experiment
 from dtwin.monitoring.experiments.sampling import sampling_experiment
+from dtwin.monitoring.experiments.stopping import FAULTS as STOPPED
+from dtwin.monitoring.experiments.stopping import stop_experiment
 from dtwin.monitoring.experiments.trial import Outcome
 from dtwin.monitoring.monitor import ALARMS_PER_HOUR, MonitorSettings
 
@@ -100,6 +102,34 @@ class ExperimentSampling:
         text = report.sampling_text(speeds)
         page = report.write(self.out, text, lambda figure: report.draw_sampling(speeds, figure))
         return _finish(text, page, {"combinations": speeds} if self.json else None)
+
+
+@dataclass(frozen=True)
+class ExperimentStop:
+    """The function blocks stop the arm on the monitor's verdict: how fast, and whether it can be held."""
+
+    out: Path = Path("experiment-stop")
+    """Folder for the report page and its chart."""
+    runs: int = 12
+    """Of every fault."""
+    fault: tuple[str, ...] = ()
+    """In the notation of `dtwin run --fault` without its start, such as K1*=0.5; repeatable, some if not given."""
+    noise: float = 0.003
+    """Encoder noise, rad."""
+    seed: int = 0
+    """Of the first run."""
+    json: bool = False
+    """Print one JSON object on standard output and nothing else."""
+
+    def execute(self) -> int:
+        _at_least("--runs", self.runs, 1)
+        faults = self.fault or STOPPED
+        outcomes = _with_bar(
+            "stopping", lambda bar: stop_experiment(self.runs, faults, self.noise, self.seed, progress=bar)
+        )
+        text = report.stopping_text(outcomes)
+        page = report.write(self.out, text, lambda figure: report.draw_stopping(outcomes, figure))
+        return _finish(text, page, {"runs": outcomes} if self.json else None)
 
 
 def _with_bar(title: str, experiment: Callable[[Callable[[int, int], None]], Any]) -> Any:

@@ -82,6 +82,8 @@ class CellOptions:
     """Start the monitoring service too: it watches the arm and publishes verdicts under twin/monitoring."""
     model: Path | None = None
     """Identified model of the healthy arm, for monitoring and identification; the data sheet's arm if not given."""
+    safe_stop: bool = False
+    """Let the monitoring service ask the function blocks to stop the arm when a failure is confirmed."""
     simulation: bool = False
     """Start the simulation service too: it checks, uploads and watches new settings (dtwin upload)."""
     history: Path = HISTORY
@@ -105,6 +107,8 @@ class CellOptions:
         for path in (self.log, self.record):
             if path is not None:
                 ensure_writable(path)
+        if self.safe_stop and not self.monitoring:
+            raise ParameterError("--safe-stop: expected --monitoring too, whose verdicts stop the arm")
         scheme = self.controller.partition("://")[0]
         if scheme in ("forte", "tcp"):
             parse_address(self.controller, scheme)
@@ -164,7 +168,8 @@ class CellOptions:
         if self.identification:
             programs.append(_service("identification", [*link, *model, "--store", str(self.store.resolve())]))
         if self.monitoring:
-            programs.append(_service("monitoring", [*link, *model]))
+            stop = ["--safe-stop"] if self.safe_stop else []
+            programs.append(_service("monitoring", [*link, *model, *stop]))
         if self.simulation:
             programs.append(_service("simulation", [*link, "--history", str(self.history.resolve())]))
         programs.append(_service("emulator", [*link, *emulator, "--wait-for", "bridge"], leading=True))

@@ -6,6 +6,8 @@ from typing import Final, Literal
 
 import msgspec
 
+from dtwin.messages import ArmState
+
 State = Literal["nominal", "may be degrading", "failed"]
 Cause = Literal[
     "voltage constant",
@@ -35,6 +37,8 @@ CAUSE_OF: Final[dict[str, Cause]] = {
     "cut": "voltage not arriving",
     "unknown": "unknown",
 }
+MISLEADING: Final[tuple[Cause, ...]] = ("encoder freeze", "encoder drift")
+"""after which an arm that seems to stand need not stand"""
 UNIT_OF: Final = {"K": "", "D": "N m s/rad", "mu": "N m", "payload": "kg", "bias": "rad", "drift": "rad/s"}
 """of a finding's size; a voltage constant's is relative; what is not listed has no size"""
 
@@ -75,6 +79,11 @@ class Finding(msgspec.Struct, frozen=True):
             amount = f", {self.size:+.3g} +- {self.deviation:.1g} {unit}"
         where = f" of joint {self.joint}" if self.joint else ""
         return f"{self.cause}{where}{amount}, confidence {100 * self.confidence:.0f} %, since {self.since:.2f} s"
+
+
+def arm_state(finding: Finding) -> ArmState:
+    """What a settled finding means to the function blocks' safe stop."""
+    return "angles unknown" if finding.cause in MISLEADING else "failed"
 
 
 class Forecast(msgspec.Struct, frozen=True):

@@ -46,7 +46,7 @@ class Driven:
             self.resource.port(f"OUT_{event.name}").attach(self._recorder(event.name))
         self.resource.start()
         if "INIT" in {event.name for event in ports.event_inputs}:
-            assert self.fire("INIT", **parameters) == ["INITO"]
+            assert self.fire("INIT", **parameters)[-1] == "INITO"
 
     def _recorder(self, event: str) -> Callable[[tuple[Any, ...]], None]:
         return lambda _: self.events.append(event)

@@ -17,7 +17,7 @@ from dtwin.iec61499.library import Library
 TYPES = sorted(FOLDER.glob("*.fbt"))
 SYSTEM = FOLDER / "dtwin.sys"
 UNIT = re.compile(r"\bin (rad|rad/s|rad/s\^2|rad s|V|s|kg|kg m|kg m\^2|m|N m|N m/V|N m s/rad|1/s|1/s\^2|1/s\^3)\b")
-PURE_NUMBERS = {"TICK", "SAMPLES"}
+PURE_NUMBERS = {"TICK", "SAMPLES", "CONFIDENCE", "CONFIDENCE_LIMIT"}
 ROW, CHARACTER, MARGIN = 70.0, 16.0, 100.0
 """size of a port and of a letter of its name in 4diac IDE's coordinates, and room around a block, generously"""
 
@@ -162,4 +162,5 @@ def test_ports_of_the_twin() -> None:
         "localhost:61503": "SERVER_8_0",
         "localhost:61504": "SERVER_0_10",
         "localhost:61505": "SERVER_0_18",
+        "localhost:61506": "SERVER_1_3",
     }

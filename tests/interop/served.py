@@ -28,7 +28,7 @@ FORTE: Final = os.environ.get("FORTE", "")
 NO_FORTE: Final = "set FORTE to the path of a 4diac FORTE binary, built as fb/README.md says, to run this"
 BLOCKS: Final = ROOT / "fb"
 PATIENCE: Final = 20.0
-PORTS: Final = range(61500, 61506)
+PORTS: Final = range(61500, 61507)
 _T = TypeVar("_T")
 
 

@@ -15,17 +15,20 @@ from served import BLOCKS, FORTE, NO_FORTE, Listener, Served, embedded, forte, p
 from dtwin.cell import Cell, CellSettings
 from dtwin.cli import main
 from dtwin.control import EmbeddedController
+from dtwin.emulation import parse_fault
 from dtwin.iec61499 import model
 from dtwin.iec61499.bootfile import print_boot_file
+from dtwin.iec61499.client import BlockingClient
 from dtwin.iec61499.deploy import deploy
 from dtwin.iec61499.deployment import plan_deployment
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management_client import ManagementClient
 from dtwin.iec61499.runtime import Resource
 from dtwin.iec61499.standard.declare import basic
-from dtwin.iec61499.types import BOOL, LREAL, parse_literal
+from dtwin.iec61499.types import BOOL, DINT, LREAL, parse_literal
 from dtwin.iec61499.wire import Signature
 from dtwin.loop import run
+from dtwin.messages import STOPS
 from dtwin.parameters import ArmParameters
 from dtwin.recording import Log
 from dtwin.remote import RemoteController
@@ -169,6 +172,63 @@ def test_identification_gains_and_model_from_the_twin(served: Served) -> None:
     # the voltages of the controller after the signal follow on without a jump
     back = cell.log.freeze().stack("volts")[651:800, :3]
     assert np.abs(np.diff(back, axis=0)).max() < 0.5
+    remote.close()
+
+
+def test_stop_hold_torque_off_and_release(served: Served) -> None:
+    """A verdict stops the arm in the same way; one that has lost its torque falls without voltage, until released."""
+    shadow = EmbeddedController()
+    verdicts = shadow.resource.server("TWIN.MONITORING.VERDICT")
+    remote = patiently(lambda: RemoteController(served.address(61500), shadow, timeout=10.0))
+    twin = patiently(
+        lambda: BlockingClient(served.address(61506), Signature([DINT, LREAL, BOOL]), Signature([DINT]), 10.0)
+    )
+    faults = (parse_fault("K2*=0.1@19.9-30"),)
+    cell = Cell(CellSettings(duration=60.0, seed=4, noise=0.001, faults=faults), remote)
+
+    def advance(ticks: int) -> None:
+        run(cell.emulation, remote, ticks, record=cell.log.append)
+        assert remote.largest_difference <= SAME
+
+    def tell(state: int, confidence: float, release: bool) -> str:
+        values = (state, confidence, release)
+        (stop,) = twin.exchange(values)
+        assert verdicts.exchange(values) == (stop,)
+        assert shadow.resource.read("TWIN.STOP") == stop
+        return STOPS[int(stop)]
+
+    advance(1100)
+    assert tell(2, 0.9, False) == "none"
+    assert tell(2, 1.0, False) == "braking"
+    advance(20)
+    assert tell(0, 0.0, True) == "braking"
+    advance(280)
+    assert tell(0, 1.0, False) == "standstill"
+    assert tell(0, 0.0, True) == "none"
+    advance(500)
+    served.tell(61501, Signature([BOOL]), [True])
+    shadow.resource.port("TWIN.IDENTIFICATION.REQUEST").deliver((True,))
+    shadow.resource.run_until_idle()
+    advance(95)
+    assert tell(2, 1.0, False) == "braking"
+    advance(1)
+    assert served.client.read("EMB_RES", "SELECTOR.OVERRIDE") == "FALSE"
+    advance(800)
+    assert tell(0, 1.0, False) == "torque off"
+    assert not cell.log.freeze().stack("volts")[-400:, :3].any()
+    advance(700)
+    assert tell(0, 0.0, True) == "none"
+    advance(1000)
+    assert tell(3, 1.0, False) == "torque off"
+    advance(100)
+    assert not cell.log.freeze().stack("volts")[-100:, :3].any()
+    # another arm on the same application: still without torque
+    other = Cell(CellSettings(duration=3.0, seed=5), remote)
+    other.run()
+    assert remote.largest_difference <= SAME
+    assert not other.log.freeze().stack("volts")[:, :3].any()
+    assert tell(0, 1.0, False) == "torque off"
+    twin.close()
     remote.close()
 
 

@@ -14,11 +14,16 @@ from dtwin.messages import (
     EVENTS,
     FAULT,
     GAINS,
+    RELEASE,
     SENSORS,
+    STOP,
     VOLTAGES,
     Done,
     FaultRequest,
     GainsSetting,
+    ReleaseRequest,
+    StopRequest,
+    StopState,
     Topic,
 )
 from dtwin.parameters import Gains
@@ -138,6 +143,26 @@ def test_a_certificate_without_a_role_reads_nothing(secured: Path) -> None:
             publish = emulator.bus.publisher(SENSORS)
             until(lambda: publish(SAMPLE) or recorder.heard, "the recorder hears")
         assert not stranger.heard
+
+
+def test_the_monitor_may_stop_the_arm_and_only_operators_release_it(secured: Path) -> None:
+    applied: list[object] = []
+    stop, release = StopRequest("probe", "test"), ReleaseRequest("probe", "test")
+    with Probe(secured, "bridge") as bridge:
+        bridge.bus.answer(STOP, StopRequest, lambda asked: applied.append(asked) or StopState(0.0, "braking"))
+        bridge.bus.answer(RELEASE, ReleaseRequest, lambda asked: applied.append(asked) or StopState(0.0, "none"))
+        for name in ("monitoring", "operator"):
+            with Probe(secured, name) as other:
+                assert other.bus.ask(STOP, stop, StopState).stop == "braking"
+        with Probe(secured, "operator") as operator:
+            assert operator.bus.ask(RELEASE, release, StopState).stop == "none"
+        for name in ("monitoring", "simulation"):
+            with Probe(secured, name) as other, pytest.raises(CommunicationError, match="may this session ask"):
+                other.bus.ask(RELEASE, release, StopState, 0.5)
+        for name in ("recorder", "emulator", "simulation"):
+            with Probe(secured, name) as other, pytest.raises(CommunicationError, match="may this session ask"):
+                other.bus.ask(STOP, stop, StopState, 0.5)
+    assert applied == [stop, stop, release]
 
 
 def test_only_operators_may_set_gains_and_faults(secured: Path) -> None:

@@ -13,6 +13,7 @@ from dtwin.errors import RecordingError
 from dtwin.identification.plots import save
 from dtwin.monitoring.experiments.faults import WITHIN, Line, Scorecard, label
 from dtwin.monitoring.experiments.sampling import Speed
+from dtwin.monitoring.experiments.stopping import WATCHED, StopOutcome
 from dtwin.monitoring.experiments.trial import METHODS, Outcome, true_cause
 from dtwin.recording import replacing
 
@@ -98,6 +99,53 @@ def sampling_text(speeds: Sequence[Speed]) -> str:
         _table(header, rows),
         _SAMPLING_THESIS,
     )
+
+
+def stopping_text(outcomes: Sequence[StopOutcome]) -> str:
+    """The page of the safe stop."""
+    header = [
+        "fault", "runs", "demanded after s, median", "largest", "in motion", "standing at the end",
+        "in motion: at rest after s, median", "largest", "torque off at the end", "after s, median", "largest",
+    ]  # fmt: skip
+    rows = []
+    for fault in dict.fromkeys(o.fault for o in outcomes):
+        runs = [o for o in outcomes if o.fault == fault]
+        demanded = [o.demanded_s for o in runs if o.demanded_s is not None]
+        rested = [o.rest_s for o in runs if o.moving and o.rest_s is not None]
+        off = [o.torque_off_s for o in runs if o.torque_off_s is not None]
+        standing = sum(o.stop == "standstill" for o in runs)
+        moving = sum(o.moving for o in runs)
+        row = [fault, str(len(runs)), *_middle(demanded), str(moving), str(standing), *_middle(rested)]
+        rows.append([*row, str(len(off)), *_middle(off)])
+    return _page(
+        "Safe stop",
+        "Every fault comes at a random time between 30 s and 60 s into normal work with random boxes. The monitor's "
+        "verdict goes to the function blocks once its diagnosis is settled; times to rest and to torque off count "
+        f"from there. A run ends {WATCHED:g} s later.",
+        _table(header, rows),
+    )
+
+
+def draw_stopping(outcomes: Sequence[StopOutcome], figure: Figure) -> None:
+    """Times from fault to demand, and from there to rest or torque off, a row a fault."""
+    figure.set_size_inches(12, 5)
+    faults = list(dict.fromkeys(o.fault for o in outcomes))
+    left, right = figure.subplots(1, 2, sharey=True)
+    for axis, title, names in (
+        (left, "from the fault to the demand", {"demanded_s": "C0"}),
+        (right, "from the demand", {"rest_s": "C2", "torque_off_s": "C3"}),
+    ):
+        for name, colour in names.items():
+            known = [o for o in outcomes if getattr(o, name) is not None]
+            times = [max(getattr(o, name), 0.01) for o in known]
+            rows = [faults.index(o.fault) for o in known]
+            axis.plot(times, rows, ".", color=colour, alpha=0.6, label=name.removesuffix("_s").replace("_", " "))
+        axis.set_xscale("log")
+        axis.set(xlabel="s", title=title)
+        axis.grid(alpha=0.3)
+        axis.legend()
+    left.set_yticks(range(len(faults)), faults)
+    left.invert_yaxis()
 
 
 def confusion(card: Scorecard) -> tuple[tuple[list[str], list[str]], np.ndarray]:
@@ -225,6 +273,11 @@ def _line(line: Line) -> list[str]:
 
 def _percent(share: float | None) -> str:
     return "" if share is None else f"{100 * share:.3g} %"
+
+
+def _middle(values: Sequence[float]) -> list[str]:
+    """Median and largest."""
+    return [f"{np.median(values):.2f}", f"{max(values):.2f}"] if values else ["", ""]
 
 
 def _number(value: float | None) -> str:

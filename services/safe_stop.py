@@ -1,0 +1,154 @@
+"""The safe stop between the bus and the blocks, which decide on it: who asks for it, and who passes that on."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from queue import SimpleQueue
+from typing import Final
+
+from dtwin.application import SafeStop
+from dtwin.bus import Bus
+from dtwin.errors import CommunicationError
+from dtwin.messages import EVENTS, RELEASE, STOP, ReleaseRequest, Stop, StopRequest, StopState
+from dtwin.monitoring.verdict import Finding, arm_state
+from dtwin.signals import Event
+
+log = logging.getLogger(__name__)
+
+LOOK: Final = 0.1
+"""s between two looks at a stop in force"""
+RETRY: Final = 0.5
+"""s before a demand that nobody answered is made again"""
+
+
+class Stops:
+    """Passes verdicts and releases on to the blocks, and tells of every change while a stop is in force.
+
+    A controller that starts anew knows of no stop: it is told again of one that nobody has released here.
+
+    Args:
+        bus: where others ask.
+        blocks: the safe stop of the controller; raises CommunicationError while there is none.
+        time: plant time of the last sample, s.
+
+    Attributes:
+        stop: in force, as last seen.
+    """
+
+    def __init__(self, bus: Bus, blocks: Callable[[], SafeStop], time: Callable[[], float]) -> None:
+        self.stop: Stop = "none"
+        self._blocks = blocks
+        self._time = time
+        self._latched = False
+        self._lock = threading.Lock()
+        self._wake = threading.Event()
+        self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
+        threading.Thread(target=self._follow, name="safe stop", daemon=True).start()
+        bus.answer(STOP, StopRequest, self._judge)
+        bus.answer(RELEASE, ReleaseRequest, self._release)
+
+    def follow(self) -> None:
+        """Looks at the blocks, now and for as long as they keep a stop; returns at once."""
+        self._wake.set()
+
+    def _judge(self, asked: StopRequest | None) -> StopState:
+        with self._lock:
+            if asked is None:
+                return self._noted(self._now())
+            stop = self._blocks().judge(asked.state, asked.confidence)
+            return self._noted(stop, f" ({asked.who}: {asked.why})")
+
+    def _release(self, asked: ReleaseRequest | None) -> StopState:
+        with self._lock:
+            if asked is None:
+                return self._noted(self._now())
+            stop = self._blocks().release()
+            self._latched = stop != "none"
+            return self._noted(stop, f" ({asked.who}: {asked.why})")
+
+    def _follow(self) -> None:
+        pause = threading.Event()
+        while True:
+            self._wake.wait()
+            self._wake.clear()
+            while self._look():
+                pause.wait(LOOK)
+
+    def _look(self) -> bool:
+        """Whether a stop is in force, or was when the controller could last be asked."""
+        with self._lock:
+            try:
+                self._noted(self._now())
+            except CommunicationError as error:
+                log.debug("%s", error)
+            return self._latched
+
+    def _now(self) -> Stop:
+        """The stop in force; one that is in force here is in the blocks, too."""
+        stop = self._blocks().now()
+        if stop == "none" and self._latched:
+            log.warning("the controller has forgotten the safe stop: it is told again")
+            return self._blocks().judge("failed", 1.0)
+        return stop
+
+    def _noted(self, stop: Stop, why: str = "") -> StopState:
+        """The answer, after an event if the stop is another one than before."""
+        state = StopState(self._time(), stop)
+        if stop != self.stop:
+            text = f"safe stop: {'released' if stop == 'none' else stop}{why}"
+            self.stop = stop
+            log.warning("%s", text)
+            self._tell(Event(state.time, "stop", text[:1000]))
+        if stop != "none" and not self._latched:
+            self._latched = True
+            self.follow()
+        return state
+
+
+class Demands:
+    """Asks the blocks to stop an arm that has failed, once a failure, on a thread of its own.
+
+    While nobody answers it asks again, for as long as the failure stands.
+
+    Args:
+        bus: to ask on.
+    """
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+        self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
+        self._failures: SimpleQueue[Finding] = SimpleQueue()
+        self._standing: frozenset[str] = frozenset()
+        threading.Thread(target=self._work, name="safe stop", daemon=True).start()
+
+    def failed(self, finding: Finding) -> None:
+        """A failure has been confirmed."""
+        self._failures.put(finding)
+
+    def stand(self, parameters: frozenset[str]) -> None:
+        """Says which findings stand, by parameter."""
+        self._standing = parameters
+
+    def _work(self) -> None:
+        pause = threading.Event()
+        while True:
+            finding = self._failures.get()
+            while finding.parameter in self._standing and not self._ask(finding):
+                pause.wait(RETRY)
+
+    def _ask(self, finding: Finding) -> bool:
+        """Whether the blocks have answered."""
+        request = StopRequest(
+            "monitoring", finding.text(), arm_state(finding), min(max(finding.confidence, 0.0), 1.0)
+        )
+        try:
+            answer = self._bus.ask(STOP, request, StopState)
+        except CommunicationError as error:
+            log.warning("the safe stop was not answered: %s", error)
+            return False
+        said = f"asked for a safe stop ({finding.text()}): the blocks answer {answer.stop}"
+        log.warning("%s", said)
+        self._tell(Event(answer.time, "monitor_stop", said[:1000]))
+        return True

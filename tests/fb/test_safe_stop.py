@@ -1,0 +1,355 @@
+"""The safe stop: SAFE_STOP decides, PATH_PLANNER brakes, DATA_SELECTOR takes the torque off; and all of them in the
+application."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from driven import JOINTS, Application, Array, Driven, triple
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dtwin.parameters import PLACES, ArmParameters
+from dtwin.twin.rollout import rollout
+
+NONE, BRAKING, STANDSTILL, TORQUE_OFF = range(4)
+NOMINAL, DEGRADING, FAILED, UNKNOWN = range(4)
+BRAKING_SAMPLES = 40
+VERDICT = "TWIN.MONITORING.VERDICT"
+
+
+def decision(stop: int) -> Driven:
+    """The block with a stop in force."""
+    block = Driven("SAFE_STOP")
+    if stop != NONE:
+        block.fire("VERDICT", STATE=UNKNOWN if stop == TORQUE_OFF else FAILED, CONFIDENCE=1.0)
+    if stop == STANDSTILL:
+        for _ in range(BRAKING_SAMPLES):
+            block.fire("REQ", AWAY=0.0)
+    assert block["STOP"] == stop
+    return block
+
+
+@given(
+    st.integers(-1, 4),
+    st.floats(0, 1) | st.just(float("nan")),
+    st.floats(0.5, 1),
+    st.booleans(),
+    st.integers(NONE, TORQUE_OFF),
+)
+def test_what_a_verdict_does(state: int, confidence: float, limit: float, release: bool, before: int) -> None:
+    block = decision(before)
+    block.resource.write("DUT.CONFIDENCE_LIMIT", limit)
+    assert block.fire("VERDICT", STATE=state, CONFIDENCE=confidence, RELEASE=release) == ["HALT", "ANSWER"]
+    sure = confidence >= limit
+    if state == UNKNOWN and sure:
+        expected = TORQUE_OFF
+    elif state == FAILED and sure:
+        expected = max(before, BRAKING)
+    elif release and before != BRAKING:
+        expected = NONE
+    else:
+        expected = before
+    assert block["STOP"] == expected
+
+
+def test_an_arm_that_stays_where_it_shall_is_held_for_ever() -> None:
+    block = decision(BRAKING)
+    for sample in range(1, 300):
+        assert block.fire("REQ", AWAY=0.25) == ["HALT"]
+        assert block["STOP"] == (BRAKING if sample < BRAKING_SAMPLES else STANDSTILL)
+
+
+@pytest.mark.parametrize("away", [0.2501, float("inf"), float("nan")])
+def test_an_arm_that_does_not_stand_loses_its_torque(away: float) -> None:
+    block = decision(BRAKING)
+    for _ in range(BRAKING_SAMPLES - 1):
+        block.fire("REQ", AWAY=away)
+        assert block["STOP"] == BRAKING
+    block.fire("REQ", AWAY=away)
+    assert block["STOP"] == TORQUE_OFF
+    block.fire("REQ", AWAY=0.0)
+    assert block["STOP"] == TORQUE_OFF
+    held = decision(STANDSTILL)
+    held.fire("REQ", AWAY=away)
+    assert held["STOP"] == TORQUE_OFF
+
+
+def test_braking_starts_anew_after_a_release() -> None:
+    block = decision(STANDSTILL)
+    block.fire("VERDICT", STATE=NOMINAL, RELEASE=True)
+    block.fire("VERDICT", STATE=FAILED, CONFIDENCE=1.0, RELEASE=False)
+    for _ in range(BRAKING_SAMPLES - 1):
+        block.fire("REQ", AWAY=0.0)
+    assert block["STOP"] == BRAKING
+
+
+@pytest.mark.parametrize("stop", [NONE, BRAKING, STANDSTILL, TORQUE_OFF])
+def test_a_restart_never_ends_a_stop(stop: int) -> None:
+    block = decision(stop)
+    assert block.fire("INIT") == ["HALT", "INITO"]
+    assert block["STOP"] == (NONE if stop == NONE else TORQUE_OFF)
+
+
+@given(
+    start=st.lists(st.floats(-4, 4), min_size=3, max_size=3),
+    colour=st.sampled_from(sorted(PLACES)),
+    duration=st.floats(0.5, 3.0),
+    ticks=st.integers(1, 320),
+)
+def test_the_path_brakes_to_rest_without_a_jump_and_without_turning_back(
+    start: list[float], colour: str, duration: float, ticks: int
+) -> None:
+    planner = Driven("PATH_PLANNER")
+    planner.fire("TIMING", T=duration)
+    planner.fire("TARGET", DESTINATION=colour, **triple("THETA", start))
+    for _ in range(ticks):
+        planner.fire("REQ")
+    theta, omega = planner.triple("THETA_D"), planner.triple("OMEGA_D")
+    for tick in range(1, 45):
+        assert planner.fire("REQ", STOP=BRAKING if tick < BRAKING_SAMPLES else STANDSTILL) == ["STANDING", "CNF"]
+        assert planner["MOVING"]
+        t = min(0.01 * tick, 0.3)
+        np.testing.assert_allclose(planner.triple("THETA_D"), theta + omega * t * (1 - t / 0.6), atol=1e-12)
+        np.testing.assert_allclose(planner.triple("OMEGA_D"), omega * (1 - t / 0.3), atol=1e-12)
+        assert (np.sign(planner.triple("OMEGA_D")) * np.sign(omega) >= 0).all()
+        np.testing.assert_allclose(planner.triple("ALPHA_D"), -omega / 0.3 * (tick < 30), atol=1e-12)
+        distance = np.abs(planner.triple("THETA_D") - start).max()
+        assert planner["AWAY"] == distance
+    assert not planner.triple("OMEGA_D").any()
+
+
+def test_a_released_path_starts_at_rest_where_the_arm_is() -> None:
+    planner = Driven("PATH_PLANNER")
+    planner.fire("TARGET", DESTINATION="red")
+    for _ in range(70):
+        planner.fire("REQ")
+    for _ in range(50):
+        planner.fire("REQ", STOP=STANDSTILL)
+    theta = planner.triple("THETA_D") + np.array([0.02, -0.03, 0.04])
+    assert planner.fire("REQ", STOP=NONE, **triple("THETA", theta)) == ["RESET", "CNF"]
+    np.testing.assert_array_equal(planner.triple("THETA_D"), theta)
+    assert not planner.triple("OMEGA_D").any()
+    for _ in range(201):
+        assert planner.fire("REQ") == ["CNF"]
+    np.testing.assert_array_equal(planner.triple("THETA_D"), PLACES["red"].theta)
+    assert not planner["MOVING"]
+
+
+@pytest.mark.parametrize("hold", [False, True])
+def test_a_path_stopped_before_its_first_sample_stays_where_the_arm_is(hold: bool) -> None:
+    planner = Driven("PATH_PLANNER")
+    theta = np.array([1.0, -2.0, 0.5])
+    planner.fire("TARGET", DESTINATION="red", **triple("THETA", theta))
+    for _ in range(60):
+        assert planner.fire("REQ", STOP=BRAKING, HOLD=hold) == ["STANDING", "CNF"]
+        np.testing.assert_array_equal(planner.triple("THETA_D"), theta)
+
+
+def test_the_selector_knows_no_signal_during_a_stop_and_no_voltage_without_torque() -> None:
+    block = Driven("DATA_SELECTOR")
+    volts = {f"V_CONTROL{j}": float(j) for j in JOINTS} | {f"V_SIGNAL{j}": -float(j) for j in JOINTS}
+    expected = {NONE: [-1, -2, -3], BRAKING: [1, 2, 3], STANDSTILL: [1, 2, 3], TORQUE_OFF: [0, 0, 0]}
+    for stop in (NONE, BRAKING, STANDSTILL, TORQUE_OFF, NONE, TORQUE_OFF, BRAKING, NONE):
+        assert block.fire("REQ", OVERRIDE=True, STOP=stop, **volts) == ["CNF"]
+        assert block.triple("V").tolist() == expected[stop]
+        block.fire("REQ", OVERRIDE=False, **volts)
+        assert block.triple("V").tolist() == ([0, 0, 0] if stop == TORQUE_OFF else [1, 2, 3])
+
+
+def test_a_stop_ends_the_identification_signal_and_lets_none_begin() -> None:
+    block = Driven("SYS_IDENT_3211SIG")
+    for ticks in (0, 10):
+        block.fire("SWITCH", REQUEST=True)
+        for _ in range(ticks):
+            block.fire("REQ")
+        assert block["OVERRIDE"] == (ticks > 0)
+        block.fire("HALT", STOP=BRAKING)
+        assert block.fire("REQ") == ["CNF"]
+        assert not block["OVERRIDE"]
+        block.fire("SWITCH", REQUEST=True)
+        for _ in range(3):
+            assert block.fire("REQ") == ["CNF"]
+            assert not block["OVERRIDE"]
+        block.fire("HALT", STOP=NONE)
+        assert block.fire("REQ") == ["CNF"]
+    block.fire("SWITCH", REQUEST=True)
+    assert block.fire("REQ") == ["CNF", "SAMPLED"]
+
+
+def test_a_stopped_sequence_neither_grips_nor_releases() -> None:
+    block = Driven("PICK_AND_PLACE")
+    at: dict[str, Any] = {"GRIPPER": 0.9, "BOX_PRESENT": True, "COLOUR": "red"}
+
+    def settle(state: str, **inputs: Any) -> None:
+        for _ in range(60):
+            block.fire("REQ", **at, **inputs)
+        assert block["$ECC"] == state
+
+    settle("APPROACH", STOP=BRAKING)
+    settle("CLOSE", STOP=NONE)
+    at["GRIPPER"] = 0.4
+    settle("APPROACH", STOP=STANDSTILL)
+    assert (block["V_GRIPPER"], block["GRIPPED"]) == (3.0, False)
+    settle("OPEN", STOP=NONE)
+    at["GRIPPER"] = 0.9
+    settle("CARRY", STOP=TORQUE_OFF)
+    assert (block["V_GRIPPER"], block["GRIPPED"]) == (-3.0, True)
+
+
+def weaker(share: float) -> ArmParameters:
+    """The arm whose motor 2 has a share of its torque."""
+    return ArmParameters().with_values({"K2": share * ArmParameters().get("K2")})
+
+
+class Run:
+    """The application and a true arm, whose motors may lose torque."""
+
+    def __init__(self) -> None:
+        self.application = Application()
+        self.resource = self.application.resource
+        self.state: Array = np.zeros(6)
+        self.arm = ArmParameters()
+        self.volts: list[Array] = []
+        self.answers = self.application.received(VERDICT)
+
+    def ticks(self, count: int) -> None:
+        for _ in range(count):
+            answer = self.application.tick(self.state[:3].tolist())
+            self.volts.append(np.array(answer[:4]))
+            self.state = rollout(self.arm, self.state, np.array([answer[:3]]), 0.0)[1]
+
+    def tell(self, state: int, confidence: float = 1.0, release: bool = False) -> int:
+        """What the blocks answer."""
+        self.application.send(VERDICT, state, confidence, release)
+        ((stop,),) = self.answers[-1:]
+        assert stop == self.resource.read("TWIN.STOP")
+        return int(stop)
+
+    @property
+    def stop(self) -> int:
+        return int(self.resource.read("TWIN.STOP"))
+
+    @property
+    def path(self) -> Array:
+        return np.array([self.resource.read(f"PLANNER.THETA_D{j}") for j in JOINTS])
+
+
+@pytest.mark.parametrize("start", [1, 40, 100, 160, 199, 300])
+def test_a_healthy_arm_stops_stands_and_goes_on_to_where_it_was_going(start: int) -> None:
+    run = Run()
+    run.ticks(start)
+    assert run.tell(DEGRADING) == NONE
+    assert run.tell(FAILED, 0.98) == NONE
+    assert run.tell(FAILED, 0.99) == BRAKING
+    before = np.abs(run.state[3:]).max()
+    run.ticks(31)
+    assert np.abs(run.state[3:]).max() < 0.02 + 0.1 * before
+    run.ticks(500)
+    assert run.stop == STANDSTILL
+    assert np.abs(run.state[3:]).max() < 1e-3
+    np.testing.assert_allclose(run.state[:3], run.path, atol=1e-3)
+    assert run.tell(NOMINAL) == STANDSTILL
+    assert run.tell(NOMINAL, release=True) == NONE
+    run.ticks(500)
+    target = [run.resource.read(f"PLANNER.THETA_T{j}") for j in JOINTS]
+    np.testing.assert_allclose(run.state[:3], target, atol=2e-3)
+    volts = np.array(run.volts[start:])[:, :3]
+    assert np.abs(np.diff(volts, axis=0)).max() < 1.5  # the steps of the acceleration, no jump of the path
+    assert np.abs(volts).max() < 8
+
+
+def test_an_arm_without_torque_in_joint_2_gets_no_voltage_and_falls() -> None:
+    run = Run()
+    run.ticks(100)
+    run.arm = weaker(0.1)
+    run.ticks(10)
+    assert run.tell(FAILED) == BRAKING
+    run.ticks(BRAKING_SAMPLES - 1)
+    assert run.stop == BRAKING
+    run.ticks(400)
+    assert run.stop == TORQUE_OFF
+    assert not np.array(run.volts)[-100:, :3].any()
+    assert run.volts[-1][3] == 3.0
+    off = next(i for i in range(110, 549) if not run.volts[i][:3].any())
+    assert not np.array(run.volts)[off:, :3].any()
+    run.arm = ArmParameters()
+    assert run.tell(NOMINAL) == TORQUE_OFF
+    assert run.tell(NOMINAL, release=True) == NONE
+    run.ticks(700)
+    target = [run.resource.read(f"PLANNER.THETA_T{j}") for j in JOINTS]
+    np.testing.assert_allclose(run.state[:3], target, atol=2e-3)
+
+
+def test_without_knowing_the_angles_the_torque_goes_at_once() -> None:
+    run = Run()
+    run.ticks(100)
+    assert run.tell(UNKNOWN) == TORQUE_OFF
+    run.ticks(1)
+    assert not run.volts[-1][:3].any()
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 2, 100])
+def test_a_stop_takes_the_arm_back_from_the_identification_signal(ticks: int) -> None:
+    run = Run()
+    run.ticks(100)
+    run.application.send("TWIN.IDENTIFICATION.REQUEST", True)
+    run.ticks(ticks)
+    assert run.tell(FAILED) == BRAKING
+    speed = np.abs(run.state[3:]).max()
+    run.ticks(1)
+    assert not run.resource.read("SELECTOR.OVERRIDE")
+    assert run.resource.read("PLANNER.$ECC") == "BRAKING"
+    run.application.send("TWIN.IDENTIFICATION.REQUEST", True)
+    run.ticks(600)
+    assert speed > 0.1
+    assert run.stop == STANDSTILL
+    assert np.abs(run.state[3:]).max() < 1e-3
+    run.tell(NOMINAL, release=True)
+    run.ticks(500)
+    target = [run.resource.read(f"PLANNER.THETA_T{j}") for j in JOINTS]
+    np.testing.assert_allclose(run.state[:3], target, atol=2e-3)
+
+
+@pytest.mark.parametrize("ticks", [10, 200])
+def test_another_arm_gets_no_voltage_before_the_release(ticks: int) -> None:
+    run = Run()
+    run.ticks(100)
+    run.tell(FAILED)
+    run.ticks(ticks)
+    run.state = run.state + np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    before = len(run.volts)
+    run.ticks(200)
+    assert run.resource.read("SEQUENCE.SYSTEM_TIME") == 1.99
+    assert run.stop == TORQUE_OFF
+    assert not np.array(run.volts[before:])[:, :3].any()
+    assert run.tell(NOMINAL, release=True) == NONE
+    run.ticks(700)
+    target = [run.resource.read(f"PLANNER.THETA_T{j}") for j in JOINTS]
+    np.testing.assert_allclose(run.state[:3], target, atol=2e-3)
+
+
+def test_a_stop_before_the_first_sample_holds_the_arm_where_it_is() -> None:
+    run = Run()
+    run.state[:3] = start = np.array([-1.5, 0.2, 0.1])
+    assert run.tell(FAILED) == BRAKING
+    run.ticks(300)
+    assert run.stop == STANDSTILL
+    np.testing.assert_array_equal(run.path, start)
+    np.testing.assert_allclose(run.state[:3], start, atol=1e-3)
+
+
+def test_a_release_starts_with_integrals_of_zero() -> None:
+    run = Run()
+    run.ticks(60)
+    run.arm = weaker(0.9)
+    run.ticks(10)
+    run.tell(FAILED)
+    run.ticks(300)
+    assert run.stop == STANDSTILL
+    assert abs(run.resource.read("CONTROLLER.SUM2")) > 1.0
+    run.tell(NOMINAL, release=True)
+    run.ticks(1)
+    theta, path = run.path, [run.resource.read(f"CONTROLLER.SUM{j}") for j in JOINTS]
+    assert np.abs(path).max() < 1e-9
+    np.testing.assert_array_equal(theta, [run.resource.read(f"PLANNER.THETA{j}") for j in JOINTS])

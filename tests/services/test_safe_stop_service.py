@@ -1,0 +1,146 @@
+"""The safe stop over the bus: a fault stops the arm in the blocks, and a release lets it sort on."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from dtwin.bus import Bus, open_peer
+from dtwin.commands.up import join
+from dtwin.messages import EVENTS, FAULT, SENSORS, STOP, VOLTAGES, Done, FaultRequest, StopRequest, StopState
+from dtwin.monitoring.verdict import Finding
+from dtwin.signals import Event, Sensors, Voltages
+from services.safe_stop import Demands
+from tests.services.bench import free_port, until
+from tests.services.test_up import Desk, boxes
+
+FOUND = Finding("K2", "voltage constant", 2, -0.9, 0.01, 0.9995, 45.0, 45.1, True)
+FROZEN = Finding("freeze1", "encoder freeze", 1, 0.0, 0.0, 1.0, 46.0, 46.1, True)
+
+
+@pytest.fixture
+def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Iterator[Desk]:
+    folder = tmp_path / "runtime"
+    folder.mkdir()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    desk = Desk(folder, capsys)
+    yield desk
+    for pid in desk.processes():
+        os.kill(pid, signal.SIGKILL)
+
+
+class Watch:
+    """What passes on the bus."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.bus = bus
+        self.events: list[Event] = []
+        self.command: Voltages | None = None
+        self.time = 0.0
+        bus.subscribe(EVENTS, Event, self.events.append)
+        bus.subscribe(VOLTAGES, Voltages, self._take)
+        bus.subscribe(SENSORS, Sensors, lambda sensors: setattr(self, "time", sensors.time))
+
+    def _take(self, command: Voltages) -> None:
+        self.command = command
+
+    def stop(self) -> str:
+        return self.bus.ask(STOP, None, StopState).stop
+
+    def texts(self, kind: str) -> list[str]:
+        return [event.text for event in self.events if event.kind == kind]
+
+    def powerless(self) -> bool:
+        return self.command is not None and not any(self.command.volts[:3])
+
+
+def test_a_fault_stops_the_arm_until_an_operator_releases_it(desk: Desk) -> None:
+    desk.up("--detach", "--pace", "lockstep", "--monitoring", "--safe-stop", "--noise", "0.003", "--seed", "3")
+    with join("cell") as bus:
+        watch = Watch(bus)
+        until(lambda: watch.time > 20.0, "some work without a fault")
+        assert watch.stop() == "none"
+        assert not watch.texts("stop")
+        bus.ask(FAULT, FaultRequest(("K2*=0.1@0",)), Done)
+        until(lambda: watch.texts("monitor_stop"), "the monitor asks for a stop")
+        assert "voltage constant of joint 2" in watch.texts("monitor_stop")[0]
+        assert watch.texts("monitor_stop")[0].endswith("the blocks answer braking")
+        until(lambda: watch.stop() == "torque off", "the arm cannot be held")
+        until(watch.powerless, "no voltage")
+        until(lambda: watch.texts("stop")[-1] == "safe stop: torque off", "the change is told")
+        assert watch.texts("stop")[0].startswith("safe stop: braking (monitoring: voltage constant of joint 2")
+        bridge = until(lambda: desk.summary()["services"]["bridge"]["state"] == "stopped", "the status says so")
+        assert bridge
+        stood = boxes(desk)["delivered"]
+        kill(desk, watch)
+        bus.ask(FAULT, FaultRequest(("K2*=10@0",)), Done)
+        assert desk.run("release", "--why", "repaired", "--who", "anna") == "none: the arm moves\n"
+        until(lambda: watch.texts("stop")[-1] == "safe stop: released (anna: repaired)", "the release is told")
+        until(lambda: boxes(desk)["delivered"] > stood + 2, "the arm sorts on")
+    desk.run("down")
+
+
+def kill(desk: Desk, watch: Watch) -> None:
+    """A controller that has died comes back without torque, too: nobody has released the arm."""
+    os.kill(desk.find("services.controller"), signal.SIGKILL)
+    until(lambda: desk.summary()["services"]["controller"]["restarts"] == 1, "the controller is back")
+    reached = watch.time
+    until(lambda: watch.time > reached + 5.0, "the cell goes on")
+    until(lambda: watch.stop() == "torque off", "the arm cannot be held by the new one either")
+    until(watch.powerless, "no voltage")
+
+
+def test_an_operator_stops_and_releases_the_arm(desk: Desk) -> None:
+    assert "expected --monitoring" in desk.up("--safe-stop", status=2)
+    desk.up("--detach", "--pace", "lockstep", "--seed", "3")
+    with join("cell") as bus:
+        watch = Watch(bus)
+        until(lambda: watch.time > 10.0, "some work")
+        answer = bus.ask(STOP, StopRequest("anna", "not sure", confidence=0.9), StopState)
+        assert answer.stop == "none"
+        assert desk.run("stop", "--who", "anna", "--why", "look at it") == "braking: the arm comes to rest\n"
+        until(lambda: watch.stop() == "standstill", "the arm stands")
+        assert watch.texts("stop")[0] == "safe stop: braking (anna: look at it)"
+        assert "is held where it is" in desk.run("stop")
+        stood = boxes(desk)["delivered"]
+        assert desk.run("release") == "none: the arm moves\n"
+        assert desk.run("release") == "none: the arm moves\n"
+        until(lambda: boxes(desk)["delivered"] > stood + 1, "the arm sorts on")
+    desk.run("down")
+
+
+def test_a_demand_is_made_until_it_is_answered_once() -> None:
+    meet = f"tcp/127.0.0.1:{free_port()}"
+    asked: list[StopRequest | None] = []
+    events: list[Event] = []
+    with Bus(open_peer(meet)) as monitor, Bus(open_peer(meet)) as bridge:
+        bridge.subscribe(EVENTS, Event, events.append)
+        demands = Demands(monitor)
+        demands.stand(frozenset({"K2", "freeze1"}))
+        demands.failed(FOUND)
+        bridge.answer(STOP, StopRequest, lambda request: asked.append(request) or StopState(45.3, "braking"))
+        until(lambda: asked, "the demand is made")
+        demands.failed(FROZEN)
+        until(lambda: len(events) == 2, "both answers are told")
+    assert [(request.state, request.confidence) for request in asked if request] == [
+        ("failed", 0.9995),
+        ("angles unknown", 1.0),
+    ]
+    assert {(event.kind, event.time) for event in events} == {("monitor_stop", 45.3)}
+
+
+def test_no_demand_is_made_for_a_failure_that_is_over() -> None:
+    meet = f"tcp/127.0.0.1:{free_port()}"
+    asked: list[StopRequest | None] = []
+    with Bus(open_peer(meet)) as monitor, Bus(open_peer(meet)) as bridge:
+        demands = Demands(monitor)
+        demands.stand(frozenset({"freeze1"}))
+        demands.failed(FOUND)
+        demands.failed(FROZEN)
+        bridge.answer(STOP, StopRequest, lambda request: asked.append(request) or StopState(46.3, "torque off"))
+        until(lambda: asked, "the demand is made")
+    assert [request.state for request in asked if request] == ["angles unknown"]
