@@ -32,6 +32,7 @@ from dtwin.messages import STOPS
 from dtwin.parameters import ArmParameters
 from dtwin.recording import Log
 from dtwin.remote import RemoteController
+from tests.services.bench import until
 
 SAME = 1e-9
 """V, between FORTE and the embedded runtime"""
@@ -277,11 +278,12 @@ def test_every_type_reaches_forte_and_wraps_there(tmp_path: Path) -> None:
     names = [*(f"Y_{name}" for name in LITERALS), *(f"Z_{name}" for name in WRAPPING)]
     with forte(tmp_path) as management, patiently(lambda: ManagementClient(management)) as client:
         deploy(client, plan_deployment("R", network, library))
+        # the blocks run after the deployment has been acknowledged; LIST is their last event
+        until(lambda: client.read("R", "C.Y").replace(" ", "") == "[1,5,-3]", "all events have been dealt with")
         for name in names:
             expected, kind = alone.read(f"C.{name}"), alone.variable_type(f"C.{name}")
             text = client.read("R", f"C.{name}")
             assert (text if isinstance(expected, str) else parse_literal(text, kind)) == expected
-        assert client.read("R", "C.Y").replace(" ", "") == "[1,5,-3]"
         assert alone.read("C.Y") == [1.0, 5.0, -3.0]
 
 
