@@ -6,6 +6,7 @@ where the library puts them.
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 import time
@@ -25,6 +26,8 @@ from dtwin.messages import ARM_STATES, STOPS, ArmState, IdentificationSignal, St
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.remote import SENSORS, VOLTAGES
 from dtwin.signals import Sensors, Voltages
+
+log = logging.getLogger(__name__)
 
 TIMEOUT: Final = 1.0
 """s, for every answer"""
@@ -114,7 +117,9 @@ class Application:
         with self._lock:
             try:
                 self._management.trigger(self._resource, f"{name}.INIT")
-            except ManagementError:
+            except ManagementError as error:
+                if error.reason != "UNSUPPORTED_CMD":
+                    log.warning("half a message that somebody left there would spoil the next one: %s", error)
                 return
             self._management.reset_block(self._resource, name)
             self._management.write(self._resource, f"{name}.QO", "FALSE")

@@ -109,6 +109,7 @@ GROUPS: Final[dict[str, dict[str, Entry]]] = {
         "upload version": Entry("dtwin.commands.upload", "UploadVersion", "the same with an earlier version"),
         "upload rollback": Entry("dtwin.commands.upload", "RollBack", "take back the settings on trial"),
         "history": Entry("dtwin.commands.history", "ShowHistory", "show all changes of the controller's settings"),
+        "bench upload": Entry("dtwin.commands.bench_upload", "BenchUpload", "time uploads to a running cell"),
         "experiment accuracy": Entry(
             "dtwin.commands.experiment_simulation",
             "ExperimentAccuracy",

@@ -77,6 +77,24 @@ def test_nobody_wants_what_nobody_subscribes_to(join: Join) -> None:
     assert not join().publisher(SENSORS).wanted
 
 
+def test_an_ended_subscription_hears_nothing_and_is_not_wanted(join: Join) -> None:
+    sender, receiver = join(), join()
+    first: SimpleQueue[Sensors] = SimpleQueue()
+    subscription = receiver.subscribe(SENSORS, Sensors, first.put)
+    publish = sender.publisher(SENSORS, lossless=True)
+    until(lambda: publish.wanted, "the subscription is known")
+    publish(SAMPLE)
+    assert first.get(timeout=WAIT) == SAMPLE
+    subscription.end()
+    until(lambda: not publish.wanted, "its end is known")
+    publish(SAMPLE)
+    second = Heard(receiver)
+    until(lambda: publish.wanted, "another subscription is known")
+    publish(SAMPLE)
+    assert second.messages.get(timeout=WAIT) == SAMPLE
+    assert first.empty()
+
+
 def test_three_meet_whoever_comes_first_and_goes(join: Join) -> None:
     first, second = join(), join()
     first.announce("first")

@@ -16,6 +16,7 @@ from dtwin.iec61499.lua_export import export_type, original_name
 from dtwin.iec61499.managed import ManagedResource
 from dtwin.iec61499.management import (
     ANY,
+    EVENT,
     Block,
     Link,
     ManagementError,
@@ -91,11 +92,15 @@ class Device:
                 raise FunctionBlockError(message, file, command.line) from None
 
     def handle(self, resource: str, text: str) -> str:
-        """Answers a management request: XML to XML. What is refused is one line in the log."""
+        """Answers a management request: XML to XML. What is refused is one line in the log.
+
+        That the device lacks a command is for the client to know; it may have asked to find out.
+        """
         try:
             return self.execute(resource, parse_request(text)).xml()
         except ManagementError as error:
-            log.warning("management: %s", error)
+            level = logging.INFO if error.reason == "UNSUPPORTED_CMD" else logging.WARNING
+            log.log(level, "management: %s", error)
             return Response(request_id(text), error.reason).xml()
 
     def execute(self, resource: str, request: Request) -> Response:
@@ -198,6 +203,8 @@ def _execute_in(resource: ManagedResource, request: Request, library: Library) -
     if isinstance(subject, Link):
         if action == "READ":
             return Response(request.id, value=resource.read(subject.source))
+        if action == "WRITE" and subject.source == EVENT:
+            raise ManagementError("UNSUPPORTED_CMD", f"{subject.destination}: events cannot be triggered here")
         if action == "WRITE":
             resource.write(subject.destination, subject.source)
         elif action == "CREATE":

@@ -38,6 +38,8 @@ RESPONSES: Final = Signature([STRING], string_limit=65535)
 REQUEST_LIMIT: Final = 19_000
 """Bytes of a message that a FORTE with its standard settings takes; a longer one hangs the connection."""
 ANY: Final = "*"
+EVENT: Final = "$e"
+"""As the source of a WRITE: the event at the destination shall happen."""
 _ESCAPES: Final = str.maketrans(
     {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "'": "&apos;"}  # the five FORTE resolves
 )

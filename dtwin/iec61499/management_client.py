@@ -11,6 +11,7 @@ from dtwin.iec61499.address import Address
 from dtwin.iec61499.client import BlockingClient
 from dtwin.iec61499.management import (
     ANY,
+    EVENT,
     REQUEST_LIMIT,
     REQUESTS,
     RESPONSES,
@@ -141,7 +142,7 @@ class ManagementClient:
 
     def trigger(self, resource: str, event: str) -> None:
         """Lets an event happen, `BLOCK.EVENT`; only a FORTE built with monitoring can."""
-        self.demand(resource, "WRITE", Link("$e", event))
+        self.demand(resource, "WRITE", Link(EVENT, event))
 
     def reset_block(self, resource: str, name: str) -> None:
         """Ends a block and starts it anew: a port of a FORTE closes, and opens with the next event INIT."""

@@ -1,39 +1,68 @@
 """The secured configuration with real sessions: who may join, read, write and ask."""
 
+import json
+import os
 import shutil
+import signal
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from dtwin.bus import Bus, open_configured
+from dtwin.commands.up import join
 from dtwin.errors import CommunicationError
 from dtwin.messages import (
+    DECIDE,
     EVENTS,
     FAULT,
     GAINS,
+    IDENTIFICATION,
+    IDENTIFY,
+    MODEL,
+    MONITORING,
     RELEASE,
+    RESIDUALS,
+    ROLL_BACK,
     SENSORS,
+    SETTINGS,
+    SIGNAL,
     STOP,
+    TARGET,
+    UPLOAD,
     VOLTAGES,
     Done,
     FaultRequest,
     GainsSetting,
+    IdentificationRequest,
+    IdentificationSignal,
+    IdentificationState,
+    ModelSetting,
+    MonitoringResiduals,
+    MonitoringVerdict,
     ReleaseRequest,
+    SettingsInForce,
     StopRequest,
     StopState,
+    TargetSetting,
     Topic,
+    Upload,
+    UploadRequest,
 )
-from dtwin.parameters import Gains
+from dtwin.parameters import ArmParameters, Gains
 from dtwin.signals import Event, Sensors, Voltages
 from tests.services.bench import ROOT, free_port, until
+from tests.services.test_up import Desk
 
 pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="needs the openssl command: install it")
 
 SAMPLE = Sensors(0, 0.0, (0.0, 0.0, 0.0), 0.9, False, "")
 COMMAND = Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), False)
+IDLE = IdentificationState("idle")
+QUIET = MonitoringResiduals(0, 0.0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.0, 1.0)
 SECURED = ROOT / "config" / "secured"
 
 
@@ -121,10 +150,14 @@ def test_whoever_has_no_valid_certificate_cannot_join(secured: Path, old: str, n
         ("emulator", VOLTAGES, COMMAND, False),
         ("emulator", SENSORS, SAMPLE, True),
         ("recorder", SENSORS, SAMPLE, False),
+        ("identification", IDENTIFICATION, IDLE, True),
+        ("simulation", IDENTIFICATION, IDLE, False),
+        ("monitoring", RESIDUALS, QUIET, True),
+        ("identification", RESIDUALS, QUIET, False),
     ],
 )
 def test_who_may_publish(secured: Path, who: str, topic: Topic, message: Any, allowed: bool) -> None:
-    with Probe(secured, "monitoring").hear(topic, type(message)) as listener, Probe(secured, who) as publisher:
+    with Probe(secured, "controller").hear(topic, type(message)) as listener, Probe(secured, who) as publisher:
         publish = publisher.bus.publisher(topic)
         if allowed:
             until(lambda: publish(message) or listener.heard, "the message passes")
@@ -180,3 +213,74 @@ def test_only_operators_may_set_gains_and_faults(secured: Path) -> None:
         with Probe(secured, "recorder") as other, pytest.raises(CommunicationError, match="may this session ask"):
             other.bus.ask(FAULT, FaultRequest(("slip@1",)), Done, 0.5)
     assert len(applied) == 2
+
+
+def test_services_may_ask_the_controller_what_they_need_and_no_more(secured: Path) -> None:
+    in_force = SettingsInForce(Gains(), 2.0, ArmParameters(), "default", 0.2, "point")
+    played = IdentificationSignal((6.0, 4.0, 3.0), 5, (0, 0, 0), 350)
+    replies: dict[Topic, msgspec.Struct] = {
+        GAINS: GainsSetting(Gains(), 2.0),
+        MODEL: ModelSetting(ArmParameters()),
+        TARGET: TargetSetting(2.0),
+        SETTINGS: in_force,
+        SIGNAL: played,
+    }
+    may = {"simulation": {GAINS, MODEL, SETTINGS}, "identification": {SIGNAL, MODEL}, "monitoring": set()}
+    with Probe(secured, "bridge") as bridge:
+        for topic, reply in replies.items():
+            bridge.bus.answer(topic, type(reply), lambda asked, reply=reply: reply)
+        for name, allowed in may.items():
+            with Probe(secured, name) as service:
+                for topic, reply in replies.items():
+                    if topic in allowed:
+                        assert service.bus.ask(topic, None, type(reply)) == reply
+                    else:
+                        with pytest.raises(CommunicationError, match="may this session ask"):
+                            service.bus.ask(topic, None, type(reply), 0.5)
+
+
+def test_operators_ask_the_twin_and_each_module_answers_for_itself(secured: Path) -> None:
+    upload = Upload(1, 0.0, "start", "", False, Gains(), 2.0, ArmParameters())
+    with Probe(secured, "simulation") as simulation, Probe(secured, "identification") as identification:
+        for topic in (UPLOAD, ROLL_BACK):
+            simulation.bus.answer(topic, UploadRequest, lambda asked: upload)
+        for topic in (IDENTIFY, DECIDE):
+            identification.bus.answer(topic, IdentificationRequest, lambda asked: IDLE)
+        with Probe(secured, "operator") as operator:
+            for topic in (UPLOAD, ROLL_BACK):
+                assert operator.bus.ask(topic, None, Upload) == upload
+            for topic in (IDENTIFY, DECIDE):
+                assert operator.bus.ask(topic, None, IdentificationState) == IDLE
+        for name, topic in (("recorder", UPLOAD), ("identification", UPLOAD), ("monitoring", IDENTIFY)):
+            with Probe(secured, name) as other, pytest.raises(CommunicationError, match="may this session ask"):
+                other.bus.ask(topic, None, Upload, 0.5)
+    with Probe(secured, "monitoring") as monitoring, Probe(secured, "operator") as operator:
+        monitoring.bus.answer(UPLOAD, UploadRequest, lambda asked: upload)
+        with pytest.raises(CommunicationError, match="nobody answered"):
+            operator.bus.ask(UPLOAD, None, Upload, 1.0)
+
+
+def test_a_secured_cell_uploads_identifies_and_monitors(
+    secured: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    desk = Desk(tmp_path, capsys)
+    options = ["--zenoh", str(secured), "--pace", "lockstep", "--noise", "0.002", "--monitoring"]
+    options += ["--simulation", "--history", str(tmp_path / "history.jsonl")]
+    options += ["--identification", "--store", str(tmp_path / "store")]
+    try:
+        desk.up("--detach", *options)
+        with join("cell") as bus:
+            verdicts: list[MonitoringVerdict] = []
+            bus.subscribe(MONITORING, MonitoringVerdict, verdicts.append)
+            said = json.loads(desk.run("upload", "gains", "--why", "to try", "--kp", "250", "500", "350"))
+            assert (said["action"], said["on_trial"]) == ("upload", True)
+            assert bus.ask(GAINS, None, GainsSetting).gains.kp == (250.0, 500.0, 350.0)
+            assert json.loads(desk.run("upload", "rollback", "--why", "enough"))["action"] == "roll back"
+            assert json.loads(desk.run("identify", "live", "--accept", "--upload", "--json"))["phase"] == "accepted"
+            assert bus.ask(MODEL, None, ModelSetting).model != ArmParameters()
+            until(lambda: verdicts, "the monitor is heard")
+        assert "is down" in desk.run("down")
+    finally:
+        for pid in desk.processes():
+            os.kill(pid, signal.SIGKILL)

@@ -6,6 +6,7 @@ import json
 import os
 import signal
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -134,6 +135,53 @@ def by_hand(cell: Desk, history: Path) -> None:
     assert actions[-4:] == ["upload", "roll back", "start", "refuse"]
     summary = cell.summary()
     assert summary["services"]["simulation"]["restarts"] == 0
+
+
+def test_a_service_that_is_killed_finds_old_or_new_settings_and_watches_the_new(cell: Desk, tmp_path: Path) -> None:
+    """Killed while it checks, once the upload is written down, and once the controller has it."""
+    history = History(tmp_path / "history.jsonl")
+    with join("cell") as bus, ThreadPoolExecutor() as pool:
+        until_there(bus)
+
+        def written() -> bool:
+            last = history.last()
+            return last is not None and last.action == "upload"
+
+        def sent() -> bool:
+            return bus.ask(GAINS, None, GainsSetting).gains != before.gains
+
+        for number, (moment, when) in enumerate((("checks", lambda: True), ("written", written), ("sent", sent))):
+            before = now(bus)
+            wanted = Gains(kp=(210.0 + number, 500.0, 300.0))
+            request = UploadRequest("anna", moment, before.version, gains=wanted)
+            asked = pool.submit(bus.ask, UPLOAD, request, Upload)
+            while not when():
+                pass
+            os.kill(cell.find("services.simulation"), signal.SIGKILL)
+            asked.exception()
+            after = until_there(bus)
+            in_force = bus.ask(GAINS, None, GainsSetting).gains
+            assert in_force in (before.gains, wanted), moment
+            assert after.gains == in_force, moment
+            last = history.last()
+            assert last is not None
+            assert (last.version, last.settings.gains) == (after.version, in_force), moment
+            assert after.on_trial == (in_force == wanted), moment
+            until(lambda: not now(bus).on_trial, "the trial ends")
+            assert now(bus).action == ("confirm" if in_force == wanted else after.action), moment
+        assert now(bus).gains == wanted, "what has been sent is watched, not lost"
+
+
+def until_there(bus: Bus) -> Upload:
+    """What the service says as soon as it is back."""
+
+    def answer() -> Upload | None:
+        try:
+            return bus.ask(UPLOAD, None, Upload, 1.0)
+        except CommunicationError:
+            return None
+
+    return until(answer, "the service answers")
 
 
 def from_files(cell: Desk, tmp_path: Path) -> None:
