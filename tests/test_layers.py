@@ -17,11 +17,11 @@ LAYERS = [
     {"dtwin.control"},
     {"dtwin.loop"},
     {"dtwin.cell", "dtwin.remote", "dtwin.motion"},
+    {"dtwin.live"},
     {"dtwin.identification"},
     {
         "dtwin.validation",
         "dtwin.benchmark",
-        "dtwin.live",
         "dtwin.application",
         "dtwin.runfile",
         "dtwin.supervisor",

@@ -17,13 +17,12 @@ from dtwin.identification.estimate import Estimate, Settings, identify
 from dtwin.identification.held_out import compare
 from dtwin.identification.model import IdentifiedModel, from_estimate
 from dtwin.identification.problem import Prior
+from dtwin.live.pairs import WAITING, Pairs
 from dtwin.parameters import ArmParameters
 from dtwin.signals import Sensors, Voltages
 
 MEMORY: Final = 6000
 """ticks that are remembered"""
-LAG: Final = 1000
-"""ticks that a sample or a command may wait for its other half, or come late"""
 PIECE: Final = 75
 """ticks of a piece, each with its own initial state: long enough to tell a speed from noise"""
 PIECES: Final = 3
@@ -36,32 +35,23 @@ class Passing:
     """The last ticks of a running cell: samples with the commands that answer them."""
 
     def __init__(self) -> None:
-        self._waiting: dict[int, Sensors | Voltages] = {}
+        self._pairs: Pairs[Sensors, Voltages] = Pairs()
         self._ticks: dict[int, tuple[Sensors, Voltages]] = {}
         self._newest = -1
 
     def take(self, item: Sensors | Voltages) -> None:
         """Takes a sample or a command, in whatever order the two come."""
         number = item.sequence
-        if number < self._newest - LAG:
-            self.forget()
+        if number < self._newest - WAITING:  # another run has begun
+            self._pairs.clear()
+            self._ticks.clear()
+            self._newest = number
         self._newest = max(self._newest, number)
-        other = self._waiting.pop(number, None)
-        if isinstance(item, Sensors) and isinstance(other, Voltages):
-            self._ticks[number] = (item, other)
-        elif isinstance(item, Voltages) and isinstance(other, Sensors):
-            self._ticks[number] = (other, item)
-        else:
-            self._waiting[number] = item
-        for kept, most in ((self._waiting, LAG), (self._ticks, MEMORY)):
-            while len(kept) > most:
-                del kept[next(iter(kept))]
-
-    def forget(self) -> None:
-        """Forgets everything: another run has begun."""
-        self._waiting.clear()
-        self._ticks.clear()
-        self._newest = -1
+        pair = self._pairs.first(item) if isinstance(item, Sensors) else self._pairs.second(item)
+        if pair is not None:
+            self._ticks[number] = pair
+            while len(self._ticks) > MEMORY:
+                del self._ticks[next(iter(self._ticks))]
 
     def pieces(self, since: float) -> list[Experiment]:
         """Pieces of motion with an empty gripper that began at a plant time (s) or later, oldest first."""

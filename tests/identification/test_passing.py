@@ -8,7 +8,8 @@ import pytest
 from dtwin.control import EmbeddedController
 from dtwin.emulation import Emulation, parse_fault
 from dtwin.errors import IdentificationError
-from dtwin.identification.passing import LAG, MEMORY, PIECE, PIECES, Passing, estimate_from, renewed
+from dtwin.identification.passing import MEMORY, PIECE, PIECES, Passing, estimate_from, renewed
+from dtwin.live.pairs import WAITING
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.signals import Sensors, Voltages
 
@@ -55,7 +56,7 @@ def test_pieces_are_empty_moving_and_whole(traffic: list[tuple[Sensors, Voltages
 
 def test_order_does_not_matter_and_gaps_part_pieces(traffic: list[tuple[Sensors, Voltages]]) -> None:
     in_order = heard([item for pair in traffic for item in pair]).pieces(0.0)
-    blocks = [traffic[k : k + LAG // 2] for k in range(0, len(traffic), LAG // 2)]
+    blocks = [traffic[k : k + WAITING // 2] for k in range(0, len(traffic), WAITING // 2)]
     jumbled = [item for block in blocks for half in (1, 0) for item in (pair[half] for pair in block)]
     assert [p.fingerprint for p in heard(jumbled).pieces(0.0)] == [p.fingerprint for p in in_order]
     lost = [item for k, pair in enumerate(traffic) if k % (PIECE - 1) for item in pair]
@@ -69,7 +70,7 @@ def test_memory_is_bounded_and_ends_with_the_run(traffic: list[tuple[Sensors, Vo
     passing.take(command)
     assert passing.pieces(0.0) == []
     lonely = Passing()
-    for number in range(MEMORY + 2 * LAG):
+    for number in range(MEMORY + 2 * WAITING):
         lonely.take(Voltages(number, number * PERIOD, (0.0, 0.0, 0.0, 0.0), False))
         lonely.take(Sensors(number, number * PERIOD, (0.01 * number, 0.0, 0.0), 0.9, False, "none"))
     assert len(lonely.pieces(0.0)) == MEMORY // PIECE
