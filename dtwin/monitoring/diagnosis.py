@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dtwin.monitoring.estimator import Change
 from dtwin.monitoring.layout import INDEX
 from dtwin.monitoring.signatures import SPACING, Onset, Suspicion
 from dtwin.monitoring.verdict import CAUSE_OF, joint_of
@@ -32,7 +33,7 @@ ENOUGH: Final = 150
 MOST: Final = 500
 """samples after the alarm at which the most likely cause is taken"""
 _PRECISE: Final = 0.02
-"""standard deviation of the size, relative to what is plausible, that is small enough to settle"""
+"""standard deviation of what changed, relative to a plausible change, that is small enough to settle"""
 _LOADS: Final = (-0.15, -0.1, -0.05, 0.1, 0.2)
 """kg, changes of the payload to start from: the arm answers to them too unlike linearly to start from none"""
 _SERIOUS: Final = 0.6
@@ -61,14 +62,6 @@ class Moment(NamedTuple):
     used: NDArray[np.bool_]
     counts: bool
     likelihood: float
-
-
-class Change(NamedTuple):
-    """Of a state: its value before and now, and the standard deviation of the latter."""
-
-    before: float
-    value: float
-    deviation: float
 
 
 class Candidate:
@@ -104,10 +97,10 @@ class Candidate:
         opened = {"friction": (f"D{joint}", f"mu{joint}")}.get(kind, (parameter,) if parameter in INDEX else ())
         self._variance = {name: sizes[name] ** 2 / onset.gap for name in opened}
         self.estimator = estimator = onset.estimator.copy()
-        states = (self._lost,) if self._lost else opened
-        self._before = {name: float(estimator.x[INDEX[name]]) for name in states}
-        if "payload" in states and not estimator.gripped:
-            self._before["payload"] = estimator.box_mass
+        self._states = (self._lost,) if self._lost else opened
+        for name in self._states:
+            estimator.remember(name)
+        self._box: Change | None = None
         for name, change in (expected or {}).items():
             estimator.x[INDEX[name]] += change
             if name == "payload":
@@ -126,6 +119,8 @@ class Candidate:
             for name, variance in self._variance.items():
                 self.estimator.spread(name, variance)
             self._opening -= 1
+        if "payload" in self._states and self.estimator.gripped and not moment.gripped:
+            self._box = self.estimator.change("payload")
         self.estimator.predict(moment.volts, moment.gripped, moment.doubt)
         gain = self.estimator.correct(moment.measured, moment.used) - moment.likelihood
         if not math.isfinite(gain):
@@ -139,17 +134,20 @@ class Candidate:
             self.follow(moment)
 
     def changes(self) -> dict[str, Change]:
-        """By state."""
-        x = self.estimator.x
-        return {
-            name: Change(before, float(x[INDEX[name]]), self.estimator.deviation(name))
-            for name, before in self._before.items()
-        }
+        """By state; of a box that has been put down meanwhile what was known of it then."""
+        changes = {name: self.estimator.change(name) for name in self._states}
+        if self._box is not None and not self.estimator.gripped:
+            changes["payload"] = self._box
+        return {name: change for name, change in changes.items() if change is not None}
 
     def again(self, sizes: dict[str, float]) -> Candidate:
         """The same hypothesis from the same onset, linearised at the changes found: the second pass of an iterated
         filter."""
-        found = {name: change.value - self._before[name] for name, change in self.changes().items() if not self._lost}
+        begun = self.onset.estimator
+        start = {name: float(begun.x[INDEX[name]]) for name in self._states}
+        if not begun.gripped:
+            start["payload"] = begun.box_mass
+        found = {name: change.value - start[name] for name, change in self.changes().items() if not self._lost}
         return Candidate(self.parameter, self.onset, sizes, found, self._first_delay)
 
 
@@ -219,8 +217,9 @@ class Diagnosis:
         top, probability = self.best()
         if age < LEAST or probability < DECIDED:
             return age >= MOST
-        sizes = ((change.deviation, self._sizes[name]) for name, change in top.changes().items())
-        return age >= ENOUGH or all(deviation <= _PRECISE * size for deviation, size in sizes)
+        return age >= ENOUGH or all(
+            top.estimator.deviation(name) <= _PRECISE * self._sizes[name] for name in top.changes()
+        )
 
     def _prune(self) -> None:
         top = max(candidate.gain for candidate in self.candidates)

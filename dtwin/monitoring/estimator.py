@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,16 @@ SUBSTEPS: Final = 4
 _COMPLEX_STEP: Final = 1e-30
 _LEAST_VOLTS: Final = 1e-6
 """V: the kernels divide by the voltage; this little moves nothing"""
+_OWN: Final = (
+    *("x", "P", "gains", "innovation", "variance", "_walk", "_torque", "_states"),
+    *("_clones", "_C", "_B"),
+)
+"""arrays that change in place, of which a copy needs its own"""
 _JOLT: Final = 0.5
 """standard deviation of the joints' speeds after one of them was locked, relative to the speed it had"""
+_MARGIN: Final = {"D": 0.2, "mu": 0.02}
+"""N m s/rad, N m: how far the estimates of friction may err beyond what friction can be while they are poor; cut off
+at once, they would keep the error that the cut makes"""
 _FOREIGN: Final = 0.1
 """N m, standard deviation of a torque on a joint that no fault explains"""
 
@@ -56,8 +64,16 @@ class Tuning:
     speed: float = 3.0
 
 
+class Change(NamedTuple):
+    """Of a state: its value before and now, and the standard deviation of their difference."""
+
+    before: float
+    value: float
+    deviation: float
+
+
 class Estimator:
-    """Mean and covariance of the state after the last sample.
+    """Mean and covariance of the state after the last sample, and of what single states were before they changed.
 
     Args:
         belief: of the healthy arm.
@@ -92,24 +108,32 @@ class Estimator:
             self._walk[INDEX[name]] = (tuning.walk * arm.get(name)) ** 2 * PERIOD
         self._torque = np.full(3, tuning.torque**2)
         self._locked = 0
-        self._lower, self._upper = _bounds(arm)
-        self._nominal = np.array([arm.get(name) for name in ARM_NAMES])
+        self._least, self._most = _bounds(arm)
+        self._lower, self._upper = self._least.copy(), self._most.copy()
+        for name, margin in _MARGIN.items():
+            for joint in (1, 2, 3):
+                self._lower[INDEX[f"{name}{joint}"]] -= margin
+                self._upper[INDEX[f"{name}{joint}"]] += margin
+        self._nominal = np.zeros(SIZE)
+        self._nominal[ARM:PAYLOAD] = [arm.get(name) for name in ARM_NAMES]
         self.box_mass, self.payload_variance = tuning.box_mass, tuning.box_deviation**2
         self.x, self.P = np.zeros(SIZE), np.zeros((SIZE, SIZE))
-        self.x[ARM:PAYLOAD] = self._nominal
+        self.x[:] = self._nominal
         self.P[ARM:PAYLOAD, ARM:PAYLOAD] = belief.covariance
         self.x[BIAS:DRIFT] = belief.offset
         self.P[BIAS:DRIFT, BIAS:DRIFT] = np.diag(np.square(belief.offset_deviation))
         self.F = self._derivatives[1]
         self.gains, self.innovation, self.variance = np.zeros((3, SIZE)), np.zeros(3), np.ones(3)
         self.gripped = False
+        self._cloned: tuple[str, ...] = ()
+        self._clones, self._C, self._B = np.zeros(0), np.zeros((SIZE, 0)), np.zeros(0)
 
     def begin(self, measured: Array, gripped: bool) -> None:
         """Starts at an arm about whose motion nothing is known but one sample; what was learned of the arm stays."""
         x, P = self.x, self.P
         x[:W] = measured - x[BIAS:DRIFT]
         x[W:ARM] = 0.0
-        P[:ARM], P[:, :ARM] = 0.0, 0.0
+        P[:ARM], P[:, :ARM], self._C[:ARM] = 0.0, 0.0, 0.0
         for i in range(3):
             P[i, i] = 1.0
             P[W + i, W + i] = self.tuning.speed**2
@@ -125,7 +149,8 @@ class Estimator:
         u[np.abs(u) < _LEAST_VOLTS] = _LEAST_VOLTS
         x = self.x
         moved = self._moved_loaded if gripped else self._moved_empty
-        held = self._empty + moved[0, :, ARM:] @ np.concatenate((x[ARM:PAYLOAD] - self._nominal, x[PAYLOAD:MOVING]))
+        possible = np.minimum(np.maximum(x, self._least), self._most)
+        held = self._empty + moved[0, :, ARM:] @ (possible - self._nominal)[ARM:MOVING]
         derivatives = np.empty_like(self._derivatives)
         derivatives[0] = self._derivatives[0]
         self._states[0] = x[:6]
@@ -157,6 +182,10 @@ class Estimator:
             self.innovation,
             self.variance,
         )
+        if self._cloned:
+            kernels.follow_clones(
+                self._clones, self._C, self._B, self.F, self.gains, self.innovation, self.variance, used, PERIOD
+            )
         return likelihood
 
     def set_noise(self, deviation: Array) -> None:
@@ -166,7 +195,7 @@ class Estimator:
     def copy(self) -> Estimator:
         """An independent estimator in the same state."""
         other = copy.copy(self)
-        for name in ("x", "P", "gains", "innovation", "variance", "_walk", "_torque", "_states"):
+        for name in _OWN:
             setattr(other, name, getattr(self, name).copy())
         return other
 
@@ -186,7 +215,7 @@ class Estimator:
         if joint:
             still = W + joint - 1
             self.P[joint - 1, joint - 1] += (jolt * PERIOD) ** 2
-            self.P[still], self.P[:, still], self.x[still] = 0.0, 0.0, 0.0
+            self._make_certain(still, 0.0)
 
     def disturb(self, joint: int, deviation: float = _FOREIGN) -> None:
         """Allows a torque of unknown cause (N m) on a joint (1 to 3), 0 for no joint."""
@@ -196,15 +225,42 @@ class Estimator:
 
     def lose(self, name: str) -> None:
         """Takes a voltage constant or the mass held to be zero, for certain."""
-        index = INDEX[name]
-        self.x[index] = 0.0
-        self.P[index], self.P[:, index] = 0.0, 0.0
+        self._make_certain(INDEX[name], 0.0)
         if name == "payload":
             self.box_mass, self.payload_variance = 0.0, 0.0
 
     def expect_boxes(self) -> None:
         """Takes the next boxes to be as boxes should be."""
         self.box_mass, self.payload_variance = self.tuning.box_mass, self.tuning.box_deviation**2
+
+    def remember(self, name: str) -> None:
+        """Keeps what a state is now, to tell later by how much it has changed; of a box, without one, what boxes
+        are."""
+        if name in self._cloned:
+            return
+        index = INDEX[name]
+        waits = name == "payload" and not self.gripped
+        self._cloned = (*self._cloned, name)
+        self._clones = np.append(self._clones, self.box_mass if waits else self.x[index])
+        self._C = np.column_stack((self._C, self.P[index]))
+        self._B = np.append(self._B, self.P[index, index])
+
+    def forget(self, name: str) -> None:
+        """Takes a state to have always been what it is now."""
+        if name in self._cloned:
+            place = self._cloned.index(name)
+            self._cloned = (*self._cloned[:place], *self._cloned[place + 1 :])
+            self._clones, self._B = np.delete(self._clones, place), np.delete(self._B, place)
+            self._C = np.ascontiguousarray(np.delete(self._C, place, axis=1))
+
+    def change(self, name: str) -> Change | None:
+        """Of a state that is remembered."""
+        if name not in self._cloned:
+            return None
+        place, index = self._cloned.index(name), INDEX[name]
+        value = min(max(self.x[index], self._least[index]), self._most[index])
+        variance = self.P[index, index] - 2.0 * self._C[index, place] + self._B[place]
+        return Change(float(self._clones[place]), float(value), float(max(variance, 0.0) ** 0.5))
 
     @property
     def locked(self) -> int:
@@ -215,6 +271,10 @@ class Estimator:
         """Standard deviation of one state."""
         index = INDEX[name]
         return float(max(self.P[index, index], 0.0) ** 0.5)
+
+    def _make_certain(self, index: int, value: float) -> None:
+        self.x[index] = value
+        self.P[index], self.P[:, index], self._C[index] = 0.0, 0.0, 0.0
 
     def _oppose(self, u: Array, F: Array) -> None:
         """Changes the voltage of a locked joint to one that holds it, by Newton's method."""
@@ -237,8 +297,7 @@ class Estimator:
     def _hold(self, gripped: bool) -> None:
         """A box is gripped or let go: of what is held now, only the prior is known."""
         self.gripped = gripped
-        self.P[PAYLOAD], self.P[:, PAYLOAD] = 0.0, 0.0
-        self.x[PAYLOAD] = self.box_mass if gripped else 0.0
+        self._make_certain(PAYLOAD, self.box_mass if gripped else 0.0)
         self.P[PAYLOAD, PAYLOAD] = self.payload_variance if gripped else 0.0
 
 

@@ -174,3 +174,43 @@ def trace(
             if k != 0.0:
                 for c in range(n):
                     E[j, c] -= k * g[c]
+
+
+@_kernel
+def follow_clones(
+    clones: Array,
+    C: Array,
+    B: Array,
+    F: Array,
+    gains: Array,
+    innovation: Array,
+    variance: Array,
+    used: Any,
+    period: float,
+) -> None:
+    """Carries what states were at earlier moments over one sample, in place (stochastic cloning, Roumeliotis and
+    Burdick 2002): a clone stands still, but what is measured later tells more of it.
+
+    Args:
+        clones: (n,), means.
+        C: (28, n), covariance of the state now with the clones.
+        B: (n,), the clones' variances.
+        F: derivatives over the sample.
+        gains: (3, 28), of the filter.
+        innovation: (3,), rad.
+        variance: (3,), rad^2.
+        used: (3,) bool, which readings the filter took in.
+        period: s.
+    """
+    C[:6] = F @ C[:MOVING]
+    for i in range(3):
+        C[BIAS + i] += period * C[DRIFT + i]
+    for i in range(3):
+        if not used[i]:
+            continue
+        for c in range(len(clones)):
+            covariance = C[i, c] + C[BIAS + i, c]
+            clones[c] += covariance / variance[i] * innovation[i]
+            B[c] -= covariance * covariance / variance[i]
+            for j in range(SIZE):
+                C[j, c] -= gains[i, j] * covariance

@@ -6,18 +6,17 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.errors import ParameterError
 from dtwin.identification.quality import noise
 from dtwin.monitoring.belief import NOISE_FLOOR, Belief
-from dtwin.monitoring.diagnosis import Candidate, Change, Diagnosis, Moment
+from dtwin.monitoring.diagnosis import Diagnosis, Moment
 from dtwin.monitoring.estimator import Estimator, Tuning
-from dtwin.monitoring.layout import INDEX
+from dtwin.monitoring.findings import Findings
 from dtwin.monitoring.signatures import LONGEST, SPACING, SignatureBank, plausible_sizes, threshold
-from dtwin.monitoring.trend import WATCHED, Trend
+from dtwin.monitoring.trend import Trend
 from dtwin.monitoring.verdict import CAUSE_OF, UNITS, Finding, State, Verdict, joint_of, unit_of
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event
@@ -46,10 +45,6 @@ _NOISIER: Final = 1.3
 """how much more noise than believed a second of readings must show to be believed instead"""
 _LEAST_LIKELY: Final = -1e4
 """log-likelihood of a sample that cannot be: the arm as believed has nothing to do with it any more"""
-_LOST: Final = 0.02
-"""share of a voltage constant that is as good as none"""
-_NOTHING: Final = {"K": 0.02, "D": 0.1, "mu": 0.1, "bias": 0.02, "drift": 0.02, "payload": 0.05}
-"""change, relative to what is plausible, below which a parameter counts as back to normal"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +79,7 @@ class Monitor:
 
     Attributes:
         estimator: the arm as believed now.
-        findings: what is wrong now, by parameter.
-        history: every finding that was settled, in order.
-        events: everything that was noticed, in order.
+        findings: what is wrong now, and all that was noticed.
         missed: samples that did not arrive.
         trend: of the parameters over hours.
         restarts: how often the estimate of the motion had to start anew.
@@ -108,10 +101,7 @@ class Monitor:
         self._moments: deque[Moment] = deque(maxlen=LONGEST + 2 * SPACING)
         self._diagnosis: Diagnosis | None = None
         self._pending: Finding | None = None
-        self._before: dict[str, float] = {}
-        self.findings: dict[str, Finding] = {}
-        self.history: list[Finding] = []
-        self.events: list[Event] = []
+        self.findings = Findings(self._sizes, self.trend)
         self.missed = self.restarts = 0
         self.sample = -1
         self._last = np.full(3, np.nan)
@@ -157,6 +147,24 @@ class Monitor:
         """The strongest evidence of a sudden change, 2 log likelihood ratio; the threshold while one is diagnosed."""
         return self.threshold if self._diagnosis is not None else self._bank.worst()
 
+    @property
+    def events(self) -> list[Event]:
+        """Everything that was noticed, in order."""
+        return self.findings.events
+
+    @property
+    def history(self) -> list[Finding]:
+        """Every finding that was settled, in order."""
+        return self.findings.history
+
+    def acknowledge(self, parameter: str = "") -> list[str]:
+        """Takes the arm as it is now to be known, see `Findings.acknowledge`.
+
+        Raises:
+            ParameterError: nothing of that name is wrong.
+        """
+        return self.findings.acknowledge(self.time, parameter, self.estimator)
+
     def verdict(self) -> Verdict:
         """The opinion now."""
         states: dict[str, State] = dict.fromkeys(UNITS, "nominal")
@@ -166,7 +174,7 @@ class Monitor:
         forecasts = self.trend.forecasts()
         for forecast in forecasts:
             states[unit_of(forecast.joint)] = "may be degrading" if forecast.hours else "failed"
-        findings = [self._now(finding) for finding in self.findings.values()]
+        findings = [self.findings.refined(finding, self.estimator) for finding in self.findings.current.values()]
         findings += [self._pending] if self._pending else []
         for finding in findings:
             states[unit_of(finding.joint)] = "failed"
@@ -182,16 +190,6 @@ class Monitor:
             if not seen and not visible[other] and text not in hidden:
                 hidden.append(text)
         return tuple(hidden)
-
-    def _now(self, finding: Finding) -> Finding:
-        """The finding with the size that the estimator has refined it to since."""
-        name = finding.parameter
-        if name not in self._before:
-            return finding
-        before, index = self._before[name], INDEX[name]
-        unit = before if name[0] == "K" else 1.0
-        size = (float(self.estimator.x[index]) - before) / unit
-        return msgspec.structs.replace(finding, size=size, deviation=self.estimator.deviation(name) / abs(unit))
 
     def _suspected(self) -> str | None:
         """The unit something may be wrong with."""
@@ -229,11 +227,13 @@ class Monitor:
             self.missed += max(gap - 1, 0)
             self.restarts += 1
             reason = f"{gap - 1} samples did not arrive" if gap > 0 else "time went back"
-            self.events.append(Event(sample * PERIOD, "restart", f"{reason}: the estimate of the motion starts anew"))
+            self.findings.note(sample * PERIOD, "restart", f"{reason}: the estimate of the motion starts anew")
         self.sample = sample
         self._diagnosis = self._pending = None
         self._moments.clear()
         self._bank.clear()
+        if self.estimator.gripped and not gripped:
+            self.findings.put_down(self.time, self.estimator)
         self.estimator.begin(measured, gripped)
         self._quiet = max(SETTLING, LISTENING - len(self._heard))
 
@@ -254,7 +254,7 @@ class Monitor:
         if regripped:
             self._bank.regrip()
             if not gripped:
-                self._end_of_payload()
+                self.findings.put_down(self.time, estimator)
         self._watch_repetition()
         if self._quiet:
             self._quiet -= 1
@@ -264,6 +264,7 @@ class Monitor:
             self._decide(self._diagnosis)
             return
         self.trend.enter(self.time, estimator)
+        self.findings.examine(self.time, estimator)
         self._bank.update(estimator, used, self.sample, counts)
         if self._bank.worst() > self.threshold:
             suspicions = self._bank.suspicions()
@@ -280,7 +281,7 @@ class Monitor:
         self._moments.clear()
         self._quiet = SETTLING
         self.restarts += 1
-        self.events.append(Event(self.time, "restart", "the estimate diverged and starts anew from the model"))
+        self.findings.note(self.time, "restart", "the estimate diverged and starts anew from the model")
 
     def _decide(self, diagnosis: Diagnosis) -> None:
         """Updates the finding under diagnosis, and adopts the winner once it is settled."""
@@ -288,9 +289,9 @@ class Monitor:
         settled = diagnosis.settled(self.sample)
         if candidate.gain > CERTAIN:
             detected = self._pending.detected if self._pending else self.time
-            finding = self._finding(candidate, probability, detected)
+            finding = self.findings.assess(candidate, probability, detected)
             if self._pending is None:
-                self.events.append(Event(self.time, "suspected", finding.text()))
+                self.findings.note(self.time, "suspected", finding.text())
             self._pending = finding
         if not settled:
             return
@@ -299,7 +300,7 @@ class Monitor:
         self._quiet = SPACING
         if self._pending is None or not np.isfinite(candidate.estimator.x).all():
             self._pending = None
-            self.events.append(Event(self.time, "dismissed", "a suspicion was not confirmed"))
+            self.findings.note(self.time, "dismissed", "a suspicion was not confirmed")
             return
         finding, self._pending = self._pending, None
         if candidate.changes():
@@ -311,68 +312,7 @@ class Monitor:
             self.estimator.disturb(0)
             self.estimator.begin(self._last, self._gripped)
             self._quiet = SETTLING
-        self._settle(candidate, finding)
-
-    def _settle(self, candidate: Candidate, finding: Finding) -> None:
-        """Enters a settled finding, or strikes out the one it undoes."""
-        changes = candidate.changes()
-        known = [f for f in self.findings.values() if f.joint == finding.joint and f.cause == finding.cause]
-        if finding.cause == "voltage constant" or finding.cause == "voltage not arriving":
-            known = [f for f in self.findings.values() if f.parameter in (f"K{finding.joint}", f"cut{finding.joint}")]
-        undone = candidate.parameter == "free"
-        for name, change in changes.items():
-            self._before.setdefault(name, change.before)
-        if known and changes:
-            undone = all(self._is_nothing(name, change) for name, change in changes.items())
-        for entry in known:
-            del self.findings[entry.parameter]
-        if undone:
-            for name in changes:
-                del self._before[name]
-            self.events.append(Event(self.time, "recovered", finding.text()))
-            return
-        since = min([finding.since, *(f.since for f in known)])
-        finding = self._finding(candidate, finding.confidence, finding.detected)
-        finding = msgspec.structs.replace(finding, since=since, settled=True)
-        self._enter(finding)
-
-    def _enter(self, finding: Finding) -> None:
-        self.findings[finding.parameter] = finding
-        self.history.append(finding)
-        if finding.parameter in WATCHED:
-            self.trend.restart()
-        self.events.append(Event(self.time, "failed", finding.text()))
-
-    def _is_nothing(self, name: str, change: Change) -> bool:
-        least = _NOTHING[name.rstrip("123")] * self._sizes[name]
-        return abs(change.value - self._before[name]) < max(least, 3.0 * change.deviation)
-
-    def _finding(self, candidate: Candidate, probability: float, detected: float) -> Finding:
-        """What a candidate amounts to so far."""
-        changes = {n: c._replace(before=self._before.get(n, c.before)) for n, c in candidate.changes().items()}
-        name, size, deviation = candidate.parameter, 0.0, 0.0
-        if changes:
-            state, change = max(
-                changes.items(), key=lambda item: abs(item[1].value - item[1].before) / self._sizes[item[0]]
-            )
-            scale = change.before if state[0] == "K" else 1.0
-            size, deviation = (change.value - change.before) / scale, change.deviation / abs(scale)
-            if state[0] == "K" and abs(change.value) < max(_LOST * change.before, 2.5 * change.deviation):
-                name = f"cut{joint_of(state)}"
-            name = name if name not in self._sizes and not name.startswith("friction") else state
-        if name == "free":
-            name = f"lock{candidate.onset.estimator.locked}"
-        cause, joint = CAUSE_OF[name.rstrip("123")], joint_of(name)
-        since = (candidate.onset.sample + 1) * PERIOD
-        return Finding(name, cause, joint, size, deviation, probability, since, detected, False)
-
-    def _end_of_payload(self) -> None:
-        """The box is put down, and with it what was wrong with it."""
-        for name in ("payload", "slip"):
-            if self.findings.pop(name, None):
-                self._before.pop("payload", None)
-                self.events.append(Event(self.time, "recovered", "the box that differed is put down"))
-        self.estimator.expect_boxes()
+        self.findings.settle(self.time, candidate, finding)
 
     def _watch_repetition(self) -> None:
         """Encoders that repeat themselves."""
@@ -380,9 +320,9 @@ class Monitor:
             name = f"freeze{i + 1}"
             count = int(self._equal[i])
             surprising = self._noisy[i] or abs(self.estimator.innovation[i]) > 6.0 * self.estimator.variance[i] ** 0.5
-            if name not in self.findings and count >= FROZEN - 1 and surprising:
+            if name not in self.findings.current and count >= FROZEN - 1 and surprising:
                 since = self.time - count * PERIOD
                 finding = Finding(name, CAUSE_OF["freeze"], i + 1, 0.0, 0.0, 1.0, since, self.time, True)
-                self._enter(finding)
-            elif name in self.findings and count == 0:
-                self.events.append(Event(self.time, "recovered", self.findings.pop(name).text()))
+                self.findings.enter(self.time, finding)
+            elif count == 0:
+                self.findings.end(self.time, name)

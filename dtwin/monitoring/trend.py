@@ -67,6 +67,12 @@ class Trend:
         self._rows.clear()
         self._forecasts = []
 
+    def accept(self, name: str, estimator: Estimator) -> None:
+        """Counts the changes of a parameter, if it is watched, from what it is now."""
+        if name in WATCHED:
+            self._reference[WATCHED.index(name)] = estimator.x[INDEX[name]]
+            self.restart()
+
     def changes(self) -> tuple[Array, Array]:
         """Plant times (n,) in s and changes (n, 9), columns WATCHED, as in `Forecast.change`."""
         rows = np.array(self._rows).reshape(-1, len(WATCHED))

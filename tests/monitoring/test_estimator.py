@@ -147,11 +147,79 @@ def test_innovations_of_a_healthy_arm_are_white_and_the_truth_is_within_its_erro
 def test_bounds_keep_the_estimate_physical(belief) -> None:
     estimator = Estimator(belief, Tuning())
     estimator.begin(STATE[:3], True)
-    estimator.x[INDEX["K2"]], estimator.x[INDEX["D1"]], estimator.x[PAYLOAD] = -1.0, 9.0, -3.0
+    estimator.x[INDEX["K2"]], estimator.x[PAYLOAD] = -1.0, -3.0
     estimator.correct(STATE[:3], ALL)
     assert estimator.x[INDEX["K2"]] == 0.0
-    assert estimator.x[INDEX["D1"]] == 0.23
     assert estimator.x[PAYLOAD] == 0.0
+
+
+def test_friction_that_cannot_be_moves_the_arm_like_the_nearest_that_can() -> None:
+    """The estimate may pass the bounds, for what is measured next to draw it back; the motion and what is told not."""
+    beyond, nearest = at(STATE), at(STATE)
+    for estimator, damping, coulomb in ((beyond, 0.3, -0.01), (nearest, 0.23, 0.0)):
+        estimator.x[INDEX["D1"]], estimator.x[INDEX["mu2"]] = damping, coulomb
+        estimator.remember("D1")
+        estimator.predict(VOLTS, False)
+    np.testing.assert_array_equal(beyond.x[:6], nearest.x[:6])
+    assert beyond.x[INDEX["D1"]] == 0.3
+    change = beyond.change("D1")
+    assert change is not None
+    assert change.value == 0.23
+
+
+def test_what_was_remembered_is_refined_as_an_augmented_filter_would(belief, run_cell) -> None:
+    """A clone's mean, variance and covariance are those of one more constant in a filter of 29 states."""
+    seen = stream(run_cell())
+    estimator = Estimator(belief, Tuning())
+    estimator.begin(seen.measured[0], False)
+    for k in range(1, 500):
+        estimator.predict(seen.volts[k - 1], bool(seen.gripped[k - 1]))
+        estimator.correct(seen.measured[k], ALL)
+    name, size = "K1", len(NAMES)
+    index = INDEX[name]
+    estimator.remember(name)
+    assert estimator.change(name) == (estimator.x[index], estimator.x[index], 0.0)
+    mean = float(estimator.x[index])
+    P = np.pad(estimator.P, ((0, 1), (0, 1)))
+    P[size], P[:, size] = P[index], P[:, index]
+    P[size, size] = estimator.P[index, index]
+    estimator.spread(name, 0.03**2)
+    P[index, index] += 0.03**2
+    for k in range(500, 600):
+        estimator.predict(seen.volts[k - 1], bool(seen.gripped[k - 1]))
+        A = np.eye(size + 1)
+        A[:6] = 0.0
+        A[:6, :22] = estimator.F
+        for i in range(3):
+            A[22 + i, 25 + i] = 0.01
+        P = A @ P @ A.T
+        x = estimator.x.copy()
+        P[:size, :size] = estimator.P  # what the process adds to the states themselves is not in question here
+        for i in range(3):
+            h = np.zeros(size + 1)
+            h[i] = h[22 + i] = 1.0
+            s = h @ P @ h + belief.noise[i] ** 2
+            gain = P @ h / s
+            innovation = seen.measured[k, i] - x[i] - x[22 + i]
+            x += gain[:size] * innovation
+            mean += gain[size] * innovation
+            P = P - np.outer(gain, h @ P)
+        estimator.correct(seen.measured[k], ALL)
+    change = estimator.change(name)
+    assert change is not None
+    assert change.before == pytest.approx(mean, rel=1e-9)
+    assert change.deviation**2 == pytest.approx(P[index, index] - 2 * P[index, size] + P[size, size], rel=1e-6)
+    assert change.before != estimator.x[index]
+    estimator.forget(name)
+    assert estimator.change(name) is None
+
+
+def test_a_box_that_comes_is_compared_with_what_boxes_are(belief) -> None:
+    estimator = Estimator(belief, Tuning())
+    estimator.begin(STATE[:3], False)
+    estimator.remember("payload")
+    estimator.predict(VOLTS, True)
+    assert estimator.change("payload") == (0.2, 0.2, pytest.approx(Tuning().box_deviation))
 
 
 def test_a_belief_with_coulomb_friction_is_followed() -> None:

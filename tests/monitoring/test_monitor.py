@@ -65,7 +65,7 @@ def test_a_fault_that_ends_is_struck_out(belief, run_cell) -> None:
     times = [event.time for event in monitor.events]
     assert times[0] == pytest.approx(31.0, abs=0.2)
     assert times[2] == pytest.approx(38.0, abs=0.2)
-    assert monitor.findings == {}
+    assert monitor.findings.current == {}
     assert [finding.parameter for finding in monitor.history] == ["K1"]
     assert set(monitor.verdict().states.values()) == {"nominal"}
 
@@ -138,7 +138,7 @@ def test_long_gaps_start_the_motion_anew_and_keep_what_was_learned(belief, run_c
     assert monitor.restarts == 2
     assert [event.kind for event in monitor.events] == ["restart", "restart"]
     seen.feed(monitor, 2000, len(seen))
-    assert monitor.findings == {}
+    assert monitor.findings.current == {}
 
 
 def test_a_fault_during_a_gap_is_found_after_it(belief, run_cell) -> None:
@@ -159,7 +159,7 @@ def test_friction_of_an_arm_at_rest_is_said_to_be_unobservable(belief, run_cell)
         hidden |= set(monitor.unobservable()) if quiet else set()
         if np.abs(log.stack("omega")[row : row + 100]).max() > 1.0 and row > 500:
             assert "friction of joint 2" not in monitor.unobservable()
-    assert monitor.findings == {}
+    assert monitor.findings.current == {}
 
 
 def test_noise_that_the_model_does_not_tell_of_is_heard(run_cell) -> None:
