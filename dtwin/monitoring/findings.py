@@ -7,6 +7,7 @@ has explained the joint's motion for a while.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Final
 
@@ -27,7 +28,7 @@ _MOVES: Final = 0.1
 """rad/s"""
 _LOST: Final = 0.02
 """share of a voltage constant that is as good as none"""
-_NOTHING: Final = {"K": 0.02, "D": 0.1, "mu": 0.1, "bias": 0.02, "drift": 0.02, "payload": 0.05}
+_NOTHING: Final = {"K": 0.02, "D": 0.1, "mu": 0.1, "bias": 0.02, "drift": 0.02, "payload": 0.1}
 """change, relative to what is plausible, below which a parameter counts as back to normal"""
 _SURE: Final = 3.0
 """standard deviations"""
@@ -52,7 +53,7 @@ class Findings:
         self._trend = trend
         self._explained: dict[str, int] = {}
         self._tolerated: set[str] = set()
-        self._released = -1.0
+        self._gripped = self._released = -1.0
         self.current: dict[str, Finding] = {}
         self.history: list[Finding] = []
         self.events: list[Event] = []
@@ -75,6 +76,8 @@ class Findings:
             name = f"lock{candidate.onset.estimator.locked}"
         cause, joint = CAUSE_OF[name.rstrip("123")], joint_of(name)
         since = (candidate.onset.sample + 1) * PERIOD
+        if name in _ON_BOX:
+            since = max(since, self._gripped)
         return Finding(name, cause, joint, size, deviation, probability, since, detected, False)
 
     def settle(self, time: float, candidate: Candidate, finding: Finding) -> None:
@@ -108,6 +111,26 @@ class Findings:
             self._trend.restart()
         self.note(time, "failed", finding.text())
 
+    def give_up(self, time: float, since: float, last: Finding, sound: Mapping[str, Finding]) -> None:
+        """Replaces one cause after the other by the only thing that is sure: that the cause is unknown.
+
+        Args:
+            time: plant time, s.
+            since: plant time (s) from which on all that was noticed is in doubt.
+            last: of that.
+            sound: findings of before.
+        """
+        recent = [last, *(finding for finding in self.history if finding.detected >= since)]
+        for finding in recent:
+            if finding.cause != "encoder freeze":
+                self.current.pop(finding.parameter, None)
+        for name, finding in sound.items():
+            if name not in _ON_BOX or finding.since > self._released:
+                self.current.setdefault(name, finding)
+        joint = Counter(finding.joint or 1 for finding in recent).most_common(1)[0][0]
+        began = min(finding.since for finding in recent)
+        self.enter(time, Finding(f"unknown{joint}", "unknown", joint, 0.0, 0.0, 1.0, began, since, True))
+
     def end(self, time: float, parameter: str, why: str = "") -> None:
         """Strikes a finding out if there is one, and tolerates it no more."""
         self._tolerated.discard(parameter)
@@ -122,6 +145,10 @@ class Findings:
             return finding
         size, deviation = _size(finding.parameter, change, estimator)
         return msgspec.structs.replace(finding, size=size, deviation=deviation)
+
+    def pick_up(self, time: float) -> None:
+        """A box is gripped, at a plant time (s)."""
+        self._gripped = time
 
     def put_down(self, time: float, estimator: Estimator) -> None:
         """The gripper lets go, at a plant time (s): with the box goes what was wrong with it."""
@@ -144,6 +171,16 @@ class Findings:
             ):
                 self.end(time, name, f"{self.refined(finding, estimator).text()}: none after all")
                 estimator.forget(name)
+
+    @property
+    def unexplained(self) -> bool:
+        """Whether something unknown goes on."""
+        return any(finding.cause == "unknown" for finding in self.current.values())
+
+    def doubt(self) -> None:
+        """What is unknown has shown again."""
+        for name in self._explained:
+            self._explained[name] = 0
 
     def acknowledge(self, time: float, parameter: str, estimator: Estimator) -> list[str]:
         """Takes the state of the arm as it is now to be known: its findings, or one, are struck out.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,8 @@ BRIDGED: Final = 10
 """samples that may be missing in a row, with the gripper unchanged, before the motion is estimated anew"""
 SETTLING: Final = 50
 """samples after a start before anything is suspected"""
+STARTING: Final = 10
+"""samples after a start that are no evidence: the speeds are not known"""
 LISTENING: Final = 100
 """samples from which the noise of the encoders is judged"""
 _BLIND: Final = 0.1
@@ -43,6 +45,10 @@ _UNSETTLED: Final = 10
 """samples after one that did not arrive that are no evidence: how wrong the guess was is not known well"""
 _NOISIER: Final = 1.3
 """how much more noise than believed a second of readings must show to be believed instead"""
+LOST: Final = 5
+"""diagnoses within LOST_WITHIN that show that none of them was right"""
+LOST_WITHIN: Final = 600
+"""samples"""
 _LEAST_LIKELY: Final = -1e4
 """log-likelihood of a sample that cannot be: the arm as believed has nothing to do with it any more"""
 
@@ -68,6 +74,15 @@ class MonitorSettings:
         for name in ("alarms_per_hour", "warnings_per_hour"):
             if not 0.0 < getattr(self, name) < 1e5:
                 raise ParameterError(f"{name}: expected a number above 0, got {getattr(self, name)}")
+
+
+class _Turn(NamedTuple):
+    """A diagnosis that was settled at a sample: when (s) it had been noticed, and what was believed before."""
+
+    sample: int
+    detected: float
+    estimator: Estimator
+    findings: dict[str, Finding]
 
 
 class Monitor:
@@ -101,6 +116,8 @@ class Monitor:
         self._moments: deque[Moment] = deque(maxlen=LONGEST + 2 * SPACING)
         self._diagnosis: Diagnosis | None = None
         self._pending: Finding | None = None
+        self._settled: deque[_Turn] = deque(maxlen=LOST)
+        self._sound: Estimator | None = None
         self.findings = Findings(self._sizes, self.trend)
         self.missed = self.restarts = 0
         self.sample = -1
@@ -109,6 +126,7 @@ class Monitor:
         self._command = np.zeros(3)
         self._gripped = False
         self._quiet = self._doubted = 0
+        self._beginning = False
 
     @property
     def time(self) -> float:
@@ -211,8 +229,7 @@ class Monitor:
                 first, second, third = np.where(louder, heard, believed).tolist()
                 self._belief = replace(self._belief, noise=(first, second, third))
                 self.estimator = Estimator(self._belief, self.settings.tuning)
-                self.estimator.begin(measured, self._gripped)
-                self._quiet = SETTLING
+                self._begin(measured, self._gripped)
 
     def _readable(self, measured: Array) -> NDArray[np.bool_]:
         """Which readings to use: an encoder with noise that repeats itself to the last bit does not measure."""
@@ -231,11 +248,17 @@ class Monitor:
         self.sample = sample
         self._diagnosis = self._pending = None
         self._moments.clear()
-        self._bank.clear()
         if self.estimator.gripped and not gripped:
             self.findings.put_down(self.time, self.estimator)
-        self.estimator.begin(measured, gripped)
+        self._begin(measured, gripped)
         self._quiet = max(SETTLING, LISTENING - len(self._heard))
+
+    def _begin(self, measured: Array, gripped: bool) -> None:
+        """Estimates the motion anew; what is wrong with the arm already may have begun with it."""
+        self.estimator.begin(measured, gripped)
+        self._bank.clear()
+        self._bank.note(self.estimator, self.sample)
+        self._quiet, self._beginning = SETTLING, True
 
     def _step(self, measured: Array, used: NDArray[np.bool_], command: Array, doubt: float) -> None:
         estimator, gripped = self.estimator, self._gripped
@@ -253,12 +276,17 @@ class Monitor:
         self._moments.append(moment)
         if regripped:
             self._bank.regrip()
-            if not gripped:
+            if gripped:
+                self.findings.pick_up(self.time)
+            else:
                 self.findings.put_down(self.time, estimator)
         self._watch_repetition()
         if self._quiet:
             self._quiet -= 1
+            if self._beginning:
+                self._bank.update(estimator, used, self.sample, counts and self._quiet < SETTLING - STARTING)
             return
+        self._beginning = False
         if self._diagnosis is not None:
             self._diagnosis.update(moment)
             self._decide(self._diagnosis)
@@ -266,20 +294,28 @@ class Monitor:
         self.trend.enter(self.time, estimator)
         self.findings.examine(self.time, estimator)
         self._bank.update(estimator, used, self.sample, counts)
-        if self._bank.worst() > self.threshold:
+        if self._sound is not None and not self.findings.unexplained:
+            self._sound = None
+        if self._bank.worst() > self.threshold and self._sound is not None:
+            self._try_again(self._sound)
+        elif self._bank.worst() > self.threshold:
             suspicions = self._bank.suspicions()
             self._diagnosis = Diagnosis(
                 suspicions, list(self._moments), self.sample, self._sizes, bool(estimator.locked)
             )
             self._decide(self._diagnosis)
 
+    def _try_again(self, sound: Estimator) -> None:
+        """The arm moves like none that is known: starts from the last one that it moved like."""
+        self.findings.doubt()
+        self.estimator = sound.copy()
+        self._begin(self._last, self._gripped)
+
     def _forget(self) -> None:
         """The estimate has left the finite numbers: starts anew from the model."""
         self.estimator = Estimator(self._belief, self.settings.tuning)
-        self._bank.clear()
-        self.estimator.begin(self._last, self._gripped)
+        self._begin(self._last, self._gripped)
         self._moments.clear()
-        self._quiet = SETTLING
         self.restarts += 1
         self.findings.note(self.time, "restart", "the estimate diverged and starts anew from the model")
 
@@ -310,9 +346,17 @@ class Monitor:
         self.estimator = candidate.estimator
         if finding.cause == "unknown":
             self.estimator.disturb(0)
-            self.estimator.begin(self._last, self._gripped)
-            self._quiet = SETTLING
+            self._begin(self._last, self._gripped)
+        self._settled.append(
+            _Turn(self.sample, finding.detected, candidate.onset.estimator, dict(self.findings.current))
+        )
         self.findings.settle(self.time, candidate, finding)
+        first = self._settled[0]
+        if len(self._settled) == LOST and first.sample > self.sample - LOST_WITHIN:
+            self.findings.give_up(self.time, first.detected, finding, first.findings)
+            self._settled.clear()
+            self._sound = first.estimator
+            self._try_again(first.estimator)
 
     def _watch_repetition(self) -> None:
         """Encoders that repeat themselves."""

@@ -111,7 +111,20 @@ class SignatureBank:
             PERIOD,
         )
         if sample % SPACING == 0:
-            self._note(Onset(sample, SPACING, estimator.copy()))
+            self.note(estimator, sample)
+
+    def note(self, estimator: Estimator, sample: int) -> None:
+        """Takes this sample for an onset."""
+        onset = Onset(sample, SPACING, estimator.copy())
+        place = len(self._place)
+        if place == ONSETS:
+            place = self._redundant(onset.sample)
+        self._place[place] = onset
+        columns = slice(place * len(FAULTS), (place + 1) * len(FAULTS))
+        self._h[columns] = self._J[columns] = 0.0
+        block = self._E[:, columns]
+        block[:] = 0.0
+        block[self._rows, np.arange(len(FAULTS))] = 1.0
 
     def statistics(self) -> Array:
         """2 log likelihood ratio of every onset and fault, (16, 16); 0 where there is no onset yet."""
@@ -148,17 +161,6 @@ class SignatureBank:
         """Whether a fault of the given size, had it begun at the oldest onset, would be beyond the limit by now."""
         information = self._J.reshape(ONSETS, -1).max(axis=0)
         return {fault: bool(sizes[fault] ** 2 * information[k] > limit) for k, fault in enumerate(FAULTS)}
-
-    def _note(self, onset: Onset) -> None:
-        place = len(self._place)
-        if place == ONSETS:
-            place = self._redundant(onset.sample)
-        self._place[place] = onset
-        columns = slice(place * len(FAULTS), (place + 1) * len(FAULTS))
-        self._h[columns] = self._J[columns] = 0.0
-        block = self._E[:, columns]
-        block[:] = 0.0
-        block[self._rows, np.arange(len(FAULTS))] = 1.0
 
     def _redundant(self, now: int) -> int:
         """The place of the onset whose neighbours are closest for its age; or of the oldest when it is too old."""

@@ -154,7 +154,7 @@ def test_bounds_keep_the_estimate_physical(belief) -> None:
 
 
 def test_friction_that_cannot_be_moves_the_arm_like_the_nearest_that_can() -> None:
-    """The estimate may pass the bounds, for what is measured next to draw it back; the motion and what is told not."""
+    """The estimate may pass the bounds until more is measured; the motion and what is told may not."""
     beyond, nearest = at(STATE), at(STATE)
     for estimator, damping, coulomb in ((beyond, 0.3, -0.01), (nearest, 0.23, 0.0)):
         estimator.x[INDEX["D1"]], estimator.x[INDEX["mu2"]] = damping, coulomb

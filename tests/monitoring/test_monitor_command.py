@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 
 import pytest
 
@@ -103,8 +104,8 @@ def test_bad_input_is_one_line_and_status_2(arguments, match: str, faulty, tmp_p
 
 
 def outcome(fault: str, cause: str, joint: int, **values) -> Outcome:
-    defaults = {"latency_s": 0.1, "motion_latency_s": 0.1, "size": -0.19, "size_true": -0.2, "detected": True}
-    merged = {**defaults, **values}
+    defaults = {"latency_s": 0.1, "motion_latency_s": 0.1, "size": -0.19, "size_true": -0.2, "deviation": 0.004}
+    merged = {"detected": True, **defaults, **values}
     return Outcome(
         seed=0,
         fault=fault,
@@ -135,6 +136,7 @@ def test_a_line_of_the_scorecard_counts_what_was_missed() -> None:
     assert line.latency_median == 0.1
     assert math.isinf(line.latency_95)
     assert line.size_worst == pytest.approx(0.05)
+    assert line.covered == 0.5
     card = Scorecard((outcome("slip", "payload differs", 0), outcome("lock3", "locked joint", 3)), ())
     assert card.confusion() == {("gripper slip", "payload differs"): 1, ("locked joint 3", "locked joint 3"): 1}
     assert label("", 0) == "not named"
@@ -159,7 +161,9 @@ def test_a_scorecard_is_written_as_a_page_with_a_chart(tmp_path) -> None:
     assert card.hours > 0.01
     text = report.faults_text(card)
     page = report.write(tmp_path / "out", text, lambda figure: report.draw_faults(card, figure))
-    assert page.read_text() == text
+    assert page.read_text() == f"{text}\n![chart]({report.CHART})\n"
+    assert max(map(len, re.findall(r"^\|.*\|$", text, re.M))) <= 80
     assert "| `cut1` | 1 | 100 % |" in text
+    assert "| encoder bias 2 | 1 | 1 |  |" in text
     assert "0 false alarms" in text
     assert (tmp_path / "out" / report.CHART).read_bytes().startswith(b"\x89PNG")

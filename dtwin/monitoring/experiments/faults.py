@@ -32,6 +32,8 @@ CHUNK_HOURS: Final = 1.0
 """length of the longest healthy run"""
 WITHIN: Final = 2.0
 """s of motion in which a fault should be detected"""
+_TWO_SIGMA: Final = 1.959964
+"""standard deviations on either side that hold 95 % of a normal distribution"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +67,7 @@ class Line(msgspec.Struct, frozen=True):
         latency_median, latency_95: s, of plant time; infinite if fewer were detected.
         motion_median, motion_95: s, of motion.
         size_median, size_worst: error relative to the true size, of runs named right; None where there is no size.
+        covered: share of those sizes whose 95 % interval, by their stated standard deviation, holds the true one.
     """
 
     fault: str
@@ -78,6 +81,7 @@ class Line(msgspec.Struct, frozen=True):
     motion_95: float
     size_median: float | None
     size_worst: float | None
+    covered: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +126,12 @@ def summary(fault: str, outcomes: Sequence[Outcome]) -> Line:
     """What came of runs with one fault."""
     latency = np.array([np.inf if o.latency_s is None else o.latency_s for o in outcomes])
     motion = np.array([np.inf if o.motion_latency_s is None else o.motion_latency_s for o in outcomes])
-    errors = [abs(o.size / o.size_true - 1.0) for o in outcomes if o.named and o.size is not None and o.size_true]
+    sizes = [
+        (o.size - o.size_true, o.size_true, o.deviation)
+        for o in outcomes
+        if o.named and o.size is not None and o.size_true and o.deviation is not None
+    ]
+    errors = [abs(error / true) for error, true, _ in sizes]
     return Line(
         fault,
         len(outcomes),
@@ -135,6 +144,7 @@ def summary(fault: str, outcomes: Sequence[Outcome]) -> Line:
         _quantile(motion, 0.95),
         float(np.median(errors)) if errors else None,
         max(errors) if errors else None,
+        float(np.mean([abs(error) <= _TWO_SIGMA * deviation for error, _, deviation in sizes])) if sizes else None,
     )
 
 

@@ -79,6 +79,7 @@ class Outcome(msgspec.Struct, frozen=True):
         moving: whether the arm moved when the fault came.
         cause, joint: as named first by a complete diagnosis; "" and 0 if none.
         size, size_true: of the change, as in `Finding`; None where a cause has none.
+        deviation: standard deviation of the size, as stated; None without a size.
         confidence: of the cause.
         named: whether cause and joint are the true ones.
         false_alarms: failures reported before the fault.
@@ -96,6 +97,7 @@ class Outcome(msgspec.Struct, frozen=True):
     joint: int
     size: float | None
     size_true: float | None
+    deviation: float | None
     confidence: float
     named: bool
     false_alarms: int
@@ -150,7 +152,7 @@ class _Run:
         self.moved = 0
         self.moved_at_report = 0
         self.held = 0
-        self.held_at_start = False
+        self.held_at_start = 0.0
         self.payload = 0.0
         self.reported: float | None = None
         self.false_alarms = 0
@@ -181,6 +183,7 @@ class _Run:
             finding.joint if finding else 0,
             finding.size if finding and size_true is not None and same else None,
             size_true,
+            finding.deviation if finding and size_true is not None and same else None,
             finding.confidence if finding else 0.0,
             named,
             self.false_alarms,
@@ -227,7 +230,7 @@ class _Run:
             return
         on_box = self.fault.target == "payload"
         if time < self.start - 0.5 * PERIOD:
-            self.held_at_start = payload > 0
+            self.held_at_start = payload
         elif not on_box or payload > 0:
             self.began, self.moving_then, self.payload = time, moving, payload
 
@@ -248,7 +251,5 @@ class _Run:
             after = {"*=": before * fault.value, "+=": before + fault.value, "=": fault.value}[fault.operation]
             return (after - before) / before if kind == "K" else after - before
         if kind == "payload":
-            if self.held_at_start and fault.operation == "+=":
-                return fault.value
-            return self.payload - NOMINAL_BOX
+            return self.payload - (self.held_at_start or NOMINAL_BOX)
         return fault.value if kind in ("bias", "drift") else None

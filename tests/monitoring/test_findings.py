@@ -1,0 +1,140 @@
+"""How findings end: undone, refined away, put down with the box, explained, acknowledged."""
+
+import numpy as np
+import pytest
+
+from dtwin.errors import ParameterError
+from dtwin.monitoring.monitor import Monitor
+from dtwin.monitoring.offline import stream
+
+
+def watched(belief, log, *stops: int) -> Monitor:
+    monitor, seen = Monitor(belief), stream(log)
+    seen.feed(monitor, 0, stops[0] if stops else len(seen))
+    return monitor
+
+
+def kinds(monitor: Monitor) -> list[str]:
+    return [event.kind for event in monitor.events]
+
+
+def test_what_no_hypothesis_explains_is_said_once_and_ends_when_the_arm_moves_as_believed(belief, run_cell) -> None:
+    monitor = watched(belief, run_cell(80.0, 3, "l2*=1.1@31-36"))
+    unknown = [event for event in monitor.events if "unknown of joint 2" in event.text and event.kind == "failed"]
+    assert unknown[-1].time < 36.0
+    assert [event.kind for event in monitor.events if event.time > unknown[-1].time] == ["recovered"]
+    assert monitor.findings.current == {}
+    assert set(monitor.verdict().states.values()) == {"nominal"}
+
+
+def test_what_no_hypothesis_explains_lasts_as_long_as_it_shows(belief, run_cell) -> None:
+    monitor = watched(belief, run_cell(80.0, 3, "l2*=1.1@31"))
+    assert list(monitor.findings.current) == ["unknown2"]
+    assert monitor.findings.current["unknown2"].since == pytest.approx(31.0, abs=0.05)
+    assert monitor.events[-1].time < 36.0
+    assert kinds(monitor)[-1] == "failed"
+
+
+def test_a_box_takes_what_was_wrong_with_it_along(belief, run_cell) -> None:
+    log = run_cell(55.0, 3, "payload+=0.05@31")
+    monitor = watched(belief, log)
+    released = np.flatnonzero(np.diff(log.columns["box_gripped"].astype(int)) < 0) + 1
+    (finding,) = monitor.history
+    ended = [event.time for event in monitor.events if event.kind == "recovered"]
+    assert finding.parameter == "payload"
+    assert finding.since == pytest.approx(39.04, abs=0.03)
+    assert ended == [pytest.approx(0.01 * released[0.01 * released > finding.since][0], abs=0.02)]
+    assert monitor.verdict().states["gripper"] == "nominal"
+
+
+def test_a_box_put_down_in_a_gap_takes_it_along_too(belief, run_cell) -> None:
+    log = run_cell(55.0, 3, "payload+=0.05@31")
+    seen = stream(log)
+    monitor = watched(belief, log, 4500)
+    assert list(monitor.findings.current) == ["payload"]
+    assert seen.gripped[4499]
+    later = int(np.flatnonzero(~seen.gripped[4500:])[0]) + 4520
+    seen.feed(monitor, later, later + 1)
+    assert monitor.findings.current == {}
+    assert kinds(monitor)[-2:] == ["restart", "recovered"] or kinds(monitor)[-2:] == ["recovered", "restart"]
+
+
+def test_a_diagnosis_that_a_box_does_not_outlast_ends_at_once(belief, run_cell) -> None:
+    log = run_cell(55.0, 3, "payload+=0.05@31")
+    seen = stream(log)
+    monitor = Monitor(belief)
+    row = 0
+    while [finding.parameter for finding in monitor.verdict().findings] != ["payload"]:
+        seen.feed(monitor, row, row + 1)
+        row += 1
+    findings, estimator = monitor.findings, monitor.estimator
+    (finding,) = monitor.verdict().findings
+    assert not finding.settled
+    candidate = monitor._diagnosis.best()[0]
+    findings.put_down(monitor.time, estimator)
+    findings.settle(monitor.time, candidate, finding)
+    assert kinds(monitor)[-2:] == ["failed", "recovered"]
+    assert findings.current == {}
+
+
+def test_the_change_of_a_box_is_not_known_better_than_what_it_weighed_before(belief, run_cell) -> None:
+    """The fault comes 90 ms after the grip, with the box hardly weighed."""
+    log = run_cell(29.0, 3, "payload+=0.05@27.7")
+    monitor = watched(belief, log)
+    (finding,) = monitor.verdict().findings
+    assert finding.parameter == "payload"
+    assert 0.001 < finding.deviation < 0.005
+    assert finding.size == pytest.approx(0.05, abs=2.5 * finding.deviation)
+    assert monitor.estimator.deviation("payload") < 0.2 * finding.deviation
+
+
+def test_an_acknowledged_change_is_the_arm_from_then_on(belief, run_cell) -> None:
+    log = run_cell(60.0, 3, "K1*=0.6@31-45")
+    seen = stream(log)
+    monitor = watched(belief, log, 4400)
+    assert monitor.verdict().states["joint 1"] == "failed"
+    assert monitor.acknowledge("K1") == ["K1"]
+    assert kinds(monitor)[-1] == "acknowledged"
+    assert monitor.verdict().states["joint 1"] == "nominal"
+    seen.feed(monitor, 4400, 4500)
+    assert monitor.findings.current == {}
+    seen.feed(monitor, 4500, len(seen))
+    (finding,) = monitor.verdict().findings
+    assert finding.parameter == "K1"
+    assert finding.size == pytest.approx(0.4, abs=0.02)
+    assert finding.since == pytest.approx(45.0, abs=0.1)
+
+
+def test_an_acknowledged_encoder_is_reported_again_once_it_has_worked(belief, run_cell) -> None:
+    log = run_cell(50.0, 3, "freeze2@31-34", "freeze2@40-42")
+    seen = stream(log)
+    monitor = watched(belief, log, 3200)
+    assert monitor.acknowledge() == ["freeze2"]
+    seen.feed(monitor, 3200, 3390)
+    assert monitor.findings.current == {}
+    seen.feed(monitor, 3390, len(seen))
+    assert kinds(monitor) == ["failed", "acknowledged", "failed", "recovered"]
+
+
+def test_only_what_is_wrong_can_be_acknowledged(belief, run_cell) -> None:
+    monitor = watched(belief, run_cell(), 1000)
+    assert monitor.acknowledge() == []
+    with pytest.raises(ParameterError, match="nothing to acknowledge"):
+        monitor.acknowledge("K1")
+    monitor = watched(belief, run_cell(45.0, 3, "K1*=0.6@31-38"), 3500)
+    with pytest.raises(ParameterError, match=r"'D2': expected K1$"):
+        monitor.acknowledge("D2")
+
+
+def test_an_acknowledged_trend_counts_from_now(belief) -> None:
+    monitor = Monitor(belief)
+    healthy = belief.arm.get("K1")
+    for k in range(360):
+        monitor.estimator.x[6] = healthy * (0.95 - 0.2 * k / 360)
+        monitor.trend.enter(10.0 * k, monitor.estimator)
+    assert monitor.verdict().states["joint 1"] == "failed"
+    assert monitor.acknowledge() == ["K1"]
+    assert monitor.verdict().states["joint 1"] == "nominal"
+    for k in range(360, 720):
+        monitor.trend.enter(10.0 * k, monitor.estimator)
+    assert monitor.trend.forecasts() == []
