@@ -83,6 +83,9 @@ GROUPS: Final[dict[str, dict[str, Entry]]] = {
     },
     "monitoring": {
         "monitor": Entry("dtwin.commands.monitor", "MonitorCommand", "find faults of the arm in a log"),
+        "monitor acknowledge": Entry(
+            "dtwin.commands.acknowledge", "MonitorAcknowledge", "take the running arm as it is to be normal"
+        ),
         "experiment failure": Entry(
             "dtwin.commands.experiment_monitoring", "ExperimentFailure", "monitor K2 failing; report"
         ),

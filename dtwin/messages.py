@@ -434,6 +434,7 @@ class MonitoredUnit(msgspec.Struct, frozen=True):
         since: plant time at which it began, s.
         detected: plant time at which it was noticed, s.
         settled: whether the diagnosis is complete; until then cause and size may still change.
+        text: all of that in words.
     """
 
     state: Word
@@ -445,6 +446,7 @@ class MonitoredUnit(msgspec.Struct, frozen=True):
     since: Seconds = 0.0
     detected: Seconds = 0.0
     settled: bool = False
+    text: Line = ""
 
 
 class MonitoringVerdict(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -467,11 +469,22 @@ class MonitoringVerdict(msgspec.Struct, frozen=True, tag_field="schema", tag=SCH
     restarts: Count
 
 
+class AcknowledgeRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """An operator knows what is wrong: the arm as it is now counts as normal.
+
+    Attributes:
+        parameter: of the finding or forecast, as in `MonitoredUnit`; "" for all.
+    """
+
+    parameter: Word = ""
+
+
 class MonitoringResiduals(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA):
     """What the encoders said beyond what was expected, rad; ten times a second.
 
     Attributes:
         sequence, time: of the sample.
+        predicted: what the encoders should have read, rad.
         residual: reading minus prediction, rad.
         deviation: standard deviation that a healthy arm's residuals have, rad.
         evidence: of a sudden change, 2 log likelihood ratio.
@@ -480,6 +493,7 @@ class MonitoringResiduals(msgspec.Struct, frozen=True, gc=False, tag_field="sche
 
     sequence: Count
     time: Seconds
+    predicted: Triple
     residual: Triple
     deviation: Triple
     evidence: float
@@ -524,11 +538,14 @@ UPLOAD: Final = Topic("twin/simulation/upload", "query", UploadRequest, Upload, 
 PREDICT: Final = Topic("twin/simulation/predict", "query", PredictionRequest, Predicted, "simulation")
 ROLL_BACK: Final = Topic("twin/simulation/rollback", "query", RollBackRequest, Upload, "simulation")
 MONITORING: Final = Topic("twin/monitoring/verdict", "publication", MonitoringVerdict, None, "monitoring")
+ACKNOWLEDGE: Final = Topic(
+    "twin/monitoring/acknowledge", "query", AcknowledgeRequest, MonitoringVerdict, "monitoring"
+)
 RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, PATH, TRUTH, EVENTS, STATUS, ALIVE),
     *(GAINS, MODEL, TARGET, SETTINGS, SIGNAL, STOP, RELEASE, FAULT, RESET, SUMMARY),
-    *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, MONITORING, RESIDUALS),
+    *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, MONITORING, RESIDUALS, ACKNOWLEDGE),
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""
 

@@ -9,19 +9,24 @@ from __future__ import annotations
 import logging
 import sys
 from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from dtwin.errors import CommunicationError, DtwinError
 from dtwin.identification.model import read_model
+from dtwin.live.pairs import Pairs
 from dtwin.messages import (
+    ACKNOWLEDGE,
     EVENTS,
     MONITORING,
     RESIDUALS,
     SENSORS,
     VOLTAGES,
+    AcknowledgeRequest,
     MonitoredUnit,
     MonitoringResiduals,
     MonitoringVerdict,
@@ -34,8 +39,6 @@ from dtwin.signals import Event, Sensors, Voltages
 from services.safe_stop import Demands
 from services.service import Link, Service, main
 
-M = TypeVar("M", Sensors, Voltages)
-
 log = logging.getLogger(__name__)
 
 NAME: Final = "monitoring"
@@ -45,8 +48,8 @@ RESIDUAL_EVERY: Final = 10
 """ticks"""
 VERDICT_EVERY: Final = 100
 """ticks"""
-_KEPT: Final = 100
-"""samples that may wait for their command"""
+PATIENCE: Final = 4.0
+"""s that a query waits for the main thread"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,8 +79,7 @@ class Monitoring:
     def __init__(self, service: Service, monitor: Monitor, demands: Demands | None = None) -> None:
         self._service = service
         self._monitor = monitor
-        self._samples: dict[int, Sensors] = {}
-        self._commands: dict[int, Voltages] = {}
+        self._pairs: Pairs[Sensors, Voltages] = Pairs()
         self._demands = demands
         self._told = self._confirmed = 0
         bus = service.bus
@@ -86,6 +88,7 @@ class Monitoring:
         self._tell_residuals: Callable[[MonitoringResiduals], None] = bus.publisher(RESIDUALS)
         bus.subscribe(SENSORS, Sensors, service.inbox.put)
         bus.subscribe(VOLTAGES, Voltages, service.inbox.put)
+        bus.answer(ACKNOWLEDGE, AcknowledgeRequest, self._ask)
 
     def run(self) -> None:
         """Works until it is asked to end."""
@@ -93,46 +96,69 @@ class Monitoring:
         service.ready()
         while not service.stopping:
             item = service.next(0.2)
+            pair = None
             if isinstance(item, Sensors):
-                _keep(self._samples, item)
+                pair = self._pairs.first(item)
             elif isinstance(item, Voltages):
-                _keep(self._commands, item)
-            done += self._pair(item)
+                pair = self._pairs.second(item)
+            elif isinstance(item, _Asked):
+                self._acknowledge(item)
+            if pair is not None:
+                self._watch(*pair)
+                done += 1
             if service.report_due():
                 service.report("running" if done else "waiting", done, time=max(self._monitor.time, 0.0))
 
-    def _pair(self, item: Sensors | Voltages | None) -> int:
-        """Watches the sample of which both parts are there now; the command may have overtaken its sample."""
-        if item is None or item.sequence not in self._samples or item.sequence not in self._commands:
-            return 0
-        self._watch(self._samples.pop(item.sequence), self._commands.pop(item.sequence))
-        return 1
+    def _ask(self, request: AcknowledgeRequest | None) -> MonitoringVerdict:
+        """Answers on Zenoh's thread; the monitor is the main thread's."""
+        asked = _Asked(request, Future())
+        self._service.inbox.put(asked)
+        try:
+            return asked.verdict.result(PATIENCE)
+        except TimeoutError:
+            raise CommunicationError(f"the monitor did not answer within {PATIENCE:g} s") from None
+
+    def _acknowledge(self, asked: _Asked) -> None:
+        try:
+            if asked.request is not None:
+                self._monitor.acknowledge(asked.request.parameter)
+                self._tell_news()
+            asked.verdict.set_result(verdict_message(self._monitor.verdict(), self._monitor.restarts))
+        except DtwinError as error:
+            asked.verdict.set_exception(error)
 
     def _watch(self, sensors: Sensors, command: Voltages) -> None:
         monitor = self._monitor
         volts = np.array(command.volts[:3])
         monitor.update(sensors.sequence, np.array(sensors.theta), volts, command.box_gripped)
         if sensors.sequence % RESIDUAL_EVERY == 0:
-            self._tell_residuals(residuals(sensors.sequence, monitor))
+            self._tell_residuals(residuals(sensors.sequence, sensors.theta, monitor))
+        if not self._tell_news() and sensors.sequence % VERDICT_EVERY == 0:
+            self._tell_verdict(verdict_message(monitor.verdict(), monitor.restarts))
+
+    def _tell_news(self) -> bool:
+        """Publishes what the monitor has noticed since the last time; whether that was anything."""
+        monitor = self._monitor
         news = monitor.events[self._told :]
-        if news or sensors.sequence % VERDICT_EVERY == 0:
+        if news:
             self._tell_verdict(verdict_message(monitor.verdict(), monitor.restarts))
         for event in news:
             log.info("%.2f s: %s: %s", event.time, event.kind, event.text)
             self._tell_event(Event(event.time, f"monitor_{event.kind}", event.text))
         self._told = len(monitor.events)
         if news and self._demands is not None:
-            self._demands.stand(frozenset(monitor.findings))
-            for finding in monitor.history[self._confirmed :]:
+            self._demands.stand(frozenset(monitor.findings.current))
+            for finding in monitor.findings.history[self._confirmed :]:
                 self._demands.failed(finding)
-        self._confirmed = len(monitor.history)
+        self._confirmed = len(monitor.findings.history)
+        return bool(news)
 
 
-def _keep(waiting: dict[int, M], item: M) -> None:
-    """Lets a message wait for its other half, and forgets those that waited longest."""
-    waiting[item.sequence] = item
-    while len(waiting) > _KEPT:
-        del waiting[next(iter(waiting))]
+class _Asked(NamedTuple):
+    """A query on its way to the main thread, and where the answer goes; without a request nothing shall change."""
+
+    request: AcknowledgeRequest | None
+    verdict: Future[MonitoringVerdict]
 
 
 def verdict_message(verdict: Verdict, restarts: int) -> MonitoringVerdict:
@@ -150,17 +176,26 @@ def verdict_message(verdict: Verdict, restarts: int) -> MonitoringVerdict:
             finding.since,
             finding.detected,
             finding.settled,
+            finding.text(),
         )
     forecasts = tuple(forecast.text() for forecast in verdict.forecasts)
     return MonitoringVerdict(verdict.time, units, forecasts, verdict.unobservable, verdict.missed, restarts)
 
 
-def residuals(sequence: int, monitor: Monitor) -> MonitoringResiduals:
-    """The last sample's residuals as they are published."""
-    first, second, third = monitor.estimator.innovation.tolist()
+def residuals(sequence: int, theta: Triple, monitor: Monitor) -> MonitoringResiduals:
+    """The last sample's residuals as they are published; theta are its angles, rad."""
+    innovation = monitor.estimator.innovation
+    first, second, third = innovation.tolist()
+    p1, p2, p3 = (np.array(theta) - innovation).tolist()
     d1, d2, d3 = np.sqrt(monitor.estimator.variance).tolist()
     return MonitoringResiduals(
-        sequence, monitor.time, (first, second, third), (d1, d2, d3), monitor.statistic, monitor.threshold
+        sequence,
+        monitor.time,
+        (p1, p2, p3),
+        (first, second, third),
+        (d1, d2, d3),
+        monitor.statistic,
+        monitor.threshold,
     )
 
 

@@ -6,7 +6,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 import tyro
@@ -27,6 +27,8 @@ from dtwin.monitoring.verdict import Finding, Verdict
 from dtwin.parameters import ArmParameters
 from dtwin.recording import ensure_writable, read_log
 from dtwin.signals import Event
+
+STATE_COLOURS: Final = {"nominal": "green", "may be degrading": "yellow", "failed": "bold red"}
 
 
 @dataclass(frozen=True)
@@ -123,14 +125,13 @@ def _progress(rows: int, quiet: bool) -> Progress:
 
 
 def _print(verdict: Verdict, events: list[Event], factor: float, record: Path | None) -> None:
-    colours = {"nominal": "green", "may be degrading": "yellow", "failed": "bold red"}
     console = Console(highlight=False, soft_wrap=True)
     for event in events:
         console.print(f"{event.time:10.2f} s  {event.kind:<10}  {event.text}")
     if events:
         console.print()
     for unit, state in verdict.states.items():
-        console.print(f"{unit:<8}  [{colours[state]}]{state}[/]")
+        console.print(f"{unit:<8}  [{STATE_COLOURS[state]}]{state}[/]")
     for finding in verdict.findings:
         console.print(f"finding   {finding.text()}")
     for forecast in verdict.forecasts:

@@ -71,6 +71,13 @@ def test_a_fault_of_the_running_cell_is_published(desk: Desk) -> None:
         z = np.array([np.array(v.residual) / v.deviation for v in healthy])
         assert 0.5 < np.mean(z**2) < 2.0
         assert max(v.evidence / v.threshold for v in healthy) < 1.0
+        assert "'D3': expected K1" in desk.run("monitor", "acknowledge", "D3", status=2)
+        assert "joint 1   nominal" in desk.run("monitor", "acknowledge", "K1")
+        until(lambda: any(event.kind == "monitor_acknowledged" for event in events), "so is that it is known")
+        seen = len(verdicts)
+        until(lambda: len(verdicts) > seen + 3, "it stays known")
+        assert {verdict.units["joint 1"].state for verdict in verdicts[seen:]} == {"nominal"}
+        assert "no finding 'K1'" in desk.run("monitor", "acknowledge", "K1", status=2)
         os.kill(desk.find("services.monitoring"), signal.SIGKILL)
         seen = len(verdicts)
         until(lambda: len(verdicts) > seen + 2, "the service is back and goes on")
@@ -83,4 +90,4 @@ def test_a_nominal_verdict_as_it_is_published() -> None:
     message = verdict_message(monitor.verdict(), monitor.restarts)
     assert list(message.units) == ["joint 1", "joint 2", "joint 3", "gripper"]
     assert all(unit.cause == "" for unit in message.units.values())
-    assert residuals(0, monitor).deviation[0] > 0.0
+    assert residuals(0, (0.0, 0.0, 0.0), monitor).deviation[0] > 0.0
