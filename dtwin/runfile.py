@@ -16,13 +16,15 @@ from dtwin.errors import CommunicationError
 
 
 class Up(msgspec.Struct, frozen=True):
-    """A cell that is up: its supervisor's process, how to join its bus, and whether all services were ready."""
+    """A cell that is up: its supervisor's process, how to join its bus, whether all services were ready, and the page
+    that shows it, if any."""
 
     pid: int
     arm: str
     meet: str
     zenoh: str | None
     ready: bool = False
+    page: str = ""
 
 
 def folder() -> Path:

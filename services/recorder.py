@@ -10,7 +10,7 @@ import logging
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,7 +25,7 @@ from dtwin.messages import Path as PathAngles
 from dtwin.parameters import ArmParameters, assignment
 from dtwin.recording import Log, RunLog, ensure_writable
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
-from dtwin.view import LiveView, Viewer
+from dtwin.view import LiveView, Ports, Viewer, ViewerProcess
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)
@@ -46,7 +46,9 @@ class Options(Link):
     record: Path | None = None
     """Recording for the Rerun viewer to write."""
     viewer: Viewer = "none"
-    """Show the run live: in a window of the Rerun viewer, or in a browser (web)."""
+    """Show the run live: in a window of the Rerun viewer, or in a browser (web), on the loopback interface only."""
+    ports: Ports = field(default_factory=Ports)
+    """Where the viewer listens."""
     notes: str = "{}"
     """What the log shall say about how the run was made, as a JSON object."""
     set: tuple[str, ...] = ()
@@ -86,6 +88,8 @@ class Recorder:
         self._rows = Rows(self._add_row, self._begin_another)
         self._parts: Parts | None = None
         self._view: LiveView | None = None
+        kind = options.viewer
+        self._viewer = ViewerProcess(kind, options.ports) if kind != "none" else None
         self._time = 0.0
         self._begin()
         bus = service.bus
@@ -117,6 +121,8 @@ class Recorder:
         """Writes the rest."""
         self._rows.flush()
         self._end()
+        if self._viewer is not None:
+            self._viewer.close()
 
     def _deal_with(self, item: tuple[Callable[..., None], Any] | None) -> None:
         if item is not None:
@@ -170,7 +176,8 @@ class Recorder:
                 self._parts.clear()
         if options.record is not None or options.viewer != "none":
             file = None if options.record is None else self._numbered(options.record)
-            self._view = LiveView(options.model, self._arm, file, options.viewer)
+            url = "" if self._viewer is None else options.ports.data_url
+            self._view = LiveView(options.model, self._arm, file, url)
 
     def _numbered(self, path: Path) -> Path:
         return path if self._runs == 1 else path.with_stem(f"{path.stem}-{self._runs}")

@@ -30,7 +30,7 @@ from dtwin.recording import ensure_writable
 from dtwin.runfile import RunFile
 from dtwin.simulation.history import HISTORY
 from dtwin.supervisor import Program, Supervisor
-from dtwin.view import Viewer
+from dtwin.view import Ports, Viewer, free_ports
 from services.controller import deploy_cell
 from services.emulator import Pace
 from services.service import free_port
@@ -72,8 +72,7 @@ class CellOptions:
     record: Path | None = None
     """Recording for the Rerun viewer to write."""
     viewer: Viewer = "none"
-    """Show the run live: in a window of the Rerun viewer, or in a browser (web). Rerun serves the empty page of the
-    web viewer on all interfaces; the data come from this machine's loopback only."""
+    """Show the run live: in a window of the Rerun viewer, or as a page for browsers on this machine (web)."""
     identification: bool = False
     """Start the identification service too: it excites and identifies the running arm (dtwin identify live)."""
     store: Path = STORE
@@ -133,7 +132,7 @@ class CellOptions:
         session = open_configured(self.zenoh, OPERATOR) if self.zenoh else open_peer(meet)
         return Bus(session, self.cell, self.arm)
 
-    def programs(self, meet: str, file: Path) -> list[Program]:
+    def programs(self, meet: str, file: Path, ports: Ports) -> list[Program]:
         """The services in the order to be started; each waits for those it needs."""
         link = ["--cell", self.cell, "--arm", self.arm]
         link += ["--zenoh", str(self.zenoh.resolve())] if self.zenoh else ["--meet", meet]
@@ -161,7 +160,7 @@ class CellOptions:
         emulator += [word for text in self.set for word in ("--set", text)]
         emulator += [] if self.duration is None else ["--duration", str(self.duration)]
         if self.log or self.record or self.viewer != "none":
-            programs.append(_service("recorder", [*link, *self._recorder_options()]))
+            programs.append(_service("recorder", [*link, *self._recorder_options(ports)]))
             bridge += ["--wait-for", "recorder"]
         programs.append(_service("bridge", [*link, *bridge]))
         model = ["--model", str(self.model.resolve())] if self.model else []
@@ -175,9 +174,10 @@ class CellOptions:
         programs.append(_service("emulator", [*link, *emulator, "--wait-for", "bridge"], leading=True))
         return programs
 
-    def _recorder_options(self) -> list[str]:
+    def _recorder_options(self, ports: Ports) -> list[str]:
         notes = msgspec.json.encode(metadata(self.settings())).decode()
         options = ["--viewer", self.viewer, "--notes", notes]
+        options += ["--ports.page", str(ports.page), "--ports.data", str(ports.data)]
         options += ["--log", str(self.log.resolve())] if self.log else []
         options += ["--record", str(self.record.resolve())] if self.record else []
         return options + [word for text in self.set for word in ("--set", text)]
@@ -213,6 +213,11 @@ class Launched:
         self._file.write(msgspec.structs.replace(self._up, ready=True))
 
     @property
+    def page(self) -> str:
+        """Address at which the run is shown live to browsers, "" if it is not."""
+        return self._up.page
+
+    @property
     def over(self) -> bool:
         """Whether the run has come to its end or was asked to; restarts what has died meanwhile."""
         self.supervisor.look()
@@ -233,9 +238,11 @@ def launched(options: CellOptions) -> Iterator[Launched]:
         journal.unlink(missing_ok=True)
         if options.log is not None:
             discard_parts(options.log)
-        supervisor = Supervisor(bus, options.programs(meet, file.path))
+        ports = free_ports()
+        supervisor = Supervisor(bus, options.programs(meet, file.path, ports))
         zenoh = None if options.zenoh is None else str(options.zenoh.resolve())
-        up = runfile.Up(os.getpid(), options.arm, meet, zenoh)
+        page = ports.page_url if options.viewer == "web" else ""
+        up = runfile.Up(os.getpid(), options.arm, meet, zenoh, page=page)
         file.write(up)
         stop = threading.Event()
         with _signals(stop):

@@ -40,6 +40,8 @@ class UpCommand(CellOptions):
         with launched(self) as cell:
             with self._table(cell.supervisor) as live:
                 cell.await_ready()
+                if cell.page and live is not None:
+                    live.console.print(_shown_at(cell.page), highlight=False, soft_wrap=True)
                 while not (cell.over or cell.stop.wait(LOOK)):
                     if live is not None:
                         live.update(table(cell.supervisor.summary()))
@@ -71,6 +73,8 @@ class UpCommand(CellOptions):
             up = runfile.find(self.cell)
             if up is not None and up.ready:
                 print(f"cell {self.cell!r} is up: see it with `dtwin status`, stop it with `dtwin down`")
+                if up.page:
+                    print(_shown_at(up.page))
                 return 0
             time.sleep(LOOK)
         words_said = output.read_text(errors="replace").strip().splitlines()
@@ -146,3 +150,7 @@ def _title(summary: Summary) -> str:
     if summary.boxes is not None:
         parts.append(f"boxes: {summary.boxes.arrived} arrived, {summary.boxes.delivered} delivered")
     return "; ".join(parts)
+
+
+def _shown_at(page: str) -> str:
+    return f"the cell is shown at {page}"

@@ -3,7 +3,8 @@
 Nothing here runs inside the tick: a log becomes columns of a recording, on a time line in plant time.
 """
 
-from dtwin.view.live import LiveView, Viewer
+from dtwin.view.live import LiveView
+from dtwin.view.viewer import Ports, Viewer, ViewerProcess, free_ports
 from dtwin.view.write import write_recording
 
-__all__ = ["LiveView", "Viewer", "write_recording"]
+__all__ = ["LiveView", "Ports", "Viewer", "ViewerProcess", "free_ports", "write_recording"]

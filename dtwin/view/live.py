@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-import socket
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 import rerun as rr
@@ -19,25 +18,23 @@ from dtwin.view.scene import Scene
 from dtwin.view.series import log_events, log_limits, log_plots, log_states, log_styles
 from dtwin.view.write import APPLICATION
 
-Viewer = Literal["none", "window", "web"]
-LOOPBACK: Final = "127.0.0.1"
 _STATE: Final = ("box_present", "box_colour", "box_gripped")
 
 
 class LiveView:
-    """Sends a growing log to a file, a viewer window or a web viewer.
+    """Sends a growing log to a file, a viewer, or both.
 
     Args:
         model_file: MJCF of the cell.
         arm: its link lengths are drawn.
         file: .rrd to write; None for none. It can be read at any time.
-        viewer: window starts the viewer on this machine; web serves it and says where on standard error.
+        url: of a viewer that listens, "" for none.
 
     Raises:
         ModelError: the model cannot be drawn. RecordingError: the file cannot be written.
     """
 
-    def __init__(self, model_file: Path, arm: ArmParameters, file: Path | None, viewer: Viewer) -> None:
+    def __init__(self, model_file: Path, arm: ArmParameters, file: Path | None, url: str = "") -> None:
         self._scene = Scene(model_file, arm)
         self._stream = rr.RecordingStream(APPLICATION, send_properties=False)
         self._stream.set_log_tick_enabled(False)
@@ -45,18 +42,13 @@ class LiveView:
         self._states: Log | None = None
         self._file = file
         self._temporary: Path | None = None
-        sinks: list[rr.FileSink | rr.GrpcSink | rr.GrpcServerSink] = []
+        sinks: list[rr.FileSink | rr.GrpcSink] = []
         if file is not None:
             ensure_writable(file)
             self._temporary = file.with_name(f".{file.name}.{os.getpid()}.part")
             sinks.append(rr.FileSink(self._temporary))
-        if viewer == "window":
-            rr.spawn(connect=False)
-            sinks.append(rr.GrpcSink())
-        elif viewer == "web":
-            port = _free_port()
-            sinks.append(rr.GrpcServerSink(LOOPBACK, port))
-            rr.serve_web_viewer(open_browser=False, connect_to=f"rerun+http://{LOOPBACK}:{port}/proxy")
+        if url:
+            sinks.append(rr.GrpcSink(url))
         self._stream.set_sinks(*sinks, default_blueprint=blueprint())
 
     def add(self, log: Log) -> None:
@@ -90,13 +82,6 @@ class LiveView:
     def close(self) -> None:
         """Ends file and connections."""
         self._stream.disconnect()
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind((LOOPBACK, 0))
-        port: int = probe.getsockname()[1]
-    return port
 
 
 def _changes(before: Log | None, log: Log) -> Log:

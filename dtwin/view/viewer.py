@@ -1,0 +1,112 @@
+"""The Rerun viewer as a process of its own, in a window or as a page for browsers, on the loopback interface only."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from typing import Final, Literal
+from urllib.parse import quote
+
+from dtwin.errors import CommunicationError
+
+Viewer = Literal["none", "window", "web"]
+LOOPBACK: Final = "127.0.0.1"
+PAGE, DATA = 9090, 9876
+"""ports that Rerun uses itself"""
+_TIMEOUT: Final = 10.0
+"""s for the viewer to listen, and for one of before to be gone"""
+_LOOK: Final = 0.05
+"""s"""
+_TIED: Final = '"$@" & read -r _; kill 0'
+"""Shell: runs a command until standard input ends, which it does when whoever holds it goes in whatever way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ports:
+    """Where a viewer listens: for browsers (web only), and for data.
+
+    Attributes:
+        page: TCP port.
+        data: TCP port.
+    """
+
+    page: int = PAGE
+    data: int = DATA
+
+    @property
+    def data_url(self) -> str:
+        """What a recording connects to."""
+        return f"rerun+http://{LOOPBACK}:{self.data}/proxy"
+
+    @property
+    def page_url(self) -> str:
+        """What to open in a browser."""
+        return f"http://{LOOPBACK}:{self.page}/?url={quote(self.data_url, safe='')}"
+
+
+def free_ports() -> Ports:
+    """Rerun's own ports where they are free."""
+    return Ports(_free(PAGE), _free(DATA))
+
+
+class ViewerProcess:
+    """A viewer: a window stays when this process has ended, a page ends with it.
+
+    Args:
+        kind: of viewer.
+        ports: where to listen.
+
+    Raises:
+        CommunicationError: it does not start to listen.
+    """
+
+    def __init__(self, kind: Literal["window", "web"], ports: Ports) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+        common = ["--bind", LOOPBACK, "--port", str(ports.data)]
+        viewer = [sys.executable, "-m", "rerun_cli", *common]
+        if kind == "web":
+            _wait(ports, listening=False)
+            page = [*viewer, "--serve-web", "--web-viewer-port", str(ports.page)]
+            self._process = _start(["/bin/sh", "-c", _TIED, "sh", *page], subprocess.PIPE)
+        elif not _listens(ports.data):  # else the window that a recorder of before has opened
+            _start([*viewer, "--expect-data-soon"], subprocess.DEVNULL)
+        _wait(ports, listening=True)
+
+    def close(self) -> None:
+        """Ends a page."""
+        if self._process is not None:
+            assert self._process.stdin is not None
+            self._process.stdin.close()
+            self._process.wait()
+
+
+def _start(command: list[str], stdin: int) -> subprocess.Popen[bytes]:
+    """A process that no Ctrl-C in this one's terminal reaches."""
+    return subprocess.Popen(
+        command, stdin=stdin, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+
+
+def _wait(ports: Ports, listening: bool) -> None:
+    deadline = time.monotonic() + _TIMEOUT
+    while _listens(ports.data) != listening:
+        if time.monotonic() > deadline:
+            state = "does not listen" if listening else "is in use"
+            raise CommunicationError(f"the viewer's port {LOOPBACK}:{ports.data} {state}")
+        time.sleep(_LOOK)
+
+
+def _listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex((LOOPBACK, port)) == 0
+
+
+def _free(wanted: int) -> int:
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        probe.bind((LOOPBACK, 0 if _listens(wanted) else wanted))
+        port: int = probe.getsockname()[1]
+    return port
