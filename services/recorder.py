@@ -9,23 +9,35 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import msgspec
+import numpy as np
 
 from dtwin.emulation import MODEL_FILE
 from dtwin.errors import ParameterError
 from dtwin.live.parts import Parts
 from dtwin.live.rows import Rows
-from dtwin.messages import EVENTS, PATH, SENSORS, TRUTH, VOLTAGES, State
+from dtwin.messages import (
+    EVENTS,
+    MONITORING,
+    PATH,
+    RESIDUALS,
+    SENSORS,
+    TRUTH,
+    VOLTAGES,
+    MonitoringResiduals,
+    MonitoringVerdict,
+    State,
+)
 from dtwin.messages import Path as PathAngles
 from dtwin.parameters import ArmParameters, assignment
 from dtwin.recording import Log, RunLog, ensure_writable
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
-from dtwin.view import LiveView, Ports, Viewer, ViewerProcess
+from dtwin.view import LiveView, Opinion, Ports, Predictions, Viewer, ViewerProcess
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)
@@ -47,6 +59,8 @@ class Options(Link):
     """Recording for the Rerun viewer to write."""
     viewer: Viewer = "none"
     """Show the run live: in a window of the Rerun viewer, or in a browser (web), on the loopback interface only."""
+    monitored: bool = False
+    """Draw what the monitoring service says, too."""
     ports: Ports = field(default_factory=Ports)
     """Where the viewer listens."""
     notes: str = "{}"
@@ -91,6 +105,8 @@ class Recorder:
         kind = options.viewer
         self._viewer = ViewerProcess(kind, options.ports) if kind != "none" else None
         self._time = 0.0
+        self._residuals: list[MonitoringResiduals] = []
+        self._opinions: list[Opinion] = []
         self._begin()
         bus = service.bus
         take = service.inbox.put
@@ -100,6 +116,9 @@ class Recorder:
         bus.subscribe(VOLTAGES, Voltages, lambda message: take((rows.answer, message)))
         bus.subscribe(PATH, PathAngles, lambda message: take((rows.answer, message)))
         bus.subscribe(EVENTS, Event, lambda message: take((self._take_event, message)))
+        if options.monitored:
+            bus.subscribe(RESIDUALS, MonitoringResiduals, lambda message: take((self._take_residuals, message)))
+            bus.subscribe(MONITORING, MonitoringVerdict, lambda message: take((self._take_verdict, message)))
 
     def run(self) -> None:
         """Records until it is asked to end, and what was on its way then."""
@@ -133,6 +152,17 @@ class Recorder:
         self._rows.event(event)
         self._run_log.add_events([event])
 
+    def _take_residuals(self, message: MonitoringResiduals, now: float) -> None:
+        self._residuals.append(message)
+
+    def _take_verdict(self, message: MonitoringVerdict, now: float) -> None:
+        opinion = Opinion(
+            message.time,
+            {name: unit.state for name, unit in message.units.items()},
+            {name: unit.text for name, unit in message.units.items() if unit.text},
+        )
+        self._opinions.append(opinion)
+
     def _add_row(self, record: StepRecord) -> None:
         self._run_log.append(record)
         self._time = record.sensors.time
@@ -150,6 +180,8 @@ class Recorder:
             self._parts.add(part)
         if self._view is not None:
             self._view.add(part)
+            self._view.add_monitoring(predictions(self._residuals), self._opinions)
+        self._residuals, self._opinions = [], []
 
     def _join(self, part: Log) -> None:
         """Goes on with what an earlier recorder left, if this part follows it."""
@@ -177,7 +209,7 @@ class Recorder:
         if options.record is not None or options.viewer != "none":
             file = None if options.record is None else self._numbered(options.record)
             url = "" if self._viewer is None else options.ports.data_url
-            self._view = LiveView(options.model, self._arm, file, url)
+            self._view = LiveView(options.model, self._arm, file, url, options.monitored)
 
     def _numbered(self, path: Path) -> Path:
         return path if self._runs == 1 else path.with_stem(f"{path.stem}-{self._runs}")
@@ -196,6 +228,19 @@ class Recorder:
 
     def _report(self, state: State) -> None:
         self._service.report(state, self._ticks, time=self._time, late_ticks=self._rows.late)
+
+
+def predictions(messages: Sequence[MonitoringResiduals]) -> Predictions:
+    """What the monitor expected, as it is drawn."""
+    predicted = np.array([message.predicted for message in messages]).reshape(-1, 3)
+    return Predictions(
+        np.array([message.time for message in messages]),
+        predicted + np.array([message.residual for message in messages]).reshape(-1, 3),
+        predicted,
+        np.array([message.deviation for message in messages]).reshape(-1, 3),
+        np.array([message.evidence for message in messages]),
+        messages[-1].threshold if messages else 0.0,
+    )
 
 
 if __name__ == "__main__":

@@ -180,6 +180,7 @@ class CellOptions:
         options += ["--ports.page", str(ports.page), "--ports.data", str(ports.data)]
         options += ["--log", str(self.log.resolve())] if self.log else []
         options += ["--record", str(self.record.resolve())] if self.record else []
+        options += ["--monitored"] if self.monitoring else []
         return options + [word for text in self.set for word in ("--set", text)]
 
 

@@ -162,8 +162,11 @@ class Monitor:
 
     @property
     def statistic(self) -> float:
-        """The strongest evidence of a sudden change, 2 log likelihood ratio; the threshold while one is diagnosed."""
-        return self.threshold if self._diagnosis is not None else self._bank.worst()
+        """The strongest evidence of a sudden change, 2 log likelihood ratio; the threshold while one is diagnosed, 0
+        while the estimate settles."""
+        if self._diagnosis is not None:
+            return self.threshold
+        return 0.0 if self._quiet else self._bank.worst()
 
     @property
     def events(self) -> list[Event]:

@@ -117,7 +117,12 @@ def watch(monitor: Monitor, seen: Stream, progress: Callable[[int], None] = lamb
         if row % SECOND == 0 or len(monitor.events) != noticed:
             noticed = len(monitor.events)
             verdict = monitor.verdict()
-            if not verdicts or verdict.states != verdicts[-1][1].states:
+            if not verdicts or _told(verdict) != _told(verdicts[-1][1]):
                 verdicts.append((row, verdict))
             progress(row + 1)
     return Trace(predicted, deviation, statistic, monitor.threshold, tuple(verdicts), tuple(monitor.events))
+
+
+def _told(verdict: Verdict) -> tuple[object, ...]:
+    """What must change for a verdict to be another one; sizes are refined all the time."""
+    return verdict.states, [(finding.parameter, finding.settled) for finding in verdict.findings]

@@ -4,7 +4,17 @@ Nothing here runs inside the tick: a log becomes columns of a recording, on a ti
 """
 
 from dtwin.view.live import LiveView
+from dtwin.view.monitoring import Opinion, Predictions
 from dtwin.view.viewer import Ports, Viewer, ViewerProcess, free_ports
 from dtwin.view.write import write_recording
 
-__all__ = ["LiveView", "Ports", "Viewer", "ViewerProcess", "free_ports", "write_recording"]
+__all__ = [
+    "LiveView",
+    "Opinion",
+    "Ports",
+    "Predictions",
+    "Viewer",
+    "ViewerProcess",
+    "free_ports",
+    "write_recording",
+]

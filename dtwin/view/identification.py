@@ -13,13 +13,30 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from dtwin.recording import replacing
+from dtwin.view.layout import plot_view
 from dtwin.view.series import TIMELINE
 
 Array = NDArray[np.float64]
 
 _CELL: Final = 12
 """pixels of a coefficient of correlation"""
-_COLOURS: Final = {"measured": (90, 90, 90), "before": (196, 78, 82), "identified": (76, 114, 176)}
+_STYLES: Final = {
+    "measured": ((150, 150, 150), 1.2),
+    "before": ((220, 90, 90), 1.5),
+    "identified": ((80, 150, 240), 4.5),
+}
+"""Colour and width; the viewer draws the measured motion last, on top of the identified model's"""
+_UNITS: Final = {
+    "K": "N m/V",
+    "m": "kg",
+    "I": "kg m^2",
+    "l": "m",
+    "c": "m",
+    "D": "N m s/rad",
+    "mu": "N m",
+    "offset": "rad",
+    "payload": "kg",
+}
 
 
 def write_identification(
@@ -52,26 +69,34 @@ def write_identification(
         for name, angles in motions.items():
             time = rr.TimeColumn(TIMELINE, duration=np.arange(len(angles)) * period)
             for joint in (1, 2, 3):
+                colour, width = _STYLES[name]
                 entity = f"motion/joint_{joint}/{name}"
-                stream.log(entity, rr.SeriesLines(colors=[_COLOURS[name]], names=[name]), static=True)
+                stream.log(entity, rr.SeriesLines(colors=[colour], widths=[width], names=[name]), static=True)
                 stream.send_columns(entity, [time], rr.Scalars.columns(scalars=angles[:, joint - 1]))
-        lines = [f"| {name} | {value:.6g} | +- {half:.2g} |" for name, value, half in rows]
-        table = "\n".join(["| | estimate | 95 % interval |", "|---|---|---|", *lines])
+        lines = [f"| {name} | {value:.6g} | +- {half:.2g} | {_unit(name)} |" for name, value, half in rows]
+        table = "\n".join(["| | estimate | 95 % interval | unit |", "|---|---|---|---|", *lines])
         stream.log("parameters", rr.TextDocument(table, media_type=rr.MediaType.MARKDOWN), static=True)
         stream.log("correlation", rr.Image(_heat(correlation)), static=True)
         stream.log("correlation_order", rr.TextDocument(", ".join(names)), static=True)
 
 
 def _layout() -> rrb.Blueprint:
-    motions = [rrb.TimeSeriesView(origin=f"motion/joint_{j}", name=f"theta {j}, held-out motion") for j in (1, 2, 3)]
+    motions = [plot_view(f"Joint {j}: held-out motion (rad)", f"motion/joint_{j}") for j in (1, 2, 3)]
     facts = [
-        rrb.TextDocumentView(origin="parameters", name="parameters"),
-        rrb.Spatial2DView(origin="correlation", name="correlation: red +1, blue -1"),
-        rrb.TextDocumentView(origin="correlation_order", name="its rows, from the top"),
+        rrb.TextDocumentView(origin="parameters", name="Parameters"),
+        rrb.Spatial2DView(origin="correlation", name="Correlation: red +1, blue -1"),
+        rrb.TextDocumentView(origin="correlation_order", name="Its rows, from the top"),
     ]
     return rrb.Blueprint(
-        rrb.Horizontal(rrb.Vertical(*motions), rrb.Vertical(*facts, row_shares=[3, 3, 1]), column_shares=[3, 2])
+        rrb.Horizontal(rrb.Vertical(*motions), rrb.Vertical(*facts, row_shares=[4, 3, 1]), column_shares=[3, 2]),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
     )
+
+
+def _unit(name: str) -> str:
+    return _UNITS.get(name.rstrip("0123456789"), "")
 
 
 def _heat(correlation: Array) -> NDArray[np.uint8]:

@@ -13,17 +13,27 @@ _TRAIL_SECONDS: Final = 2.0
 _VOLTS_SHOWN: Final = 1.1 * VOLTAGE_LIMIT
 
 
-def blueprint() -> rrb.Blueprint:
-    """The layout of a recording."""
+def blueprint(*more: rrb.Vertical) -> rrb.Blueprint:
+    """The layout of a recording; further tabs come first."""
+    return _arranged(rrb.TimePanel(state="collapsed", timeline=series.TIMELINE, loop_mode="all"), *more)
+
+
+def live_blueprint(*more: rrb.Vertical) -> rrb.Blueprint:
+    """The same for one that grows: the newest is shown."""
+    return _arranged(rrb.TimePanel(state="collapsed", timeline=series.TIMELINE, play_state="following"), *more)
+
+
+def _arranged(time: rrb.TimePanel, *more: rrb.Vertical) -> rrb.Blueprint:
+    """The cell on the left, tabs on the right."""
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(cell_view(), _events(), row_shares=[3, 1]),
-            rrb.Tabs(_overview(), _joints(), _boxes(), active_tab=0),
+            rrb.Tabs(*more, _overview(), _joints(), _boxes(), active_tab=0),
             column_shares=[1.15, 1],
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=series.TIMELINE, loop_mode="all"),
+        time,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
@@ -13,7 +14,15 @@ import rerun as rr
 from dtwin.parameters import ArmParameters
 from dtwin.recording import Log, concatenate, ensure_writable
 from dtwin.view.boxes import transports, waiting
-from dtwin.view.layout import blueprint
+from dtwin.view.layout import live_blueprint
+from dtwin.view.monitoring import (
+    Opinion,
+    Predictions,
+    log_monitor_styles,
+    log_opinions,
+    log_predictions,
+    monitoring_views,
+)
 from dtwin.view.scene import Scene
 from dtwin.view.series import log_events, log_limits, log_plots, log_states, log_styles
 from dtwin.view.write import APPLICATION
@@ -29,12 +38,15 @@ class LiveView:
         arm: its link lengths are drawn.
         file: .rrd to write; None for none. It can be read at any time.
         url: of a viewer that listens, "" for none.
+        monitored: whether a monitor's predictions and opinions will come, too.
 
     Raises:
         ModelError: the model cannot be drawn. RecordingError: the file cannot be written.
     """
 
-    def __init__(self, model_file: Path, arm: ArmParameters, file: Path | None, url: str = "") -> None:
+    def __init__(
+        self, model_file: Path, arm: ArmParameters, file: Path | None, url: str = "", monitored: bool = False
+    ) -> None:
         self._scene = Scene(model_file, arm)
         self._stream = rr.RecordingStream(APPLICATION, send_properties=False)
         self._stream.set_log_tick_enabled(False)
@@ -49,7 +61,9 @@ class LiveView:
             sinks.append(rr.FileSink(self._temporary))
         if url:
             sinks.append(rr.GrpcSink(url))
-        self._stream.set_sinks(*sinks, default_blueprint=blueprint())
+        self._arm, self._monitored = arm, monitored
+        tabs = [monitoring_views()] if monitored else []
+        self._stream.set_sinks(*sinks, default_blueprint=live_blueprint(*tabs))
 
     def add(self, log: Log) -> None:
         """Sends ticks and events that follow those sent before."""
@@ -57,6 +71,8 @@ class LiveView:
             if self._states is None:
                 self._scene.log_geometry(self._stream, float(log.columns["t"][0]))
                 log_styles(self._stream)
+                if self._monitored:
+                    log_monitor_styles(self._stream, self._scene)
             log_limits(self._stream, log)
             self._scene.log_motion(self._stream, log)
             log_plots(self._stream, log)
@@ -67,6 +83,13 @@ class LiveView:
             # Only now: what stands there may be what a killed recorder left, and this has it all.
             os.replace(self._temporary, self._file)
             self._temporary = None
+
+    def add_monitoring(self, seen: Predictions, opinions: Sequence[Opinion]) -> None:
+        """Sends what a monitor has said since the last time, if anything."""
+        if len(seen.t):
+            log_predictions(self._stream, seen)
+        if opinions:
+            log_opinions(self._stream, self._arm, opinions)
 
     def _add_states(self, log: Log) -> None:
         """Boxes follow from the ticks at which something about them changes; a new change draws their whole story."""

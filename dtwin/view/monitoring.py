@@ -1,10 +1,11 @@
-"""What a monitor made of a run: predictions with their band, residuals, evidence, and verdicts on the arm itself."""
+"""What a monitor made of a run: residuals, predictions with their band, evidence, and verdicts on the arm itself."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 import rerun as rr
@@ -31,18 +32,33 @@ COLOURS: Final[Mapping[str, style.RGB]] = {
     "may be degrading": (250, 190, 40),
     "failed": (235, 50, 45),
 }
+_RESIDUALS_SHOWN: Final = 8.0
+"""standard deviations"""
 _UNITS: Final = ("joint 1", "joint 2", "joint 3", "gripper")
 _LINKS: Final = ("link_1", "link_2", "link_3", "tip")
+_TEXT: Final = f"{scene.ROOT}/verdicts/text"
+_TEXT_AT: Final = (0.0, -0.02, 0.4)
+"""m, above the arm"""
 _LEVELS: Final = {"failed": rr.TextLogLevel.ERROR, "suspected": rr.TextLogLevel.WARN, "restart": rr.TextLogLevel.WARN}
 _NOMINAL: Final = ArmParameters()
 _BAND_COLOUR: Final[style.RGB] = (110, 120, 130)
 
 
+class Finding(Protocol):
+    """Something wrong with a joint, 1 to 3, or the gripper, 0."""
+
+    @property
+    def joint(self) -> int: ...
+    def text(self) -> str: ...
+
+
 class Verdict(Protocol):
-    """An opinion: the state of each of the joints and the gripper, one of COLOURS."""
+    """An opinion: the state of each of the joints and the gripper, one of COLOURS, and why."""
 
     @property
     def states(self) -> Mapping[str, str]: ...
+    @property
+    def findings(self) -> Sequence[Finding]: ...
 
 
 class Trace(Protocol):
@@ -66,6 +82,35 @@ class Trace(Protocol):
     def events(self) -> Sequence[Event]: ...
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Predictions:
+    """What was expected of some samples.
+
+    Attributes:
+        t: (n,), plant times, s.
+        measured: (n, 3), rad.
+        predicted: (n, 3), rad.
+        deviation: (n, 3), standard deviation of the readings about the prediction, rad.
+        evidence: (n,), of a sudden change, 2 log likelihood ratio.
+        threshold: of the evidence.
+    """
+
+    t: Array
+    measured: Array
+    predicted: Array
+    deviation: Array
+    evidence: Array
+    threshold: float
+
+
+class Opinion(NamedTuple):
+    """From a plant time (s) on: states, of COLOURS, and reasons by the names of joints and gripper."""
+
+    t: float
+    states: Mapping[str, str]
+    reasons: Mapping[str, str]
+
+
 def write_monitoring(log: Log, trace: Trace, model_file: Path, path: Path, arm: ArmParameters = _NOMINAL) -> None:
     """Writes a run and what the monitor made of it as an .rrd file; it appears complete or not at all.
 
@@ -82,23 +127,25 @@ def write_monitoring(log: Log, trace: Trace, model_file: Path, path: Path, arm: 
     if not len(log):
         raise RecordingError(f"{path}: expected a log of at least one tick to draw")
     drawn = Scene(model_file, arm)
+    t = log.columns["t"]
+    opinions = [
+        Opinion(float(t[row]), verdict.states, {_UNITS[f.joint - 1]: f.text() for f in verdict.findings})
+        for row, verdict in trace.verdicts
+    ]
     with replacing(path) as temporary, open_stream(log) as stream:
         stream.save(temporary, default_blueprint=blueprint())
         log_run(stream, drawn, log)
-        _log_predictions(stream, log, trace)
-        _log_verdicts(stream, drawn, log, trace, arm)
-        _log_events(stream, trace.events)
+        log_monitor_styles(stream, drawn)
+        log_predictions(
+            stream,
+            Predictions(t, log.stack("measured"), trace.predicted, trace.deviation, trace.statistic, trace.threshold),
+        )
+        log_opinions(stream, arm, opinions)
+        _log_findings(stream, trace.events)
 
 
 def blueprint() -> rrb.Blueprint:
     """The layout of such a recording."""
-    joints = [
-        plot_view(f"Joint {j}: measured, predicted, 99 % band (rad)", f"{ROOT}/angles/joint_{j}") for j in (1, 2, 3)
-    ]
-    residuals = [
-        plot_view("Residuals, in standard deviations", f"{ROOT}/residuals"),
-        plot_view("Evidence of a fault and threshold", f"{ROOT}/evidence"),
-    ]
     findings = rrb.TextLogView(
         name="Findings",
         origin=f"{ROOT}/findings",
@@ -107,11 +154,7 @@ def blueprint() -> rrb.Blueprint:
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(cell_view(), findings, row_shares=[3, 1]),
-            rrb.Vertical(
-                rrb.StateTimelineView(name="Verdicts", origin=f"{ROOT}/verdicts"),
-                rrb.Tabs(rrb.Vertical(*joints, name="Angles"), rrb.Vertical(*residuals, name="Residuals")),
-                row_shares=[1, 3],
-            ),
+            monitoring_views(),
             column_shares=[1, 1.2],
         ),
         rrb.BlueprintPanel(state="collapsed"),
@@ -120,67 +163,103 @@ def blueprint() -> rrb.Blueprint:
     )
 
 
-def _log_predictions(stream: rr.RecordingStream, log: Log, trace: Trace) -> None:
-    times = time_column(log.columns["t"])
-    measured = log.stack("measured")
-    for j in range(3):
-        middle, half = trace.predicted[:, j], BAND * trace.deviation[:, j]
-        colour = style.JOINTS[j]
-        lines = {
-            "measured": (measured[:, j], colour, 1.5),
-            "predicted": (middle, style.TARGET, 1.0),
-            "upper": (middle + half, _BAND_COLOUR, 0.8),
-            "lower": (middle - half, _BAND_COLOUR, 0.8),
-        }
-        for name, (values, shade, width) in lines.items():
-            _line(stream, times, f"{ROOT}/angles/joint_{j + 1}/{name}", name, values, shade, width)
-        residual = (measured[:, j] - middle) / trace.deviation[:, j]
-        _line(stream, times, f"{ROOT}/residuals/joint_{j + 1}", f"joint {j + 1}", residual, colour, 1.0)
-    _line(stream, times, f"{ROOT}/evidence/statistic", "evidence", trace.statistic, style.TARGET, 1.5)
-    ends = time_column(log.columns["t"][[0, -1]])
-    for name, value, entity in (
-        ("99 %", BAND, "residuals/upper"),
-        ("99 %", -BAND, "residuals/lower"),
-        ("threshold", trace.threshold, "evidence/threshold"),
-    ):
-        _line(stream, ends, f"{ROOT}/{entity}", name, np.full(2, value), style.LIMIT, 1.0)
+def monitoring_views() -> rrb.Vertical:
+    """Verdicts over residuals and angles."""
+    shown = rrb.ScalarAxis(range=(-_RESIDUALS_SHOWN, _RESIDUALS_SHOWN))
+    residuals = [
+        plot_view(f"Joint {j}: measured - predicted, in standard deviations", f"{ROOT}/residuals/joint_{j}", shown)
+        for j in (1, 2, 3)
+    ]
+    angles = [
+        plot_view(f"Joint {j}: measured, predicted, 99 % band (rad)", f"{ROOT}/angles/joint_{j}") for j in (1, 2, 3)
+    ]
+    evidence = plot_view("Evidence of a fault and threshold", f"{ROOT}/evidence")
+    return rrb.Vertical(
+        rrb.StateTimelineView(name="Verdicts", origin=f"{ROOT}/verdicts"),
+        rrb.Tabs(rrb.Vertical(*residuals, evidence, name="Residuals"), rrb.Vertical(*angles, name="Angles")),
+        row_shares=[1.3, 3],
+        name="Monitoring",
+    )
 
 
-def _line(
-    stream: rr.RecordingStream,
-    times: rr.TimeColumn,
-    entity: str,
-    name: str,
-    values: Array,
-    colour: style.RGB,
-    width: float,
-) -> None:
-    stream.log(entity, rr.SeriesLines(names=name, colors=colour, widths=width), static=True)
-    stream.send_columns(entity, indexes=[times], columns=rr.Scalars.columns(scalars=values))
-
-
-def _log_verdicts(stream: rr.RecordingStream, drawn: Scene, log: Log, trace: Trace, arm: ArmParameters) -> None:
-    """States as lanes over time, and as coloured links of the arm."""
-    rows = [row for row, _ in trace.verdicts]
-    times = time_column(log.columns["t"][rows])
-    for number, (unit, body) in enumerate(zip(_UNITS, _LINKS, strict=True)):
-        states = [verdict.states[unit] for _, verdict in trace.verdicts]
-        lane = f"{ROOT}/verdicts/{unit.replace(' ', '_')}"
-        names = list(COLOURS)
-        stream.log(
-            lane, rr.StateConfiguration(values=names, labels=names, colors=list(COLOURS.values())), static=True
+def log_monitor_styles(stream: rr.RecordingStream, drawn: Scene) -> None:
+    """Sends names and colours of lines and lanes, and what the verdicts on the arm are fixed to."""
+    for j in (1, 2, 3):
+        colour = style.JOINTS[j - 1]
+        for name, shade, width in (
+            ("measured", colour, 2.5),
+            ("predicted", style.TARGET, 1.0),
+            ("upper", _BAND_COLOUR, 0.8),
+            ("lower", _BAND_COLOUR, 0.8),
+        ):
+            _style(stream, f"angles/joint_{j}/{name}", name, shade, width)
+        _style(stream, f"residuals/joint_{j}/residual", "residual", colour, 1.0)
+        for name in ("upper", "lower"):
+            _style(stream, f"residuals/joint_{j}/{name}", "99 %", style.LIMIT, 1.0)
+    _style(stream, "evidence/statistic", "evidence", style.TARGET, 1.5)
+    _style(stream, "evidence/threshold", "threshold", style.LIMIT, 1.0)
+    text = rr.Points3D([_TEXT_AT], colors=style.LABEL, radii=0.0)
+    stream.log(_TEXT, text, static=True)
+    for unit, body in zip(_UNITS, _LINKS, strict=True):
+        name = unit.replace(" ", "_")
+        lane = rr.StateConfiguration(
+            values=list(COLOURS), labels=list(COLOURS), colors=[(*colour, 255) for colour in COLOURS.values()]
         )
-        stream.send_columns(lane, indexes=[times], columns=rr.StateChange.columns(state=states))
-        on_arm = f"{scene.ROOT}/verdicts/{unit.replace(' ', '_')}"
+        stream.log(f"{ROOT}/verdicts/{name}", lane, static=True)
+        stream.log(f"{scene.ROOT}/verdicts/{name}", drawn.frame(body), static=True)
+        stream.log(f"{scene.ROOT}/verdicts/{name}", rr.LineStrips3D.from_fields(radii=0.008), static=True)
+
+
+def log_predictions(stream: rr.RecordingStream, seen: Predictions) -> None:
+    """Sends what was expected of samples that follow those sent before."""
+    times, ends = time_column(seen.t), time_column(seen.t[[0, -1]])
+    for j in range(3):
+        measured, middle, half = seen.measured[:, j], seen.predicted[:, j], BAND * seen.deviation[:, j]
+        angles, residuals = f"angles/joint_{j + 1}", f"residuals/joint_{j + 1}"
+        _send(stream, times, f"{angles}/measured", measured)
+        _send(stream, times, f"{angles}/predicted", middle)
+        _send(stream, times, f"{angles}/upper", middle + half)
+        _send(stream, times, f"{angles}/lower", middle - half)
+        _send(stream, times, f"{residuals}/residual", (measured - middle) / seen.deviation[:, j])
+        _send(stream, ends, f"{residuals}/upper", np.full(2, BAND))
+        _send(stream, ends, f"{residuals}/lower", np.full(2, -BAND))
+    _send(stream, times, "evidence/statistic", seen.evidence)
+    _send(stream, ends, "evidence/threshold", np.full(2, seen.threshold))
+
+
+def log_opinions(stream: rr.RecordingStream, arm: ArmParameters, opinions: Sequence[Opinion]) -> None:
+    """Sends states as lanes over time and as coloured links of the arm, what is wrong as text beside them."""
+    times = time_column([opinion.t for opinion in opinions])
+    for number, unit in enumerate(_UNITS):
+        states = [opinion.states[unit] for opinion in opinions]
+        name = unit.replace(" ", "_")
+        stream.send_columns(f"{ROOT}/verdicts/{name}", indexes=[times], columns=rr.StateChange.columns(state=states))
         length = arm.length[number] if number < 3 else 0.02
-        stream.log(on_arm, drawn.frame(body), static=True)
-        stream.log(on_arm, rr.LineStrips3D.from_fields(radii=0.008), static=True)
-        strips = np.tile([[[0.0, -0.03, 0.0], [length, -0.03, 0.0]]], (len(rows), 1, 1))
+        strips = np.tile([[[0.0, -0.03, 0.0], [length, -0.03, 0.0]]], (len(opinions), 1, 1))
         columns = rr.LineStrips3D.columns(strips=strips, colors=[COLOURS[state] for state in states])
-        stream.send_columns(on_arm, indexes=[times], columns=columns)
+        stream.send_columns(f"{scene.ROOT}/verdicts/{name}", indexes=[times], columns=columns)
+    texts = ["\n".join(filter(None, (_label(unit, opinion) for unit in _UNITS))) for opinion in opinions]
+    columns = rr.Points3D.columns(labels=texts, show_labels=[bool(text) for text in texts])
+    stream.send_columns(_TEXT, indexes=[times], columns=columns)
 
 
-def _log_events(stream: rr.RecordingStream, events: Sequence[Event]) -> None:
+def _label(unit: str, opinion: Opinion) -> str:
+    """What is wrong, without what only the log needs to tell."""
+    if opinion.states[unit] == "nominal":
+        return ""
+    reason = opinion.reasons.get(unit, opinion.states[unit])
+    return f"{unit}: {reason.partition(', confidence')[0].replace(f' of {unit}', '')}"
+
+
+def _style(stream: rr.RecordingStream, entity: str, name: str, colour: style.RGB, width: float) -> None:
+    stream.log(f"{ROOT}/{entity}", rr.SeriesLines(names=name, colors=colour, widths=width), static=True)
+
+
+def _send(stream: rr.RecordingStream, times: rr.TimeColumn, entity: str, values: Array) -> None:
+    stream.send_columns(f"{ROOT}/{entity}", indexes=[times], columns=rr.Scalars.columns(scalars=values))
+
+
+def _log_findings(stream: rr.RecordingStream, events: Sequence[Event]) -> None:
     if events:
         stream.send_columns(
             f"{ROOT}/findings",

@@ -29,6 +29,11 @@ _LEVELS: Final = {
     "misplaced": rr.TextLogLevel.ERROR,
     "dropped_arrival": rr.TextLogLevel.WARN,
     "fault": rr.TextLogLevel.WARN,
+    "safe": rr.TextLogLevel.WARN,
+    "rivals": rr.TextLogLevel.WARN,
+    "monitor_suspected": rr.TextLogLevel.WARN,
+    "monitor_failed": rr.TextLogLevel.ERROR,
+    "monitor_restart": rr.TextLogLevel.WARN,
 }
 _NO_BOX: Final = "none"
 
@@ -139,7 +144,13 @@ def log_events(stream: rr.RecordingStream, events: Sequence[Event]) -> None:
             EVENTS,
             indexes=[time_column([event.time for event in events])],
             columns=rr.TextLog.columns(
-                text=[event.text for event in events],
+                text=[_told(event) for event in events],
                 level=[_LEVELS.get(event.kind, rr.TextLogLevel.INFO) for event in events],
             ),
         )
+
+
+def _told(event: Event) -> str:
+    """What an event says; what the monitor says needs its kind with it."""
+    by, _, kind = event.kind.partition("_")
+    return f"monitor: {kind}: {event.text}" if by == "monitor" else event.text

@@ -1,4 +1,4 @@
-"""Colours (RGB) of everything drawn, on the viewer's dark background."""
+"""Colours (RGB) of everything drawn; the viewer's background may be dark or light."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ RGB = tuple[int, int, int]
 
 JOINTS: Final[tuple[RGB, RGB, RGB]] = ((86, 204, 242), (255, 183, 77), (190, 148, 255))
 """Joints 1 to 3; apart from the colours of the boxes"""
-TARGET: Final[RGB] = (235, 235, 235)
+TARGET: Final[RGB] = (150, 150, 150)
 GRIPPER: Final[RGB] = (150, 160, 170)
 PAYLOAD: Final[RGB] = (255, 183, 77)
 LIMIT: Final[RGB] = (200, 80, 80)
-LABEL: Final[RGB] = (255, 255, 255)
+LABEL: Final[RGB] = (15, 15, 15)
 TRAIL: Final[RGB] = (255, 160, 60)
 _BOXES: Final[Mapping[str, RGB]] = {"blue": (52, 112, 236), "red": (224, 52, 46), "green": (44, 172, 74)}
 
