@@ -157,7 +157,7 @@ def _finish(page: Page, groups: Sequence[Group], out: Path, json: bool, seconds:
         report = {"groups": [_as_json(group) for group in groups], "seconds": seconds, "report": str(path)}
         print(msgspec.json.encode(report).decode())
         return 0
-    table = Table("", "runs", "converged", "white", "RMS error / bound, largest", title=page.title)
+    table = Table("", "runs", "converged", "white", "error / bound", title=page.title)
     for group in groups:
         worst = max(_ratios(group).values(), default=float("nan"))
         table.add_row(
@@ -169,6 +169,9 @@ def _finish(page: Page, groups: Sequence[Group], out: Path, json: bool, seconds:
         )
     console = Console()
     console.print(table)
+    console.print(
+        "error / bound: largest root-mean-square error of a parameter over its Cramer-Rao bound", style="dim"
+    )
     console.print(page.conclusion, highlight=False)
     console.print(f"{seconds:.1f} s; report {path}", highlight=False)
     return 0

@@ -84,7 +84,10 @@ class ExperimentUpload:
             "in force", "rms, mrad", "largest, mrad", "boxes", title="distance of joints 1 to 3 from the path"
         )
         for phase in run.phases:
-            values = ("  ".join(f"{1e3 * v:.1f}" for v in triple) for triple in (phase.rms, phase.largest))
+            values = (
+                "  ".join(f"{1e3 * v:.3g}" if v < 0.1 else f"{1e3 * v:.0f}" for v in triple)
+                for triple in (phase.rms, phase.largest)
+            )
             table.add_row(phase.name, *values, str(phase.delivered))
         Console().print(table)
         print(f"report {path}")
