@@ -297,11 +297,15 @@ class SafeStop:
     def __init__(self, application: Application) -> None:
         self._application = application
         self._client: BlockingClient | None = None
+        self._closed = False
+        self._lock = threading.Lock()
 
     def close(self) -> None:
-        client, self._client = self._client, None
-        if client is not None:
-            client.close()
+        """Ends the connection, also from another thread than the one that uses it."""
+        with self._lock:
+            self._closed = True
+            if self._client is not None:
+                self._client.close()
 
     def now(self) -> Stop:
         """The one in force."""
@@ -316,17 +320,22 @@ class SafeStop:
         return self._tell("nominal", 0.0, True)
 
     def _tell(self, state: ArmState, confidence: float, release: bool) -> Stop:
-        # another thread may close the loop meanwhile
-        client = self._client
-        if client is None:
-            client = self._application.connect(_VERDICT, Signature([DINT, LREAL, BOOL]), Signature([DINT]))
-            self._client = client
+        client = self._client or self._connected()
         try:
             (stop,) = client.exchange((ARM_STATES.index(state), confidence, release))
         except CommunicationError:
-            self.close()
+            self._client = None  # the exchange has closed it
             raise
         return STOPS[int(stop)]
+
+    def _connected(self) -> BlockingClient:
+        client = self._application.connect(_VERDICT, Signature([DINT, LREAL, BOOL]), Signature([DINT]))
+        with self._lock:
+            if self._closed:
+                client.close()
+                raise CommunicationError(f"{client.address}: the connection is given up")
+            self._client = client
+        return client
 
 
 def _settings(values: Mapping[str, float]) -> ControlSettings:

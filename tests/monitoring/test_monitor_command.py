@@ -91,6 +91,8 @@ def test_a_recording_shows_what_the_monitor_made_of_it(faulty, tmp_path, capsys)
         (["experiment", "faults", "--runs", "0"], "--runs"),
         (["experiment", "faults", "--hours", "-1"], "--hours"),
         (["experiment", "failure", "--runs", "0"], "--runs"),
+        (["experiment", "stop", "--runs", "0"], "--runs"),
+        (["experiment", "stop", "--fault", "K9*=2"], "unknown fault target"),
     ],
 )
 def test_bad_input_is_one_line_and_status_2(arguments, match: str, faulty, tmp_path, monkeypatch, capsys) -> None:

@@ -136,7 +136,7 @@ def sampling_text(speeds: Sequence[Speed]) -> str:
 def stopping_text(outcomes: Sequence[StopOutcome]) -> str:
     """The page of the safe stop."""
     header = [
-        "fault", "runs", "demanded after s, median", "largest", "in motion", "standing at the end",
+        "fault", "runs", "demanded", "after s, median", "largest", "in motion", "standing at the end",
         "in motion: at rest after s, median", "largest", "torque off at the end", "after s, median", "largest",
     ]  # fmt: skip
     rows = []
@@ -147,7 +147,15 @@ def stopping_text(outcomes: Sequence[StopOutcome]) -> str:
         off = [o.torque_off_s for o in runs if o.torque_off_s is not None]
         standing = sum(o.stop == "standstill" for o in runs)
         moving = sum(o.moving for o in runs)
-        row = [fault, str(len(runs)), *_middle(demanded), str(moving), str(standing), *_middle(rested)]
+        row = [
+            fault,
+            str(len(runs)),
+            str(len(demanded)),
+            *_middle(demanded),
+            str(moving),
+            str(standing),
+            *_middle(rested),
+        ]
         rows.append([*row, str(len(off)), *_middle(off)])
     return _page(
         "Safe stop",
