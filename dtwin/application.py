@@ -164,8 +164,8 @@ class ControlLoop:
         self._requesting = threading.Lock()
         with ExitStack() as opened:
             self._application = opened.enter_context(closing(Application(address)))
-            self.settings = opened.enter_context(closing(Settings(self._application)))
             self._application.watch(_PATH)
+            self.settings = opened.enter_context(closing(Settings(self._application)))
             self._cell = opened.enter_context(self._application.connect(_CELL, SENSORS, VOLTAGES))
             self._opened = opened.pop_all()
 
