@@ -6,7 +6,6 @@ where the library puts them.
 
 from __future__ import annotations
 
-import logging
 import math
 import threading
 import time
@@ -26,8 +25,6 @@ from dtwin.messages import ARM_STATES, STOPS, ArmState, IdentificationSignal, St
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.remote import SENSORS, VOLTAGES
 from dtwin.signals import Sensors, Voltages
-
-log = logging.getLogger(__name__)
 
 TIMEOUT: Final = 1.0
 """s, for every answer"""
@@ -84,13 +81,28 @@ class Application:
         Raises:
             CommunicationError: no answer, or no number.
         """
-        texts = []
+        texts = {}
         for name in names:
             with self._lock:  # one by one: nobody shall wait for a long list
-                texts.append(self._management.read(self._resource, name))
+                texts[name] = self._management.read(self._resource, name)
+        return self._numbers(names, texts)
+
+    def watch(self, names: Sequence[str]) -> None:
+        """Has ports among those that `watched` reads at once."""
+        with self._lock:
+            for name in names:
+                self._management.watch(self._resource, name)
+
+    def watched(self, names: Sequence[str]) -> list[float]:
+        """Values of watched ports, as `read`, but in one request."""
+        with self._lock:
+            texts = self._management.watched(self._resource)
+        return self._numbers(names, texts)
+
+    def _numbers(self, names: Sequence[str], texts: Mapping[str, str]) -> list[float]:
         try:
-            return [_number(text) for text in texts]
-        except ValueError:
+            return [_number(texts[name]) for name in names]
+        except (KeyError, ValueError):
             raise CommunicationError(f"{self._address}: expected numbers at {names}, got {texts}") from None
 
     def connect(self, block: tuple[str, int], sends: Signature, receives: Signature) -> BlockingClient:
@@ -119,7 +131,7 @@ class Application:
                 self._management.trigger(self._resource, f"{name}.INIT")
             except ManagementError as error:
                 if error.reason != "UNSUPPORTED_CMD":
-                    log.warning("half a message that somebody left there would spoil the next one: %s", error)
+                    raise
                 return
             self._management.reset_block(self._resource, name)
             self._management.write(self._resource, f"{name}.QO", "FALSE")
@@ -154,6 +166,7 @@ class ControlLoop:
         self._requesting = threading.Lock()
         with ExitStack() as opened:
             self._application = opened.enter_context(closing(Application(address)))
+            self._application.watch(_PATH)
             self.settings = opened.enter_context(closing(Settings(self._application)))
             self.safe_stop = opened.enter_context(closing(SafeStop(self._application)))
             self._cell = opened.enter_context(self._application.connect(_CELL, SENSORS, VOLTAGES))
@@ -212,7 +225,7 @@ class ControlLoop:
 
     def path(self) -> Triple:
         """The path's angles (rad) in the last answer."""
-        theta_1, theta_2, theta_3 = self._application.read(_PATH)
+        theta_1, theta_2, theta_3 = self._application.watched(_PATH)
         return theta_1, theta_2, theta_3
 
 

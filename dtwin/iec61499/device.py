@@ -23,6 +23,7 @@ from dtwin.iec61499.management import (
     Request,
     Response,
     Type,
+    Watch,
     parse_request,
     request_id,
 )
@@ -214,12 +215,26 @@ def _execute_in(resource: ManagedResource, request: Request, library: Library) -
         else:
             raise ManagementError("INVALID_OBJECT", f"{action}: expected a block")
         return Response(request.id)
+    if isinstance(subject, Watch):
+        return _watches(resource, request, subject)
     if action == "CREATE":
         resource.create_block(subject.name, subject.type_name)
     elif action == "DELETE":
         resource.delete_block(subject.name)
     else:
         raise ManagementError("UNSUPPORTED_CMD", f"{action} of one block: expected it for the whole resource")
+    return Response(request.id)
+
+
+def _watches(resource: ManagedResource, request: Request, subject: Watch) -> Response:
+    if request.action == "READ" and not subject.source:
+        return Response(request.id, watches=resource.watched())
+    if request.action == "CREATE" and subject.source:
+        resource.watch(subject.source)
+    elif request.action == "DELETE" and subject.source:
+        resource.unwatch(subject.source)
+    else:
+        raise ManagementError("UNSUPPORTED_CMD", f"{request}: expected to CREATE or DELETE a watch or READ all")
     return Response(request.id)
 
 

@@ -32,6 +32,8 @@ _MOVES: Final[dict[Action, tuple[tuple[State, ...], State]]] = {
     "RESET": (("STOPPED", "KILLED"), "IDLE"),
 }
 """From which states to which each command leads."""
+WATCHES: Final = 256
+"""ports of a resource that may be watched at once"""
 
 
 class Running(Protocol):
@@ -85,6 +87,7 @@ class ManagedResource:
         self._presets: dict[str, str] = {}
         self._events: dict[tuple[str, str], model.Connection] = {}
         self._data: dict[str, model.Connection] = {}
+        self._watched: dict[str, None] = {}
         self._network = network
         if network is None:
             self.create_block("START", "E_RESTART")
@@ -117,6 +120,7 @@ class ManagedResource:
         if name not in self._blocks:
             raise ManagementError("NO_SUCH_OBJECT", f"{self.name} has no block {name!r}")
         del self._blocks[name]
+        self._watched = {port: None for port in self._watched if port.rpartition(".")[0] != name}
         self._parameters = {key: value for key, value in self._parameters.items() if key[0] != name}
         self._presets = {key: value for key, value in self._presets.items() if key.rpartition(".")[0] != name}
         self._events = {key: c for key, c in self._events.items() if name not in _blocks_of(c)}
@@ -180,6 +184,22 @@ class ManagedResource:
         if isinstance(variable.type, model.GenericType):
             return text
         return _printed(_value(text, variable.type) if text else variable.type.default, variable.type)
+
+    def watch(self, name: str) -> None:
+        """Has a port among those that `watched` tells."""
+        self.read(name)
+        if len(self._watched) >= WATCHES and name not in self._watched:
+            raise ManagementError("OVERFLOW", f"{self.name} watches {WATCHES} ports already")
+        self._watched[name] = None
+
+    def unwatch(self, name: str) -> None:
+        if name not in self._watched:
+            raise ManagementError("NO_SUCH_OBJECT", f"{self.name} does not watch {name}")
+        del self._watched[name]
+
+    def watched(self) -> dict[str, str]:
+        """The values of all watched ports, as `read` prints them."""
+        return {name: self.read(name) for name in self._watched}
 
     def change_state(self, action: Action) -> None:
         """START, STOP, KILL or RESET."""

@@ -8,6 +8,7 @@ FORTE reads by position.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, Literal, get_args
 
@@ -93,7 +94,17 @@ class Type:
         return f'<{self.tag} Name="{_escape(self.name)}">{_escape(self.text)}</{self.tag}>'
 
 
-Subject = Block | Link | Type
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """`<Watch Source>`: a port to be watched or no longer; without a source `<Watches/>`: all of them, for READ."""
+
+    source: str = ""
+
+    def xml(self) -> str:
+        return f'<Watch Source="{_escape(self.source)}" Destination="*" />' if self.source else "<Watches/>"
+
+
+Subject = Block | Link | Type | Watch
 _TYPES: Final = ("FBType", "AdapterType", "DataType")
 
 
@@ -116,6 +127,8 @@ class Request:
         if isinstance(subject, Link):
             arrow = {"READ": f"{subject.source}", "WRITE": f"{subject.source} to {subject.destination}"}
             return f"{self.action} {arrow.get(self.action, f'{subject.source} -> {subject.destination}')}"
+        if isinstance(subject, Watch):
+            return f"{self.action} watch {subject.source}".rstrip()
         return self.action if subject is None else f"{self.action} {subject.tag} {subject.name}"
 
 
@@ -129,6 +142,7 @@ class Response:
         blocks: what a QUERY of blocks has found.
         links: what a QUERY of connections has found.
         names: what a QUERY of types has found.
+        watches: values of the watched ports by `BLOCK.PORT`.
     """
 
     id: str
@@ -137,6 +151,7 @@ class Response:
     blocks: tuple[Block, ...] | None = None
     links: tuple[Link, ...] | None = None
     names: tuple[str, ...] | None = None
+    watches: dict[str, str] | None = None
 
     def xml(self) -> str:
         opening = f'<Response ID="{_escape(self.id)}"'
@@ -155,6 +170,8 @@ class Response:
             return "<EndpointList>\n    " + "\n".join(link.xml() for link in self.links) + "\n  </EndpointList>"
         if self.names is not None:
             return "<NameList>\n    " + _escape(", ".join(self.names)) + "\n  </NameList>"
+        if self.watches is not None:
+            return f"<Watches>\n    <Resource>{_ports(self.watches)}</Resource>\n  </Watches>"
         return ""
 
 
@@ -203,7 +220,7 @@ def parse_response(text: str) -> Response:
     reason = root.get("Reason") or None
     if reason is not None and reason not in get_args(Reason):
         raise CommunicationError(f"unknown Reason {reason!r}: expected {choices(get_args(Reason))}")
-    value = blocks = links = names = None
+    value = blocks = links = names = watches = None
     for child in root.children():
         if child.tag == "Connection":
             value = child.get("Destination")
@@ -214,7 +231,26 @@ def parse_response(text: str) -> Response:
             links = tuple(Link(link.get("Source"), link.get("Destination")) for link in found)
         elif child.tag == "NameList":
             names = tuple(name.strip() for name in child.text.split(",") if name.strip())
-    return Response(root.get("ID"), reason, value, blocks, links, names)  # type: ignore[arg-type]  # likewise
+        elif child.tag == "Watches":
+            watches = dict(_watched(child))
+    return Response(root.get("ID"), reason, value, blocks, links, names, watches)  # type: ignore[arg-type]  # likewise
+
+
+def _watched(watches: Element) -> Iterator[tuple[str, str]]:
+    for resource in watches.children("Resource"):
+        for block in resource.children("FB"):
+            for port in block.children("Port"):
+                for data in port.children("Data"):
+                    yield f"{block.get('name')}.{port.get('name')}", data.get("value")
+
+
+def _ports(watches: dict[str, str]) -> str:
+    """A block for every port, as FORTE writes one for all of a block's."""
+    return "".join(
+        f'<FB name="{_escape(block)}"><Port name="{_escape(port)}"><Data value="{_escape(value)}" forced="false"/>'
+        "</Port></FB>"
+        for (block, _, port), value in ((name.rpartition("."), value) for name, value in watches.items())
+    )
 
 
 def _read_subject(element: Element) -> Subject:
@@ -222,9 +258,11 @@ def _read_subject(element: Element) -> Subject:
         return Block(element.get("Name"), element.get("Type"))
     if element.tag == "Connection":
         return Link(element.get("Source"), element.get("Destination"))
+    if element.tag == "Watches" or (element.tag == "Watch" and element.get("Source")):
+        return Watch(element.get("Source") if element.tag == "Watch" else "")
     if element.tag in _TYPES:
         return Type(element.get("Name"), element.text.strip(), element.tag)
-    expected = choices(("<FB>", "<Connection>", *(f"<{tag}>" for tag in _TYPES)))
+    expected = choices(("<FB>", "<Connection>", "<Watch>", *(f"<{tag}>" for tag in _TYPES)))
     raise ManagementError("INVALID_OBJECT", f"expected {expected}, got <{element.tag}>")
 
 

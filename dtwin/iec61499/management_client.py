@@ -23,6 +23,7 @@ from dtwin.iec61499.management import (
     Response,
     Subject,
     Type,
+    Watch,
     parse_response,
 )
 
@@ -148,6 +149,15 @@ class ManagementClient:
         """Ends a block and starts it anew: a port of a FORTE closes, and opens with the next event INIT."""
         for action in _RESET:
             self.demand(resource, action, Block(name, ""))
+
+    def watch(self, resource: str, source: str) -> None:
+        """Has a port among those that `watched` tells, for all clients."""
+        self.demand(resource, "CREATE", Watch(source))
+
+    def watched(self, resource: str) -> dict[str, str]:
+        """The values of all watched ports by `BLOCK.PORT`, in one request."""
+        watches = self.demand(resource, "READ", Watch()).watches
+        return {} if watches is None else watches
 
     def start(self, resource: str) -> None:
         self.demand(resource, "START")

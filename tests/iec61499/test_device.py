@@ -24,7 +24,8 @@ from dtwin.iec61499.bootfile import parse_boot_file
 from dtwin.iec61499.client import BlockingClient
 from dtwin.iec61499.device import Device
 from dtwin.iec61499.library import Library
-from dtwin.iec61499.management import REQUESTS, Action, Block, Link, ManagementError, Subject, Type
+from dtwin.iec61499.managed import WATCHES
+from dtwin.iec61499.management import REQUESTS, Action, Block, Link, ManagementError, Subject, Type, Watch
 from dtwin.iec61499.management_client import ManagementClient
 from dtwin.iec61499.management_server import CLIENTS, ManagementServer
 from dtwin.iec61499.mapping import resource_network
@@ -169,6 +170,12 @@ TRANSCRIPT: list[tuple[str, Action, Subject | None, str | None]] = [
     ("R", "READ", Link("N.PV", "*"), None),
     ("R", "READ", Link("N.PX", "*"), "NO_SUCH_OBJECT"),
     ("R", "READ", Link("X.PV", "*"), "NO_SUCH_OBJECT"),
+    ("R", "CREATE", Watch("N.PV"), None),
+    ("R", "CREATE", Watch("N.PV"), None),
+    ("R", "CREATE", Watch("N.PX"), "NO_SUCH_OBJECT"),
+    ("R", "READ", Watch(), None),
+    ("R", "DELETE", Watch("N.PV"), None),
+    ("R", "DELETE", Watch("N.CV"), "NO_SUCH_OBJECT"),
     ("R", "STOP", None, "INVALID_STATE"),
     ("R", "RESET", None, "INVALID_STATE"),
     ("R", "START", None, None),
@@ -263,6 +270,32 @@ def test_both_devices_serve_the_same_wire(either: ManagementClient) -> None:
             drain(second)
         assert peer.exchange([True]) == (True,)
     assert either.read("R", "F.Q") == "TRUE"
+
+
+def test_both_devices_tell_watched_ports_at_once(either: ManagementClient) -> None:
+    build(either, "R", "N E_CTU PV=7\nF E_D_FF\nSTART.COLD -> N.CU\nN.Q -> F.D")
+    assert either.watched("R") == {}
+    for name in ("N.PV", "N.CV", "F.D"):
+        either.watch("R", name)
+    either.start("R")
+    wait_for(either, "R", "N.CV", lambda value: value == "1")
+    assert either.watched("R") == {"N.PV": "7", "N.CV": "1", "F.D": "FALSE"}
+    either.demand("R", "DELETE", Watch("N.PV"))
+    assert either.watched("R") == {"N.CV": "1", "F.D": "FALSE"}
+
+
+def test_the_number_of_watches_is_bounded(served: Served) -> None:
+    with served.client() as client:
+        client.create_block("", "R", "EMB_RES")
+        for number in range(WATCHES + 1):
+            client.create_block("R", f"N{number}", "E_CTU")
+        for number in range(WATCHES):
+            client.watch("R", f"N{number}.PV")
+        with pytest.raises(ManagementError, match=f"N{WATCHES}.PV: OVERFLOW"):
+            client.watch("R", f"N{WATCHES}.PV")
+        client.watch("R", "N0.PV")
+        client.delete_block("R", "N0")
+        assert len(client.watched("R")) == WATCHES - 1
 
 
 def test_an_application_built_over_management_serves(served: Served) -> None:

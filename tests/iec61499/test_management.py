@@ -21,6 +21,7 @@ from dtwin.iec61499.management import (
     Response,
     Subject,
     Type,
+    Watch,
     parse_request,
     parse_response,
     request_id,
@@ -33,6 +34,7 @@ subjects: st.SearchStrategy[Subject] = st.one_of(
     st.builds(Block, names, names),
     st.builds(Link, printable, names),
     st.builds(Type, names, printable.map(str.strip)),
+    st.builds(Watch, names | st.just("")),
 )
 
 
@@ -57,6 +59,11 @@ def test_a_printed_request_reads_back(request_: Request) -> None:
             '<Request ID="3" Action="CREATE"><FBType Name="X">a &gt; b</FBType></Request>',
         ),
         (Request("4", "START"), '<Request ID="4" Action="START"/>'),
+        (
+            Request("5", "CREATE", Watch("A.X")),
+            '<Request ID="5" Action="CREATE"><Watch Source="A.X" Destination="*" /></Request>',
+        ),
+        (Request("6", "READ", Watch()), '<Request ID="6" Action="READ"><Watches/></Request>'),
     ],
 )
 def test_requests_look_as_4diac_writes_them(request_: Request, text: str) -> None:
@@ -76,6 +83,8 @@ def test_every_reason_reads_back(reason: Reason) -> None:
         Response("1", blocks=(Block("START", "E_RESTART"), Block("A", "E_SR"))),
         Response("1", links=(Link("A.EO", "B.EI"),)),
         Response("1", names=("E_SR", "F_ADD")),
+        Response("1", watches={}),
+        Response("1", watches={"A.B.X": "1.5", "A.Y": "it's <3"}),
     ],
 )
 def test_every_response_reads_back(response: Response) -> None:
@@ -96,6 +105,13 @@ def test_every_response_reads_back(response: Response) -> None:
             '<Response ID="6">\n  <FBList>\n    <FB name="R" type="EMB_RES"/>\n  </FBList>\n</Response>',
             Response("6", blocks=(Block("R", "EMB_RES"),)),
         ),
+        (
+            '<Response ID="9">\n  <Watches>\n    <Resource name="R"><FB name="P.Q"><Port name="X"><Data value="0.5" '
+            'forced="false"/></Port><Port name="Y"><Data value="TRUE" forced="false"/></Port></FB></Resource>\n  '
+            "</Watches>\n</Response>",
+            Response("9", watches={"P.Q.X": "0.5", "P.Q.Y": "TRUE"}),
+        ),
+        ('<Response ID="9">\n  <Watches>\n    \n  </Watches>\n</Response>', Response("9", watches={})),
     ],
 )
 def test_responses_of_a_forte(text: str, response: Response) -> None:
