@@ -20,6 +20,7 @@ from dtwin.application import ControlLoop, SafeStop
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.address import Address, parse_address
 from dtwin.live.gate import STALE
+from dtwin.live.strides import strides
 from dtwin.messages import (
     EVENTS,
     GAINS,
@@ -84,6 +85,7 @@ class Bridge:
         self._try_at = 0.0
         self._looking_since = math.inf
         self._last: Voltages | None = None
+        self._before: Sensors | None = None
         self._restart = False
         self._answered = 0
         self._skipped = 0
@@ -135,6 +137,7 @@ class Bridge:
             if last is not None and not 0 < sensors.sequence - last.sequence <= GAP:
                 self._restart = True
             if self._restart:
+                self._lead(controller, sensors)
                 controller.restart(sensors)
                 self._restart = False
                 log.warning("path planned anew at %.2f s after a gap", sensors.time)
@@ -148,8 +151,18 @@ class Bridge:
             self._controller = None
             self._restart = True
             return
-        self._last = command
+        self._last, self._before = command, sensors
         self._answered += 1
+
+    def _lead(self, controller: ControlLoop, sensors: Sensors) -> None:
+        """Leads the application after a gap to where the same arm is now; all at once it would let go of its box.
+
+        A sample with a lower number is another arm's, or that of one that started anew.
+        """
+        before = self._before
+        if before is not None and sensors.sequence > before.sequence:
+            for step in strides(before, sensors):
+                controller.answer(step)
 
     def _connect(self) -> ControlLoop | None:
         now = time.monotonic()
