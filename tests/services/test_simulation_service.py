@@ -139,7 +139,7 @@ def test_a_service_that_is_killed_finds_old_or_new_settings_and_watches_the_new(
 
 
 def until_calm(samples: int = 200) -> None:
-    """The arm has been near its path for a while; a wrong model may have thrown it off, which fails the next trial."""
+    """The arm has been near its path for a while: one that a wrong model has thrown off fails the next trial."""
     angles: dict[int, Triple] = {}
     inside = 0
 
