@@ -114,6 +114,7 @@ def test_lua_files_hold_the_types(tmp_path: Path, capsys: pytest.CaptureFixture[
         "PATH_PLANNER",
         "PICK_AND_PLACE",
         "RESTART_DETECTOR",
+        "SAFE_STOP",
         "SYS_IDENT_3211SIG",
     ]
     counter = Library([BLOCKS]).find("EVENT_COUNTER")

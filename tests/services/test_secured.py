@@ -62,7 +62,7 @@ pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="needs t
 SAMPLE = Sensors(0, 0.0, (0.0, 0.0, 0.0), 0.9, False, "")
 COMMAND = Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), False)
 IDLE = IdentificationState("idle")
-QUIET = MonitoringResiduals(0, 0.0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.0, 1.0)
+QUIET = MonitoringResiduals(0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.0, 1.0)
 SECURED = ROOT / "config" / "secured"
 
 
