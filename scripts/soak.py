@@ -16,7 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from dtwin.commands.up import join
-from dtwin.messages import EVENTS, SUMMARY, BoxCounts, Summary
+from dtwin.messages import (
+    EVENTS,
+    SUMMARY,
+    BoxCounts,
+    Summary,
+)
 from dtwin.recording import read_log
 from dtwin.signals import Event
 from services.service import free_port

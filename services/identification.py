@@ -35,16 +35,18 @@ from dtwin.messages import (
     SENSORS,
     SIGNAL,
     VOLTAGES,
-    Estimated,
-    IdentificationDecision,
-    IdentificationRequest,
     IdentificationSignal,
-    IdentificationState,
     ModelSetting,
     SignalRequest,
 )
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.signals import Event, Sensors, Voltages
+from dtwin.twin_messages import (
+    Estimated,
+    IdentificationDecision,
+    IdentificationRequest,
+    IdentificationState,
+)
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)

@@ -26,16 +26,18 @@ from dtwin.messages import (
     RESIDUALS,
     SENSORS,
     VOLTAGES,
-    AcknowledgeRequest,
-    MonitoredUnit,
-    MonitoringResiduals,
-    MonitoringVerdict,
 )
 from dtwin.monitoring.belief import Belief, assumed, identified
 from dtwin.monitoring.monitor import ALARMS_PER_HOUR, Monitor, MonitorSettings
 from dtwin.monitoring.verdict import Verdict, unit_of
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.signals import Event, Sensors, Voltages
+from dtwin.twin_messages import (
+    AcknowledgeRequest,
+    MonitoredUnit,
+    MonitoringResiduals,
+    MonitoringVerdict,
+)
 from services.safe_stop import Demands
 from services.service import Link, Service, main
 

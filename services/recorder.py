@@ -29,14 +29,18 @@ from dtwin.messages import (
     SENSORS,
     TRUTH,
     VOLTAGES,
-    MonitoringResiduals,
-    MonitoringVerdict,
     State,
 )
-from dtwin.messages import Path as PathAngles
+from dtwin.messages import (
+    Path as PathAngles,
+)
 from dtwin.parameters import ArmParameters, assignment
 from dtwin.recording import Log, RunLog, ensure_writable
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
+from dtwin.twin_messages import (
+    MonitoringResiduals,
+    MonitoringVerdict,
+)
 from dtwin.view import LiveView, Opinion, Ports, Predictions, Viewer, ViewerProcess
 from services.service import Link, Service, main
 

@@ -18,6 +18,7 @@ from typing import Final
 from dtwin.bus import Bus, Subscription
 from dtwin.control import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
+from dtwin.live.pairs import Pairs
 from dtwin.messages import (
     EVENTS,
     GAINS,
@@ -30,20 +31,24 @@ from dtwin.messages import (
     UPLOAD,
     GainsSetting,
     ModelSetting,
-    Predicted,
-    PredictedMotion,
-    PredictionRequest,
-    RollBackRequest,
     SettingsInForce,
-    Upload,
-    UploadRequest,
 )
-from dtwin.messages import Path as PathAngles
+from dtwin.messages import (
+    Path as PathAngles,
+)
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.signals import Event, Sensors
 from dtwin.simulation.checks import MOTIONS, Checker
 from dtwin.simulation.history import HISTORY, Entry, History
 from dtwin.simulation.upload import Proposal, Uploader, changed
+from dtwin.twin_messages import (
+    Predicted,
+    PredictedMotion,
+    PredictionRequest,
+    RollBackRequest,
+    Upload,
+    UploadRequest,
+)
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)
@@ -51,8 +56,6 @@ log = logging.getLogger(__name__)
 NAME: Final = "simulation"
 RETRY: Final = 0.2
 """s between two attempts to reach the controller"""
-_KEPT: Final = 100
-"""samples that may wait for their path"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +105,7 @@ class Simulation:
         self._checker = checker
         self._uploader: Uploader | None = None
         self._lock = threading.Lock()
-        self._samples: dict[int, Sensors] = {}
+        self._pairs: Pairs[Sensors, PathAngles] = Pairs()
         self._time = 0.0
         self._done = 0
         bus = service.bus
@@ -128,23 +131,20 @@ class Simulation:
         service.ready()
         while not service.stopping:
             item = service.next(RETRY)
+            pair = None
             if isinstance(item, Sensors):
                 self._time = item.time
-                self._keep(item)
+                pair = self._pairs.first(item)
             elif isinstance(item, PathAngles):
-                self._judge(item)
+                pair = self._pairs.second(item)
+            if pair is not None:
+                self._judge(*pair)
             if service.report_due():
                 service.report("running", self._done, time=self._time)
 
-    def _keep(self, sensors: Sensors) -> None:
-        self._samples[sensors.sequence] = sensors
-        while len(self._samples) > _KEPT:
-            del self._samples[next(iter(self._samples))]
-
-    def _judge(self, path: PathAngles) -> None:
-        sensors = self._samples.pop(path.sequence, None)
+    def _judge(self, sensors: Sensors, path: PathAngles) -> None:
         uploader = self._uploader
-        if sensors is None or uploader is None or uploader.trial is None:
+        if uploader is None or uploader.trial is None:
             return
         with self._lock:
             try:

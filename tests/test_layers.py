@@ -10,6 +10,7 @@ LAYERS = [
     {"dtwin.errors"},
     {"dtwin.parameters"},
     {"dtwin.signals"},
+    {"dtwin.twin_messages"},
     {"dtwin.messages", "dtwin.codec"},
     {"dtwin.recording", "dtwin.bus"},
     {"dtwin.view"},

@@ -19,12 +19,14 @@ from dtwin.identification.estimate import NINETY_FIVE
 from dtwin.messages import (
     DECIDE,
     IDENTIFY,
+)
+from dtwin.parameters import ArmParameters
+from dtwin.twin_messages import (
     DataSource,
     IdentificationDecision,
     IdentificationRequest,
     IdentificationState,
 )
-from dtwin.parameters import ArmParameters
 
 _LOOK = 0.2
 """s between two looks at the progress"""

@@ -30,6 +30,10 @@ from dtwin.messages import (
     UPLOAD,
     Done,
     FaultRequest,
+)
+from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.signals import Event
+from dtwin.twin_messages import (
     IdentificationDecision,
     IdentificationRequest,
     IdentificationState,
@@ -41,8 +45,6 @@ from dtwin.messages import (
     Upload,
     UploadRequest,
 )
-from dtwin.parameters import ArmParameters, Gains, Triple
-from dtwin.signals import Event
 
 LIMIT: Final = 60.0
 """s of plant time after the fault in which the arm has to have recovered"""

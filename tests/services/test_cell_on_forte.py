@@ -33,13 +33,15 @@ from dtwin.messages import (
     ModelSetting,
     SettingsInForce,
     SignalRequest,
-    Upload,
-    UploadRequest,
 )
 from dtwin.parameters import ArmParameters, Gains, scaled
 from dtwin.recording import read_log
 from dtwin.signals import Voltages
 from dtwin.simulation.history import History
+from dtwin.twin_messages import (
+    Upload,
+    UploadRequest,
+)
 from tests.services.bench import FORTE, NO_FORTE, ROOT, forte, until
 from tests.services.test_up import Desk
 

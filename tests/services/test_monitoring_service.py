@@ -18,14 +18,16 @@ from dtwin.messages import (
     RESIDUALS,
     Done,
     FaultRequest,
-    MonitoredUnit,
-    MonitoringResiduals,
-    MonitoringVerdict,
 )
 from dtwin.monitoring.belief import assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.parameters import ArmParameters
 from dtwin.signals import Event
+from dtwin.twin_messages import (
+    MonitoredUnit,
+    MonitoringResiduals,
+    MonitoringVerdict,
+)
 from services.monitoring import residuals, verdict_message
 from tests.services.bench import until
 from tests.services.test_up import Desk

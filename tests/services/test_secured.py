@@ -37,23 +37,25 @@ from dtwin.messages import (
     Done,
     FaultRequest,
     GainsSetting,
-    IdentificationRequest,
     IdentificationSignal,
-    IdentificationState,
     ModelSetting,
-    MonitoringResiduals,
-    MonitoringVerdict,
     ReleaseRequest,
     SettingsInForce,
     StopRequest,
     StopState,
     TargetSetting,
     Topic,
-    Upload,
-    UploadRequest,
 )
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.signals import Event, Sensors, Voltages
+from dtwin.twin_messages import (
+    IdentificationRequest,
+    IdentificationState,
+    MonitoringResiduals,
+    MonitoringVerdict,
+    Upload,
+    UploadRequest,
+)
 from tests.services.bench import ROOT, free_port, until
 from tests.services.test_up import Desk
 

@@ -29,16 +29,20 @@ from dtwin.messages import (
     SENSORS,
     UPLOAD,
     GainsSetting,
+)
+from dtwin.messages import (
+    Path as PathAngles,
+)
+from dtwin.parameters import ArmParameters, Gains, Triple, scaled
+from dtwin.signals import Sensors
+from dtwin.simulation.checks import MOTIONS
+from dtwin.simulation.history import History
+from dtwin.twin_messages import (
     Predicted,
     PredictionRequest,
     Upload,
     UploadRequest,
 )
-from dtwin.messages import Path as PathAngles
-from dtwin.parameters import ArmParameters, Gains, Triple, scaled
-from dtwin.signals import Sensors
-from dtwin.simulation.checks import MOTIONS
-from dtwin.simulation.history import History
 from tests.services.bench import until
 from tests.services.test_up import Desk
 
