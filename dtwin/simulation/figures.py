@@ -20,6 +20,9 @@ SETTLED_BAND: Final = 1e-3
 SETTLED_SPEED: Final = 0.01
 """rad/s, the most a settled joint moves with"""
 
+SAME_ANGLE: Final = 1e-12
+"""rad: two readings of one number, of which one may have come as the 15 digits that a FORTE writes"""
+
 
 class Figures(msgspec.Struct, frozen=True):
     """One motion.

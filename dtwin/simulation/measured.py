@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,7 +14,7 @@ from dtwin.control import ControlSettings
 from dtwin.errors import ParameterError, RecordingError
 from dtwin.parameters import PERIOD, ArmParameters, Triple
 from dtwin.recording import Log
-from dtwin.simulation.figures import Array, Figures, figures, fit
+from dtwin.simulation.figures import SAME_ANGLE, Array, Figures, figures, fit
 from dtwin.simulation.whatif import Case, Outcome, Simulator
 
 
@@ -67,12 +68,13 @@ class Comparison:
 def motions(log: Log) -> Iterator[Measured]:
     """The motions of a log, in order; one whose path does not end in the log is left out.
 
-    A path starts where the desired angles of all joints are the measured ones, to the bit, and move on from there.
+    A path starts where the desired angles of all joints are the measured ones and move on from there.
     """
     path, measured = log.stack("target"), log.stack("measured")
     moves = np.append((path[1:] != path[:-1]).any(axis=1), False)
-    starts = np.flatnonzero((path == measured).all(axis=1) & moves).tolist()
-    for start, stop in zip(starts, [*starts[1:], len(path)], strict=True):
+    at_arm = (np.abs(path - measured) <= SAME_ANGLE).all(axis=1)
+    starts = np.flatnonzero(at_arm & moves).tolist()
+    for start, stop in itertools.pairwise([*starts, len(path)]):
         still = np.flatnonzero(~moves[start:stop])
         if stop - start < 2 or not still.size or start + still[0] == len(path) - 1:
             continue

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from dtwin.parameters import Triple
-from dtwin.simulation.figures import triple
+from dtwin.simulation.figures import SAME_ANGLE, triple
 
 Verdict = Literal["running", "passed", "failed"]
 
@@ -71,10 +71,10 @@ class Trial:
 
         A path starts where the arm is measured to be, which tells its first sample from all others.
         """
-        self._moved = self._moved or path == measured
+        away = triple(abs(wanted - found) for wanted, found in zip(path, measured, strict=True))
+        self._moved = self._moved or max(away) <= SAME_ANGLE
         self.judged_motion = self.judged_motion or (self._moved and path == self._path)
         self._path = path
-        away = triple(abs(wanted - found) for wanted, found in zip(path, measured, strict=True))
         limit = 1.0 if self._moved else INTERIM
         over = [distance / bound for distance, bound in zip(away, self.bounds, strict=True)]
         inside = max(over) <= limit

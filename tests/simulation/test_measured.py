@@ -62,6 +62,22 @@ def test_a_wrong_model_predicts_worse(log: Log, simulator: Simulator) -> None:
     assert min(wrong.fit) < min(right.fit) - 0.005
 
 
+def test_a_path_that_came_as_fifteen_digits_is_the_same(log: Log) -> None:
+    """As a 4diac FORTE writes them."""
+    rounded = {f"target_{joint}": np.array([float(f"{x:.15g}") for x in path]) for joint, path in targets(log)}
+    assert any((rounded[name] != log.columns[name]).any() for name in rounded)
+    assert list(motions(Log({**log.columns, **rounded}, log.events, {}))) == list(motions(log))
+
+
+def targets(log: Log) -> list[tuple[int, list[float]]]:
+    return [(joint, log.columns[f"target_{joint}"].tolist()) for joint in (1, 2, 3)]
+
+
+def test_a_log_without_motion_has_none(log: Log) -> None:
+    still = {name: np.full_like(log.columns[name], 0.5) for name in ("target_1", "target_2", "target_3")}
+    assert list(motions(Log({**log.columns, **still}, log.events, {}))) == []
+
+
 def test_settings_come_from_the_log(log: Log) -> None:
     assert settings_of(log) == CONTROL
     with pytest.raises(RecordingError, match="no usable control settings"):
