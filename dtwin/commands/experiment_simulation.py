@@ -14,7 +14,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 from rich.table import Table
 
 from dtwin.errors import ParameterError
-from dtwin.simulation.accuracy import NOISE, Pair, accuracy, identified
+from dtwin.simulation.accuracy import NOISE, Pair, accuracy, designed, identified
 from dtwin.simulation.report import accuracy_report, upload_report
 from dtwin.simulation.upload_run import DURATION, UploadRun, upload_run
 
@@ -40,8 +40,9 @@ class ExperimentAccuracy:
         runs = []
         with _progress("moving arm and twin") as progress:
             task = progress.add_task("", total=self.runs)
+            plan = designed()
             for number in range(self.runs):
-                runs.append(accuracy(identified(self.noise, self.seed + number)))
+                runs.append(accuracy(identified(self.noise, self.seed + number, plan=plan)))
                 progress.update(task, completed=number + 1)
         path = accuracy_report(runs, self.out)
         if self.json:

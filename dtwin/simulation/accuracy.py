@@ -15,6 +15,7 @@ import numpy as np
 
 from dtwin.control import ControlSettings
 from dtwin.errors import IdentificationError
+from dtwin.identification.design import optimise
 from dtwin.identification.estimate import identify
 from dtwin.identification.excitation import Plan
 from dtwin.identification.experiments import standard_settings
@@ -31,6 +32,8 @@ NOISE: Final = 0.010
 """rad, of the encoders while the model is identified"""
 BOX: Final = 0.2
 """kg"""
+TRIALS: Final = 300
+"""signals that are looked at"""
 _LOOK: Final = 4.0
 """s after the path's end in which a motion should have settled"""
 
@@ -58,19 +61,29 @@ class Pair:
     difference: Triple
 
 
-def identified(noise: float, seed: int, true: ArmParameters | None = None) -> ArmParameters:
-    """A model of the emulated arm, from one standard experiment at that noise.
+def designed() -> Plan:
+    """The standard experiment with the signal that tells most, as `dtwin identify --optimise` finds it.
+
+    It is found around the start values of the estimation: nothing of the true arm is known.
+    """
+    settings = standard_settings()
+    return optimise(Plan(), settings.free, settings.known, NOISE, np.random.default_rng(0), trials=TRIALS)
+
+
+def identified(noise: float, seed: int, true: ArmParameters | None = None, plan: Plan | None = None) -> ArmParameters:
+    """A model of the emulated arm, from one experiment at that noise.
 
     Args:
         noise: rad, uniform, of mean noise / 2.
         seed: of the noise.
         true: the emulated arm; the data sheet's when None.
+        plan: of the experiment; the standard one when None.
 
     Raises:
         IdentificationError: the estimation did not converge.
     """
     rig = Rig(true or ArmParameters(), noise)
-    experiment = rig.measure(Plan(), SignalBlocks(), np.random.default_rng(seed))
+    experiment = rig.measure(plan or Plan(), SignalBlocks(), np.random.default_rng(seed))
     estimate = identify([experiment], standard_settings())
     if not estimate.converged:
         raise IdentificationError(f"the model for seed {seed} did not converge: expected a minimum")
