@@ -10,6 +10,7 @@ import contextlib
 import gc
 import logging
 import os
+import random
 import signal
 import socket
 import sys
@@ -24,7 +25,7 @@ from typing import Any, Final, Protocol
 
 from dtwin.bus import RENDEZVOUS, Bus, open_configured, open_peer
 from dtwin.cli import parse_options
-from dtwin.errors import DtwinError
+from dtwin.errors import CommunicationError, DtwinError
 from dtwin.messages import (
     STATUS,
     State,
@@ -40,6 +41,8 @@ _PRIORITY: Final = 10
 """of 1 to 99: before all ordinary processes, after the kernel's own threads"""
 GRACE: Final = 5.0
 """s to end in after the parent has gone"""
+_PORTS: Final = range(20_000, 32_000)
+_TRIES: Final = 100
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,11 +212,18 @@ def hurry() -> None:
 
 
 def free_port() -> int:
-    """A TCP port of the loopback interface that nobody listens at now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-    return port
+    """A TCP port of the loopback interface that nobody listens at now.
+
+    It is below those that systems give to outgoing connections, one of which might take it before it is used.
+
+    Raises:
+        CommunicationError: there is none.
+    """
+    for port in random.SystemRandom().sample(_PORTS, _TRIES):
+        with socket.socket() as probe, contextlib.suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return port
+    raise CommunicationError(f"no free TCP port among {_TRIES} from {_PORTS[0]} to {_PORTS[-1]}")
 
 
 class _LastError(logging.Handler):
