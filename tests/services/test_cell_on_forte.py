@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -43,7 +41,7 @@ from dtwin.twin_messages import (
     UploadRequest,
 )
 from tests.services.bench import FORTE, NO_FORTE, ROOT, forte, until
-from tests.services.test_up import Desk
+from tests.services.desk import Desk
 
 needs_forte = pytest.mark.skipif(not FORTE, reason=NO_FORTE)
 
@@ -56,17 +54,6 @@ def controller(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
         return
     with forte(tmp_path) as address:
         yield f"forte://{address}"
-
-
-@pytest.fixture
-def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Iterator[Desk]:
-    folder = tmp_path / "runtime"
-    folder.mkdir()
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
-    desk = Desk(folder, capsys)
-    yield desk
-    for pid in desk.processes():
-        os.kill(pid, signal.SIGKILL)
 
 
 @needs_forte

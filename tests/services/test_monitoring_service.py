@@ -30,7 +30,7 @@ from dtwin.twin_messages import (
 )
 from services.monitoring import residuals, verdict_message
 from tests.services.bench import until
-from tests.services.test_up import Desk
+from tests.services.desk import Desk
 
 
 @pytest.fixture

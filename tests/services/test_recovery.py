@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,18 +16,7 @@ from dtwin.recording import read_log
 from dtwin.recovery.operator import LIMIT, Story
 from dtwin.recovery.outcome import TOLERANCE, healthy_run, judge, tracked
 from tests.services.bench import ROOT
-from tests.services.test_up import Desk
-
-
-@pytest.fixture
-def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Iterator[Desk]:
-    folder = tmp_path / "runtime"
-    folder.mkdir()
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
-    desk = Desk(folder, capsys)
-    yield desk
-    for pid in desk.processes():
-        os.kill(pid, signal.SIGKILL)
+from tests.services.desk import Desk
 
 
 def test_a_cell_with_grown_friction_recovers(desk: Desk, tmp_path: Path) -> None:

@@ -5,10 +5,6 @@ from __future__ import annotations
 import os
 import re
 import signal
-from collections.abc import Iterator
-from pathlib import Path
-
-import pytest
 
 from dtwin.bus import Bus, open_peer
 from dtwin.commands.up import join
@@ -27,21 +23,10 @@ from dtwin.monitoring.verdict import Finding
 from dtwin.signals import Event, Sensors
 from services.safe_stop import Demands
 from tests.services.bench import free_port, until
-from tests.services.test_up import Desk, boxes
+from tests.services.desk import Desk, boxes
 
 FOUND = Finding("K2", "voltage constant", 2, -0.9, 0.01, 0.9995, 45.0, 45.1, True)
 FROZEN = Finding("freeze1", "encoder freeze", 1, 0.0, 0.0, 1.0, 46.0, 46.1, True)
-
-
-@pytest.fixture
-def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Iterator[Desk]:
-    folder = tmp_path / "runtime"
-    folder.mkdir()
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
-    desk = Desk(folder, capsys)
-    yield desk
-    for pid in desk.processes():
-        os.kill(pid, signal.SIGKILL)
 
 
 class Watch:

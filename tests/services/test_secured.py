@@ -57,7 +57,7 @@ from dtwin.twin_messages import (
     UploadRequest,
 )
 from tests.services.bench import ROOT, free_port, until
-from tests.services.test_up import Desk
+from tests.services.desk import Desk
 
 pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="needs the openssl command: install it")
 

@@ -44,7 +44,7 @@ from dtwin.twin_messages import (
     UploadRequest,
 )
 from tests.services.bench import until
-from tests.services.test_up import Desk
+from tests.services.desk import Desk
 
 HIGHER = Gains(kp=(250.0, 500.0, 350.0))
 
