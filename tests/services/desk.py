@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from dtwin.cli import main
-from tests.services.bench import ROOT
+from tests.services.bench import ROOT, until
 
 
 class Desk:
@@ -54,3 +54,8 @@ class Desk:
         """The process with this in its command line."""
         (pid,) = (pid for pid, line in self.processes().items() if part in line)
         return pid
+
+
+def boxes(desk: Desk) -> dict[str, int]:
+    """The count of boxes, once the emulator has told it."""
+    return until(lambda: desk.summary()["boxes"], "the boxes are counted")

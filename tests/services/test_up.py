@@ -11,7 +11,7 @@ from dtwin.cell import Cell, CellSettings
 from dtwin.emulation import parse_fault
 from dtwin.recording import read_log
 from tests.services.bench import until
-from tests.services.desk import Desk
+from tests.services.desk import Desk, boxes
 
 DURATION = 20
 
@@ -54,11 +54,6 @@ def test_a_cell_is_started_watched_set_and_stopped(desk: Desk, tmp_path: Path) -
     until(lambda: not desk.processes(), "all processes end")
     assert recording.stat().st_size > 100_000
     assert "not up" in desk.run("status", status=2)
-
-
-def boxes(desk: Desk) -> dict[str, int]:
-    """The count of boxes, once the emulator has told it."""
-    return until(lambda: desk.summary()["boxes"], "the boxes are counted")
 
 
 def test_killed_services_come_back_and_end_with_their_supervisor(desk: Desk, tmp_path: Path) -> None:
