@@ -21,13 +21,7 @@ from dtwin.iec61499.management import ManagementError
 from dtwin.iec61499.management_client import ManagementClient
 from dtwin.iec61499.types import BOOL, DINT, LREAL
 from dtwin.iec61499.wire import Signature
-from dtwin.messages import (
-    ARM_STATES,
-    STOPS,
-    ArmState,
-    IdentificationSignal,
-    Stop,
-)
+from dtwin.messages import ARM_STATES, STOPS, ArmState, IdentificationSignal, Stop
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.remote import SENSORS, VOLTAGES
 from dtwin.signals import Sensors, Voltages

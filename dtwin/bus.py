@@ -25,10 +25,7 @@ from zenoh.handlers import Callback
 
 from dtwin.codec import M, MessageError, Reader, encode
 from dtwin.errors import CommunicationError, DtwinError
-from dtwin.messages import (
-    ALIVE,
-    Topic,
-)
+from dtwin.messages import ALIVE, Topic
 
 log = logging.getLogger(__name__)
 

@@ -18,14 +18,7 @@ from typing import Final
 
 from dtwin.bus import Bus
 from dtwin.errors import CommunicationError
-from dtwin.messages import (
-    STATUS,
-    SUMMARY,
-    ServiceSummary,
-    Status,
-    Summary,
-    SummaryRequest,
-)
+from dtwin.messages import STATUS, SUMMARY, ServiceSummary, Status, Summary, SummaryRequest
 from dtwin.parameters import ROOT
 
 LIFELINE: Final = "DTWIN_LIFELINE"

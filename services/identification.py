@@ -41,12 +41,7 @@ from dtwin.messages import (
 )
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.signals import Event, Sensors, Voltages
-from dtwin.twin_messages import (
-    Estimated,
-    IdentificationDecision,
-    IdentificationRequest,
-    IdentificationState,
-)
+from dtwin.twin_messages import Estimated, IdentificationDecision, IdentificationRequest, IdentificationState
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)

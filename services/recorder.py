@@ -21,26 +21,12 @@ from dtwin.emulation import MODEL_FILE
 from dtwin.errors import ParameterError
 from dtwin.live.parts import Parts
 from dtwin.live.rows import Rows
-from dtwin.messages import (
-    EVENTS,
-    MONITORING,
-    PATH,
-    RESIDUALS,
-    SENSORS,
-    TRUTH,
-    VOLTAGES,
-    State,
-)
-from dtwin.messages import (
-    Path as PathAngles,
-)
+from dtwin.messages import EVENTS, MONITORING, PATH, RESIDUALS, SENSORS, TRUTH, VOLTAGES, State
+from dtwin.messages import Path as PathAngles
 from dtwin.parameters import ArmParameters, assignment
 from dtwin.recording import Log, RunLog, ensure_writable
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
-from dtwin.twin_messages import (
-    MonitoringResiduals,
-    MonitoringVerdict,
-)
+from dtwin.twin_messages import MonitoringResiduals, MonitoringVerdict
 from dtwin.view import LiveView, Opinion, Ports, Predictions, Viewer, ViewerProcess
 from services.service import Link, Service, main
 

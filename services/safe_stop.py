@@ -11,15 +11,7 @@ from typing import Final
 from dtwin.application import SafeStop
 from dtwin.bus import Bus
 from dtwin.errors import CommunicationError
-from dtwin.messages import (
-    EVENTS,
-    RELEASE,
-    STOP,
-    ReleaseRequest,
-    Stop,
-    StopRequest,
-    StopState,
-)
+from dtwin.messages import EVENTS, RELEASE, STOP, ReleaseRequest, Stop, StopRequest, StopState
 from dtwin.monitoring.verdict import Finding, arm_state
 from dtwin.signals import Event
 

@@ -26,11 +26,7 @@ from typing import Any, Final, Protocol
 from dtwin.bus import RENDEZVOUS, Bus, open_configured, open_peer
 from dtwin.cli import parse_options
 from dtwin.errors import CommunicationError, DtwinError
-from dtwin.messages import (
-    STATUS,
-    State,
-    Status,
-)
+from dtwin.messages import STATUS, State, Status
 from dtwin.supervisor import LIFELINE
 
 REPORT_PERIOD: Final = 1.0

@@ -33,22 +33,13 @@ from dtwin.messages import (
     ModelSetting,
     SettingsInForce,
 )
-from dtwin.messages import (
-    Path as PathAngles,
-)
+from dtwin.messages import Path as PathAngles
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.signals import Event, Sensors
 from dtwin.simulation.checks import MOTIONS, Checker
 from dtwin.simulation.history import HISTORY, Entry, History
 from dtwin.simulation.upload import Proposal, Uploader, changed
-from dtwin.twin_messages import (
-    Predicted,
-    PredictedMotion,
-    PredictionRequest,
-    RollBackRequest,
-    Upload,
-    UploadRequest,
-)
+from dtwin.twin_messages import Predicted, PredictedMotion, PredictionRequest, RollBackRequest, Upload, UploadRequest
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)

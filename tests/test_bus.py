@@ -12,14 +12,7 @@ import zenoh
 from dtwin.bus import Bus, open_configured, open_peer
 from dtwin.codec import encode
 from dtwin.errors import CommunicationError, ParameterError
-from dtwin.messages import (
-    ALIVE,
-    SENSORS,
-    STATUS,
-    TARGET,
-    TOPICS,
-    TargetSetting,
-)
+from dtwin.messages import ALIVE, SENSORS, STATUS, TARGET, TOPICS, TargetSetting
 from dtwin.parameters import ROOT
 from dtwin.signals import Sensors
 from tests.services.bench import until

@@ -10,12 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.codec import SIZE_LIMIT, MessageError, Reader, encode
-from dtwin.messages import (
-    TOPICS,
-    GainsSetting,
-    ModelSetting,
-    TargetSetting,
-)
+from dtwin.messages import TOPICS, GainsSetting, ModelSetting, TargetSetting
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.signals import Sensors, Voltages
 

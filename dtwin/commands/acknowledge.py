@@ -11,13 +11,8 @@ from rich.console import Console
 
 from dtwin.commands.monitor import STATE_COLOURS
 from dtwin.commands.up import join
-from dtwin.messages import (
-    ACKNOWLEDGE,
-)
-from dtwin.twin_messages import (
-    AcknowledgeRequest,
-    MonitoringVerdict,
-)
+from dtwin.messages import ACKNOWLEDGE
+from dtwin.twin_messages import AcknowledgeRequest, MonitoringVerdict
 
 
 @dataclass(frozen=True)

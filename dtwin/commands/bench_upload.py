@@ -13,17 +13,8 @@ import msgspec
 from dtwin.bus import Bus
 from dtwin.commands.up import join
 from dtwin.errors import ParameterError
-from dtwin.messages import (
-    ROLL_BACK,
-    SUMMARY,
-    UPLOAD,
-    Summary,
-)
-from dtwin.twin_messages import (
-    RollBackRequest,
-    Upload,
-    UploadRequest,
-)
+from dtwin.messages import ROLL_BACK, SUMMARY, UPLOAD, Summary
+from dtwin.twin_messages import RollBackRequest, Upload, UploadRequest
 
 _WHY = "dtwin bench upload"
 _CHANGE = 1.001

@@ -16,17 +16,9 @@ from dtwin.bus import Bus
 from dtwin.commands.up import join
 from dtwin.errors import CommunicationError, IdentificationError
 from dtwin.identification.estimate import NINETY_FIVE
-from dtwin.messages import (
-    DECIDE,
-    IDENTIFY,
-)
+from dtwin.messages import DECIDE, IDENTIFY
 from dtwin.parameters import ArmParameters
-from dtwin.twin_messages import (
-    DataSource,
-    IdentificationDecision,
-    IdentificationRequest,
-    IdentificationState,
-)
+from dtwin.twin_messages import DataSource, IdentificationDecision, IdentificationRequest, IdentificationState
 
 _LOOK = 0.2
 """s between two looks at the progress"""

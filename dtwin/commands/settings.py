@@ -10,15 +10,7 @@ import msgspec
 
 from dtwin.bus import Bus
 from dtwin.commands.up import join
-from dtwin.messages import (
-    GAINS,
-    MODEL,
-    TARGET,
-    GainsSetting,
-    ModelSetting,
-    TargetSetting,
-    Topic,
-)
+from dtwin.messages import GAINS, MODEL, TARGET, GainsSetting, ModelSetting, TargetSetting, Topic
 from dtwin.parameters import Triple, assignment, load_arm
 
 Setting = TypeVar("Setting", GainsSetting, ModelSetting, TargetSetting)

@@ -20,15 +20,7 @@ from dtwin.control import ControlSettings
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.messages import (
-    GAINS,
-    MODEL,
-    SENSORS,
-    TARGET,
-    GainsSetting,
-    ModelSetting,
-    TargetSetting,
-)
+from dtwin.messages import GAINS, MODEL, SENSORS, TARGET, GainsSetting, ModelSetting, TargetSetting
 from dtwin.parameters import PERIOD, ArmParameters, Gains, Law, Triple
 from dtwin.recording import Log, ensure_writable, read_log
 from dtwin.signals import Sensors

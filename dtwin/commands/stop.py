@@ -8,14 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from dtwin.commands.up import join
-from dtwin.messages import (
-    RELEASE,
-    STOP,
-    ReleaseRequest,
-    Stop,
-    StopRequest,
-    StopState,
-)
+from dtwin.messages import RELEASE, STOP, ReleaseRequest, Stop, StopRequest, StopState
 
 MEANING: Final[dict[Stop, str]] = {
     "none": "the arm moves",

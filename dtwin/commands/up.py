@@ -21,10 +21,7 @@ from dtwin import runfile
 from dtwin.bus import Bus, open_configured, open_peer
 from dtwin.commands.launch import LOOK, OPERATOR, READY_TIMEOUT, CellOptions, launched
 from dtwin.errors import CommunicationError
-from dtwin.messages import (
-    SUMMARY,
-    Summary,
-)
+from dtwin.messages import SUMMARY, Summary
 from dtwin.supervisor import Supervisor
 
 

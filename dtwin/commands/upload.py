@@ -14,16 +14,9 @@ from dtwin.bus import Bus
 from dtwin.commands.up import join
 from dtwin.errors import CommunicationError, ModelError
 from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.messages import (
-    ROLL_BACK,
-    UPLOAD,
-)
+from dtwin.messages import ROLL_BACK, UPLOAD
 from dtwin.parameters import ArmParameters, Gains, Triple
-from dtwin.twin_messages import (
-    RollBackRequest,
-    Upload,
-    UploadRequest,
-)
+from dtwin.twin_messages import RollBackRequest, Upload, UploadRequest
 
 _LOOK = 0.2
 """s between two looks at a trial"""

@@ -12,9 +12,7 @@ import tyro
 from dtwin.codec import SIZE_LIMIT, MessageError, Reader, encode
 from dtwin.commands.up import join
 from dtwin.errors import ParameterError
-from dtwin.messages import (
-    TOPICS,
-)
+from dtwin.messages import TOPICS
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from dtwin.messages import (
-    Latency,
-)
+from dtwin.messages import Latency
 
 RESOLUTION: Final = 1e-5
 """s, width of a bin"""

@@ -6,9 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from dtwin.messages import (
-    Path,
-)
+from dtwin.messages import Path
 from dtwin.parameters import Triple
 from dtwin.signals import Event, Quad, Sensors, StepRecord, Truth, Voltages
 

@@ -28,9 +28,7 @@ from dtwin.iec61499.standard.declare import basic
 from dtwin.iec61499.types import BOOL, DINT, LREAL, parse_literal
 from dtwin.iec61499.wire import Signature
 from dtwin.loop import run
-from dtwin.messages import (
-    STOPS,
-)
+from dtwin.messages import STOPS
 from dtwin.parameters import ArmParameters
 from dtwin.recording import Log
 from dtwin.remote import RemoteController

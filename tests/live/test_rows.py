@@ -6,9 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.live.rows import EARLY_LIMIT, PATIENCE, Rows
-from dtwin.messages import (
-    Path,
-)
+from dtwin.messages import Path
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
 
 COUNT = 12

@@ -36,10 +36,7 @@ from dtwin.parameters import ArmParameters, Gains, scaled
 from dtwin.recording import read_log
 from dtwin.signals import Voltages
 from dtwin.simulation.history import History
-from dtwin.twin_messages import (
-    Upload,
-    UploadRequest,
-)
+from dtwin.twin_messages import Upload, UploadRequest
 from tests.services.bench import FORTE, NO_FORTE, ROOT, forte, until
 from tests.services.desk import Desk
 

@@ -4,45 +4,20 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dtwin.commands.up import join
-from dtwin.messages import (
-    EVENTS,
-    FAULT,
-    MONITORING,
-    RESIDUALS,
-    Done,
-    FaultRequest,
-)
+from dtwin.messages import EVENTS, FAULT, MONITORING, RESIDUALS, Done, FaultRequest
 from dtwin.monitoring.belief import assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.parameters import ArmParameters
 from dtwin.signals import Event
-from dtwin.twin_messages import (
-    MonitoredUnit,
-    MonitoringResiduals,
-    MonitoringVerdict,
-)
+from dtwin.twin_messages import MonitoredUnit, MonitoringResiduals, MonitoringVerdict
 from services.monitoring import residuals, verdict_message
 from tests.services.bench import until
 from tests.services.desk import Desk
-
-
-@pytest.fixture
-def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Iterator[Desk]:
-    folder = tmp_path / "runtime"
-    folder.mkdir()
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
-    desk = Desk(folder, capsys)
-    yield desk
-    desk.run("down")
-    for pid in desk.processes():
-        os.kill(pid, signal.SIGKILL)
 
 
 def test_a_fault_of_the_running_cell_is_published(desk: Desk) -> None:

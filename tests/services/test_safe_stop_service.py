@@ -9,16 +9,7 @@ import signal
 from dtwin.bus import Bus, open_peer
 from dtwin.commands.up import join
 from dtwin.errors import CommunicationError
-from dtwin.messages import (
-    EVENTS,
-    FAULT,
-    SENSORS,
-    STOP,
-    Done,
-    FaultRequest,
-    StopRequest,
-    StopState,
-)
+from dtwin.messages import EVENTS, FAULT, SENSORS, STOP, Done, FaultRequest, StopRequest, StopState
 from dtwin.monitoring.verdict import Finding
 from dtwin.signals import Event, Sensors
 from services.safe_stop import Demands

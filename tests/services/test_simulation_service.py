@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -22,27 +21,13 @@ from dtwin.identification.experiments import standard_settings
 from dtwin.identification.model import from_estimate, write_model
 from dtwin.identification.rig import Rig
 from dtwin.identification.signal_blocks import SignalBlocks
-from dtwin.messages import (
-    GAINS,
-    PATH,
-    PREDICT,
-    SENSORS,
-    UPLOAD,
-    GainsSetting,
-)
-from dtwin.messages import (
-    Path as PathAngles,
-)
+from dtwin.messages import GAINS, PATH, PREDICT, SENSORS, UPLOAD, GainsSetting
+from dtwin.messages import Path as PathAngles
 from dtwin.parameters import ArmParameters, Gains, Triple, scaled
 from dtwin.signals import Sensors
 from dtwin.simulation.checks import MOTIONS
 from dtwin.simulation.history import History
-from dtwin.twin_messages import (
-    Predicted,
-    PredictionRequest,
-    Upload,
-    UploadRequest,
-)
+from dtwin.twin_messages import Predicted, PredictionRequest, Upload, UploadRequest
 from tests.services.bench import until
 from tests.services.desk import Desk
 
@@ -50,17 +35,10 @@ HIGHER = Gains(kp=(250.0, 500.0, 350.0))
 
 
 @pytest.fixture
-def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Iterator[Desk]:
-    folder = tmp_path / "runtime"
-    folder.mkdir()
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
-    desk = Desk(folder, capsys)
+def cell(desk: Desk, tmp_path: Path) -> Desk:
     history = str(tmp_path / "history.jsonl")
     desk.up("--detach", "--pace", "lockstep", "--simulation", "--history", history, "--seed", "2")
-    yield desk
-    desk.run("down")
-    for pid in desk.processes():
-        os.kill(pid, signal.SIGKILL)
+    return desk
 
 
 def now(bus: Bus) -> Upload:

@@ -14,11 +14,7 @@ from dtwin.control import EmbeddedController
 from dtwin.emulation import Emulation, parse_fault
 from dtwin.errors import DivergenceError
 from dtwin.loop import run, tick_count
-from dtwin.messages import (
-    ARM_STATES,
-    STOPS,
-    Stop,
-)
+from dtwin.messages import ARM_STATES, STOPS, Stop
 from dtwin.monitoring.experiments.pool import spread
 from dtwin.monitoring.experiments.trial import MOVING, identified_belief, true_cause
 from dtwin.monitoring.monitor import Monitor
