@@ -15,15 +15,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from dtwin.commands.up import join
-from dtwin.messages import (
+from dtwin.bus.messages import (
     EVENTS,
     SUMMARY,
     BoxCounts,
     Summary,
 )
-from dtwin.recording import read_log
+from dtwin.run.recording import read_log
 from dtwin.signals import Event
+from services.runfile import join
 from services.service import free_port
 
 ROOT = Path(__file__).resolve().parent.parent

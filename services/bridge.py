@@ -16,12 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
-from dtwin.application import ControlLoop, SafeStop
-from dtwin.errors import CommunicationError
-from dtwin.iec61499.address import Address, parse_address
-from dtwin.live.gate import STALE
-from dtwin.live.strides import strides
-from dtwin.messages import (
+from dtwin.bus.messages import (
     EVENTS,
     GAINS,
     MODEL,
@@ -41,8 +36,13 @@ from dtwin.messages import (
     State,
     TargetSetting,
 )
+from dtwin.controller.device import ControlLoop, SafeStop
+from dtwin.errors import CommunicationError
+from dtwin.iec61499.net.address import Address, parse_address
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event, Sensors, Voltages
+from services.parts.gate import STALE
+from services.parts.strides import strides
 from services.safe_stop import Stops
 from services.service import Link, Service, main
 

@@ -10,17 +10,17 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from dtwin.control import BLOCKS, SYSTEM, ControlSettings
-from dtwin.iec61499.address import Address, parse_numeric_address
-from dtwin.iec61499.deploy import deploy
-from dtwin.iec61499.deployment import plan_deployment
-from dtwin.iec61499.device import Device
+from dtwin.controller.embedded import BLOCKS, SYSTEM, ControlSettings
+from dtwin.iec61499.deploy.build import deploy
+from dtwin.iec61499.deploy.deployment import plan_deployment
+from dtwin.iec61499.device.embedded import Device
+from dtwin.iec61499.files.mapping import resource_network
 from dtwin.iec61499.library import Library
-from dtwin.iec61499.management_client import ManagementClient
-from dtwin.iec61499.management_server import ManagementServer
-from dtwin.iec61499.mapping import resource_network
+from dtwin.iec61499.management.client import ManagementClient
+from dtwin.iec61499.management.server import ManagementServer
 from dtwin.iec61499.model import Block, FBNetwork, System
-from dtwin.iec61499.reactor import Reactor
+from dtwin.iec61499.net.address import Address, parse_numeric_address
+from dtwin.iec61499.net.reactor import Reactor
 from dtwin.parameters import Law
 from services.service import REPORT_PERIOD, Link, Service, free_port, main
 

@@ -18,15 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, TypeVar
 
-from dtwin.cell import CellSettings
-from dtwin.emulation import MODEL_FILE, NoiseKind, parse_fault
-from dtwin.errors import CommunicationError, DtwinError
-from dtwin.live.gate import STALE, Gate
-from dtwin.live.journal import Journal
-from dtwin.live.journaled import JournaledCell, without_volts
-from dtwin.live.latencies import Latencies
-from dtwin.loop import tick_count
-from dtwin.messages import (
+from dtwin.bus.messages import (
     EVENTS,
     FAULT,
     RESET,
@@ -39,8 +31,16 @@ from dtwin.messages import (
     ResetRequest,
     State,
 )
+from dtwin.emulation import MODEL_FILE, NoiseKind, parse_fault
+from dtwin.errors import CommunicationError, DtwinError
 from dtwin.parameters import PERIOD, PHYSICS_STEP, ArmParameters, assignment
+from dtwin.run.cell import CellSettings
+from dtwin.run.loop import tick_count
 from dtwin.signals import Event, Sensors, Truth, Voltages
+from services.parts.gate import STALE, Gate
+from services.parts.journal import Journal
+from services.parts.journaled import JournaledCell, without_volts
+from services.parts.latencies import Latencies
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)

@@ -16,17 +16,7 @@ from typing import Final
 
 import msgspec
 
-from dtwin.errors import DtwinError, IdentificationError
-from dtwin.identification.data import Experiment
-from dtwin.identification.estimate import Estimate, Settings, identify, load_kernels
-from dtwin.identification.excitation import Excitation
-from dtwin.identification.held_out import compare
-from dtwin.identification.live import Collector, divided
-from dtwin.identification.model import IdentifiedModel, from_estimate, read_model
-from dtwin.identification.options import free_names, settings_for
-from dtwin.identification.passing import PIECES, Passing, estimate_from, renewed
-from dtwin.identification.store import STORE, ModelStore
-from dtwin.messages import (
+from dtwin.bus.messages import (
     DECIDE,
     EVENTS,
     IDENTIFICATION,
@@ -39,9 +29,19 @@ from dtwin.messages import (
     ModelSetting,
     SignalRequest,
 )
+from dtwin.bus.twin_messages import Estimated, IdentificationDecision, IdentificationRequest, IdentificationState
+from dtwin.errors import DtwinError, IdentificationError
+from dtwin.identification.data import Experiment
+from dtwin.identification.estimation.estimate import Estimate, Settings, identify, load_kernels
+from dtwin.identification.excitation.signal import Excitation
+from dtwin.identification.held_out import compare
+from dtwin.identification.live import Collector, divided
+from dtwin.identification.model import IdentifiedModel, from_estimate, read_model
+from dtwin.identification.options import free_names, settings_for
+from dtwin.identification.passing import PIECES, Passing, estimate_from, renewed
+from dtwin.identification.store import STORE, ModelStore
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.signals import Event, Sensors, Voltages
-from dtwin.twin_messages import Estimated, IdentificationDecision, IdentificationRequest, IdentificationState
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)

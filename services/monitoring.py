@@ -16,16 +16,16 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from dtwin.bus.messages import ACKNOWLEDGE, EVENTS, MONITORING, RESIDUALS, SENSORS, VOLTAGES
+from dtwin.bus.pairs import Pairs
+from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoredUnit, MonitoringResiduals, MonitoringVerdict
 from dtwin.errors import CommunicationError, DtwinError
 from dtwin.identification.model import read_model
-from dtwin.live.pairs import Pairs
-from dtwin.messages import ACKNOWLEDGE, EVENTS, MONITORING, RESIDUALS, SENSORS, VOLTAGES
 from dtwin.monitoring.belief import Belief, assumed, identified
 from dtwin.monitoring.monitor import ALARMS_PER_HOUR, Monitor, MonitorSettings
 from dtwin.monitoring.verdict import Verdict, unit_of
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.signals import Event, Sensors, Voltages
-from dtwin.twin_messages import AcknowledgeRequest, MonitoredUnit, MonitoringResiduals, MonitoringVerdict
 from services.safe_stop import Demands
 from services.service import Link, Service, main
 

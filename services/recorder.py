@@ -17,17 +17,17 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
+from dtwin.bus.messages import EVENTS, MONITORING, PATH, RESIDUALS, SENSORS, TRUTH, VOLTAGES, State
+from dtwin.bus.messages import Path as PathAngles
+from dtwin.bus.twin_messages import MonitoringResiduals, MonitoringVerdict
 from dtwin.emulation import MODEL_FILE
 from dtwin.errors import ParameterError
-from dtwin.live.parts import Parts
-from dtwin.live.rows import Rows
-from dtwin.messages import EVENTS, MONITORING, PATH, RESIDUALS, SENSORS, TRUTH, VOLTAGES, State
-from dtwin.messages import Path as PathAngles
 from dtwin.parameters import ArmParameters, assignment
-from dtwin.recording import Log, RunLog, ensure_writable
+from dtwin.run.recording import Log, RunLog, ensure_writable
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
-from dtwin.twin_messages import MonitoringResiduals, MonitoringVerdict
 from dtwin.view import LiveView, Opinion, Ports, Predictions, Viewer, ViewerProcess
+from services.parts.log_parts import Parts
+from services.parts.rows import Rows
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)

@@ -8,10 +8,10 @@ from collections.abc import Callable
 from queue import SimpleQueue
 from typing import Final
 
-from dtwin.application import SafeStop
-from dtwin.bus import Bus
+from dtwin.bus.messages import EVENTS, RELEASE, STOP, ReleaseRequest, Stop, StopRequest, StopState
+from dtwin.bus.session import Bus
+from dtwin.controller.device import SafeStop
 from dtwin.errors import CommunicationError
-from dtwin.messages import EVENTS, RELEASE, STOP, ReleaseRequest, Stop, StopRequest, StopState
 from dtwin.monitoring.verdict import Finding, arm_state
 from dtwin.signals import Event
 

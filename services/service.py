@@ -23,11 +23,11 @@ from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any, Final, Protocol
 
-from dtwin.bus import RENDEZVOUS, Bus, open_configured, open_peer
-from dtwin.cli import parse_options
+from dtwin.bus.messages import STATUS, State, Status
+from dtwin.bus.session import RENDEZVOUS, Bus, open_configured, open_peer
 from dtwin.errors import CommunicationError, DtwinError
-from dtwin.messages import STATUS, State, Status
-from dtwin.supervisor import LIFELINE
+from dtwin.options import parse_options
+from services.supervisor import LIFELINE
 
 REPORT_PERIOD: Final = 1.0
 """s"""

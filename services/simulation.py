@@ -15,11 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from dtwin.bus import Bus, Subscription
-from dtwin.control import ControlSettings
-from dtwin.errors import CommunicationError, DtwinError, ParameterError
-from dtwin.live.pairs import Pairs
-from dtwin.messages import (
+from dtwin.bus.messages import (
     EVENTS,
     GAINS,
     MODEL,
@@ -33,13 +29,24 @@ from dtwin.messages import (
     ModelSetting,
     SettingsInForce,
 )
-from dtwin.messages import Path as PathAngles
+from dtwin.bus.messages import Path as PathAngles
+from dtwin.bus.pairs import Pairs
+from dtwin.bus.session import Bus, Subscription
+from dtwin.bus.twin_messages import (
+    Predicted,
+    PredictedMotion,
+    PredictionRequest,
+    RollBackRequest,
+    Upload,
+    UploadRequest,
+)
+from dtwin.controller.embedded import ControlSettings
+from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.signals import Event, Sensors
 from dtwin.simulation.checks import MOTIONS, Checker
 from dtwin.simulation.history import HISTORY, Entry, History
 from dtwin.simulation.upload import Proposal, Uploader, changed
-from dtwin.twin_messages import Predicted, PredictedMotion, PredictionRequest, RollBackRequest, Upload, UploadRequest
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)

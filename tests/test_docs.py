@@ -6,10 +6,11 @@ import shlex
 
 import pytest
 
-from dtwin.cli import COMMANDS, main, parse_options
+from dtwin.cli import COMMANDS, main
 from dtwin.emulation.faults import TARGETS, parse_fault
+from dtwin.options import parse_options
 from dtwin.parameters import PICKUP, PLACES, ROOT, ArmParameters
-from dtwin.recording import COLUMNS
+from dtwin.run.recording import COLUMNS
 
 README = (ROOT / "README.md").read_text()
 MODEL = (ROOT / "docs" / "model.md").read_text()
@@ -61,7 +62,7 @@ def test_the_command_lines_of_the_readme_can_be_read(words) -> None:
         return
     name = next(" ".join(words[:n]) for n in (2, 1) if " ".join(words[:n]) in COMMANDS)
     entry = COMMANDS[name]
-    options = getattr(importlib.import_module(entry.module), entry.options)
+    options = getattr(importlib.import_module(f"dtwin.commands.{entry.module}"), entry.options)
     parse_options(options, name, words[len(name.split()) :])
     for fault in (words[k + 1] for k, word in enumerate(words) if word == "--fault"):
         parse_fault(fault)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dtwin.errors import IdentificationError, ParameterError
 from dtwin.parameters import HOME, PERIOD, PayloadModel, Triple
-from dtwin.recording import Log
+from dtwin.run.recording import Log
 from dtwin.twin.rollout import checked_payload
 
 Array = NDArray[np.float64]

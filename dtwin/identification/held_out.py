@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dtwin.identification.data import Array, Experiment
-from dtwin.identification.problem import Problem
-from dtwin.identification.residuals import fit
-from dtwin.identification.solver import minimise
+from dtwin.identification.estimation.problem import Problem
+from dtwin.identification.estimation.residuals import fit
+from dtwin.identification.estimation.solver import minimise
 from dtwin.parameters import ArmParameters
 
 

@@ -7,7 +7,7 @@ from typing import Final
 
 from dtwin.errors import IdentificationError
 from dtwin.identification.data import Experiment
-from dtwin.identification.excitation import Excitation
+from dtwin.identification.excitation.signal import Excitation
 from dtwin.parameters import PERIOD, Triple
 from dtwin.signals import Sensors, Voltages
 

@@ -9,7 +9,7 @@ from lxml import etree
 
 from dtwin.errors import ModelError
 from dtwin.parameters import ROOT, ArmParameters
-from dtwin.recording import replacing
+from dtwin.run.recording import replacing
 
 MODEL_FILE: Final = ROOT / "models" / "arm.xml"
 _AXIAL_INERTIA: Final = 0.1

@@ -14,11 +14,11 @@ import numpy as np
 from dtwin import __version__
 from dtwin.errors import DtwinError, ModelError, choices
 from dtwin.identification.data import Array, fingerprint
-from dtwin.identification.estimate import Estimate
-from dtwin.identification.problem import OFFSETS
-from dtwin.identification.residuals import LAGS
+from dtwin.identification.estimation.estimate import Estimate
+from dtwin.identification.estimation.problem import OFFSETS
+from dtwin.identification.estimation.residuals import LAGS
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
-from dtwin.recording import replacing
+from dtwin.run.recording import replacing
 
 SCHEMA: Final = "dtwin identified model 1"
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from typing import Final
 
 from dtwin.errors import ParameterError
-from dtwin.identification.estimate import Loss, Settings
-from dtwin.identification.friction import START_COULOMB
-from dtwin.identification.problem import START, Prior, symbol
+from dtwin.identification.estimation.estimate import Loss, Settings
+from dtwin.identification.estimation.friction import START_COULOMB
+from dtwin.identification.estimation.problem import START, Prior, symbol
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
 
 SYMBOLS: Final = ("K", "m", "I", "l", "c", "D", "mu")

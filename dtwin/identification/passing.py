@@ -11,13 +11,13 @@ from typing import Final
 
 import numpy as np
 
+from dtwin.bus.pairs import WAITING, Pairs
 from dtwin.errors import IdentificationError
 from dtwin.identification.data import Experiment
-from dtwin.identification.estimate import Estimate, Settings, identify
+from dtwin.identification.estimation.estimate import Estimate, Settings, identify
+from dtwin.identification.estimation.problem import Prior
 from dtwin.identification.held_out import compare
 from dtwin.identification.model import IdentifiedModel, from_estimate
-from dtwin.identification.problem import Prior
-from dtwin.live.pairs import WAITING, Pairs
 from dtwin.parameters import ArmParameters
 from dtwin.signals import Sensors, Voltages
 

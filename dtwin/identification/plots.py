@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from dtwin.identification.data import Array
-from dtwin.identification.estimate import NINETY_FIVE, Estimate
+from dtwin.identification.estimation.estimate import NINETY_FIVE, Estimate
 from dtwin.identification.held_out import Comparison
 from dtwin.parameters import PERIOD, ArmParameters
-from dtwin.recording import replacing
+from dtwin.run.recording import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,11 +8,10 @@ from pathlib import Path
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
-from dtwin.iec61499.compile import CompiledType, compile_type
-from dtwin.iec61499.networks import system_from_xml
-from dtwin.iec61499.reader import read_header, read_interface, read_type
+from dtwin.iec61499.files.networks import system_from_xml
+from dtwin.iec61499.files.reader import read_header, read_interface, read_type
+from dtwin.iec61499.files.xml import read_xml
 from dtwin.iec61499.standard import find_standard, standard_names
-from dtwin.iec61499.xml import read_xml
 
 
 class Library:
@@ -29,7 +28,6 @@ class Library:
         self._paths = tuple(paths)
         self._files: dict[str, Path] = {}
         self._types: dict[str, model.LibraryElement] = {}
-        self._compiled: dict[model.FBType, CompiledType] = {}
         for folder in self._paths:
             if not folder.is_dir():
                 raise FunctionBlockError("is not a folder of block types", str(folder))
@@ -61,12 +59,6 @@ class Library:
     def add(self, block: model.LibraryElement) -> None:
         """Makes a block type known that no file holds; it hides others of its name."""
         self._types[block.header.name] = block
-
-    def compiled(self, block: model.FBType) -> CompiledType:
-        """The compiled form of a block type, made once. Raises FunctionBlockError as `compile_type` does."""
-        if block not in self._compiled:
-            self._compiled[block] = compile_type(block)
-        return self._compiled[block]
 
     def _load(self, name: str, file: str, line: int) -> model.LibraryElement:
         standard = find_standard(name)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.errors import ParameterError
-from dtwin.identification.quality import noise
+from dtwin.identification.estimation.quality import noise
 from dtwin.monitoring.belief import NOISE_FLOOR, Belief
 from dtwin.monitoring.diagnosis import Diagnosis, Moment
 from dtwin.monitoring.estimator import Estimator, Tuning

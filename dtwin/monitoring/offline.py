@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from dtwin.errors import ParameterError
 from dtwin.monitoring.monitor import Monitor
-from dtwin.monitoring.seed import SeedMonitor
+from dtwin.monitoring.thesis import SeedMonitor
 from dtwin.monitoring.verdict import Verdict
 from dtwin.parameters import PERIOD
-from dtwin.recording import Log
+from dtwin.run.recording import Log
 from dtwin.signals import Event
 
 Array = NDArray[np.float64]

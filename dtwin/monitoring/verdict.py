@@ -6,7 +6,7 @@ from typing import Final, Literal
 
 import msgspec
 
-from dtwin.messages import ArmState
+from dtwin.bus.messages import ArmState
 
 State = Literal["nominal", "may be degrading", "failed"]
 Cause = Literal[

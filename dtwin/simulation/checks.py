@@ -9,9 +9,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from dtwin.control import BLOCKS, ControlSettings
+from dtwin.controller.embedded import BLOCKS, ControlSettings
+from dtwin.controller.motion import PICKUP_NAME
 from dtwin.errors import DivergenceError, ParameterError
-from dtwin.motion import PICKUP_NAME
 from dtwin.parameters import PARAMETER_NAMES, PLACES, ArmParameters, Triple
 from dtwin.simulation.figures import Figures, triple
 from dtwin.simulation.places import angles_of

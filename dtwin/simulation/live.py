@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from dtwin.control import EmbeddedController
+from dtwin.controller.embedded import EmbeddedController
 from dtwin.parameters import Triple
 from dtwin.signals import Sensors, Voltages
 from dtwin.simulation.history import Entry

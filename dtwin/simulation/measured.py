@@ -10,10 +10,10 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from dtwin.control import ControlSettings
+from dtwin.controller.embedded import ControlSettings
 from dtwin.errors import ParameterError, RecordingError
 from dtwin.parameters import PERIOD, ArmParameters, Triple
-from dtwin.recording import Log
+from dtwin.run.recording import Log
 from dtwin.simulation.figures import SAME_ANGLE, Array, Figures, figures, fit
 from dtwin.simulation.whatif import Case, Outcome, Simulator
 

@@ -6,8 +6,8 @@ import itertools
 import math
 from typing import Final
 
+from dtwin.controller.motion import NAMES, PICKUP_NAME, Goal
 from dtwin.errors import ParameterError, choices
-from dtwin.motion import NAMES, PICKUP_NAME, Goal
 from dtwin.parameters import HANGING, HOME, PICKUP, PLACES, ArmParameters, Triple
 from dtwin.twin.kinematics import inverse
 

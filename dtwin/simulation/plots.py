@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT
-from dtwin.recording import replacing
+from dtwin.run.recording import replacing
 from dtwin.simulation.measured import Comparison
 from dtwin.simulation.whatif import Outcome
 

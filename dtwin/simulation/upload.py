@@ -6,12 +6,12 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
-from dtwin.control import MODEL, TUNING, ControlSettings
+from dtwin.controller.embedded import MODEL, TUNING, ControlSettings
+from dtwin.controller.settings_port import SettingsPort
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.simulation.checks import Checker, Refused
 from dtwin.simulation.history import Action, Entry, History
-from dtwin.simulation.ports import SettingsPort
 from dtwin.simulation.trial import Trial, TrialRules
 
 Kind = Literal["gains", "target", "model", ""]

@@ -13,10 +13,10 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from dtwin.control import BLOCKS, ControlSettings
+from dtwin.controller.embedded import BLOCKS, ControlSettings
+from dtwin.controller.motion import STILL, Goal, MotionController
 from dtwin.emulation.encoders import Encoders, NoiseKind
 from dtwin.errors import DivergenceError, ParameterError
-from dtwin.motion import STILL, Goal, MotionController
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, ArmParameters, PayloadModel, Triple
 from dtwin.simulation.figures import Array, Figures, figures
 from dtwin.twin.dynamics import integrate

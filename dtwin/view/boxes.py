@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.parameters import PLACES
-from dtwin.recording import Log
+from dtwin.run.recording import Log
 from dtwin.signals import NO_COLOUR
 
 NEAR: Final = 0.05

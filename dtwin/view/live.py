@@ -12,7 +12,7 @@ import numpy as np
 import rerun as rr
 
 from dtwin.parameters import ArmParameters
-from dtwin.recording import Log, concatenate, ensure_writable
+from dtwin.run.recording import Log, concatenate, ensure_writable
 from dtwin.view.boxes import transports, waiting
 from dtwin.view.layout import live_blueprint
 from dtwin.view.monitoring import (

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dtwin.errors import RecordingError
 from dtwin.parameters import ArmParameters
-from dtwin.recording import Log, replacing
+from dtwin.run.recording import Log, replacing
 from dtwin.signals import Event
 from dtwin.view import scene, style
 from dtwin.view.layout import cell_view, plot_view

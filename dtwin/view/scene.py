@@ -16,7 +16,7 @@ from rerun_loader_mjcf import MJCFLogger
 
 from dtwin.errors import ModelError
 from dtwin.parameters import PLACES, ArmParameters
-from dtwin.recording import Log
+from dtwin.run.recording import Log
 from dtwin.signals import NO_COLOUR
 from dtwin.view import style
 from dtwin.view.boxes import Placed, Transport, Waiting, placements

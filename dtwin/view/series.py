@@ -11,7 +11,7 @@ import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 
 from dtwin.parameters import PLACES, VOLTAGE_LIMIT
-from dtwin.recording import Log
+from dtwin.run.recording import Log
 from dtwin.signals import NO_COLOUR, Event
 from dtwin.view import style
 from dtwin.view.boxes import Transport, Waiting

@@ -11,7 +11,7 @@ import rerun as rr
 
 from dtwin.errors import RecordingError
 from dtwin.parameters import ArmParameters
-from dtwin.recording import COLUMNS, Log, replacing
+from dtwin.run.recording import COLUMNS, Log, replacing
 from dtwin.view.boxes import transports, waiting
 from dtwin.view.layout import blueprint
 from dtwin.view.scene import Scene

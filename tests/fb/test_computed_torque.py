@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driven import Array, Driven, triple
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.twin.dynamics import coriolis, gravity, mass_matrix
+from tests.support.driven import Array, Driven, triple
 
 TS = 0.01
 PARAMETERS = {"K": "voltage_constant", "M": "mass", "I": "inertia", "L": "length", "C": "com", "D": "damping"}

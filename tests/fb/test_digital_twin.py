@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driven import Application, Array, step, triple
 
 from dtwin.parameters import ArmParameters, Gains
+from tests.support.driven import Application, Array, step, triple
 
 REQUEST = "TWIN.IDENTIFICATION.REQUEST"
 RESPONSE = "TWIN.IDENTIFICATION.BLOCK.DATA"

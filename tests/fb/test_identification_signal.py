@@ -4,9 +4,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driven import Array, Driven
 from hypothesis import given
 from hypothesis import strategies as st
+
+from tests.support.driven import Array, Driven
 
 IDLE, RUNNING = ["CNF"], ["CNF", "SAMPLED"]
 

@@ -9,10 +9,10 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from driven import FOLDER
 
 from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
+from tests.support.driven import FOLDER
 
 TYPES = sorted(FOLDER.glob("*.fbt"))
 SYSTEM = FOLDER / "dtwin.sys"

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from driven import Driven, triple
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.parameters import PICKUP, PLACES
+from tests.support.driven import Driven, triple
 
 angles = st.lists(st.floats(-7, 7), min_size=3, max_size=3)
 

@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driven import Driven, triple
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.parameters import PICKUP, PLACES
+from tests.support.driven import Driven, triple
 
 OPEN, CLOSED = 0.9, 0.39265
 

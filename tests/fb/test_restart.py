@@ -4,14 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from driven import Application, Driven, step, triple
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dtwin.cell import Cell, CellSettings
-from dtwin.control import EmbeddedController
+from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation import parse_fault
-from dtwin.loop import run
+from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.loop import run
+from tests.support.driven import Application, Driven, step, triple
 
 JUMP = 0.5
 angles = st.lists(st.floats(-4, 4), min_size=3, max_size=3)

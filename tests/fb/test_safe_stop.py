@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driven import JOINTS, Application, Array, Driven, triple
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.parameters import PLACES, ArmParameters
 from dtwin.twin.rollout import rollout
+from tests.support.driven import JOINTS, Application, Array, Driven, triple
 
 NONE, BRAKING, STANDSTILL, TORQUE_OFF = range(4)
 NOMINAL, DEGRADING, FAILED, UNKNOWN = range(4)

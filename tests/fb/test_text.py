@@ -1,11 +1,11 @@
 """The Structured Text of fb/ survives being printed."""
 
 import pytest
-from driven import FOLDER
 
 from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.st import parse_algorithm, parse_expression, print_algorithm, print_expression
+from tests.support.driven import FOLDER
 
 LIBRARY = Library([FOLDER])
 BASIC = [kind for name in LIBRARY.names() if isinstance(kind := LIBRARY.find(name), model.BasicFBType)]

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from driven import Array, Driven, step, triple
 
 from dtwin.parameters import PICKUP, PLACES
+from tests.support.driven import Array, Driven, step, triple
 
 # largest error of any joint, rad: T -> (default law empty, 0.2 kg, row-sum law empty, 0.2 kg)
 ERRORS = {

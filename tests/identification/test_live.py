@@ -1,16 +1,16 @@
 import numpy as np
 import pytest
-from bench import ARM, CLEAN, measured
 
-from dtwin.control import EmbeddedController
+from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation import Emulation
 from dtwin.errors import IdentificationError
-from dtwin.identification.estimate import identify
-from dtwin.identification.excitation import PLAIN, SAMPLES
+from dtwin.identification.estimation.estimate import identify
+from dtwin.identification.excitation.signal import PLAIN, SAMPLES
 from dtwin.identification.live import LAG, Collector, divided
 from dtwin.identification.options import free_names, settings_for
 from dtwin.parameters import PERIOD
 from dtwin.signals import Voltages
+from tests.support.identification import ARM, CLEAN, measured
 
 
 def traffic(ticks, ask_at, lose=()):

@@ -5,17 +5,17 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from bench import ALL, ARM, CLEAN, SETTINGS, measured, noisy
 
 from dtwin.emulation.plant import Plant
 from dtwin.errors import ModelError
 from dtwin.identification.data import Experiment, fingerprint
-from dtwin.identification.estimate import Settings, identify
-from dtwin.identification.excitation import HELD_OUT
+from dtwin.identification.estimation.estimate import Settings, identify
+from dtwin.identification.excitation.signal import HELD_OUT
 from dtwin.identification.held_out import compare
 from dtwin.identification.mjcf import export_mjcf
 from dtwin.identification.model import encode, from_estimate, read_model, write_model
 from dtwin.identification.store import ModelStore, open_model
+from tests.support.identification import ALL, ARM, CLEAN, SETTINGS, measured, noisy
 
 ESTIMATE = identify([noisy(0, 0.005)], SETTINGS)
 FIT = np.array([0.99, 0.98, 0.97])

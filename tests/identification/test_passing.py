@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dtwin.control import EmbeddedController
+from dtwin.bus.pairs import WAITING
+from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation import Emulation, parse_fault
 from dtwin.errors import IdentificationError
 from dtwin.identification.passing import MEMORY, PIECE, PIECES, Passing, estimate_from, renewed
-from dtwin.live.pairs import WAITING
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.signals import Sensors, Voltages
 

@@ -1,13 +1,13 @@
 import mujoco
 import numpy as np
 import pytest
-from bench import ARM, FREE, SETTINGS, noisy
 
 from dtwin.emulation import peer
 from dtwin.emulation.plant import Plant
 from dtwin.errors import DtwinError
-from dtwin.identification.estimate import identify
-from dtwin.identification.problem import LOWER, UPPER, symbol
+from dtwin.identification.estimation.estimate import identify
+from dtwin.identification.estimation.problem import LOWER, UPPER, symbol
+from tests.support.identification import ARM, FREE, SETTINGS, noisy
 
 needs_peer = pytest.mark.skipif(not peer.is_installed(), reason="pip install 'mujoco[sysid]' to run this")
 

@@ -10,29 +10,29 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from served import BLOCKS, FORTE, NO_FORTE, Listener, Served, embedded, forte, patiently
 
-from dtwin.cell import Cell, CellSettings
+from dtwin.bus.messages import STOPS
 from dtwin.cli import main
-from dtwin.control import EmbeddedController
+from dtwin.controller.embedded import EmbeddedController
+from dtwin.controller.lockstep import RemoteController
 from dtwin.emulation import parse_fault
 from dtwin.iec61499 import model
-from dtwin.iec61499.bootfile import print_boot_file
-from dtwin.iec61499.client import BlockingClient
-from dtwin.iec61499.deploy import deploy
-from dtwin.iec61499.deployment import plan_deployment
+from dtwin.iec61499.deploy.build import deploy
+from dtwin.iec61499.deploy.deployment import plan_deployment
 from dtwin.iec61499.library import Library
-from dtwin.iec61499.management_client import ManagementClient
-from dtwin.iec61499.runtime import Resource
+from dtwin.iec61499.management.bootfile import print_boot_file
+from dtwin.iec61499.management.client import ManagementClient
+from dtwin.iec61499.net.client import BlockingClient
+from dtwin.iec61499.net.wire import Signature
+from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.standard.declare import basic
 from dtwin.iec61499.types import BOOL, DINT, LREAL, parse_literal
-from dtwin.iec61499.wire import Signature
-from dtwin.loop import run
-from dtwin.messages import STOPS
 from dtwin.parameters import ArmParameters
-from dtwin.recording import Log
-from dtwin.remote import RemoteController
-from tests.services.bench import until
+from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.loop import run
+from dtwin.run.recording import Log
+from tests.support.forte import BLOCKS, FORTE, NO_FORTE, Listener, Served, embedded, forte, patiently
+from tests.support.waiting import until
 
 SAME = 1e-9
 """V, between FORTE and the embedded runtime"""

@@ -9,15 +9,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from served import FORTE, NO_FORTE, Served, embedded, forte, patiently
 
-from dtwin.application import ControlLoop
-from dtwin.control import MODEL, TUNING, ControlSettings
-from dtwin.iec61499.address import Address
+from dtwin.controller.device import ControlLoop
+from dtwin.controller.embedded import MODEL, TUNING, ControlSettings
+from dtwin.iec61499.net.address import Address
+from dtwin.iec61499.net.wire import Signature
 from dtwin.iec61499.types import LREAL
-from dtwin.iec61499.wire import Signature
 from dtwin.parameters import ArmParameters, Gains, scaled
 from dtwin.signals import Sensors
+from tests.support.forte import FORTE, NO_FORTE, Served, embedded, forte, patiently
 
 CLIENT = """
 import signal, socket, struct, sys

@@ -5,11 +5,11 @@ from functools import cache
 
 import pytest
 
-from dtwin.cell import Cell, CellSettings
 from dtwin.emulation import parse_fault
+from dtwin.experiments.monitoring.trial import identified_belief
 from dtwin.monitoring.belief import Belief
-from dtwin.monitoring.experiments.trial import identified_belief
-from dtwin.recording import Log
+from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.recording import Log
 
 NOISE = 0.003
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from dtwin.errors import ModelError, ParameterError
+from dtwin.experiments.monitoring.trial import Trial, run_trial
 from dtwin.monitoring.belief import Belief, assumed, identified
-from dtwin.monitoring.experiments.trial import Trial, run_trial
 from dtwin.monitoring.monitor import BRIDGED, Monitor, MonitorSettings
 from dtwin.monitoring.offline import Stream, stream, watch
 from dtwin.parameters import ArmParameters
-from dtwin.recording import RunLog
+from dtwin.run.recording import RunLog
 
 
 def followed(belief: Belief, seen: Stream, stop: int | None = None) -> Monitor:
@@ -210,11 +210,11 @@ def test_an_identified_model_brings_its_uncertainty(belief) -> None:
 
 
 def test_models_with_open_parameters_are_refused() -> None:
-    from dtwin.identification.estimate import Settings, identify
-    from dtwin.identification.excitation import Plan
+    from dtwin.identification.estimation.estimate import Settings, identify
+    from dtwin.identification.excitation.blocks import SignalBlocks
+    from dtwin.identification.excitation.rig import Rig
+    from dtwin.identification.excitation.signal import Plan
     from dtwin.identification.model import from_estimate
-    from dtwin.identification.rig import Rig
-    from dtwin.identification.signal_blocks import SignalBlocks
 
     experiment = Rig(noise=0.001).measure(Plan(payload=0.0), SignalBlocks(), np.random.default_rng(0))
     estimate = identify([experiment], Settings(free=tuple(f"{s}{j}" for s in "KmID" for j in (1, 2, 3)), starts=1))

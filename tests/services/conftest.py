@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.services.desk import Desk
+from tests.support.desk import Desk
 
 
 @pytest.fixture

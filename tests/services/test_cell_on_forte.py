@@ -13,13 +13,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from dtwin import runfile
-from dtwin.bus import Bus
-from dtwin.cell import Cell, CellSettings
-from dtwin.commands.up import join
-from dtwin.errors import CommunicationError
-from dtwin.identification.store import ModelStore, open_model
-from dtwin.messages import (
+from dtwin.bus.messages import (
     GAINS,
     MODEL,
     SETTINGS,
@@ -32,13 +26,19 @@ from dtwin.messages import (
     SettingsInForce,
     SignalRequest,
 )
+from dtwin.bus.session import Bus
+from dtwin.bus.twin_messages import Upload, UploadRequest
+from dtwin.errors import CommunicationError
+from dtwin.identification.store import ModelStore, open_model
 from dtwin.parameters import ArmParameters, Gains, scaled
-from dtwin.recording import read_log
+from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.recording import read_log
 from dtwin.signals import Voltages
 from dtwin.simulation.history import History
-from dtwin.twin_messages import Upload, UploadRequest
-from tests.services.bench import FORTE, NO_FORTE, ROOT, forte, until
-from tests.services.desk import Desk
+from services import runfile
+from services.runfile import join
+from tests.support.desk import Desk
+from tests.support.waiting import FORTE, NO_FORTE, ROOT, forte, until
 
 needs_forte = pytest.mark.skipif(not FORTE, reason=NO_FORTE)
 

@@ -11,10 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dtwin.bus import Bus, open_peer
-from dtwin.codec import encode
-from dtwin.errors import CommunicationError
-from dtwin.messages import (
+from dtwin.bus.codec import encode
+from dtwin.bus.messages import (
     EVENTS,
     FAULT,
     RESET,
@@ -28,9 +26,11 @@ from dtwin.messages import (
     ResetRequest,
     Status,
 )
+from dtwin.bus.session import Bus, open_peer
+from dtwin.errors import CommunicationError
 from dtwin.parameters import GripperParameters
 from dtwin.signals import Event, Sensors, Truth, Voltages
-from tests.services.bench import ROOT, free_port, until
+from tests.support.waiting import ROOT, free_port, until
 
 
 class Emulator:

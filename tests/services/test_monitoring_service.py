@@ -8,16 +8,16 @@ import signal
 import numpy as np
 import pytest
 
-from dtwin.commands.up import join
-from dtwin.messages import EVENTS, FAULT, MONITORING, RESIDUALS, Done, FaultRequest
+from dtwin.bus.messages import EVENTS, FAULT, MONITORING, RESIDUALS, Done, FaultRequest
+from dtwin.bus.twin_messages import MonitoredUnit, MonitoringResiduals, MonitoringVerdict
 from dtwin.monitoring.belief import assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.parameters import ArmParameters
 from dtwin.signals import Event
-from dtwin.twin_messages import MonitoredUnit, MonitoringResiduals, MonitoringVerdict
 from services.monitoring import residuals, verdict_message
-from tests.services.bench import until
-from tests.services.desk import Desk
+from services.runfile import join
+from tests.support.desk import Desk
+from tests.support.waiting import until
 
 
 def test_a_fault_of_the_running_cell_is_published(desk: Desk) -> None:

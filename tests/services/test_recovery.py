@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from dtwin.cell import Cell, CellSettings
+from dtwin.experiments.recovery.operator import LIMIT, Story
+from dtwin.experiments.recovery.outcome import TOLERANCE, healthy_run, judge, tracked
 from dtwin.parameters import ArmParameters
-from dtwin.recording import read_log
-from dtwin.recovery.operator import LIMIT, Story
-from dtwin.recovery.outcome import TOLERANCE, healthy_run, judge, tracked
-from tests.services.bench import ROOT
-from tests.services.desk import Desk
+from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.recording import read_log
+from tests.support.desk import Desk
+from tests.support.waiting import ROOT
 
 
 def test_a_cell_with_grown_friction_recovers(desk: Desk, tmp_path: Path) -> None:

@@ -6,15 +6,15 @@ import os
 import re
 import signal
 
-from dtwin.bus import Bus, open_peer
-from dtwin.commands.up import join
+from dtwin.bus.messages import EVENTS, FAULT, SENSORS, STOP, Done, FaultRequest, StopRequest, StopState
+from dtwin.bus.session import Bus, open_peer
 from dtwin.errors import CommunicationError
-from dtwin.messages import EVENTS, FAULT, SENSORS, STOP, Done, FaultRequest, StopRequest, StopState
 from dtwin.monitoring.verdict import Finding
 from dtwin.signals import Event, Sensors
+from services.runfile import join
 from services.safe_stop import Demands
-from tests.services.bench import free_port, until
-from tests.services.desk import Desk, boxes
+from tests.support.desk import Desk, boxes
+from tests.support.waiting import free_port, until
 
 FOUND = Finding("K2", "voltage constant", 2, -0.9, 0.01, 0.9995, 45.0, 45.1, True)
 FROZEN = Finding("freeze1", "encoder freeze", 1, 0.0, 0.0, 1.0, 46.0, 46.1, True)

@@ -12,10 +12,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from dtwin.bus import Bus, open_configured
-from dtwin.commands.up import join
-from dtwin.errors import CommunicationError
-from dtwin.messages import (
+from dtwin.bus.messages import (
     DECIDE,
     EVENTS,
     FAULT,
@@ -46,9 +43,8 @@ from dtwin.messages import (
     TargetSetting,
     Topic,
 )
-from dtwin.parameters import ArmParameters, Gains
-from dtwin.signals import Event, Sensors, Voltages
-from dtwin.twin_messages import (
+from dtwin.bus.session import Bus, open_configured
+from dtwin.bus.twin_messages import (
     IdentificationRequest,
     IdentificationState,
     MonitoringResiduals,
@@ -56,8 +52,12 @@ from dtwin.twin_messages import (
     Upload,
     UploadRequest,
 )
-from tests.services.bench import ROOT, free_port, until
-from tests.services.desk import Desk
+from dtwin.errors import CommunicationError
+from dtwin.parameters import ArmParameters, Gains
+from dtwin.signals import Event, Sensors, Voltages
+from services.runfile import join
+from tests.support.desk import Desk
+from tests.support.waiting import ROOT, free_port, until
 
 pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="needs the openssl command: install it")
 

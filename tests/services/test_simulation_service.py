@@ -12,24 +12,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dtwin.bus import Bus
-from dtwin.commands.up import join
+from dtwin.bus.messages import GAINS, PATH, PREDICT, SENSORS, UPLOAD, GainsSetting
+from dtwin.bus.messages import Path as PathAngles
+from dtwin.bus.session import Bus
+from dtwin.bus.twin_messages import Predicted, PredictionRequest, Upload, UploadRequest
 from dtwin.errors import CommunicationError
-from dtwin.identification.estimate import identify
-from dtwin.identification.excitation import Plan
-from dtwin.identification.experiments import standard_settings
+from dtwin.experiments.identification.experiments import standard_settings
+from dtwin.identification.estimation.estimate import identify
+from dtwin.identification.excitation.blocks import SignalBlocks
+from dtwin.identification.excitation.rig import Rig
+from dtwin.identification.excitation.signal import Plan
 from dtwin.identification.model import from_estimate, write_model
-from dtwin.identification.rig import Rig
-from dtwin.identification.signal_blocks import SignalBlocks
-from dtwin.messages import GAINS, PATH, PREDICT, SENSORS, UPLOAD, GainsSetting
-from dtwin.messages import Path as PathAngles
 from dtwin.parameters import ArmParameters, Gains, Triple, scaled
 from dtwin.signals import Sensors
 from dtwin.simulation.checks import MOTIONS
 from dtwin.simulation.history import History
-from dtwin.twin_messages import Predicted, PredictionRequest, Upload, UploadRequest
-from tests.services.bench import until
-from tests.services.desk import Desk
+from services.runfile import join
+from tests.support.desk import Desk
+from tests.support.waiting import until
 
 HIGHER = Gains(kp=(250.0, 500.0, 350.0))
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from dtwin.cell import Cell, CellSettings
 from dtwin.emulation import parse_fault
-from dtwin.recording import read_log
-from tests.services.bench import until
-from tests.services.desk import Desk, boxes
+from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.recording import read_log
+from tests.support.desk import Desk, boxes
+from tests.support.waiting import until
 
 DURATION = 20
 

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dtwin.control import ControlSettings
+from dtwin.controller.embedded import ControlSettings
 from dtwin.errors import RecordingError
 from dtwin.parameters import Gains
 from dtwin.simulation.history import Entry, History
@@ -79,11 +79,11 @@ def test_a_folder_is_no_history(tmp_path: Path) -> None:
 WRITER = """
 import sys
 from pathlib import Path
-from dtwin.control import EmbeddedController
+from dtwin.controller.embedded import EmbeddedController
 from dtwin.parameters import Gains
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.history import History
-from dtwin.simulation.ports import EmbeddedPort
+from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.simulation.upload import Proposal, Uploader
 
 uploader = Uploader(EmbeddedPort(EmbeddedController()), History(Path(sys.argv[1])), Checker())

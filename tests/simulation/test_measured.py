@@ -7,11 +7,11 @@ import itertools
 import numpy as np
 import pytest
 
-from dtwin.cell import Cell, CellSettings
-from dtwin.control import ControlSettings
+from dtwin.controller.embedded import ControlSettings
 from dtwin.errors import RecordingError
 from dtwin.parameters import HANGING, PICKUP, PLACES, ArmParameters, Gains
-from dtwin.recording import Log
+from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.recording import Log
 from dtwin.simulation.measured import compare, find, motions, settings_of
 from dtwin.simulation.whatif import Simulator
 

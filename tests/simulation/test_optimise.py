@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dtwin.control import ControlSettings
+from dtwin.controller.embedded import ControlSettings
 from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.simulation.checks import MOTIONS, Motion

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dtwin.cell import Cell, CellSettings
-from dtwin.control import ControlSettings, EmbeddedController
+from dtwin.controller.embedded import ControlSettings, EmbeddedController
+from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.parameters import ArmParameters, Gains, scaled
-from dtwin.recording import Log
+from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.recording import Log
 from dtwin.simulation.checks import Checker, Refused
 from dtwin.simulation.history import History
 from dtwin.simulation.live import WatchedController
-from dtwin.simulation.ports import EmbeddedPort
 from dtwin.simulation.trial import Trial, TrialRules
 from dtwin.simulation.upload import Proposal, Uploader
 

@@ -9,12 +9,12 @@ from statistics import median
 import numpy as np
 import pytest
 
-from dtwin.control import ControlSettings, EmbeddedController
+from dtwin.controller.embedded import ControlSettings, EmbeddedController
+from dtwin.controller.motion import MotionController
 from dtwin.emulation import Emulation
 from dtwin.errors import ParameterError
-from dtwin.motion import MotionController
+from dtwin.experiments.simulation.emulated_arm import EmulatedArm
 from dtwin.parameters import HANGING, PERIOD, PICKUP, PLACES, ArmParameters, Gains
-from dtwin.simulation.emulated import EmulatedArm
 from dtwin.simulation.whatif import Case, Simulator
 from dtwin.twin.dynamics import energy
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from arms import DEFAULT, angles, arms, payloads, reals, vector, vectors, velocities
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,6 +18,7 @@ from dtwin.twin.dynamics import (
     motor_torque,
 )
 from dtwin.twin.kinematics import joint_positions
+from tests.support.arms import DEFAULT, angles, arms, payloads, reals, vector, vectors, velocities
 
 STEP = 1e-30
 """of complex-step derivatives: exact to rounding, no cancellation"""

@@ -2,12 +2,12 @@ import math
 
 import numpy as np
 import pytest
-from arms import DEFAULT, arms, reals, triples
 from hypothesis import given
 
 from dtwin.errors import ParameterError, UnreachableError
 from dtwin.parameters import HOME, PICKUP, PLACES
 from dtwin.twin.kinematics import forward, inverse, joint_positions
+from tests.support.arms import DEFAULT, arms, reals, triples
 
 HALF_DIGIT = 5e-5
 """rad, what rounding to the four printed digits can take away"""

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from arms import DEFAULT, accelerations, angles, arms, payloads, vector, velocities
 from hypothesis import given
 
 from dtwin.twin.dynamics import inverse_dynamics
 from dtwin.twin.regressor import BASE_NAMES, base_parameters, regressor
+from tests.support.arms import DEFAULT, accelerations, angles, arms, payloads, vector, velocities
 
 
 @given(arms, payloads, angles, velocities, accelerations)

@@ -2,13 +2,13 @@ import math
 
 import numpy as np
 import pytest
-from arms import DEFAULT, vector
 from scipy.integrate import simpson
 
 from dtwin.errors import DivergenceError, ParameterError
 from dtwin.parameters import GRAVITY, HANGING, PHYSICS_STEP, scaled
 from dtwin.twin.dynamics import energy, forward_dynamics, friction, motor_torque
 from dtwin.twin.rollout import rollout
+from tests.support.arms import DEFAULT, vector
 
 REST = np.zeros(6)
 FRICTION = DEFAULT.with_values({"mu1": 0.01, "mu2": 0.01, "mu3": 0.01})

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
-from arms import DEFAULT
 
 from dtwin.errors import DivergenceError, ParameterError
 from dtwin.parameters import PARAMETER_NAMES, scaled
 from dtwin.twin.rollout import rollout
 from dtwin.twin.sensitivity import COLUMN_NAMES, STATE_NAMES, sensitivities
+from tests.support.arms import DEFAULT
 
 ARM = DEFAULT.with_values({"mu1": 0.01, "mu2": 0.008, "mu3": 0.012})
 START = np.array([0.3, -0.5, 0.8, 0.2, 0.1, -0.3])

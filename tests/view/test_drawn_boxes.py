@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dtwin.parameters import PLACES
-from dtwin.recording import COLUMNS, Log
+from dtwin.run.recording import COLUMNS, Log
 from dtwin.view.boxes import Transport, Waiting, placements, transports, waiting
 
 

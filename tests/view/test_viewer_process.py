@@ -8,7 +8,7 @@ import urllib.request
 from pathlib import Path
 
 from dtwin.view.viewer import Ports, ViewerProcess
-from tests.services.bench import ROOT, free_port, until
+from tests.support.waiting import ROOT, free_port, until
 
 
 def listeners(*ports: int) -> set[str]:

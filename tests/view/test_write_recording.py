@@ -12,7 +12,7 @@ from rerun.chunk import RrdReader
 
 from dtwin.errors import ModelError, RecordingError
 from dtwin.parameters import PICKUP, PLACES, ROOT, ArmParameters
-from dtwin.recording import Log, RunLog
+from dtwin.run.recording import Log, RunLog
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
 from dtwin.view import write_recording
 

@@ -1,12 +1,12 @@
 """Structured Text (IEC 61131-3): parser, checker, printer, and compilers to Python and Lua."""
 
 from dtwin.iec61499.st.check import check_algorithm, check_expression
-from dtwin.iec61499.st.lua_helpers import lua_helpers
+from dtwin.iec61499.st.lua.helpers import lua_helpers
+from dtwin.iec61499.st.lua.translate import LuaSource, lua_condition, lua_source
 from dtwin.iec61499.st.parser import parse_algorithm, parse_expression
 from dtwin.iec61499.st.printer import print_algorithm, print_expression
-from dtwin.iec61499.st.python_expressions import python_name
-from dtwin.iec61499.st.to_lua import LuaSource, lua_condition, lua_source
-from dtwin.iec61499.st.to_python import (
+from dtwin.iec61499.st.python.expressions import python_name
+from dtwin.iec61499.st.python.translate import (
     CONDITION_GLOBALS,
     PythonCode,
     compile_algorithm,

@@ -24,7 +24,7 @@ from dtwin.iec61499.st.functions import (
     conversion,
     widens,
 )
-from dtwin.iec61499.st.runtime import integer_divide, integer_modulo
+from dtwin.iec61499.st.python.runtime import integer_divide, integer_modulo
 from dtwin.iec61499.types import (
     BOOL,
     DINT,

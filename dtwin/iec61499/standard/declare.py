@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from dtwin.iec61499 import model
-from dtwin.iec61499.reader import split_condition
+from dtwin.iec61499.files.reader import split_condition
 from dtwin.iec61499.types import ArrayType, elementary
 
 Row = tuple[str, str, str]

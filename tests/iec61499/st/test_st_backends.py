@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
-from st_harness import LUA, run_exact, run_lua, run_python, same
-from st_programs import SCOPE, programs, states
 
 from dtwin.iec61499.st import ast, check_algorithm, parse_algorithm, print_algorithm
+from tests.support.st_harness import LUA, run_exact, run_lua, run_python, same
+from tests.support.st_programs import SCOPE, programs, states
 
 relaxed = settings(deadline=None, suppress_health_check=list(HealthCheck), max_examples=80, derandomize=True)
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import pytest
-from st_harness import check, scope_of
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.st import check_algorithm, check_expression, parse_algorithm, parse_expression
 from dtwin.iec61499.st.functions import conversion, widens
 from dtwin.iec61499.types import BOOL, ELEMENTARY, LREAL, ArrayType
+from tests.support.st_harness import check, scope_of
 
 TYPES = {
     **{name[0].lower() + name[1:].lower(): name for name in ELEMENTARY},

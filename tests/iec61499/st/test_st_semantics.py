@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from st_harness import LUA, check, instance, run_exact, run_lua, run_python, same, scope_of
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.st import (
@@ -23,9 +22,10 @@ from dtwin.iec61499.st import (
     parse_expression,
     python_source,
 )
-from dtwin.iec61499.st.lua_helpers import HELPERS
-from dtwin.iec61499.st.runtime import COMMON, EXACT, FAST, ITERATION_LIMIT
+from dtwin.iec61499.st.lua.helpers import HELPERS
+from dtwin.iec61499.st.python.runtime import COMMON, EXACT, FAST, ITERATION_LIMIT
 from dtwin.iec61499.types import DINT, ELEMENTARY, LREAL, ArrayType, DataType
+from tests.support.st_harness import LUA, check, instance, run_exact, run_lua, run_python, same, scope_of
 
 TYPES: dict[str, str | DataType] = {
     **dict.fromkeys(("X", "Y", "Z"), "LREAL"), "R": "REAL", **dict.fromkeys(("I", "J", "K"), "DINT"),

@@ -1,0 +1,305 @@
+"""What services say to each other beside the signals, and the table of all topics.
+
+A key is `dtwin/<cell>/<arm>/<topic>`. Every message is a JSON object with `schema`; fields that a reader does not
+know are ignored, missing or mistyped ones make it refuse the message. docs/zenoh.md describes the same for people.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Final, Literal, NamedTuple, get_args
+
+import msgspec
+
+from dtwin.bus.twin_messages import (
+    AcknowledgeRequest,
+    IdentificationDecision,
+    IdentificationRequest,
+    IdentificationState,
+    MonitoringResiduals,
+    MonitoringVerdict,
+    Predicted,
+    PredictionRequest,
+    RollBackRequest,
+    Upload,
+    UploadRequest,
+)
+from dtwin.errors import ParameterError
+from dtwin.parameters import ArmParameters, Gains, Law, PayloadModel, Triple
+from dtwin.signals import SCHEMA, Count, Event, Line, Seconds, Sensors, Truth, Voltages, Word
+
+State = Literal["starting", "running", "waiting", "safe", "stopped", "stopping"]
+"""starting: not ready yet; waiting: for a peer; safe: the arm has no voltage because commands stay away; stopped: a
+safe stop is in force."""
+ArmState = Literal["nominal", "may be degrading", "failed", "angles unknown"]
+ARM_STATES: Final[tuple[ArmState, ...]] = get_args(ArmState)
+"""By the number that the blocks know them by."""
+Stop = Literal["none", "braking", "standstill", "torque off"]
+STOPS: Final[tuple[Stop, ...]] = get_args(Stop)
+"""By the number that the blocks know them by. In terms of IEC 61800-5-2: no stop, SS2, SOS, STO."""
+
+
+class Latency(msgspec.Struct, frozen=True):
+    """From a published sample to its command, over the run, ms; trend is the slope of the medians of its minutes."""
+
+    p50: float
+    p99: float
+    max: float
+    trend_per_minute: float
+
+
+class BoxCounts(msgspec.Struct, frozen=True):
+    """What became of the boxes since the cell started."""
+
+    arrived: int
+    dropped_arrivals: int
+    picked: int
+    delivered: int
+    misplaced: int
+
+
+class Status(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """How a service does, once a second.
+
+    Attributes:
+        service: its name.
+        state: see State.
+        pid: its process.
+        peers: Zenoh sessions it is joined to.
+        rate_hz: of its main work over the last second: ticks, answers or rows.
+        ticks: of its main work since it started.
+        time: plant time it has reached, s.
+        late_ticks: that began or were answered too late.
+        real_time_factor: plant time over wall time since it started.
+        latency_ms: of the emulator.
+        boxes: of the emulator.
+        refused: messages refused, by reason.
+        last_error: in one line, "" for none yet.
+    """
+
+    service: Word
+    state: State
+    pid: Count
+    peers: Count = 0
+    rate_hz: float = 0.0
+    ticks: Count = 0
+    time: Seconds = 0.0
+    late_ticks: Count = 0
+    real_time_factor: float = 0.0
+    latency_ms: Latency | None = None
+    boxes: BoxCounts | None = None
+    refused: dict[Word, Count] = {}
+    last_error: Line = ""
+
+
+class Path(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA):
+    """The controller's path angles (rad) in the answer to a sample."""
+
+    sequence: Count
+    time: Seconds
+    theta: Triple
+
+
+class GainsSetting(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Gains of the computed-torque law and, to come into force in the same tick, the target time.
+
+    Attributes:
+        gains: of the law.
+        target_time: s; in a query None for the one in force.
+    """
+
+    gains: Gains
+    target_time: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.target_time is not None:
+            _check_time(self.target_time)
+
+
+class ModelSetting(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The arm as the controller shall believe it to be; its Coulomb friction is not compensated."""
+
+    model: ArmParameters
+
+
+class TargetSetting(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Control target time: how long each motion takes from the next one on, s."""
+
+    target_time: float
+
+    def __post_init__(self) -> None:
+        _check_time(self.target_time)
+
+
+class SettingsRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Asks for nothing in particular."""
+
+
+class SettingsInForce(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Everything that the controller's blocks have.
+
+    Attributes:
+        gains: of the computed-torque law.
+        target_time: of the next motion, s.
+        model: the arm as the controller believes it to be.
+        law: default or seed.
+        payload: assumed mass of a box, kg.
+        payload_model: how a held box counts: as a point mass or by its weight alone.
+    """
+
+    gains: Gains
+    target_time: float
+    model: ArmParameters
+    law: Law
+    payload: float
+    payload_model: PayloadModel
+
+
+class SignalRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The blocks shall play the identification signal from the next sample on, or end it."""
+
+    run: bool
+
+
+class IdentificationSignal(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The 3-2-1-1 signal that the blocks play on request.
+
+    Attributes:
+        amplitude: V.
+        unit: of time, ticks.
+        delay: by which a joint starts later, ticks.
+        samples: length, ticks.
+    """
+
+    amplitude: Triple
+    unit: Count
+    delay: tuple[Count, Count, Count]
+    samples: Count
+
+
+class StopRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """A verdict on the arm, by which the blocks decide whether to stop it.
+
+    Attributes:
+        who: judges: monitoring, or an operator's name.
+        why: in their words.
+        state: of the arm; angles unknown is a failure after which nothing can hold it where it is.
+        confidence: probability of that.
+    """
+
+    who: Word
+    why: Line
+    state: ArmState = "failed"
+    confidence: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 1.0
+
+
+class ReleaseRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """An operator's word that a stopped arm may move again."""
+
+    who: Word
+    why: Line
+
+
+class StopState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The stop that is in force in the blocks, at the plant time (s) of the last sample."""
+
+    time: Seconds
+    stop: Stop
+
+
+class FaultRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Faults in the notation of `dtwin run --fault`; those that would begin in the past begin at once."""
+
+    faults: tuple[Line, ...]
+
+
+class ResetRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The cell starts anew at time 0 and tick 0, with the boxes and noise of a seed."""
+
+    seed: Count
+
+
+class Done(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """An emulator's answer: what it did, at which plant time (s)."""
+
+    time: Seconds
+    text: Line
+
+
+class ServiceSummary(msgspec.Struct, frozen=True):
+    """A service as its supervisor sees it; state is that of its status, or of its process when that says more."""
+
+    state: Word
+    rate_hz: float
+    restarts: Count
+    last_error: Line
+
+
+class Summary(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """A running cell at a glance: its services by name, and what the emulator says of itself."""
+
+    services: dict[Word, ServiceSummary]
+    ticks: Count = 0
+    late_ticks: Count = 0
+    latency_ms: Latency | None = None
+    real_time_factor: float = 0.0
+    boxes: BoxCounts | None = None
+
+
+class SummaryRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Asks for nothing in particular."""
+
+
+class Topic(NamedTuple):
+    """One line of the table: `message` is published, or sent with a query and answered by `reply`."""
+
+    name: str
+    kind: Literal["publication", "query", "token"]
+    message: type | None
+    reply: type | None
+    sender: str
+
+
+SENSORS: Final = Topic("sensors", "publication", Sensors, None, "emulator")
+VOLTAGES: Final = Topic("voltages", "publication", Voltages, None, "bridge")
+TRUTH: Final = Topic("truth", "publication", Truth, None, "emulator")
+EVENTS: Final = Topic("events", "publication", Event, None, "any service")
+STATUS: Final = Topic("status/*", "publication", Status, None, "every service")
+ALIVE: Final = Topic("alive/*", "token", None, None, "every service")
+PATH: Final = Topic("path", "publication", Path, None, "bridge")
+GAINS: Final = Topic("controller/gains", "query", GainsSetting, GainsSetting, "bridge")
+MODEL: Final = Topic("controller/model", "query", ModelSetting, ModelSetting, "bridge")
+TARGET: Final = Topic("controller/target", "query", TargetSetting, TargetSetting, "bridge")
+SETTINGS: Final = Topic("controller/settings", "query", SettingsRequest, SettingsInForce, "bridge")
+SIGNAL: Final = Topic("controller/signal", "query", SignalRequest, IdentificationSignal, "bridge")
+STOP: Final = Topic("controller/stop", "query", StopRequest, StopState, "bridge")
+RELEASE: Final = Topic("controller/release", "query", ReleaseRequest, StopState, "bridge")
+FAULT: Final = Topic("emulator/fault", "query", FaultRequest, Done, "emulator")
+RESET: Final = Topic("emulator/reset", "query", ResetRequest, Done, "emulator")
+SUMMARY: Final = Topic("supervisor/summary", "query", SummaryRequest, Summary, "supervisor")
+IDENTIFICATION: Final = Topic("twin/identification", "publication", IdentificationState, None, "identification")
+IDENTIFY: Final = Topic(
+    "twin/identification/start", "query", IdentificationRequest, IdentificationState, "identification"
+)
+DECIDE: Final = Topic(
+    "twin/identification/decide", "query", IdentificationDecision, IdentificationState, "identification"
+)
+UPLOAD: Final = Topic("twin/simulation/upload", "query", UploadRequest, Upload, "simulation")
+PREDICT: Final = Topic("twin/simulation/predict", "query", PredictionRequest, Predicted, "simulation")
+ROLL_BACK: Final = Topic("twin/simulation/rollback", "query", RollBackRequest, Upload, "simulation")
+MONITORING: Final = Topic("twin/monitoring/verdict", "publication", MonitoringVerdict, None, "monitoring")
+ACKNOWLEDGE: Final = Topic(
+    "twin/monitoring/acknowledge", "query", AcknowledgeRequest, MonitoringVerdict, "monitoring"
+)
+RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
+TOPICS: Final = (
+    *(SENSORS, VOLTAGES, PATH, TRUTH, EVENTS, STATUS, ALIVE),
+    *(GAINS, MODEL, TARGET, SETTINGS, SIGNAL, STOP, RELEASE, FAULT, RESET, SUMMARY),
+    *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, MONITORING, RESIDUALS, ACKNOWLEDGE),
+)
+"""All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""
+
+
+def _check_time(seconds: float) -> None:
+    if not (math.isfinite(seconds) and seconds > 0):
+        raise ParameterError(f"target time: expected a finite number of seconds above 0, got {seconds}")

@@ -1,0 +1,277 @@
+"""What the modules of the twin say: identification, simulation and monitoring.
+
+The rules of `dtwin.bus.messages` hold, which has their topics.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+
+from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
+
+Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}$")]
+
+
+DataSource = Literal["signal", "motion"]
+
+
+class IdentificationRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """An operator's request to identify the arm.
+
+    Attributes:
+        free: what to estimate, as for `dtwin identify --free`. Without a known load nothing sets the scale of the
+            forces: by default motor 1 does, by its data sheet.
+        box_mass: kg, taken for a box held meanwhile.
+        source: of the data: an identification signal that the blocks play, or motion of the empty arm as it passes,
+            which takes the known model for all that is not free.
+        since: plant time from which on the motion counts, s.
+        anew: of the free parameters those of which nothing is known any more, all when empty; what is known of the
+            others counts as it is. For motion only.
+    """
+
+    free: Line = "K2,K3,I,c,D"
+    box_mass: Annotated[float, msgspec.Meta(ge=0.0)] = 0.2
+    source: DataSource = "signal"
+    since: Seconds = 0.0
+    anew: Line = ""
+
+
+class IdentificationDecision(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """An operator's answer to a proposed model: kept under a name or not, and sent to the controller or not."""
+
+    accept: bool
+    name: Name = "arm"
+    upload: bool = False
+
+
+class Estimated(msgspec.Struct, frozen=True):
+    """A parameter and its standard error, SI units."""
+
+    value: float
+    standard_error: float
+
+
+IdentificationPhase = Literal["idle", "measuring", "estimating", "proposed", "refused", "accepted", "rejected"]
+
+
+class IdentificationState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """How far an identification is, and what it proposes.
+
+    Attributes:
+        phase: proposed waits for a decision; refused says why in text.
+        text: for people.
+        samples: ticks of the signal, or pieces of motion, seen.
+        of: how many are needed.
+        converged: whether the search ended at a minimum.
+        residual_white: whether nothing but noise is left to explain.
+        rank: independent combinations of the free parameters that the data determine.
+        parameters: estimates by name, of what the data determine.
+        fit: a joint, on held-out motion.
+        model_file: of an accepted model.
+    """
+
+    phase: IdentificationPhase
+    text: Line = ""
+    samples: Count = 0
+    of: Count = 0
+    converged: bool = False
+    residual_white: bool = False
+    rank: Count = 0
+    parameters: dict[Word, Estimated] = {}
+    fit: Triple | None = None
+    model_file: Line = ""
+
+
+class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """New settings for the running controller: gains and target time, one of them, a model, or an earlier version.
+
+    Attributes:
+        who: wants them.
+        why: in their words.
+        based_on: version of the settings that they have seen.
+        gains: of the computed-torque law.
+        target_time: s.
+        model: of the arm.
+        version: of the history, that shall be in force again.
+        arm: as the twin knows it, for the check; the controller's model when None.
+    """
+
+    who: Word
+    why: Line
+    based_on: Count
+    gains: Gains | None = None
+    target_time: float | None = None
+    model: ArmParameters | None = None
+    version: Count | None = None
+    arm: ArmParameters | None = None
+
+
+class RollBackRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The settings before those on trial shall be in force again, at once and without a check.
+
+    Attributes:
+        who: wants it.
+        why: in their words.
+    """
+
+    who: Word
+    why: Line
+
+
+class Upload(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The newest entry in the history of the settings, and what is in force.
+
+    Attributes:
+        version: of the settings in force.
+        time: plant time of the entry, s.
+        action: start, upload, refuse, confirm or roll back.
+        text: what came of it, or why it was done.
+        on_trial: whether the settings are still being watched.
+        gains: in force.
+        target_time: in force, s.
+        model: in force.
+        predicted: largest distance of each joint from its path that the twin expects, rad.
+    """
+
+    version: Count
+    time: Seconds
+    action: Word
+    text: Line
+    on_trial: bool
+    gains: Gains
+    target_time: float
+    model: ArmParameters
+    predicted: Triple | None = None
+
+
+class PredictionRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """What if the controller had other settings? Nothing is changed.
+
+    Attributes:
+        gains: of the computed-torque law; those in force when None.
+        target_time: s; the one in force when None.
+        model: of the arm, in the controller; the one in force when None.
+        arm: as the twin knows it; the controller's model when None.
+        box: kg, of a carried box.
+    """
+
+    gains: Gains | None = None
+    target_time: float | None = None
+    model: ArmParameters | None = None
+    arm: ArmParameters | None = None
+    box: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.2
+
+
+class PredictedMotion(msgspec.Struct, frozen=True):
+    """One of the cell's motions on the twin.
+
+    Attributes:
+        start, goal: names of places.
+        carries: whether a box is held.
+        rms: distance of each joint from its path, root mean square, rad.
+        tracking: the largest such distance, rad.
+        peak_volts: largest voltage of each joint, V.
+        saturated: share of the samples with a voltage at its limit.
+    """
+
+    start: Word
+    goal: Word
+    carries: bool
+    rms: Triple
+    tracking: Triple
+    peak_volts: Triple
+    saturated: float
+
+
+class Predicted(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """What the twin expects of settings.
+
+    Attributes:
+        version: of the settings in force, which were taken for what the request left open.
+        motions: all of the cell's.
+    """
+
+    version: Count
+    motions: tuple[PredictedMotion, ...]
+
+
+class MonitoredUnit(msgspec.Struct, frozen=True):
+    """A joint or the gripper as the monitor sees it.
+
+    Attributes:
+        state: nominal, may be degrading or failed.
+        cause: in words, "" for none.
+        parameter: what changed, in the notation of faults, "" for nothing.
+        size: of the change: of a voltage constant relative, of others in SI units.
+        deviation: standard deviation of the size.
+        confidence: probability of the cause.
+        since: plant time at which it began, s.
+        detected: plant time at which it was noticed, s.
+        settled: whether the diagnosis is complete; until then cause and size may still change.
+        text: all of that in words.
+    """
+
+    state: Word
+    cause: Word = ""
+    parameter: Word = ""
+    size: float = 0.0
+    deviation: float = 0.0
+    confidence: float = 0.0
+    since: Seconds = 0.0
+    detected: Seconds = 0.0
+    settled: bool = False
+    text: Line = ""
+
+
+class MonitoringVerdict(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The monitor's opinion of the arm, once a second and whenever it changes.
+
+    Attributes:
+        time: plant time, s.
+        units: joint 1, joint 2, joint 3 and gripper.
+        forecasts: slow changes that will reach a limit, in words.
+        unobservable: causes that the last seconds could not have shown.
+        missed: samples that did not arrive since the service started.
+        restarts: how often the estimate of the motion had to start anew.
+    """
+
+    time: Seconds
+    units: dict[Word, MonitoredUnit]
+    forecasts: tuple[Line, ...]
+    unobservable: tuple[Line, ...]
+    missed: Count
+    restarts: Count
+
+
+class AcknowledgeRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """An operator knows what is wrong: the arm as it is now counts as normal.
+
+    Attributes:
+        parameter: of the finding or forecast, as in `MonitoredUnit`; "" for all.
+    """
+
+    parameter: Word = ""
+
+
+class MonitoringResiduals(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA):
+    """What the encoders said beyond what was expected, rad; ten times a second.
+
+    Attributes:
+        sequence, time: of the sample.
+        predicted: what the encoders should have read, rad.
+        residual: reading minus prediction, rad.
+        deviation: standard deviation that a healthy arm's residuals have, rad.
+        evidence: of a sudden change, 2 log likelihood ratio.
+        threshold: of the evidence.
+    """
+
+    sequence: Count
+    time: Seconds
+    predicted: Triple
+    residual: Triple
+    deviation: Triple
+    evidence: float
+    threshold: float

@@ -1,0 +1,1 @@
+"""Commands on function blocks: dtwin fb ..."""

@@ -1,0 +1,180 @@
+"""`dtwin run`."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import msgspec
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+from dtwin.controller.embedded import BLOCKS, ControlSettings, EmbeddedController
+from dtwin.controller.lockstep import RemoteController
+from dtwin.emulation import MODEL_FILE, NoiseKind, parse_fault
+from dtwin.errors import DtwinError
+from dtwin.iec61499.net.address import parse_address
+from dtwin.parameters import PERIOD, PHYSICS_STEP, ArmParameters, Law, assignment
+from dtwin.run.cell import Cell, CellSettings, Summary
+from dtwin.run.recording import Log, ensure_writable
+
+SAME_VOLTS: Final = 1e-9
+"""V, within which two controllers count as the same"""
+
+
+@dataclass(frozen=True)
+class Run:
+    """Run the cell: the emulated arm sorts boxes under its function blocks, as fast as the machine allows.
+
+    Writes a recording for the Rerun viewer and prints a summary. Ctrl-C ends the run and keeps what was recorded.
+    """
+
+    duration: float = 120.0
+    """Plant time to run, s."""
+    seed: int = 0
+    """Of the boxes and the noise; equal seeds give equal logs."""
+    noise: float = 0.0
+    """Encoder noise, rad: amplitude (uniform) or standard deviation (gaussian)."""
+    noise_kind: NoiseKind = "uniform"
+    """uniform adds noise * u with u in [0, 1), so it is biased by half of it; gaussian is not biased."""
+    target_time: float = 2.0
+    """Duration of every motion, s."""
+    law: Law = "default"
+    """Control law. default: computed torque with a held box as a point mass; seed: the row-sum form of the thesis,
+    without damping term and with the box's weight alone."""
+    fault: tuple[str, ...] = ()
+    """TARGET OP VALUE @ START[-END], e.g. K2*=0.1@45 or freeze3@30-40; repeatable."""
+    set: tuple[str, ...] = ()
+    """A parameter of the emulated arm, e.g. m1=0.15; repeatable. The controller's model stays as it is."""
+    record: Path | None = None
+    """Recording for the Rerun viewer; run.rrd if not given, none with --json."""
+    log: Path | None = None
+    """Parquet log, one row per 10 ms tick."""
+    controller: str | None = None
+    """tcp://HOST:PORT of a 4diac FORTE or `dtwin fb run` that controls the arm in lockstep, e.g. tcp://127.0.0.1:61500.
+    Its gains and target time are its own."""
+    realtime: bool = False
+    """Run no faster than the wall clock."""
+    json: bool = False
+    """Print one JSON object on standard output and nothing else."""
+    step: float = PHYSICS_STEP
+    """Physics step, s; the 10 ms period must be a whole multiple of it."""
+    model: Path = MODEL_FILE
+    """MJCF file of the arm."""
+    blocks: Path = BLOCKS
+    """Folder of the function-block library."""
+
+    def execute(self) -> int:
+        record = self.record or (None if self.json else Path("run.rrd"))
+        for path in (record, self.log):
+            if path is not None:
+                ensure_writable(path)
+        settings = self.settings()
+        remote = self._remote(settings) if self.controller else None
+        cell = Cell(settings, remote)
+        failure: DtwinError | None = None
+        with _Interruption() as interruption, _progress(cell, quiet=self.json) as progress:
+
+            def between(done: int) -> bool:
+                progress.update(progress.task_ids[0], completed=done * PERIOD)
+                return not interruption.requested
+
+            try:
+                cell.run(between, self.realtime)
+            except DtwinError as error:
+                failure = error
+            log = cell.log.freeze()
+            self._write(cell, log, record)
+        if remote is not None:
+            remote.close()
+            if remote.largest_difference > SAME_VOLTS:
+                apart = f"{remote.largest_difference:.3g} V from those of the blocks in {self.blocks}"
+                print(f"dtwin: the voltages of {self.controller} are up to {apart}", file=sys.stderr)
+        if failure is not None:
+            raise failure
+        summary = cell.summary(log)
+        if self.json:
+            print(msgspec.json.encode(summary).decode())
+        else:
+            _print(summary, record, self.log)
+        return 130 if interruption.requested else 0
+
+    def settings(self) -> CellSettings:
+        """The settings the options stand for.
+
+        Raises:
+            DtwinError: an option is out of range or cannot be read.
+        """
+        return CellSettings(
+            duration=self.duration,
+            seed=self.seed,
+            noise=self.noise,
+            noise_kind=self.noise_kind,
+            faults=tuple(parse_fault(text) for text in self.fault),
+            arm=ArmParameters().with_values(dict(assignment(text) for text in self.set)),
+            control=ControlSettings(target_time=self.target_time, law=self.law),
+            step=self.step,
+            model_file=self.model,
+            blocks=self.blocks,
+        )
+
+    def _remote(self, settings: CellSettings) -> RemoteController:
+        assert self.controller is not None
+        shadow = EmbeddedController(settings.control, settings.blocks)
+        return RemoteController(parse_address(self.controller, "tcp"), shadow)
+
+    def _write(self, cell: Cell, log: Log, record: Path | None) -> None:
+        if self.log is not None:
+            log.write_parquet(self.log)
+        if record is not None and len(log):
+            from dtwin.view import write_recording  # rerun takes half a second to import
+
+            write_recording(log, self.model, record, cell.settings.arm)
+
+
+class _Interruption:
+    """Turns Ctrl-C and a polite kill into a request to stop between two ticks."""
+
+    def __init__(self) -> None:
+        self.requested = False
+
+    def __enter__(self) -> _Interruption:
+        self._previous = {number: signal.signal(number, self._request) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
+
+    def _request(self, *_: object) -> None:
+        self.requested = True
+
+
+def _progress(cell: Cell, quiet: bool) -> Progress:
+    columns = (TextColumn("running the cell"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    progress = Progress(*columns, console=Console(file=sys.stderr), transient=True, disable=quiet)
+    progress.add_task("", total=cell.ticks * PERIOD)
+    return progress
+
+
+def _print(summary: Summary, record: Path | None, log: Path | None) -> None:
+    boxes, errors = summary.boxes, summary.placement_error_mm
+    worst = ", ".join(f"{value:.4f}" for value in summary.tracking_error_rad.max)
+    lines = {
+        "plant time": f"{summary.duration:g} s in {summary.wall_seconds:.2f} s,"
+        f" {summary.real_time_factor:.0f} x real time",
+        "boxes": f"{boxes.arrived} arrived, {boxes.picked} picked, {boxes.delivered} delivered,"
+        f" {boxes.misplaced} misplaced, {boxes.held_at_end} held at the end, {boxes.dropped_arrivals} turned away",
+        "placement error": f"{errors.max:.2f} mm at most, {errors.mean:.2f} mm on average",
+        "tracking error": f"{worst} rad at most, joints 1 to 3",
+        "saturated ticks": str(summary.saturated_ticks),
+    }
+    if log is not None:
+        lines["log"] = str(log)
+    if record is not None:
+        lines["recording"] = f"{record}: look at it with `rerun {record}`"
+    for name, text in lines.items():
+        print(f"{name:<16}  {text}")

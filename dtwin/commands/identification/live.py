@@ -1,0 +1,108 @@
+"""`dtwin identify live`: the operator's side of the identification service."""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+from rich.table import Table
+
+from dtwin.bus.messages import DECIDE, IDENTIFY
+from dtwin.bus.session import Bus
+from dtwin.bus.twin_messages import DataSource, IdentificationDecision, IdentificationRequest, IdentificationState
+from dtwin.errors import CommunicationError, IdentificationError
+from dtwin.identification.estimation.estimate import NINETY_FIVE
+from dtwin.parameters import ArmParameters
+from services.runfile import join
+
+_LOOK = 0.2
+"""s between two looks at the progress"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifyLive:
+    """Identify the arm of a running cell, excited or at work; the model is shown, then kept or not.
+
+    Needs the service: dtwin up --identification. The exit status is 1 when no model is kept.
+    """
+
+    free: str = IdentificationRequest().free
+    """What to estimate; without a known load something must set the scale of the forces: by default K1."""
+    box_mass: float = IdentificationRequest().box_mass
+    """Taken for a box held meanwhile, kg."""
+    source: DataSource = "signal"
+    """signal: the blocks excite the arm; motion: the arm goes on working, and its motions with an empty gripper tell
+    what of the known model (dtwin up --model) has changed."""
+    since: float = 0.0
+    """Plant time from which on motion counts, s; the service remembers one minute."""
+    anew: str = ""
+    """Which of the free parameters are not known any more, e.g. --free D --anew D2; all if not given. For motion."""
+    accept: bool = False
+    """Keep the model without asking, if its residuals are white."""
+    upload: bool = False
+    """Send an accepted model to the controller, too."""
+    name: str = "arm"
+    """To keep the model under."""
+    timeout: float = 60.0
+    """s to wait for the model."""
+    cell: str = "cell"
+    """Name of the cell."""
+    zenoh: Path | None = None
+    """Zenoh configuration file, for a cell on another machine."""
+    json: bool = False
+    """Print one JSON object on standard output and nothing else; without --accept the model is rejected."""
+
+    def execute(self) -> int:
+        with join(self.cell, self.zenoh) as bus:
+            request = IdentificationRequest(self.free, self.box_mass, self.source, self.since, self.anew)
+            bus.ask(IDENTIFY, request, IdentificationState)
+            state = self._wait(bus)
+            if state.phase == "refused":
+                raise IdentificationError(state.text)
+            if not self.json:
+                _print(state)
+            decision = IdentificationDecision(self._accepts(state), self.name, self.upload)
+            state = bus.ask(DECIDE, decision, IdentificationState)
+        if self.json:
+            print(msgspec.json.encode(state).decode())
+        else:
+            Console().print(state.text)
+        return 0 if state.phase == "accepted" else 1
+
+    def _wait(self, bus: Bus) -> IdentificationState:
+        deadline = time.monotonic() + self.timeout
+        columns = (TextColumn("{task.description}"), BarColumn())
+        with Progress(*columns, console=Console(file=sys.stderr), transient=True) as bar:
+            task = bar.add_task("asking", total=None)
+            while time.monotonic() < deadline:
+                state = bus.ask(IDENTIFY, None, IdentificationState)
+                if state.phase in ("proposed", "refused"):
+                    return state
+                bar.update(task, description=state.text, completed=state.samples, total=state.of or None)
+                time.sleep(_LOOK)
+        raise CommunicationError(f"no model within {self.timeout:g} s; the identification goes on")
+
+    def _accepts(self, state: IdentificationState) -> bool:
+        sound = state.converged and state.residual_white
+        if self.accept or self.json or not sys.stdin.isatty():
+            return self.accept and sound
+        return input("keep this model? [y/N] ").strip().lower() in ("y", "yes")
+
+
+def _print(state: IdentificationState) -> None:
+    table = Table("", "estimate", "95 % interval", "data sheet")
+    sheet = ArmParameters()
+    for name, estimated in state.parameters.items():
+        half = NINETY_FIVE * estimated.standard_error
+        table.add_row(name, f"{estimated.value:.6g}", f"+- {half:.2g}", f"{sheet.get(name):.6g}")
+    console = Console()
+    console.print(table)
+    console.print(state.text)
+    fits = ", ".join(f"{value:.4f}" for value in state.fit or ())
+    white = "white" if state.residual_white else "not white: the model leaves something unexplained"
+    console.print(f"fit on held-out motion {fits}; residuals {white}", highlight=False)

@@ -1,0 +1,1 @@
+"""Commands on a cell that is up as services."""

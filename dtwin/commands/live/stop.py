@@ -1,0 +1,67 @@
+"""`dtwin stop` and `dtwin release`: an operator's word to the function blocks that stop the arm."""
+
+from __future__ import annotations
+
+import getpass
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from dtwin.bus.messages import RELEASE, STOP, ReleaseRequest, Stop, StopRequest, StopState
+from services.runfile import join
+
+MEANING: Final[dict[Stop, str]] = {
+    "none": "the arm moves",
+    "braking": "the arm comes to rest",
+    "standstill": "the arm is held where it is; `dtwin release` lets it move again",
+    "torque off": "the motors of the arm have no voltage; `dtwin release` lets it move again",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Word:
+    """Who wants it, and where."""
+
+    why: str = "by hand"
+    """Reason, for the events."""
+    who: str = ""
+    """Name, for the events; the login name if not given."""
+    cell: str = "cell"
+    """Name of the cell."""
+    zenoh: Path | None = None
+    """Zenoh configuration file, for a cell on another machine."""
+
+    def name(self) -> str:
+        return self.who or getpass.getuser()
+
+
+@dataclass(frozen=True, kw_only=True)
+class StopCommand(_Word):
+    """Stop the arm: it brakes and is held until `dtwin release`. Not an emergency stop: see docs/monitoring.md.
+
+    The exit status is 1 when the function blocks do not stop it.
+    """
+
+    def execute(self) -> int:
+        with join(self.cell, self.zenoh) as bus:
+            answer = bus.ask(STOP, StopRequest(self.name(), self.why), StopState)
+        _print(answer)
+        return int(answer.stop == "none")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReleaseCommand(_Word):
+    """Let a stopped arm move again, from where it is to where it was going.
+
+    The exit status is 1 when it stays stopped: while it brakes it cannot be released.
+    """
+
+    def execute(self) -> int:
+        with join(self.cell, self.zenoh) as bus:
+            answer = bus.ask(RELEASE, ReleaseRequest(self.name(), self.why), StopState)
+        _print(answer)
+        return int(answer.stop != "none")
+
+
+def _print(answer: StopState) -> None:
+    print(f"{answer.stop}: {MEANING[answer.stop]}")

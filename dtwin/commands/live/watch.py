@@ -1,0 +1,74 @@
+"""`dtwin watch`: what passes on a cell's bus, as it passes."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Empty, SimpleQueue
+
+import tyro
+
+from dtwin.bus.codec import SIZE_LIMIT, MessageError, Reader, encode
+from dtwin.bus.messages import TOPICS
+from dtwin.errors import ParameterError
+from services.runfile import join
+
+
+@dataclass(frozen=True)
+class WatchCommand:
+    """Print what is published under a key of a cell, one message a line, until Ctrl-C.
+
+    Valid messages are printed as they were understood, others with what is wrong with them.
+    """
+
+    key: tyro.conf.Positional[str] = "**"
+    """Key expression below dtwin/CELL/ARM/, e.g. sensors, status/emulator or **."""
+    cell: str = "cell"
+    """Name of the cell."""
+    zenoh: Path | None = None
+    """Zenoh configuration file, for a cell on another machine."""
+    count: int = 0
+    """Messages after which to end; 0 goes on until Ctrl-C."""
+
+    def execute(self) -> int:
+        if self.count < 0:
+            raise ParameterError(f"--count: expected at least 0, got {self.count}")
+        inbox: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
+        with join(self.cell, self.zenoh) as bus:
+            bus.watch_raw(self.key, lambda key, payload: inbox.put((key, payload)))
+            printed = 0
+            while not self.count or printed < self.count:
+                try:
+                    key, payload = inbox.get(timeout=1.0)
+                except Empty:
+                    continue
+                print(key, describe(key, payload))
+                printed += 1
+                if inbox.empty():
+                    sys.stdout.flush()
+        return 0
+
+
+def describe(key: str, payload: bytes) -> str:
+    """A message of a key in one line."""
+    topic = "/".join(key.split("/")[3:])
+    for reader in _readers(topic):
+        try:
+            return encode(reader(payload)).decode()
+        except MessageError as error:
+            return f"invalid ({error}): {_shown(payload)}"
+    return _shown(payload)
+
+
+def _readers(topic: str) -> list[Reader]:
+    """The reader of a topic, if it is a known one."""
+    names = {known.name.partition("/*")[0]: known.message for known in TOPICS if known.kind == "publication"}
+    first = topic if topic in names else topic.partition("/")[0]
+    message = names.get(first)
+    return [] if message is None else [Reader(message)]
+
+
+def _shown(payload: bytes) -> str:
+    text = payload[:SIZE_LIMIT].decode(errors="backslashreplace")
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)

@@ -1,0 +1,143 @@
+"""`dtwin monitor`."""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+from dtwin.controller.embedded import ControlSettings
+from dtwin.emulation import MODEL_FILE
+from dtwin.errors import ParameterError
+from dtwin.experiments.monitoring.trial import Method
+from dtwin.identification.estimation.quality import noise
+from dtwin.identification.store import STORE, ModelStore, open_model
+from dtwin.monitoring.belief import Belief, assumed, identified
+from dtwin.monitoring.monitor import ALARMS_PER_HOUR, Monitor, MonitorSettings
+from dtwin.monitoring.offline import SECOND, Stream, Trace, stream, watch
+from dtwin.monitoring.thesis import SeedMonitor, SeedSettings
+from dtwin.monitoring.verdict import Finding, Verdict
+from dtwin.parameters import ArmParameters
+from dtwin.run.recording import ensure_writable, read_log
+from dtwin.signals import Event
+
+STATE_COLOURS: Final = {"nominal": "green", "may be degrading": "yellow", "failed": "bold red"}
+
+
+@dataclass(frozen=True)
+class MonitorCommand:
+    """Find faults of the arm in a log of `dtwin run`; the exit status is 1 when something has failed.
+
+    Only what sensors and commands say is used: the truth in the log is not.
+    """
+
+    log: tyro.conf.Positional[Path]
+    """Parquet log."""
+    method: Method = "default"
+    """default: state estimator with diagnosis; seed: the thesis's comparison with a simulated arm."""
+    model: str | None = None
+    """Identified model of the healthy arm, a file or NAME[@REVISION]; the data sheet's arm if not given."""
+    store: Path = STORE
+    """Folder of identified models."""
+    alarms_per_hour: float = ALARMS_PER_HOUR
+    """False alarms to be expected of a healthy arm (default method)."""
+    sample_time: float = 0.5
+    """Time between two comparisons, s (seed's method)."""
+    step: float = 0.005
+    """Step of the simulation, s (seed's method)."""
+    target_time: float = 2.0
+    """Duration of every motion, s (seed's method)."""
+    record: Path | None = None
+    """Recording for the Rerun viewer: the run with predictions, residuals and verdicts (default method)."""
+    json: bool = False
+    """Print one JSON object on standard output and nothing else."""
+
+    def execute(self) -> int:
+        if self.record is not None:
+            if self.method == "seed":
+                raise ParameterError("--record: expected the default method, the seed's one has nothing to draw")
+            ensure_writable(self.record)
+        log = read_log(self.log)
+        seen = stream(log)
+        began = time.process_time()
+        trace: Trace | None = None
+        monitor: Monitor | SeedMonitor
+        with _progress(len(seen), self.json) as bar:
+            if self.method == "default":
+                settings = MonitorSettings(alarms_per_hour=self.alarms_per_hour)
+                monitor = Monitor(self._belief(seen), settings)
+                trace = watch(monitor, seen, lambda done: bar.update(bar.task_ids[0], completed=done))
+            else:
+                control = ControlSettings(target_time=self.target_time)
+                monitor = SeedMonitor(self._arm(), SeedSettings(self.sample_time, self.step, control))
+                for first in range(0, len(seen), SECOND):
+                    seen.feed(monitor, first, min(first + SECOND, len(seen)))
+                    bar.update(bar.task_ids[0], completed=first)
+        factor = 0.01 * len(seen) / max(time.process_time() - began, 1e-9)
+        if self.record is not None and trace is not None:
+            from dtwin.view.monitoring import write_monitoring  # rerun takes half a second to import
+
+            write_monitoring(log, trace, MODEL_FILE, self.record)
+        verdict = monitor.verdict()
+        history = tuple(monitor.history) if isinstance(monitor, Monitor) else verdict.findings
+        if self.json:
+            report = _as_json(self.method, verdict, history, monitor.events, factor)
+            print(msgspec.json.encode(report).decode())
+        else:
+            _print(verdict, monitor.events, factor, self.record)
+        return 1 if history or "failed" in verdict.states.values() else 0
+
+    def _belief(self, seen: Stream) -> Belief:
+        if self.model is not None:
+            return identified(open_model(self.model, ModelStore(self.store)))
+        first, second, third = noise(seen.measured).tolist()
+        return assumed(ArmParameters(), (first, second, third))
+
+    def _arm(self) -> ArmParameters:
+        return ArmParameters() if self.model is None else open_model(self.model, ModelStore(self.store)).arm
+
+
+def _as_json(
+    method: Method, verdict: Verdict, history: tuple[Finding, ...], events: list[Event], factor: float
+) -> dict[str, Any]:
+    return {
+        "method": method,
+        "verdict": verdict,
+        "findings": history,
+        "events": [{"time": event.time, "kind": event.kind, "text": event.text} for event in events],
+        "real_time_factor": factor,
+    }
+
+
+def _progress(rows: int, quiet: bool) -> Progress:
+    columns = (TextColumn("watching the log"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    console = Console(file=sys.stderr)
+    progress = Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal)
+    progress.add_task("", total=rows)
+    return progress
+
+
+def _print(verdict: Verdict, events: list[Event], factor: float, record: Path | None) -> None:
+    console = Console(highlight=False, soft_wrap=True)
+    for event in events:
+        console.print(f"{event.time:10.2f} s  {event.kind:<10}  {event.text}")
+    if events:
+        console.print()
+    for unit, state in verdict.states.items():
+        console.print(f"{unit:<8}  [{STATE_COLOURS[state]}]{state}[/]")
+    for finding in verdict.findings:
+        console.print(f"finding   {finding.text()}")
+    for forecast in verdict.forecasts:
+        console.print(f"forecast  {forecast.text()}")
+    if verdict.unobservable:
+        console.print(f"the last seconds could not have shown: {', '.join(verdict.unobservable)}")
+    console.print(f"{verdict.time:.0f} s watched, {verdict.missed} samples missed, {factor:.0f} x real time")
+    if record is not None:
+        console.print(f"recording {record}: look at it with `rerun {record}`")

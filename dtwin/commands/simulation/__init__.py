@@ -1,0 +1,1 @@
+"""Commands that try settings on the twin and upload them."""

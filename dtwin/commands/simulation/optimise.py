@@ -1,0 +1,193 @@
+"""`dtwin optimise`."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from dtwin.controller.embedded import ControlSettings
+from dtwin.errors import ParameterError
+from dtwin.identification.model import IdentifiedModel
+from dtwin.identification.store import STORE, ModelStore, open_model
+from dtwin.parameters import ArmParameters, Gains, Law, Triple
+from dtwin.run.recording import ensure_writable, replacing
+from dtwin.simulation.checks import MOTIONS, Motion
+from dtwin.simulation.objective import Limits, Objective, possible_arms, scenarios_for
+from dtwin.simulation.optimise import Optimum, check_search, optimise
+from dtwin.simulation.places import angles_of
+
+_UNITS = {"time": "s", "tracking": "rad", "energy": "J", "voltage": "V"}
+
+
+@dataclass(frozen=True)
+class Optimise:
+    """Search gains and target time of least cost on the twin, under limits that must hold for all arms and boxes.
+
+    The cost is the weighted mean of settling time, largest distance from the path, energy a motion and peak voltage,
+    each relative to the settings in use, so that 1 is as good as those. Differential evolution on all cores.
+    """
+
+    cost: tuple[str, ...] = ("time=1",)
+    """Term and weight: time, tracking, energy or voltage, e.g. tracking=2; repeatable."""
+    motion: tuple[str, ...] = ()
+    """A motion FROM:TO that counts; repeatable; all that the cell makes if not given."""
+    target_time: tuple[float, float] = (0.5, 4.0)
+    """Between which to search, s; equal ones keep it."""
+    in_use: float = 2.0
+    """Target time in use, s."""
+    kp: Triple = Gains().kp
+    """Proportional gains in use, 1/s^2."""
+    ki: Triple = Gains().ki
+    """Integral gains in use, 1/s^3."""
+    kd: Triple = Gains().kd
+    """Derivative gains in use, 1/s."""
+    law: Law = "default"
+    """Control law."""
+    model: str | None = None
+    """Identified model, a file or a name in --store; its covariance says what arms are possible."""
+    store: Path = STORE
+    """Folder of the kept models."""
+    arms: int = 2
+    """Possible arms drawn from the covariance that must keep the limits too."""
+    box: tuple[float, float] = (0.19, 0.21)
+    """Least and largest mass of a carried box, kg."""
+    noise: float = 0.001
+    """Standard deviation of the encoder noise, rad."""
+    saturated: float = Limits().saturated
+    """Limit: share of the samples of a motion with a voltage at its limit."""
+    overshoot: float = Limits().overshoot
+    """Limit: beyond the target, rad."""
+    tracking: float = Limits().tracking
+    """Limit: from the path, rad."""
+    voltage: float = Limits().voltage
+    """Limit of the voltage, V."""
+    candidates: int = 1000
+    """How many settings to judge."""
+    processes: int | None = None
+    """That share the work; one a core if not given."""
+    seed: int = 0
+    """Of the search; equal seeds give equal settings."""
+    plot: Path | None = None
+    """Draw all candidates and the Pareto fronts to this PNG file."""
+    save: Path | None = None
+    """Write the settings found to this JSON file, for dtwin upload."""
+    json: bool = False
+    """Print one JSON object on standard output and nothing else."""
+
+    def execute(self) -> int:
+        for path in (self.plot, self.save):
+            if path is not None:
+                ensure_writable(path)
+        check_search(self.target_time, self.candidates, self.processes)
+        objective = self._objective()
+        with _progress(self.json) as progress:
+            task = progress.add_task("", total=self.candidates, best="")
+
+            def between(done: int, best: float) -> None:
+                progress.update(task, completed=done, best=f"{best:.4f}" if best < 100 else "none yet")
+
+            found = optimise(
+                objective,
+                self.target_time,
+                candidates=self.candidates,
+                processes=self.processes,
+                seed=self.seed,
+                between=between,
+            )
+        if self.plot is not None:
+            from dtwin.simulation.pareto import draw_front
+
+            draw_front(found, self.plot)
+        if self.save is not None and not found.best.broken:
+            with replacing(self.save) as temporary:
+                content = {"target_time": found.best.target_time, "gains": found.best.gains}
+                temporary.write_bytes(msgspec.json.format(msgspec.json.encode(content)) + b"\n")
+        if self.json:
+            print(msgspec.json.encode(_report(found)).decode())
+        else:
+            _print(found)
+        return 1 if found.best.broken else 0
+
+    def _objective(self) -> Objective:
+        model = open_model(self.model, ModelStore(self.store)) if self.model is not None else None
+        arm = model.arm if model is not None else ArmParameters()
+        middle = (self.box[0] + self.box[1]) / 2
+        base = ControlSettings(self.in_use, Gains(self.kp, self.ki, self.kd), self.law, arm, middle)
+        motions = tuple(map(_motion, self.motion)) or MOTIONS
+        return Objective(
+            base=base,
+            scenarios=scenarios_for(motions, arm, self.box, self._others(model), self.noise),
+            weights=dict(map(_weight, self.cost)),
+            limits=Limits(self.saturated, self.overshoot, self.tracking, self.voltage),
+        )
+
+    def _others(self, model: IdentifiedModel | None) -> tuple[ArmParameters, ...]:
+        if model is None:
+            return ()
+        matrix = np.array(model.covariance.matrix)
+        return possible_arms(model.arm, model.covariance.names, matrix, self.arms, np.random.default_rng(self.seed))
+
+
+def _weight(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value or 1.0)
+    except ValueError:
+        raise ParameterError(f"--cost {text}: expected TERM=WEIGHT, e.g. tracking=2") from None
+
+
+def _motion(text: str) -> Motion:
+    start, colon, goal = text.partition(":")
+    if not colon:
+        raise ParameterError(f"--motion {text}: expected FROM:TO, e.g. pickup:red")
+    angles_of(start), angles_of(goal)
+    return Motion(start, goal, start == "pickup")
+
+
+def _progress(quiet: bool) -> Progress:
+    columns = (
+        TextColumn("searching"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TextColumn("least cost {task.fields[best]}"),
+        TimeRemainingColumn(),
+    )
+    return Progress(*columns, console=Console(file=sys.stderr), transient=True, disable=quiet)
+
+
+def _report(found: Optimum) -> dict[str, Any]:
+    return {
+        "best": msgspec.to_builtins(found.best),
+        "reference": msgspec.to_builtins(found.reference),
+        "front": [msgspec.to_builtins(each) for each in found.front("time", "tracking")],
+        "candidates": len(found.scores),
+        "motions": found.motions,
+        "seconds": found.seconds,
+        "motions_per_second": found.motions / found.seconds,
+    }
+
+
+def _print(found: Optimum) -> None:
+    table = Table("", "in use", "found", title="settings of least cost")
+    best, reference = found.best, found.reference
+    if best.broken:
+        print(f"no candidate keeps all limits; the best breaks that of {best.broken}")
+        return
+    table.add_row("target time, s", f"{reference.target_time:.3f}", f"{best.target_time:.3f}")
+    for name in ("kp", "ki", "kd"):
+        table.add_row(name, *("  ".join(f"{v:.1f}" for v in getattr(each.gains, name)) for each in (reference, best)))
+    for name, unit in _UNITS.items():
+        table.add_row(f"{name}, {unit}", f"{reference.terms[name]:.4g}", f"{best.terms[name]:.4g}")
+    table.add_row("cost", f"{reference.cost:.4f}", f"{best.cost:.4f}")
+    Console().print(table)
+    rate = found.motions / found.seconds
+    judged = f"{len(found.scores)} candidates, {found.motions} motions in {found.seconds:.1f} s"
+    print(f"{judged}: {rate:.0f} motions a second")

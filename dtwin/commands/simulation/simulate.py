@@ -1,0 +1,250 @@
+"""`dtwin simulate`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any
+
+import msgspec
+import numpy as np
+from rich.console import Console
+from rich.table import Column, Table
+
+from dtwin.bus.messages import GAINS, MODEL, SENSORS, TARGET, GainsSetting, ModelSetting, TargetSetting
+from dtwin.bus.session import Bus
+from dtwin.controller.embedded import ControlSettings
+from dtwin.emulation.encoders import NoiseKind
+from dtwin.errors import CommunicationError, ParameterError
+from dtwin.identification.store import STORE, ModelStore, open_model
+from dtwin.parameters import PERIOD, ArmParameters, Gains, Law, Triple
+from dtwin.run.recording import Log, ensure_writable, read_log
+from dtwin.signals import Sensors
+from dtwin.simulation.candidates import vary
+from dtwin.simulation.figures import Figures, triple
+from dtwin.simulation.measured import Comparison, compare, find, settings_of
+from dtwin.simulation.places import parse_goal, parse_start
+from dtwin.simulation.whatif import Case, Outcome, Simulator
+from services.runfile import join
+
+_SAMPLES = 9
+"""that the velocity of a running arm is taken from"""
+_PATIENCE = 5.0
+"""s for the samples of a running cell"""
+
+
+@dataclass(frozen=True)
+class Simulate:
+    """Try a motion on the twin with the real function blocks: what if the arm moved there, with these settings?
+
+    Places are names (pickup, blue, red, green, home, hanging), coordinates of the tip X,Y in m, or angles Q1,Q2,Q3.
+    """
+
+    start: str = "pickup"
+    """Where from."""
+    live: bool = False
+    """Start from the state of the running cell, with its gains, target time and model."""
+    cell: str = "cell"
+    """Name of that cell."""
+    goal: str = "red"
+    """Where to."""
+    target_time: float = 2.0
+    """Duration of the path, s."""
+    kp: Triple = Gains().kp
+    """Proportional gains, 1/s^2."""
+    ki: Triple = Gains().ki
+    """Integral gains, 1/s^3."""
+    kd: Triple = Gains().kd
+    """Derivative gains, 1/s."""
+    law: Law = "default"
+    """Control law."""
+    payload: float = 0.0
+    """Mass at the tip, kg; the controller counts on its own --box when this is not 0."""
+    box: float = 0.2
+    """Mass of a box as the controller counts on, kg."""
+    noise: float = 0.0
+    """Encoder noise, rad: amplitude (uniform) or standard deviation (gaussian)."""
+    noise_kind: NoiseKind = "uniform"
+    """uniform is biased by half of the noise."""
+    seed: int = 0
+    """Of the noise."""
+    duration: float | None = None
+    """How long to look at the motion, s; the target time and 2 s more if not given."""
+    set: list[str] = field(default_factory=list)
+    """A parameter of the simulated arm, e.g. D2=0.1 or mu1=0.02; repeatable. The controller's model stays."""
+    model: str | None = None
+    """Identified model that is simulated: a file or a name in --store; the data sheet if not given."""
+    controller_model: str | None = None
+    """Identified model that the controller uses; that of --model if not given."""
+    store: Path = STORE
+    """Folder of the kept models."""
+    candidate: list[str] = field(default_factory=list)
+    """Changes to try beside the base case, e.g. "T=1.5 kp=300,600,400 D2=0.1 law=seed"; repeatable."""
+    log: Path | None = None
+    """Parquet log of a run: predict the motion at --at from its first sample, with the log's settings."""
+    at: float = 0.0
+    """Plant time from which the first motion of the log is taken, s."""
+    plot: Path | None = None
+    """Draw the motions against their paths to this PNG file."""
+    json: bool = False
+    """Print one JSON object on standard output and nothing else."""
+
+    def execute(self) -> int:
+        if self.plot is not None:
+            ensure_writable(self.plot)
+        simulator = Simulator()
+        log = read_log(self.log) if self.log is not None else None
+        base, comparison = self._measured(log, simulator) if log is not None else (self._base(), None)
+        if self.live:
+            base = self._from_live(base)
+        cases = {"base": base} | {text: vary(base, text) for text in self.candidate}
+        simulator.run(base)
+        outcomes, seconds = {}, {}
+        for name, case in cases.items():
+            began = time.perf_counter()
+            outcomes[name] = simulator.run(case)
+            seconds[name] = time.perf_counter() - began
+        if self.plot is not None:
+            from dtwin.simulation.plots import draw_motions
+
+            draw_motions(outcomes, self.plot, comparison)
+        if self.json:
+            print(msgspec.json.encode(_report(outcomes, seconds, comparison)).decode())
+        else:
+            _print(outcomes, seconds, comparison)
+        return 0
+
+    def _base(self) -> Case:
+        arm = self._arm(self.model, ArmParameters())
+        simulated = with_set(arm, self.set)
+        start = parse_start(self.start, arm)
+        return Case(
+            goal=parse_goal(self.goal, arm, start),
+            settings=ControlSettings(
+                self.target_time,
+                Gains(self.kp, self.ki, self.kd),
+                self.law,
+                self._arm(self.controller_model, arm),
+                self.box,
+            ),
+            theta=start,
+            arm=simulated,
+            payload=self.payload,
+            noise=self.noise,
+            noise_kind=self.noise_kind,
+            seed=self.seed,
+            duration=self.duration,
+        )
+
+    def _from_live(self, base: Case) -> Case:
+        """The case from where the arm of a running cell is and how fast it is."""
+        with join(self.cell) as bus:
+            last = _latest(bus)
+            gains = bus.ask(GAINS, None, GainsSetting).gains
+            target_time = bus.ask(TARGET, None, TargetSetting).target_time
+            model = bus.ask(MODEL, None, ModelSetting).model
+        settings = replace(base.settings, gains=gains, target_time=target_time, model=model)
+        theta = last[-1].theta
+        # A parabola through several samples: a difference of two would show the encoders' noise.
+        times = PERIOD * np.arange(1 - len(last), 1)
+        speeds = np.polyfit(times, np.array([sample.theta for sample in last]), 2)[1]
+        arm = base.arm if self.model or self.set else model
+        goal = parse_goal(self.goal, arm, theta)
+        return replace(base, goal=goal, settings=settings, theta=theta, omega=triple(speeds), arm=arm)
+
+    def _measured(self, log: Log, simulator: Simulator) -> tuple[Case, Comparison]:
+        settings = settings_of(log)
+        arm = with_set(self._arm(self.model, settings.model), self.set)
+        comparison = compare(log, find(log, self.at), settings, arm, self.payload or settings.payload, simulator)
+        return comparison.predicted.case, comparison
+
+    def _arm(self, reference: str | None, otherwise: ArmParameters) -> ArmParameters:
+        if reference is None:
+            return otherwise
+        if reference.endswith(".json") or self.store.is_dir():
+            return open_model(reference, ModelStore(self.store)).arm
+        raise ParameterError(f"model {reference!r}: expected a .json file, or a name in a folder of models (--store)")
+
+
+def _latest(bus: Bus) -> list[Sensors]:
+    """Samples in a row."""
+    inbox: SimpleQueue[Sensors] = SimpleQueue()
+    bus.subscribe(SENSORS, Sensors, inbox.put)
+    found: list[Sensors] = []
+    while len(found) < _SAMPLES:
+        try:
+            sample = inbox.get(timeout=_PATIENCE)
+        except Empty:
+            raise CommunicationError(f"no samples of the arm within {_PATIENCE:g} s; is the cell working?") from None
+        found = [*found, sample] if found and sample.sequence == found[-1].sequence + 1 else [sample]
+    return found
+
+
+def with_set(arm: ArmParameters, assignments: list[str]) -> ArmParameters:
+    """The arm with parameters assigned as NAME=NUMBER.
+
+    Raises:
+        ParameterError: a name or number is wrong.
+    """
+    return vary(Case("pickup", arm=arm), " ".join(assignments)).arm
+
+
+def _report(outcomes: dict[str, Outcome], seconds: dict[str, float], comparison: Comparison | None) -> dict[str, Any]:
+    report: dict[str, Any] = {
+        "candidates": [
+            {
+                "name": name,
+                "start": outcome.case.theta,
+                "target": outcome.target,
+                "target_time": outcome.case.settings.target_time,
+                **msgspec.to_builtins(outcome.figures),
+                "seconds": seconds[name],
+            }
+            for name, outcome in outcomes.items()
+        ]
+    }
+    if comparison is not None:
+        motion = comparison.motion
+        report["measured"] = {
+            "time": motion.time,
+            "carries": motion.carries,
+            **msgspec.to_builtins(comparison.figures),
+            "fit": comparison.fit,
+        }
+    return report
+
+
+def _print(outcomes: dict[str, Outcome], seconds: dict[str, float], comparison: Comparison | None) -> None:
+    table = Table(
+        Column("", no_wrap=True), *outcomes, title="what if, on the analytic twin with the real function blocks"
+    )
+    columns = [outcome.figures for outcome in outcomes.values()]
+    if comparison is not None:
+        table.add_column("measured")
+        columns.append(comparison.figures)
+    for name, text in _ROWS.items():
+        table.add_row(name, *(text(figures) for figures in columns))
+    table.add_row("computed in", *(f"{1e3 * value:.1f} ms" for value in seconds.values()))
+    Console().print(table)
+    if comparison is not None:
+        fits = ", ".join(f"{value:.4f}" for value in comparison.fit)
+        print(f"prediction of the motion at {comparison.motion.time:.2f} s: fit {fits}, joints 1 to 3 (1 is perfect)")
+
+
+def _each(values: Triple, factor: float = 1e3) -> str:
+    return "  ".join(f"{factor * value:.1f}" for value in values)
+
+
+_ROWS: dict[str, Callable[[Figures], str]] = {
+    "farthest from the path, mrad": lambda f: _each(f.tracking_max),
+    "rms from the path, mrad": lambda f: _each(f.tracking_rms),
+    "settled after": lambda f: "not settled" if f.settling_time is None else f"{f.settling_time:.2f} s",
+    "overshoot, mrad": lambda f: _each(f.overshoot),
+    "error at the end, mrad": lambda f: _each(f.final_error),
+    "peak voltage, V": lambda f: _each(f.peak_volts, 1.0),
+    "at the voltage limit": lambda f: f"{100 * f.saturated:.1f} %",
+    "energy": lambda f: f"{f.energy:.2f} J",
+}

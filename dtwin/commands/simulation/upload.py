@@ -1,0 +1,166 @@
+"""`dtwin upload gains|model|target|version|rollback`: other settings for the controller of a running cell."""
+
+from __future__ import annotations
+
+import getpass
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import msgspec
+import tyro
+
+from dtwin.bus.messages import ROLL_BACK, UPLOAD
+from dtwin.bus.session import Bus
+from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
+from dtwin.errors import CommunicationError, ModelError
+from dtwin.identification.store import STORE, ModelStore, open_model
+from dtwin.parameters import ArmParameters, Gains, Triple
+from services.runfile import join
+
+_LOOK = 0.2
+"""s between two looks at a trial"""
+_PATIENCE = 120.0
+"""s for a trial to end"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Request:
+    """Who wants it, and where."""
+
+    why: str
+    """Reason, for the history."""
+    who: str = ""
+    """Name, for the history; the login name if not given."""
+    cell: str = "cell"
+    """Name of the cell."""
+    zenoh: Path | None = None
+    """Zenoh configuration file, for a cell on another machine."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RollBack(_Request):
+    """Put the settings before those on trial into force again, at once and without a check: they were in force."""
+
+    def execute(self) -> int:
+        with join(self.cell, self.zenoh) as bus:
+            _print(bus.ask(ROLL_BACK, RollBackRequest(self.who or getpass.getuser(), self.why), Upload))
+        return 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Upload(_Request):
+    """What every upload has."""
+
+    based_on: int | None = None
+    """Version of the settings that you have seen; those in force if not given. An old version is refused."""
+    arm: str | None = None
+    """Identified model that takes the arm's place in the check, a file or a name in --store."""
+    store: Path = STORE
+    """Folder of the kept models."""
+    wait: bool = False
+    """Wait for the trial; the exit status is 1 when the settings are rolled back."""
+
+    def execute(self) -> int:
+        with join(self.cell, self.zenoh) as bus:
+            now = bus.ask(UPLOAD, None, Upload)
+            request = UploadRequest(
+                who=self.who or getpass.getuser(),
+                why=self.why,
+                based_on=now.version if self.based_on is None else self.based_on,
+                arm=None if self.arm is None else self._model(self.arm),
+            )
+            answer = bus.ask(UPLOAD, self.change(request, now), Upload)
+            _print(answer)
+            return self._outcome(bus, answer) if self.wait else 0
+
+    def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
+        """The request with what shall change."""
+        raise NotImplementedError
+
+    def _model(self, reference: str) -> ArmParameters:
+        return open_model(reference, ModelStore(self.store)).arm
+
+    def _outcome(self, bus: Bus, answer: Upload) -> int:
+        """Waits until the trial is over."""
+        deadline = time.monotonic() + _PATIENCE
+        while answer.on_trial:
+            if time.monotonic() > deadline:
+                raise CommunicationError(f"the trial of version {answer.version} goes on after {_PATIENCE:g} s")
+            time.sleep(_LOOK)
+            answer = bus.ask(UPLOAD, None, Upload)
+        _print(answer)
+        return 0 if answer.action == "confirm" else 1
+
+
+class Tuning(msgspec.Struct, frozen=True):
+    """What `dtwin optimise --save` writes."""
+
+    gains: Gains
+    target_time: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class UploadGains(_Upload):
+    """Upload gains, those not given stay, or gains and target time from a file that dtwin optimise saved."""
+
+    kp: Triple | None = None
+    """Proportional gains of joints 1 to 3, 1/s^2."""
+    ki: Triple | None = None
+    """Integral gains, 1/s^3."""
+    kd: Triple | None = None
+    """Derivative gains, 1/s."""
+    file: Path | None = None
+    """JSON file of dtwin optimise."""
+
+    def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
+        tuning = Tuning(now.gains) if self.file is None else _read(self.file)
+        given = {name: value for name in ("kp", "ki", "kd") if (value := getattr(self, name)) is not None}
+        gains = replace(tuning.gains, **given)
+        return msgspec.structs.replace(request, gains=gains, target_time=tuning.target_time)
+
+
+@dataclass(frozen=True, kw_only=True)
+class UploadTarget(_Upload):
+    """Upload how long every motion takes, from the next one on."""
+
+    time: float
+    """s"""
+
+    def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
+        return msgspec.structs.replace(request, target_time=self.time)
+
+
+@dataclass(frozen=True, kw_only=True)
+class UploadModel(_Upload):
+    """Upload an identified model of the arm."""
+
+    model: str
+    """File of an identified model, or its name in --store."""
+
+    def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
+        return msgspec.structs.replace(request, model=self._model(self.model))
+
+
+@dataclass(frozen=True, kw_only=True)
+class UploadVersion(_Upload):
+    """Upload the settings of an earlier version, as dtwin history shows them; checked and tried like new ones."""
+
+    version: tyro.conf.Positional[int]
+    """Number of the version. What differs must be gains and target time or the model: both are two messages."""
+
+    def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
+        return msgspec.structs.replace(request, version=self.version)
+
+
+def _print(answer: Upload) -> None:
+    print(msgspec.json.encode(answer).decode(), flush=True)
+
+
+def _read(path: Path) -> Tuning:
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Tuning)
+    except OSError as error:
+        raise ModelError(f"{path}: {error.strerror}") from None
+    except msgspec.MsgspecError as error:
+        raise ModelError(f"{path}: expected gains as dtwin optimise saves them: {error}") from None

@@ -1,0 +1,360 @@
+"""The control application on a device (4diac FORTE or the embedded runtime), through its TCP ports.
+
+Where its blocks listen is read over device management from their ID inputs; a device that does not tell has them
+where the library puts them.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from typing import Final
+
+from dtwin.bus.messages import ARM_STATES, STOPS, ArmState, IdentificationSignal, Stop
+from dtwin.controller.embedded import DIGITS, MODEL, TUNING, ControlSettings
+from dtwin.controller.lockstep import SENSORS, VOLTAGES
+from dtwin.errors import CommunicationError
+from dtwin.iec61499.management.client import ManagementClient
+from dtwin.iec61499.management.protocol import ManagementError
+from dtwin.iec61499.net.address import Address, parse_block_id
+from dtwin.iec61499.net.client import BlockingClient
+from dtwin.iec61499.net.wire import Signature
+from dtwin.iec61499.types import BOOL, DINT, LREAL
+from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.signals import Sensors, Voltages
+
+TIMEOUT: Final = 1.0
+"""s, for every answer"""
+_CELL: Final = ("EMULATOR", 61500)
+_REQUEST: Final = ("TWIN.IDENTIFICATION.REQUEST", 61501)
+_GAIN_PORT: Final = ("TWIN.SIMULATION.GAIN_PORT", 61504)
+_MODEL_PORT: Final = ("TWIN.SIMULATION.MODEL_PORT", 61505)
+_VERDICT: Final = ("TWIN.MONITORING.VERDICT", 61506)
+"""Blocks that listen, and where the library puts them."""
+
+_NOTHING: Final = Signature([])
+_PATH: Final = tuple(f"PLANNER.THETA_D{joint}" for joint in (1, 2, 3))
+_SIGNAL: Final = tuple(
+    f"TWIN.IDENTIFICATION.BLOCK.SIGNAL.{name}"
+    for name in ("AMPLITUDE1", "AMPLITUDE2", "AMPLITUDE3", "UNIT", "DELAY1", "DELAY2", "DELAY3", "LENGTH")
+)
+_READ_BACK: Final = 0.2
+"""s after which a setting that was acknowledged must show"""
+
+
+class Application:
+    """A management session with the device, and the addresses of its blocks.
+
+    Threads may share it, and should: a FORTE serves one management client at a time.
+
+    Args:
+        address: of device management.
+
+    Raises:
+        CommunicationError: the device does not answer, or the application is not there.
+    """
+
+    def __init__(self, address: Address) -> None:
+        self._address = address
+        self._lock = threading.Lock()
+        self._management = ManagementClient(address, TIMEOUT)
+        try:
+            self._resource = self._find_resource()
+        except CommunicationError:
+            self._management.close()
+            raise
+
+    def close(self) -> None:
+        self._management.close()
+
+    @property
+    def lost(self) -> bool:
+        """Whether the management session has ended."""
+        return self._management.lost
+
+    def read(self, names: Sequence[str]) -> list[float]:
+        """Values of numeric or BOOL ports.
+
+        Raises:
+            CommunicationError: no answer, or no number.
+        """
+        texts = {}
+        for name in names:
+            with self._lock:  # one by one: nobody shall wait for a long list
+                texts[name] = self._management.read(self._resource, name)
+        return self._numbers(names, texts)
+
+    def watch(self, names: Sequence[str]) -> None:
+        """Has ports among those that `watched` reads at once."""
+        with self._lock:
+            for name in names:
+                self._management.watch(self._resource, name)
+
+    def watched(self, names: Sequence[str]) -> list[float]:
+        """Values of watched ports, as `read`, but in one request."""
+        with self._lock:
+            texts = self._management.watched(self._resource)
+        return self._numbers(names, texts)
+
+    def _numbers(self, names: Sequence[str], texts: Mapping[str, str]) -> list[float]:
+        try:
+            return [_number(texts[name]) for name in names]
+        except (KeyError, ValueError):
+            raise CommunicationError(f"{self._address}: expected numbers at {names}, got {texts}") from None
+
+    def connect(self, block: tuple[str, int], sends: Signature, receives: Signature) -> BlockingClient:
+        """A connection to a block that listens."""
+        name, usual = block
+        try:
+            with self._lock:
+                port = parse_block_id(self._management.read(self._resource, f"{name}.ID")).port
+        except ManagementError:
+            port = usual
+        return BlockingClient(Address(self._address.host, port), sends, receives, TIMEOUT)
+
+    def reopen(self, block: tuple[str, int]) -> None:
+        """Closes a block that listens and opens it again, on a FORTE; no sample may be on its way meanwhile.
+
+        Half a message that a client left behind there would be taken for the beginning of the next one, whoever sends
+        it. The embedded device keeps clients apart; it cannot trigger events, which tells it from a FORTE. A FORTE
+        that closes a port while another one is in use crashes now and then.
+
+        Raises:
+            CommunicationError: it does not open.
+        """
+        name = block[0]
+        with self._lock:
+            try:
+                self._management.trigger(self._resource, f"{name}.INIT")
+            except ManagementError as error:
+                if error.reason != "UNSUPPORTED_CMD":
+                    raise
+                return
+            self._management.reset_block(self._resource, name)
+            self._management.write(self._resource, f"{name}.QO", "FALSE")
+            self._management.trigger(self._resource, f"{name}.INIT")
+        deadline = time.monotonic() + TIMEOUT
+        while not self.read([f"{name}.QO"])[0]:
+            if time.monotonic() > deadline:
+                raise CommunicationError(f"{self._address}: {name} did not open again within {TIMEOUT:g} s")
+
+    def _find_resource(self) -> str:
+        for resource in self._management.blocks(""):
+            if any(block.name == _CELL[0] for block in self._management.blocks(resource.name)):
+                return resource.name
+        raise CommunicationError(f"{self._address}: no resource has a block {_CELL[0]}: deploy the application first")
+
+
+class ControlLoop:
+    """The application as a controller: a sample in, a command out.
+
+    Args:
+        address: of device management.
+
+    Attributes:
+        settings: of the same application, over the same management session; for another thread if need be.
+        safe_stop: of the same application, in the same way.
+
+    Raises:
+        CommunicationError: the device does not answer, or the application is not there.
+    """
+
+    def __init__(self, address: Address) -> None:
+        self._requesting = threading.Lock()
+        with ExitStack() as opened:
+            self._application = opened.enter_context(closing(Application(address)))
+            self._application.watch(_PATH)
+            self.settings = opened.enter_context(closing(Settings(self._application)))
+            self.safe_stop = opened.enter_context(closing(SafeStop(self._application)))
+            self._cell = opened.enter_context(self._application.connect(_CELL, SENSORS, VOLTAGES))
+            self._opened = opened.pop_all()
+
+    def close(self) -> None:
+        self._opened.close()
+
+    @property
+    def lost(self) -> bool:
+        """Whether one of the connections has ended, so that all of them should be made anew."""
+        return self._cell.lost or self._application.lost or self.settings.lost
+
+    def answer(self, sensors: Sensors) -> Voltages:
+        """The application's answer to a sample.
+
+        Raises:
+            CommunicationError: it is late, lost, or not finite.
+        """
+        sample = (*sensors.theta, sensors.gripper, sensors.box_present, sensors.box_colour)
+        v_1, v_2, v_3, v_gripper, gripped = self._cell.exchange(sample)
+        volts = (v_1, v_2, v_3, v_gripper)
+        if not all(map(math.isfinite, volts)):
+            raise CommunicationError(f"{self._cell.address}: expected finite volts, got {volts}")
+        return Voltages(sensors.sequence, sensors.time, volts, gripped)
+
+    def restart(self, sensors: Sensors) -> None:
+        """Lets the application plan its path from a sample, at rest and without integrals of the past.
+
+        An identification request that is taken back at once hands the arm over and back: the path planner starts
+        from the measured state. The repeated sample is that of an arm at rest. The next `answer` to the same sample
+        is the controller's again.
+        """
+        with self._requests() as request:
+            request.exchange([True])
+            for _ in range(3):
+                self.answer(sensors)
+            request.exchange([False])
+
+    def signal(self) -> IdentificationSignal:
+        """The identification signal that the blocks play on request."""
+        first, second, third, *counts = self._application.read(_SIGNAL)
+        unit, delay_1, delay_2, delay_3, samples = map(round, counts)
+        return IdentificationSignal((first, second, third), unit, (delay_1, delay_2, delay_3), samples)
+
+    def request_signal(self, run: bool) -> None:
+        """Lets the blocks play the identification signal from the next sample on, or end it."""
+        with self._requests() as request:
+            request.exchange([run])
+
+    @contextmanager
+    def _requests(self) -> Iterator[BlockingClient]:
+        """A connection to the request port, which a FORTE serves to one client at a time."""
+        with self._requesting, self._application.connect(_REQUEST, Signature([BOOL]), _NOTHING) as request:
+            yield request
+
+    def path(self) -> Triple:
+        """The path's angles (rad) in the last answer."""
+        theta_1, theta_2, theta_3 = self._application.watched(_PATH)
+        return theta_1, theta_2, theta_3
+
+
+class Settings:
+    """What is in force in the running application, and changes of it; used from one thread at a time.
+
+    Its connections to the ports are there from the beginning: a FORTE serves one client, so nobody else can get in.
+    All methods raise CommunicationError when the device does not answer or does not take over a value, and
+    ParameterError when it has values that are none.
+    """
+
+    def __init__(self, application: Application) -> None:
+        self._application = application
+        with ExitStack() as opened:
+            self._ports = {}
+            for block, names in ((_GAIN_PORT, TUNING), (_MODEL_PORT, MODEL)):
+                application.reopen(block)
+                port = application.connect(block, Signature([LREAL] * len(names)), _NOTHING)
+                self._ports[names] = opened.enter_context(port)
+            self._opened = opened.pop_all()
+
+    def close(self) -> None:
+        self._opened.close()
+
+    @property
+    def lost(self) -> bool:
+        """Whether a connection has ended."""
+        return any(port.lost for port in self._ports.values())
+
+    def in_force(self) -> ControlSettings:
+        """Everything; the controller knows no Coulomb friction."""
+        return ControlSettings.from_inputs(self._read(tuple(ControlSettings().inputs())))
+
+    def tuning(self) -> tuple[Gains, float]:
+        """Gains in force, and the target time of the next motion, s."""
+        settings = _settings(self._read(TUNING))
+        return settings.gains, settings.target_time
+
+    def model(self) -> ArmParameters:
+        """The arm as the controller believes it to be."""
+        return _settings(self._read(MODEL)).model
+
+    def set_tuning(self, gains: Gains | None, target_time: float | None) -> tuple[Gains, float]:
+        """Changes gains, target time (s) or both in one message between two ticks; returns what is in force then."""
+        if gains is None or target_time is None:
+            gains_now, time_now = self.tuning()
+            gains, target_time = gains or gains_now, target_time or time_now
+        found = _settings(self._change(TUNING, ControlSettings(target_time, gains)))
+        return found.gains, found.target_time
+
+    def set_model(self, model: ArmParameters) -> ArmParameters:
+        """Changes the model in one message between two ticks; returns what is in force then."""
+        return _settings(self._change(MODEL, ControlSettings(model=model))).model
+
+    def _read(self, names: Sequence[str]) -> dict[str, float]:
+        return dict(zip(names, self._application.read(names), strict=True))
+
+    def _change(self, names: tuple[str, ...], settings: ControlSettings) -> dict[str, float]:
+        """Sends inputs; what is in force, once it is that: the blocks may run after they have acknowledged."""
+        inputs = settings.inputs()
+        wanted = {name: inputs[name] for name in names}
+        self._ports[names].exchange(list(wanted.values()))
+        deadline = time.monotonic() + _READ_BACK
+        while True:
+            found = self._read(names)
+            other = {n: v for n, v in found.items() if not math.isclose(v, wanted[n], rel_tol=DIGITS)}
+            if not other:
+                return found
+            if time.monotonic() > deadline:
+                expected = {name: wanted[name] for name in other}
+                raise CommunicationError(f"the controller has {other} after an upload, expected {expected}")
+
+
+class SafeStop:
+    """The stop that the blocks decide on; used from one thread at a time.
+
+    It stays connected from its first use on: a FORTE refuses a client that comes when another has just gone.
+
+    All methods return the stop that is in force then, and raise CommunicationError when the device does not answer.
+    """
+
+    def __init__(self, application: Application) -> None:
+        self._application = application
+        self._client: BlockingClient | None = None
+        self._closed = False
+        self._lock = threading.Lock()
+
+    def close(self) -> None:
+        """Ends the connection, also from another thread than the one that uses it."""
+        with self._lock:
+            self._closed = True
+            if self._client is not None:
+                self._client.close()
+
+    def now(self) -> Stop:
+        """The one in force."""
+        return self.judge("nominal", 0.0)
+
+    def judge(self, state: ArmState, confidence: float) -> Stop:
+        """Tells a verdict on the arm and its probability; what is not a sure failure changes nothing."""
+        return self._tell(state, confidence, False)
+
+    def release(self) -> Stop:
+        """An operator's release; it counts unless the arm still brakes."""
+        return self._tell("nominal", 0.0, True)
+
+    def _tell(self, state: ArmState, confidence: float, release: bool) -> Stop:
+        client = self._client or self._connected()
+        try:
+            (stop,) = client.exchange((ARM_STATES.index(state), confidence, release))
+        except CommunicationError:
+            self._client = None  # the exchange has closed it
+            raise
+        return STOPS[int(stop)]
+
+    def _connected(self) -> BlockingClient:
+        client = self._application.connect(_VERDICT, Signature([DINT, LREAL, BOOL]), Signature([DINT]))
+        with self._lock:
+            if self._closed:
+                client.close()
+                raise CommunicationError(f"{client.address}: the connection is given up")
+            self._client = client
+        return client
+
+
+def _settings(values: Mapping[str, float]) -> ControlSettings:
+    """Settings of which only the inputs in `values` mean something."""
+    return ControlSettings.from_inputs({**ControlSettings().inputs(), **values})
+
+
+def _number(text: str) -> float:
+    return float(text == "TRUE") if text in ("TRUE", "FALSE") else float(text)

@@ -1,0 +1,112 @@
+"""Path and control of a single motion: the planner and controller blocks without the cell's sequence.
+
+What runs is `motion.sys` of the function-block library; a what-if simulation closes its loop over the analytic twin.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from dtwin.controller.embedded import BLOCKS, ControlSettings
+from dtwin.errors import ParameterError, choices
+from dtwin.iec61499.files.mapping import resource_network
+from dtwin.iec61499.library import Library
+from dtwin.iec61499.runtime.resource import Resource
+from dtwin.parameters import PERIOD, PLACES, Triple
+
+SYSTEM: Final = "motion.sys"
+PICKUP_NAME: Final = "pickup"
+NAMES: Final = (PICKUP_NAME, *PLACES)
+"""Destinations that the planner block knows."""
+STILL: Final[Triple] = (0.0, 0.0, 0.0)
+
+Goal = str | Triple
+"""A place's name, or joint angles in rad."""
+
+
+class MotionController:
+    """The blocks PATH_PLANNER and COMPUTED_TORQUE_CONTROL_3, stepped by calls, one motion after another.
+
+    Args:
+        blocks: folder of the function-block library.
+
+    Attributes:
+        resource: the running blocks, for reading and writing their variables between steps.
+
+    Raises:
+        FunctionBlockError: the library or its system cannot be used.
+    """
+
+    def __init__(self, blocks: Path = BLOCKS) -> None:
+        library = Library([blocks])
+        self.resource = Resource(resource_network(library.load_system(blocks / SYSTEM)), library)
+        server = self.resource.server("ARM")
+        self.resource.start()
+        self._fresh = self.resource.snapshot()
+        self._exchange = server.exchange
+        self._path = self.resource.reader([f"PLANNER.THETA_D{joint}" for joint in (1, 2, 3)])
+        self._target = self.resource.reader([f"PLANNER.THETA_T{joint}" for joint in (1, 2, 3)])
+        self._settings: ControlSettings | None = None
+        self._carries = False
+
+    def begin(
+        self, theta: Triple, goal: Goal, settings: ControlSettings, *, carries: bool = False, omega: Triple = STILL
+    ) -> Triple:
+        """Starts a path with its first sample; the blocks remember nothing of motions before.
+
+        Args:
+            theta: measured angles, rad.
+            goal: where to.
+            settings: of the blocks.
+            carries: whether the controller counts on a box in the gripper.
+            omega: velocities (rad/s) that the samples before this one showed.
+
+        Returns:
+            the volts of joints 1 to 3.
+
+        Raises:
+            ParameterError: the goal's name is unknown.
+        """
+        resource = self.resource
+        if settings != self._settings:
+            resource.restore(self._fresh)
+            for name, value in settings.inputs().items():
+                resource.write(name, value)
+            self._settings, self._configured = settings, resource.snapshot()
+        else:
+            resource.restore(self._configured)
+        if isinstance(goal, str):
+            if goal not in NAMES:
+                raise ParameterError(f"unknown place {goal!r}: expected {choices(NAMES)}")
+            resource.write("PLANNER.DESTINATION", goal)
+        else:
+            for joint, angle in enumerate(goal, 1):
+                resource.write(f"PLANNER.THETA_T{joint}", angle)
+        if omega != STILL:
+            self._remember(theta, omega)
+        self._carries = carries
+        v_1, v_2, v_3 = self._exchange((*theta, True, carries))
+        return (v_1, v_2, v_3)
+
+    def step(self, theta: Triple) -> Triple:
+        """The volts of joints 1 to 3 for the next sample of the angles, rad."""
+        v_1, v_2, v_3 = self._exchange((*theta, False, self._carries))
+        return (v_1, v_2, v_3)
+
+    def path(self) -> Triple:
+        """The path's angles (rad) of the last step."""
+        theta_1, theta_2, theta_3 = self._path()
+        return (theta_1, theta_2, theta_3)
+
+    def target(self) -> Triple:
+        """Where the path ends, rad."""
+        theta_1, theta_2, theta_3 = self._target()
+        return (theta_1, theta_2, theta_3)
+
+    def _remember(self, theta: Triple, omega: Triple) -> None:
+        """Gives the controller the two samples that its difference quotient takes a velocity from."""
+        self.resource.write("CONTROLLER.RUNNING", True)
+        for joint, (angle, speed) in enumerate(zip(theta, omega, strict=True), 1):
+            self.resource.write(f"CONTROLLER.Y1{joint}", angle - speed * PERIOD)
+            self.resource.write(f"CONTROLLER.Y2{joint}", angle - 2.0 * speed * PERIOD)

@@ -1,0 +1,54 @@
+"""How settings reach a running controller: through the blocks of SYSTEM_SIMULATION.
+
+A message carries all gains and the target time, or all model parameters, and arrives as one event between two ticks:
+the controller has all of it or nothing.
+"""
+
+from __future__ import annotations
+
+from typing import Final, Protocol
+
+from dtwin.controller.embedded import MODEL, TUNING, ControlSettings, EmbeddedController
+from dtwin.parameters import ArmParameters, Gains
+
+GAIN_PORT: Final = "TWIN.SIMULATION.GAIN_PORT"
+MODEL_PORT: Final = "TWIN.SIMULATION.MODEL_PORT"
+
+
+class SettingsPort(Protocol):
+    """A running controller as uploads see it."""
+
+    def send_gains(self, gains: Gains, target_time: float) -> None: ...
+    def send_model(self, model: ArmParameters) -> None: ...
+    def read_back(self) -> ControlSettings: ...
+
+
+class EmbeddedPort:
+    """A controller in this process; to be used between its steps.
+
+    Args:
+        controller: whose application has the block SYSTEM_SIMULATION.
+
+    Raises:
+        FunctionBlockError: it has not.
+    """
+
+    def __init__(self, controller: EmbeddedController) -> None:
+        self._resource = controller.resource
+        self._gains = self._resource.server(GAIN_PORT)
+        self._model = self._resource.server(MODEL_PORT)
+
+    def send_gains(self, gains: Gains, target_time: float) -> None:
+        """Puts gains and target time into force from the next tick; the time from the next motion."""
+        values = ControlSettings(target_time, gains).inputs()
+        self._gains.exchange([values[name] for name in TUNING])
+
+    def send_model(self, model: ArmParameters) -> None:
+        """Puts a model into force from the next tick."""
+        values = ControlSettings(model=model).inputs()
+        self._model.exchange([values[name] for name in MODEL])
+
+    def read_back(self) -> ControlSettings:
+        """The settings as the controller's blocks have them."""
+        read = self._resource.read
+        return ControlSettings.from_inputs({name: read(name) for name in ControlSettings().inputs()})

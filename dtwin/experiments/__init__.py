@@ -1,0 +1,1 @@
+"""Every claim that is measured: experiments with reports, benchmarks, validation."""

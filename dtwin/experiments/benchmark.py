@@ -1,0 +1,118 @@
+"""Speed of the parts on this machine: rounds of all of them in turn, so that a drifting machine hits all alike."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from typing import Any, Final
+
+import numpy as np
+
+from dtwin.controller.embedded import EmbeddedController
+from dtwin.emulation import MODEL_FILE
+from dtwin.emulation.raw import raw_file_ticks, raw_plant_ticks
+from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.loop import run, tick_count
+from dtwin.signals import Sensors
+from dtwin.twin.rollout import rollout
+from dtwin.view import write_recording
+
+DURATION: Final = 120.0
+"""s of plant time in one timed run"""
+ROLLOUT_SAMPLES: Final = 20_000
+SUBSTEPS: Final = 4
+
+
+def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: None) -> dict[str, dict[str, float]]:
+    """Medians over the rounds, by part, and the rates relative to `raw_mj_step`: MuJoCo alone on models/arm.xml.
+
+    `raw_plant_step` is MuJoCo alone on what the plant compiles of that file: without what is only seen.
+    """
+    ticks = tick_count(DURATION)
+    parts: dict[str, Callable[[], float]] = {
+        "raw_mj_step": lambda: _raw(raw_file_ticks(), ticks),
+        "raw_plant_step": lambda: _raw(raw_plant_ticks(), ticks),
+        "closed_loop": lambda: _closed_loop(ticks),
+        "closed_loop_log": lambda: _closed_loop_log(),
+        "closed_loop_recording": lambda: _closed_loop_recording(),
+        "twin_rollout": _rollout,
+        "controller_tick": _controller,
+    }
+    for warm_up in ("closed_loop_recording", "twin_rollout"):
+        parts[warm_up]()
+    seconds: dict[str, list[float]] = {name: [] for name in parts}
+    for _ in range(rounds):
+        for name, part in parts.items():
+            between(name)
+            seconds[name].append(part())
+    middle = {name: median(values) for name, values in seconds.items()}
+    raw = seconds["raw_mj_step"]
+    loops = [name for name in parts if name not in ("twin_rollout", "controller_tick")]
+    result: dict[str, dict[str, float]] = {
+        name: {
+            "ticks_per_second": ticks / middle[name],
+            "real_time_factor": DURATION / middle[name],
+            "relative_to_raw": median(a / b for a, b in zip(raw, seconds[name], strict=True)),
+        }
+        for name in loops
+    }
+    result["twin_rollout"] = {"steps_per_second": ROLLOUT_SAMPLES * SUBSTEPS / middle["twin_rollout"]}
+    result["controller_tick"] = {"microseconds": 1e6 * middle["controller_tick"] / ticks}
+    return result
+
+
+def _timed(work: Callable[[], Any]) -> float:
+    began = time.perf_counter()
+    work()
+    return time.perf_counter() - began
+
+
+def _raw(step: Callable[[int], None], ticks: int) -> float:
+    return _timed(lambda: step(ticks))
+
+
+def _closed_loop(ticks: int) -> float:
+    cell = Cell(CellSettings(duration=DURATION))
+    return _timed(lambda: run(cell.emulation, cell.controller, ticks))
+
+
+def _closed_loop_log() -> float:
+    cell = Cell(CellSettings(duration=DURATION))
+    return _timed(cell.run)
+
+
+def _closed_loop_recording() -> float:
+    cell = Cell(CellSettings(duration=DURATION))
+    with tempfile.TemporaryDirectory() as folder:
+
+        def work() -> None:
+            cell.run()
+            write_recording(cell.log.freeze(), MODEL_FILE, Path(folder) / "run.rrd")
+
+        return _timed(work)
+
+
+def _rollout() -> float:
+    time_axis = np.arange(ROLLOUT_SAMPLES) * PERIOD
+    volts = np.stack([np.sin(time_axis * (i + 1)) for i in range(3)], axis=1)
+    start = np.array([-1.5, 0.0, 0.0, 0.0, 0.0, 0.0])
+    return _timed(lambda: rollout(ArmParameters(), start, volts, 0.2, substeps=SUBSTEPS))
+
+
+def _controller() -> float:
+    """Answers to the samples of a real run, without the run."""
+    cell = Cell(CellSettings(duration=DURATION))
+    samples: list[Sensors] = []
+    run(cell.emulation, cell.controller, cell.ticks, record=lambda record: samples.append(record.sensors))
+    controller = EmbeddedController(cell.settings.control)
+
+    def work() -> None:
+        step = controller.step
+        for sample in samples:
+            step(sample)
+
+    return _timed(work)

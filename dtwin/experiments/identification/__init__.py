@@ -1,0 +1,1 @@
+"""How well the arm is identified: experiments on noise, load and friction."""

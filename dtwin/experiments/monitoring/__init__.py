@@ -1,0 +1,1 @@
+"""How well faults are found: a failing motor, many faults, slow sampling, safe stops."""

@@ -1,0 +1,172 @@
+"""What an experiment will tell before it is made, and which signal tells most."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from dtwin.errors import DivergenceError, IdentificationError
+from dtwin.identification.estimation.estimate import covariance
+from dtwin.identification.estimation.identifiability import Identifiability, analyse
+from dtwin.identification.estimation.problem import Problem
+from dtwin.identification.excitation.signal import Excitation, Plan, Ticks
+from dtwin.parameters import ArmParameters, Triple, scaled
+
+UNITS: Final = (2, 45)
+"""ticks of a unit the optimiser chooses from"""
+LATEST: Final = 60
+"""ticks of delay it chooses from"""
+_DAMPINGS: Final = (1.0, 0.6, 0.8, 1.4)
+"""factors of the damping, the least known parameter before an identification, with which the reach must hold too"""
+_SHARES: Final = (0.6, 0.8, 1.0, 1.0)
+"""of the planned amplitude, of a signal anywhere"""
+_EXPLORED: Final = 0.4
+"""share of the trials spent on signals anywhere; the rest varies the best one"""
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """The Cramer-Rao bound of experiments under Gaussian noise, encoder offsets unknown.
+
+    Attributes:
+        bounds: standard errors no unbiased estimate can be below, by name, SI units; NaN if not identifiable.
+        relative: the same over the parameters' values, offsets left out.
+        identifiability: which parameters the experiments determine.
+        reach: (3,), how far each joint goes from its start, rad.
+    """
+
+    bounds: dict[str, float]
+    relative: dict[str, float]
+    identifiability: Identifiability
+    reach: Triple
+
+    @property
+    def worst(self) -> float:
+        """The largest relative bound; infinite when a parameter is not identifiable."""
+        values = list(self.relative.values())
+        return math.inf if any(map(math.isnan, values)) else max(values, default=0.0)
+
+
+def predict(plans: Sequence[Plan], free: tuple[str, ...], arm: ArmParameters, deviation: float) -> Prediction:
+    """The bounds on the free parameters from all planned experiments together, if the arm is `arm`.
+
+    Args:
+        plans: of the experiments.
+        free: names of the parameters to be estimated.
+        arm: around which the bound is computed.
+        deviation: standard deviation of the noise, rad.
+
+    Raises:
+        DivergenceError: the arm diverges under the plan.
+    """
+    problem = Problem(tuple(plan.experiment() for plan in plans), free, arm)
+    x = problem.start()
+    motions = [np.abs(angles - angles[0]).max(axis=0) for angles in problem.simulate(x)]
+    identifiability = analyse(problem, x)
+    errors = np.sqrt(np.diag(covariance(problem, x, np.full(3, deviation), identifiability)))
+    bounds = dict(zip(problem.shared, errors.tolist(), strict=True))
+    first, second, third = np.max(motions, axis=0).tolist()
+    relative = {name: bounds[name] / arm.get(name) if arm.get(name) else bounds[name] for name in free}
+    return Prediction(bounds, relative, identifiability, (first, second, third))
+
+
+def optimise(
+    plan: Plan,
+    free: tuple[str, ...],
+    arm: ArmParameters,
+    deviation: float,
+    generator: np.random.Generator,
+    *,
+    reach: float = math.pi,
+    trials: int = 1000,
+    progress: Callable[[int], None] = lambda done: None,
+) -> Plan:
+    """Searches unit, delays and amplitudes of the 3-2-1-1 signals for the least worst relative bound.
+
+    Duration and load stay as planned, and the planned amplitudes are the limits of what is tried.
+
+    Args:
+        plan: the experiment to improve.
+        free: names of the parameters to be estimated.
+        arm: believed to be, such as the last model.
+        deviation: standard deviation of the noise, rad; scales all bounds alike.
+        generator: of the trials.
+        reach: rad, how far a joint may go from its start, also if the damping is 40 % off.
+        trials: signals to look at, a few ms each.
+        progress: told the number of trials done.
+
+    Raises:
+        IdentificationError: no signal keeps within the reach and determines all parameters.
+    """
+    best, least = plan, _worst(plan, free, arm, deviation, reach)
+    for done in range(1, trials + 1):
+        anywhere = done <= _EXPLORED * trials or math.isinf(least)
+        signal = _anywhere(plan.signal, generator) if anywhere else _near(best.signal, plan.signal, generator)
+        candidate = replace(plan, signal=signal)
+        worst = _worst(candidate, free, arm, deviation, reach)
+        if worst < least:
+            best, least = candidate, worst
+        progress(done)
+    if math.isinf(least):
+        raise IdentificationError(
+            f"no signal of {trials} tried keeps every joint within {reach:g} rad of its start and determines "
+            f"{', '.join(free)}: allow more reach, lower the amplitudes or free fewer parameters"
+        )
+    return best
+
+
+def _worst(plan: Plan, free: tuple[str, ...], arm: ArmParameters, deviation: float, reach: float) -> float:
+    try:
+        problem = Problem((plan.experiment(),), free, arm)
+        x = problem.start()
+        for factor in _DAMPINGS:
+            arm_then = scaled(arm, "D", factor)
+            motion = replace(problem, free=(), fixed=arm_then, offsets=False).simulate(np.empty(0))[0]
+            if np.abs(motion - motion[0]).max() > reach:
+                return math.inf
+        matrix = problem.sensitivity(x, [np.full(3, 1.0 / deviation)])
+    except DivergenceError:
+        return math.inf
+    norms = np.linalg.norm(matrix, axis=0)
+    _, singular, right = np.linalg.svd(matrix / norms, full_matrices=False)
+    if singular[-1] < 1e-9 * singular[0]:
+        return math.inf
+    errors = np.linalg.norm(right.T / singular, axis=1) / norms * problem.scale[: len(problem.shared)]
+    values = np.array([arm.get(name) or 1.0 for name in free])
+    return float((errors[: len(free)] / values).max())
+
+
+def _anywhere(limit: Excitation, generator: np.random.Generator) -> Excitation:
+    share = generator.choice((-1.0, 1.0), 3) * generator.choice(_SHARES, 3)
+    unit = int(generator.integers(UNITS[0], UNITS[1] + 1))
+    return Excitation(_triple(share * limit.amplitude), unit, _ticks(generator.integers(0, LATEST + 1, 3)))
+
+
+def _near(signal: Excitation, limit: Excitation, generator: np.random.Generator) -> Excitation:
+    """One or two of the properties of a signal changed a little."""
+    amplitude, delay, unit = np.array(signal.amplitude), np.array(signal.delay), signal.unit
+    for kind in generator.integers(0, 7, generator.integers(1, 3)).tolist():
+        if kind < 3:
+            delay[kind] += generator.integers(-6, 7)
+        elif kind < 6:
+            change = generator.choice((-0.15, -0.05, 0.05, 0.15)) * limit.amplitude[kind - 3]
+            amplitude[kind - 3] += change
+        else:
+            unit += int(generator.choice((-2, -1, 1, 2)))
+    bound = np.abs(limit.amplitude)
+    clipped = _triple(np.clip(amplitude, -bound, bound))
+    return Excitation(clipped, min(max(unit, UNITS[0]), UNITS[1]), _ticks(np.clip(delay, 0, LATEST)))
+
+
+def _triple(values: np.ndarray) -> Triple:
+    first, second, third = values.tolist()
+    return first, second, third
+
+
+def _ticks(values: np.ndarray) -> Ticks:
+    first, second, third = values.tolist()
+    return first, second, third

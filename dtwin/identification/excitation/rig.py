@@ -1,0 +1,65 @@
+"""A simulated experiment: the emulated arm, at rest, moved by the signal of the function blocks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dtwin.emulation.encoders import Encoders, NoiseKind
+from dtwin.emulation.plant import Plant
+from dtwin.identification.data import Experiment
+from dtwin.identification.excitation.blocks import SignalBlocks
+from dtwin.identification.excitation.signal import Plan
+from dtwin.parameters import PERIOD, ArmParameters
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """The arm an experiment is made on, and what the plan does not know of it.
+
+    Attributes:
+        arm: the true arm.
+        noise: magnitude N of the encoder noise, rad.
+        noise_kind: "uniform" (of mean N/2), "gaussian" (standard deviation N) or "none".
+        excess_payload: by how much the load is heavier than planned, kg.
+    """
+
+    arm: ArmParameters = field(default_factory=ArmParameters)
+    noise: float = 0.0
+    noise_kind: NoiseKind = "uniform"
+    excess_payload: float = 0.0
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of the encoder noise, rad."""
+        return self.noise * {"none": 0.0, "gaussian": 1.0, "uniform": 12**-0.5}[self.noise_kind]
+
+    def measure(self, plan: Plan, blocks: SignalBlocks, generator: np.random.Generator) -> Experiment:
+        """Makes the experiment on the emulated arm under the function blocks' signal.
+
+        Args:
+            plan: of the experiment.
+            blocks: the control application.
+            generator: of the noise.
+
+        Raises:
+            ParameterError: a number is out of range. DivergenceError: the arm left the finite numbers.
+        """
+        plant = Plant(self.arm)
+        plant.reset(plan.start.theta, plan.start.omega)
+        load = plan.payload + self.excess_payload if plan.payload else 0.0
+        if plan.payload_model == "weight":
+            plant.set_weight(load)
+        else:
+            plant.set_payload(load)
+        encoders = Encoders(self.noise_kind, self.noise, generator)
+        blocks.begin(plan.signal, plan.samples)
+        measured, volts = np.empty((plan.samples, 3)), np.empty((plan.samples, 3))
+        for k in range(plan.samples):
+            first, second, third, gripper = encoders.measure(plant.angles, plant.time)
+            command = blocks.step((first, second, third), gripper)
+            measured[k], volts[k] = (first, second, third), command[:3]
+            plant.apply(command)
+            plant.advance(PERIOD)
+        return plan.experiment(measured, volts)

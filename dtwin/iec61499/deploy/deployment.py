@@ -1,0 +1,209 @@
+"""What device management must be told to build a resource: block types as Lua, blocks, connections, values, START.
+
+The network is laid flat, as devices take it: a block inside a composite has a dotted name
+(`TWIN.IDENTIFICATION.REQUEST`), and the composite itself becomes its border (`TWIN.BORDER`), so that events come in
+the same order and data are sampled at the same moments as in the embedded runtime. A value that enters a composite
+from no connection is given to the blocks inside.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from dtwin.errors import FunctionBlockError
+from dtwin.iec61499 import model
+from dtwin.iec61499.deploy.border import BORDER, border_type, inner_name
+from dtwin.iec61499.deploy.lua_export import LuaType, export_type
+from dtwin.iec61499.library import Library
+from dtwin.iec61499.management.bootfile import Command
+from dtwin.iec61499.management.protocol import Action, Block, Link, Request, Subject, Type
+from dtwin.iec61499.runtime.generic import check_types, resolve
+from dtwin.iec61499.runtime.netlist import Node, Terminal, flatten
+from dtwin.iec61499.standard import find_standard
+from dtwin.iec61499.standard.services import COMMUNICATION
+from dtwin.iec61499.types import BOOL, LREAL, REAL, DataType, format_literal, format_string
+
+RESOURCE_TYPE: Final = "EMB_RES"
+_PORT: Final = re.compile(r"(?<=:)\d+")
+
+
+@dataclass(frozen=True, slots=True)
+class Deployment:
+    """A resource as requests.
+
+    Attributes:
+        resource: its name.
+        types: the block types that the device does not have by itself, each once.
+        commands: all requests in order: types, the resource, its blocks, connections and values, START.
+    """
+
+    resource: str
+    types: tuple[LuaType, ...]
+    commands: tuple[Command, ...]
+
+
+def plan_deployment(
+    resource: str, network: model.FBNetwork, library: Library, ports: Mapping[int, int] | None = None
+) -> Deployment:
+    """The requests that make a network run in a new resource.
+
+    Args:
+        resource: its name.
+        network: what shall run, as `resource_network` gives it.
+        library: where its block types are.
+        ports: TCP or UDP ports to put in place of those that communication blocks have in their IDs.
+
+    Raises:
+        FunctionBlockError: the network or one of its types is wrong, or beyond what FORTE takes as Lua.
+    """
+    return _Plan(resource, network, library, ports or {}).deployment()
+
+
+class _Plan:
+    def __init__(self, resource: str, network: model.FBNetwork, library: Library, ports: Mapping[int, int]) -> None:
+        netlist = flatten(network, library.find)
+        resolve(netlist)
+        check_types(netlist)
+        self._resource = resource
+        self._library = library
+        self._ports = ports
+        self._nodes = netlist.nodes
+        self._events = netlist.events
+        self._data = netlist.data
+        self._types: dict[model.FBType, LuaType] = {}
+        self._commands: list[Command] = []
+
+    def deployment(self) -> Deployment:
+        lua_types = [self._lua_type(node) for node in self._nodes]
+        constants = self._constants()
+        for lua_type in self._types.values():
+            self._add("", "CREATE", Type(lua_type.name, lua_type.text))
+        self._add("", "CREATE", Block(self._resource, RESOURCE_TYPE))
+        for node, lua in zip(self._nodes, lua_types, strict=True):
+            if (node.name, _type(node).header.name) != ("START", "E_RESTART"):
+                kind = lua.name if lua is not None else _type(node).header.name
+                self._add(self._resource, "CREATE", Block(self._name(node), kind))
+        for link in (*self._events, *self._data.values()):
+            if link.destination not in constants:
+                self._add(self._resource, "CREATE", Link(self._place(link.source), self._place(link.destination)))
+        for number, (node, lua) in enumerate(zip(self._nodes, lua_types, strict=True)):
+            for port, literal in self._values(number, node, lua, constants):
+                self._add(self._resource, "WRITE", Link(literal, port))
+        self._add(self._resource, "START", None)
+        return Deployment(self._resource, tuple(self._types.values()), tuple(self._commands))
+
+    def _add(self, resource: str, action: Action, subject: Subject | None) -> None:
+        self._commands.append(Command(resource, Request(str(len(self._commands) + 1), action, subject)))
+
+    def _lua_type(self, node: Node) -> LuaType | None:
+        """The node's type as Lua; None if the device has it by itself."""
+        block = _type(node)
+        if isinstance(block, model.ServiceInterfaceFBType):
+            return None
+        if find_standard(block.header.name) is not None and not block.header.file:
+            return None
+        if block not in self._types:
+            flat = border_type(block) if isinstance(block, model.CompositeFBType) else block
+            self._types[block] = export_type(flat)
+        return self._types[block]
+
+    def _name(self, node: Node) -> str:
+        if not isinstance(node.type, model.CompositeFBType):
+            return node.name
+        name = f"{node.name}.{BORDER}"
+        if any(other.name == name for other in self._nodes):
+            raise FunctionBlockError(
+                f"block {name}: expected another name, as the border of {node.name} has it", node.file, node.line
+            )
+        return name
+
+    def _place(self, port: Terminal) -> str:
+        return f"{self._name(self._nodes[port.node])}.{inner_name(port.name) if port.inner else port.name}"
+
+    def _constants(self) -> dict[Terminal, Any]:
+        """Values, by their destination, of links from composite inputs that never change."""
+        constants: dict[Terminal, Any] = {}
+        for number, node in enumerate(self._nodes):
+            if not isinstance(node.type, model.CompositeFBType):
+                continue
+            for variable in node.interface.inputs:
+                port = Terminal(number, variable.name)
+                if self._is_sampled(port) and port in self._data and port not in constants:
+                    continue
+                value = constants.get(port, self._initial(node, variable))
+                for destination, link in self._data.items():
+                    if link.source == Terminal(number, variable.name, inner=True):
+                        constants[destination] = value
+        return constants
+
+    def _is_sampled(self, port: Terminal) -> bool:
+        interface = self._nodes[port.node].interface
+        events = interface.event_outputs if port.inner else interface.event_inputs
+        return any(port.name in event.with_variables for event in events)
+
+    def _initial(self, node: Node, variable: model.Variable) -> Any:
+        parameter = node.parameters.get(variable.name)
+        if parameter is None:
+            return model.initial_value(variable, _type(node).header.file)
+        return model.literal(parameter.value, _data_type(variable), node.file, parameter.line)
+
+    def _values(
+        self, number: int, node: Node, lua: LuaType | None, constants: Mapping[Terminal, Any]
+    ) -> Iterator[tuple[str, str]]:
+        """Ports and literals to write: parameters, constants, and initial values other than the type's default."""
+        block = _type(node)
+        composite = isinstance(block, model.CompositeFBType)
+        for variable in block.interface.inputs:
+            port = Terminal(number, variable.name)
+            if composite and (port in constants or port not in self._data):
+                continue
+            if port in constants and self._is_sampled(port):
+                value = _widened(constants[port], _data_type(variable))
+            elif variable.name in node.parameters or lua is not None:
+                value = self._initial(node, variable)
+            else:
+                continue
+            if lua is None or value != _data_type(variable).default:
+                yield self._place(port), self._literal(block, variable, value)
+        for variable in block.interface.outputs if composite else ():
+            port = Terminal(number, variable.name, inner=True)
+            if port in constants:
+                value = _widened(constants[port], _data_type(variable))
+                yield self._place(port), format_literal(value, _data_type(variable))
+        if lua is not None:
+            for variable in (*block.interface.outputs, *getattr(block, "internals", ())):
+                value = model.initial_value(variable, block.header.file)
+                if value != _data_type(variable).default:
+                    yield self._place(Terminal(number, variable.name)), format_literal(value, _data_type(variable))
+
+    def _literal(self, block: model.FBType, variable: model.Variable, value: Any) -> str:
+        data_type = _data_type(variable)
+        if variable.name == "ID" and COMMUNICATION.fullmatch(block.header.name):
+            return format_string(_PORT.sub(self._replaced, value), '"')
+        literal = format_literal(value, data_type)
+        declared = self._library.find(block.header.name).interface.inputs
+        generic = any(v.name == variable.name and isinstance(v.type, model.GenericType) for v in declared)
+        return f"{data_type}#{literal}" if generic and "#" not in literal.partition("'")[0] else literal
+
+    def _replaced(self, port: re.Match[str]) -> str:
+        return str(self._ports.get(int(port[0]), port[0]))
+
+
+def _type(node: Node) -> model.FBType:
+    assert node.type is not None
+    return node.type
+
+
+def _data_type(variable: model.Variable) -> DataType:
+    assert not isinstance(variable.type, model.GenericType)
+    return variable.type
+
+
+def _widened(value: Any, data_type: DataType) -> Any:
+    """A value that a connection takes to a variable of that type."""
+    if isinstance(value, bool) and data_type != BOOL:
+        return int(value)
+    return float(value) if data_type in (REAL, LREAL) else value

@@ -1,0 +1,1 @@
+"""The embedded runtime as a device that management can build on."""

@@ -1,0 +1,276 @@
+"""The embedded runtime as a device: resources in real time, created by device management or from a file."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable
+
+from dtwin.errors import FunctionBlockError
+from dtwin.iec61499 import model
+from dtwin.iec61499.deploy.border import border_type
+from dtwin.iec61499.deploy.lua_export import export_type, original_name
+from dtwin.iec61499.device.managed import ManagedResource
+from dtwin.iec61499.device.runner import Runner
+from dtwin.iec61499.files.mapping import resource_network
+from dtwin.iec61499.library import Library
+from dtwin.iec61499.management.bootfile import Command
+from dtwin.iec61499.management.protocol import (
+    ANY,
+    EVENT,
+    Block,
+    Link,
+    ManagementError,
+    Request,
+    Response,
+    Type,
+    Watch,
+    parse_request,
+    request_id,
+)
+from dtwin.iec61499.net.address import LOOPBACK, Address
+from dtwin.iec61499.net.reactor import Reactor
+from dtwin.iec61499.runtime.local import LocalTransport
+from dtwin.iec61499.standard import standard_names
+
+log = logging.getLogger(__name__)
+
+RESOURCE_TYPE = "EMB_RES"
+ROUNDS = 100
+"""How often resources that send each other events in process run before sockets have their turn."""
+
+
+class Device:
+    """Holds the resources and answers management requests.
+
+    Args:
+        reactor: that serves all sockets and timers.
+        library: the block types it has.
+        interface: address of the interface for multicast.
+    """
+
+    def __init__(self, reactor: Reactor, library: Library, interface: str = LOOPBACK) -> None:
+        self._reactor = reactor
+        self._library = library
+        self._interface = interface
+        self._local = LocalTransport()
+        self._resources: dict[str, ManagedResource] = {}
+        self._runners: list[Runner] = []
+        self._settling = False
+
+    def addresses(self) -> dict[str, Address]:
+        """Where SERVER and SUBSCRIBE blocks listen, by dotted name."""
+        return {name: address for runner in self._runners for name, address in runner.addresses.items()}
+
+    def load_system(self, system: model.System) -> None:
+        """Creates and starts every resource of a system configuration.
+
+        Raises:
+            FunctionBlockError: the system is wrong.
+        """
+        for device in system.devices:
+            for declared in device.resources:
+                network = resource_network(system, f"{device.name}.{declared.name}")
+                if declared.name in self._resources:
+                    raise FunctionBlockError(f"two resources {declared.name}", system.header.file, declared.line)
+                resource = ManagedResource(declared.name, RESOURCE_TYPE, self._library, self._launch, network)
+                self._resources[declared.name] = resource
+                try:
+                    resource.change_state("START")
+                except ManagementError as error:
+                    raise FunctionBlockError(str(error)) from None
+
+    def load_commands(self, commands: Iterable[Command], file: str = "") -> None:
+        """Carries out a boot file.
+
+        Raises:
+            FunctionBlockError: a command is refused; names file and line.
+        """
+        for command in commands:
+            try:
+                self.execute(command.resource, command.request)
+            except ManagementError as error:
+                message = f"{command.request} refused: {error.reason}, {error}"
+                raise FunctionBlockError(message, file, command.line) from None
+
+    def handle(self, resource: str, text: str) -> str:
+        """Answers a management request: XML to XML. What is refused is one line in the log.
+
+        That the device lacks a command is for the client to know; it may have asked to find out.
+        """
+        try:
+            return self.execute(resource, parse_request(text)).xml()
+        except ManagementError as error:
+            level = logging.INFO if error.reason == "UNSUPPORTED_CMD" else logging.WARNING
+            log.log(level, "management: %s", error)
+            return Response(request_id(text), error.reason).xml()
+
+    def execute(self, resource: str, request: Request) -> Response:
+        """Carries out a request to a resource, or with "" to the device.
+
+        Raises:
+            ManagementError: with the reason for the refusal.
+        """
+        if not resource:
+            return self._execute_here(request)
+        if resource not in self._resources:
+            raise ManagementError("INVALID_DST", f"no resource {resource!r}")
+        return _execute_in(self._resources[resource], request, self._library)
+
+    def close(self) -> None:
+        """Ends all resources."""
+        for resource in self._resources.values():
+            resource.close()
+        self._runners.clear()
+
+    def _execute_here(self, request: Request) -> Response:
+        action, subject = request.action, request.subject
+        if isinstance(subject, Type):
+            return _types(request, subject, self._library)
+        if subject is None and action == "KILL":
+            for resource in self._resources.values():
+                if resource.state == "RUNNING":
+                    resource.change_state("KILL")
+            return Response(request.id)
+        if subject is None:
+            raise ManagementError("INVALID_STATE", f"the device runs: cannot {action} it")
+        if not isinstance(subject, Block):
+            raise ManagementError("NO_SUCH_OBJECT", f"the device has no {request.action} for connections")
+        if action == "QUERY":
+            resources = self._resources.values()
+            return Response(request.id, blocks=tuple(Block(r.name, r.type_name) for r in resources))
+        if action == "CREATE":
+            self._create(subject)
+            return Response(request.id)
+        if subject.name not in self._resources:
+            raise ManagementError("NO_SUCH_OBJECT", f"no resource {subject.name!r}")
+        resource = self._resources[subject.name]
+        if action == "DELETE":
+            if resource.state == "RUNNING":
+                raise ManagementError("INVALID_STATE", f"{resource.name} is RUNNING: cannot delete it")
+            resource.close()
+            del self._resources[resource.name]
+        elif action in ("READ", "WRITE"):
+            raise ManagementError("INVALID_OBJECT", f"{action}: expected a connection")
+        else:
+            resource.change_state(action)
+        return Response(request.id)
+
+    def _create(self, subject: Block) -> None:
+        if not subject.name or subject.name in self._resources:
+            raise ManagementError("INVALID_STATE", f"there is a resource {subject.name!r} already")
+        if subject.type_name != RESOURCE_TYPE:
+            raise ManagementError(
+                "UNSUPPORTED_TYPE", f"resource type {subject.type_name!r}: expected {RESOURCE_TYPE}"
+            )
+        resource = ManagedResource(subject.name, subject.type_name, self._library, self._launch)
+        self._resources[subject.name] = resource
+
+    def _launch(self, network: model.FBNetwork, failed: Callable[[], None]) -> Runner:
+        self._runners = [runner for runner in self._runners if not runner.is_closed]
+        runner = Runner(
+            network.file, self._reactor, network, self._library, self._local, self._interface, self._settle, failed
+        )
+        self._runners.append(runner)
+        return runner
+
+    def _settle(self) -> None:
+        """Delivers what the resources have sent each other in process."""
+        if len(self._runners) < 2 or self._settling:
+            return
+        self._settling = True
+        for _ in range(ROUNDS):
+            busy = [runner for runner in self._runners if not runner.is_idle]
+            if not busy:
+                break
+            for runner in busy:
+                runner.run()
+        else:
+            self._reactor.call_at(self._reactor.now(), self._settle)
+        self._settling = False
+
+
+def _execute_in(resource: ManagedResource, request: Request, library: Library) -> Response:
+    action, subject = request.action, request.subject
+    if isinstance(subject, Type):
+        return _types(request, subject, library)
+    if subject is None:
+        resource.change_state(action)
+        return Response(request.id)
+    if action == "QUERY":
+        found = isinstance(subject, Block)
+        return (
+            Response(request.id, blocks=resource.blocks()) if found else Response(request.id, links=resource.links())
+        )
+    if isinstance(subject, Link):
+        if action == "READ":
+            return Response(request.id, value=resource.read(subject.source))
+        if action == "WRITE" and subject.source == EVENT:
+            raise ManagementError("UNSUPPORTED_CMD", f"{subject.destination}: events cannot be triggered here")
+        if action == "WRITE":
+            resource.write(subject.destination, subject.source)
+        elif action == "CREATE":
+            resource.connect(subject.source, subject.destination)
+        elif action == "DELETE":
+            resource.disconnect(subject.source, subject.destination)
+        else:
+            raise ManagementError("INVALID_OBJECT", f"{action}: expected a block")
+        return Response(request.id)
+    if isinstance(subject, Watch):
+        return _watches(resource, request, subject)
+    if action == "CREATE":
+        resource.create_block(subject.name, subject.type_name)
+    elif action == "DELETE":
+        resource.delete_block(subject.name)
+    else:
+        raise ManagementError("UNSUPPORTED_CMD", f"{action} of one block: expected it for the whole resource")
+    return Response(request.id)
+
+
+def _watches(resource: ManagedResource, request: Request, subject: Watch) -> Response:
+    if request.action == "READ" and not subject.source:
+        return Response(request.id, watches=resource.watched())
+    if request.action == "CREATE" and subject.source:
+        resource.watch(subject.source)
+    elif request.action == "DELETE" and subject.source:
+        resource.unwatch(subject.source)
+    else:
+        raise ManagementError("UNSUPPORTED_CMD", f"{request}: expected to CREATE or DELETE a watch or READ all")
+    return Response(request.id)
+
+
+def _types(request: Request, subject: Type, library: Library) -> Response:
+    if request.action == "QUERY" and subject.tag == "FBType" and subject.name == ANY:
+        return Response(request.id, names=(*library.names(), *standard_names()))
+    if request.action not in ("CREATE", "QUERY") or subject.tag != "FBType":
+        raise ManagementError("UNSUPPORTED_CMD", f"{request.action} {subject.tag}: expected CREATE or QUERY FBType")
+    try:
+        library.find(subject.name)
+    except FunctionBlockError as error:
+        if request.action == "QUERY":
+            return Response(request.id, "UNSUPPORTED_TYPE")
+        _adopt(library, subject, error)
+    return Response(request.id)
+
+
+def _adopt(library: Library, subject: Type, unknown: FunctionBlockError) -> None:
+    """Makes an exported type known: its text is Lua, which only a FORTE runs, so the library must have its original.
+
+    Raises:
+        ManagementError: it has not, or its own export is another text.
+    """
+    name = original_name(subject.name)
+    try:
+        if name is None:
+            raise unknown
+        original = library.find(name)
+        if isinstance(original, model.CompositeFBType):
+            original = border_type(original)
+        if not isinstance(original, model.BasicFBType | model.SimpleFBType):
+            raise unknown
+        exported = export_type(original)
+    except FunctionBlockError as error:
+        raise ManagementError("UNSUPPORTED_TYPE", str(error)) from None
+    if exported.name != subject.name:
+        problem = f"type {subject.name} is not what this device's {name} is as Lua, {exported.name}"
+        raise ManagementError("UNSUPPORTED_TYPE", f"{problem}: expected the same library on both sides")
+    library.add(exported.block)

@@ -1,0 +1,1 @@
+"""Reads type, system and mapping files."""

@@ -1,0 +1,1 @@
+"""Device management: requests and answers, client and server, boot files."""

@@ -1,0 +1,173 @@
+"""Asks a device (4diac FORTE or `dtwin fb run`) to create, connect, write, read, start and stop."""
+
+from __future__ import annotations
+
+import time
+from types import TracebackType
+from typing import Final
+
+from dtwin.errors import CommunicationError
+from dtwin.iec61499.management.protocol import (
+    ANY,
+    EVENT,
+    REQUEST_LIMIT,
+    REQUESTS,
+    RESPONSES,
+    Action,
+    Block,
+    Link,
+    ManagementError,
+    Request,
+    Response,
+    Subject,
+    Type,
+    Watch,
+    parse_response,
+)
+from dtwin.iec61499.net.address import Address
+from dtwin.iec61499.net.client import BlockingClient
+
+_RESET: Final[tuple[Action, ...]] = ("KILL", "RESET", "START")
+TIMEOUT: Final = 5.0
+"""s, for every request"""
+
+
+class ManagementClient:
+    """One management session.
+
+    Every method but `request` raises ManagementError when the device refuses, and CommunicationError when it does
+    not answer in time, is not there, or the request is longer than a FORTE takes.
+
+    Args:
+        address: of the device's management port, usually 61499.
+        timeout: s, for every request.
+
+    Raises:
+        CommunicationError: nobody answers at the address.
+    """
+
+    def __init__(self, address: Address, timeout: float = TIMEOUT) -> None:
+        self.address = address
+        self._timeout = timeout
+        self._client = self._connected()
+        self._number = 0
+
+    def __enter__(self) -> ManagementClient:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._client.close()
+
+    @property
+    def lost(self) -> bool:
+        """Whether the session has ended, by `close` or after an error."""
+        return self._client.lost
+
+    def reconnect(self) -> None:
+        """Ends the session and begins another one; a FORTE refuses until it has noticed the end."""
+        self._client.close()
+        deadline = time.monotonic() + self._timeout
+        while True:
+            try:
+                self._client = self._connected()
+                self.blocks("")
+                return
+            except CommunicationError:
+                if time.monotonic() > deadline:
+                    raise
+
+    def _connected(self) -> BlockingClient:
+        return BlockingClient(self.address, REQUESTS, RESPONSES, self._timeout)
+
+    def request(self, resource: str, action: Action, subject: Subject | None = None) -> Response:
+        """The device's response, refusals included.
+
+        Args:
+            resource: that is asked; "" for the device.
+
+        Raises:
+            CommunicationError: no response, a malformed one, or the request is too long.
+        """
+        self._number = self._number % 999_999 + 1
+        request = Request(str(self._number), action, subject)
+        text = request.xml().encode()
+        name = resource.encode()
+        size = len(name) + len(text) + 6
+        if size > REQUEST_LIMIT:
+            raise CommunicationError(f"{request}: {size} bytes, expected at most {REQUEST_LIMIT}")
+        # a STRING carries bytes: UTF-8 here
+        answer = self._client.exchange([name.decode("latin-1"), text.decode("latin-1")])[0]
+        response = parse_response(answer.encode("latin-1").decode("utf-8", "replace"))
+        if response.id != request.id:
+            raise CommunicationError(f"{self.address}: response to request {response.id!r}, expected {request.id}")
+        return response
+
+    def demand(self, resource: str, action: Action, subject: Subject | None = None) -> Response:
+        """The response to a request that must be fulfilled."""
+        response = self.request(resource, action, subject)
+        if response.reason is not None:
+            what = Request("", action, subject)
+            where = f"resource {resource}" if resource else "device"
+            raise ManagementError(response.reason, f"{self.address}: {where} refused {what}: {response.reason}")
+        return response
+
+    def create_block(self, resource: str, name: str, type_name: str) -> None:
+        """Creates a block, or with resource "" a resource."""
+        self.demand(resource, "CREATE", Block(name, type_name))
+
+    def create_type(self, resource: str, name: str, lua: str) -> None:
+        """Gives the device a block type in Lua."""
+        self.demand(resource, "CREATE", Type(name, lua))
+
+    def connect(self, resource: str, source: str, destination: str) -> None:
+        self.demand(resource, "CREATE", Link(source, destination))
+
+    def delete_block(self, resource: str, name: str) -> None:
+        """Deletes a block, or with resource "" a resource; it must not be running."""
+        self.demand(resource, "DELETE", Block(name, ""))
+
+    def write(self, resource: str, destination: str, literal: str) -> None:
+        self.demand(resource, "WRITE", Link(literal, destination))
+
+    def read(self, resource: str, source: str) -> str:
+        """The value of a port, as the device prints it."""
+        value = self.demand(resource, "READ", Link(source, ANY)).value
+        if value is None:
+            raise CommunicationError(f"{self.address}: response to READ {source} has no value")
+        return value
+
+    def trigger(self, resource: str, event: str) -> None:
+        """Lets an event happen, `BLOCK.EVENT`; only a FORTE built with monitoring can."""
+        self.demand(resource, "WRITE", Link(EVENT, event))
+
+    def reset_block(self, resource: str, name: str) -> None:
+        """Ends a block and starts it anew: a port of a FORTE closes, and opens with the next event INIT."""
+        for action in _RESET:
+            self.demand(resource, action, Block(name, ""))
+
+    def watch(self, resource: str, source: str) -> None:
+        """Has a port among those that `watched` tells, for all clients."""
+        self.demand(resource, "CREATE", Watch(source))
+
+    def watched(self, resource: str) -> dict[str, str]:
+        """The values of all watched ports by `BLOCK.PORT`, in one request."""
+        watches = self.demand(resource, "READ", Watch()).watches
+        return {} if watches is None else watches
+
+    def start(self, resource: str) -> None:
+        self.demand(resource, "START")
+
+    def stop(self, resource: str) -> None:
+        self.demand(resource, "STOP")
+
+    def kill(self, resource: str) -> None:
+        self.demand(resource, "KILL")
+
+    def blocks(self, resource: str) -> tuple[Block, ...]:
+        """The blocks of a resource, or with "" the resources of the device."""
+        return self.demand(resource, "QUERY", Block(ANY, ANY)).blocks or ()

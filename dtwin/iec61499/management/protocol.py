@@ -1,0 +1,270 @@
+"""Requests and responses of IEC 61499 device management, as 4diac IDE and 4diac FORTE write them.
+
+A request goes to the device or to one of its resources; on the wire it is two STRINGs, the resource's name ("" for
+the device) and `<Request ID="1" Action="CREATE"><FB Name="R" Type="EMB_RES" /></Request>`; the answer is one STRING,
+`<Response ID="1" />` or `<Response ID="1" Reason="UNSUPPORTED_TYPE" />`. The order of the attributes matters:
+FORTE reads by position.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, Literal, get_args
+
+from dtwin.errors import CommunicationError, FunctionBlockError, choices
+from dtwin.iec61499.files.xml import Element, parse_xml
+from dtwin.iec61499.net.wire import Signature
+from dtwin.iec61499.types import STRING
+
+Action = Literal["CREATE", "DELETE", "START", "STOP", "KILL", "RESET", "READ", "WRITE", "QUERY"]
+Reason = Literal[
+    "BAD_PARAMS",
+    "LOCAL_TERMINATION",
+    "SYSTEM_TERMINATION",
+    "NOT_READY",
+    "UNSUPPORTED_CMD",
+    "UNSUPPORTED_TYPE",
+    "NO_SUCH_OBJECT",
+    "INVALID_OBJECT",
+    "INVALID_OPERATION",
+    "INVALID_STATE",
+    "OVERFLOW",
+    "INVALID_DST",
+]
+"""Why a request was not fulfilled."""
+
+REQUESTS: Final = Signature([STRING, STRING], string_limit=65535)
+RESPONSES: Final = Signature([STRING], string_limit=65535)
+REQUEST_LIMIT: Final = 19_000
+"""Bytes of a message that a FORTE with its standard settings takes; a longer one hangs the connection."""
+ANY: Final = "*"
+EVENT: Final = "$e"
+"""As the source of a WRITE: the event at the destination shall happen."""
+_ESCAPES: Final = str.maketrans(
+    {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "'": "&apos;"}  # the five FORTE resolves
+)
+
+
+class ManagementError(CommunicationError):
+    """A device refused a request.
+
+    Attributes:
+        reason: as the device names it.
+    """
+
+    def __init__(self, reason: Reason, message: str) -> None:
+        super().__init__(message)
+        self.reason = reason
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """`<FB Name Type>`: a block, or a resource when the device is asked; "*" stands for any in queries."""
+
+    name: str
+    type_name: str
+
+    def xml(self) -> str:
+        return f'<FB Name="{_escape(self.name)}" Type="{_escape(self.type_name)}" />'
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """`<Connection Source Destination>`: two ports; WRITE has a literal as source, READ "*" as destination."""
+
+    source: str
+    destination: str
+
+    def xml(self) -> str:
+        return f'<Connection Source="{_escape(self.source)}" Destination="{_escape(self.destination)}" />'
+
+
+@dataclass(frozen=True, slots=True)
+class Type:
+    """`<FBType Name>`, `<AdapterType Name>` or `<DataType Name>`: with the Lua text that defines it, for CREATE."""
+
+    name: str
+    text: str = ""
+    tag: str = "FBType"
+
+    def xml(self) -> str:
+        if not self.text:
+            return f'<{self.tag} Name="{_escape(self.name)}" />'
+        return f'<{self.tag} Name="{_escape(self.name)}">{_escape(self.text)}</{self.tag}>'
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """`<Watch Source>`: a port to be watched or no longer; without a source `<Watches/>`: all of them, for READ."""
+
+    source: str = ""
+
+    def xml(self) -> str:
+        return f'<Watch Source="{_escape(self.source)}" Destination="*" />' if self.source else "<Watches/>"
+
+
+Subject = Block | Link | Type | Watch
+_TYPES: Final = ("FBType", "AdapterType", "DataType")
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What a device or resource is asked to do; without a subject it is meant itself."""
+
+    id: str
+    action: Action
+    subject: Subject | None = None
+
+    def xml(self) -> str:
+        opening = f'<Request ID="{_escape(self.id)}" Action="{self.action}"'
+        return f"{opening}/>" if self.subject is None else f"{opening}>{self.subject.xml()}</Request>"
+
+    def __str__(self) -> str:
+        subject = self.subject
+        if isinstance(subject, Block):
+            return f"{self.action} block {subject.name} of type {subject.type_name}"
+        if isinstance(subject, Link):
+            arrow = {"READ": f"{subject.source}", "WRITE": f"{subject.source} to {subject.destination}"}
+            return f"{self.action} {arrow.get(self.action, f'{subject.source} -> {subject.destination}')}"
+        if isinstance(subject, Watch):
+            return f"{self.action} watch {subject.source}".rstrip()
+        return self.action if subject is None else f"{self.action} {subject.tag} {subject.name}"
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """The answer to a request.
+
+    Attributes:
+        reason: None when the request was fulfilled.
+        value: what READ has read.
+        blocks: what a QUERY of blocks has found.
+        links: what a QUERY of connections has found.
+        names: what a QUERY of types has found.
+        watches: values of the watched ports by `BLOCK.PORT`.
+    """
+
+    id: str
+    reason: Reason | None = None
+    value: str | None = None
+    blocks: tuple[Block, ...] | None = None
+    links: tuple[Link, ...] | None = None
+    names: tuple[str, ...] | None = None
+    watches: dict[str, str] | None = None
+
+    def xml(self) -> str:
+        opening = f'<Response ID="{_escape(self.id)}"'
+        if self.reason is not None:
+            return f'{opening} Reason="{self.reason}" />'
+        body = self._body()
+        return f"{opening}>\n  {body}\n</Response>" if body else f"{opening} />"
+
+    def _body(self) -> str:
+        if self.value is not None:
+            return Link(ANY, self.value).xml()
+        if self.blocks is not None:
+            rows = (f'<FB name="{_escape(block.name)}" type="{_escape(block.type_name)}"/>' for block in self.blocks)
+            return "<FBList>\n    " + "\n".join(rows) + "\n  </FBList>"
+        if self.links is not None:
+            return "<EndpointList>\n    " + "\n".join(link.xml() for link in self.links) + "\n  </EndpointList>"
+        if self.names is not None:
+            return "<NameList>\n    " + _escape(", ".join(self.names)) + "\n  </NameList>"
+        if self.watches is not None:
+            return f"<Watches>\n    <Resource>{_ports(self.watches)}</Resource>\n  </Watches>"
+        return ""
+
+
+def parse_request(text: str) -> Request:
+    """Reads a request.
+
+    Raises:
+        ManagementError: with the reason a FORTE gives: UNSUPPORTED_CMD for another element or action,
+            INVALID_OBJECT for a subject that does not belong to the action.
+    """
+    try:
+        root = parse_xml(text.encode(), "request")
+    except FunctionBlockError as error:
+        raise ManagementError("INVALID_OBJECT", str(error)) from None
+    action = root.get("Action")
+    if root.tag != "Request" or action not in get_args(Action):
+        expected = f"<Request> with the Action {choices(get_args(Action))}"
+        raise ManagementError("UNSUPPORTED_CMD", f"expected {expected}, got <{root.tag}> with {action!r}")
+    children = list(root.children())
+    if len(children) > 1:
+        raise ManagementError("INVALID_OBJECT", f"{action}: expected one element, got {len(children)}")
+    subject = _read_subject(children[0]) if children else None
+    if subject is None and action not in ("START", "STOP", "KILL", "RESET"):
+        raise ManagementError("INVALID_OBJECT", f"{action}: expected an element inside")
+    return Request(root.get("ID"), action, subject)  # type: ignore[arg-type]  # checked against get_args
+
+
+def request_id(text: str) -> str:
+    """The ID of a request that may be wrong otherwise, "" when there is none."""
+    _, found, rest = text[:100].partition('ID="')
+    return rest.partition('"')[0] if found and '"' in rest else ""
+
+
+def parse_response(text: str) -> Response:
+    """Reads a response.
+
+    Raises:
+        CommunicationError: it is none.
+    """
+    try:
+        root = parse_xml(text.encode(), "response")
+    except FunctionBlockError as error:
+        raise CommunicationError(str(error)) from None
+    if root.tag != "Response":
+        raise CommunicationError(f"expected <Response>, got <{root.tag}>")
+    reason = root.get("Reason") or None
+    if reason is not None and reason not in get_args(Reason):
+        raise CommunicationError(f"unknown Reason {reason!r}: expected {choices(get_args(Reason))}")
+    value = blocks = links = names = watches = None
+    for child in root.children():
+        if child.tag == "Connection":
+            value = child.get("Destination")
+        elif child.tag == "FBList":
+            blocks = tuple(Block(block.get("name"), block.get("type")) for block in child.children("FB"))
+        elif child.tag == "EndpointList":
+            found = child.children("Connection")
+            links = tuple(Link(link.get("Source"), link.get("Destination")) for link in found)
+        elif child.tag == "NameList":
+            names = tuple(name.strip() for name in child.text.split(",") if name.strip())
+        elif child.tag == "Watches":
+            watches = dict(_watched(child))
+    return Response(root.get("ID"), reason, value, blocks, links, names, watches)  # type: ignore[arg-type]  # likewise
+
+
+def _watched(watches: Element) -> Iterator[tuple[str, str]]:
+    for resource in watches.children("Resource"):
+        for block in resource.children("FB"):
+            for port in block.children("Port"):
+                for data in port.children("Data"):
+                    yield f"{block.get('name')}.{port.get('name')}", data.get("value")
+
+
+def _ports(watches: dict[str, str]) -> str:
+    """A block for every port, as FORTE writes one for all of a block's."""
+    return "".join(
+        f'<FB name="{_escape(block)}"><Port name="{_escape(port)}"><Data value="{_escape(value)}" forced="false"/>'
+        "</Port></FB>"
+        for (block, _, port), value in ((name.rpartition("."), value) for name, value in watches.items())
+    )
+
+
+def _read_subject(element: Element) -> Subject:
+    if element.tag == "FB":
+        return Block(element.get("Name"), element.get("Type"))
+    if element.tag == "Connection":
+        return Link(element.get("Source"), element.get("Destination"))
+    if element.tag == "Watches" or (element.tag == "Watch" and element.get("Source")):
+        return Watch(element.get("Source") if element.tag == "Watch" else "")
+    if element.tag in _TYPES:
+        return Type(element.get("Name"), element.text.strip(), element.tag)
+    expected = choices(("<FB>", "<Connection>", "<Watch>", *(f"<{tag}>" for tag in _TYPES)))
+    raise ManagementError("INVALID_OBJECT", f"expected {expected}, got <{element.tag}>")
+
+
+def _escape(text: str) -> str:
+    return text.translate(_ESCAPES)

@@ -1,0 +1,87 @@
+"""Serves device management on a TCP port, to several clients at once."""
+
+from __future__ import annotations
+
+import logging
+import socket
+from collections.abc import Callable
+from typing import Final
+
+from dtwin.errors import CommunicationError
+from dtwin.iec61499.management.protocol import REQUESTS, RESPONSES, Response, request_id
+from dtwin.iec61499.net.address import Address
+from dtwin.iec61499.net.reactor import Reactor
+from dtwin.iec61499.net.tcp import Connection, Listener
+from dtwin.iec61499.net.wire import MessageReader
+
+log = logging.getLogger(__name__)
+
+CLIENTS: Final = 32
+"""At once; another one takes the place of one that has made no request yet, else of the one silent longest."""
+
+Handler = Callable[[str, str], str]
+"""The response to the resource's name and the request, as XML."""
+
+
+class ManagementServer:
+    """Listens for management clients.
+
+    Attributes:
+        address: bound.
+
+    Raises:
+        CommunicationError: the port cannot be bound.
+    """
+
+    def __init__(self, reactor: Reactor, address: Address, handle: Handler) -> None:
+        self._reactor = reactor
+        self._handle = handle
+        self._clients: dict[Connection, MessageReader] = {}
+        self._known: set[Connection] = set()
+        self._listener = Listener(reactor, address, self._accepted)
+        self.address = self._listener.address
+
+    def close(self) -> None:
+        self._listener.close()
+        for connection in self._clients:
+            connection.close()
+        self._clients.clear()
+        self._known.clear()
+
+    def _accepted(self, sock: socket.socket, peer: str) -> None:
+        if len(self._clients) >= CLIENTS:
+            unknown = (client for client in self._clients if client not in self._known)
+            next(unknown, next(iter(self._clients))).drop("silent longest of too many management clients")
+        connection = Connection(self._reactor, sock, peer, self._received, self._closed)
+        self._clients[connection] = MessageReader(REQUESTS)
+
+    def _received(self, connection: Connection, data: bytes) -> None:
+        try:
+            messages = self._clients[connection].feed(data)
+        except CommunicationError as error:
+            connection.drop(str(error))
+            return
+        if messages:
+            # who has spoken last stands last
+            self._known.add(connection)
+            self._clients[connection] = self._clients.pop(connection)
+        for resource, request in messages:
+            if connection.open:
+                connection.send(self._answer(_text(resource), _text(request)))
+
+    def _answer(self, resource: str, request: str) -> bytes:
+        response = self._handle(resource, request).encode().decode("latin-1")
+        try:
+            return RESPONSES.encode([response])
+        except CommunicationError:
+            log.warning("management: response of %d bytes is too long", len(response))
+            return RESPONSES.encode([Response(request_id(request), "OVERFLOW").xml()])
+
+    def _closed(self, connection: Connection) -> None:
+        del self._clients[connection]
+        self._known.discard(connection)
+
+
+def _text(string: str) -> str:
+    """A STRING carries bytes: here those of UTF-8."""
+    return string.encode("latin-1").decode("utf-8", "replace")

@@ -1,0 +1,1 @@
+"""Sockets: addresses, a reactor, the wire format, TCP and UDP transports."""

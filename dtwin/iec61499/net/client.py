@@ -1,0 +1,92 @@
+"""A blocking client of whatever speaks the wire format over TCP, with a deadline on every exchange."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Sequence
+from types import TracebackType
+
+from dtwin.errors import CommunicationError
+from dtwin.iec61499.net.address import Address
+from dtwin.iec61499.net.tcp import CHUNK, tune
+from dtwin.iec61499.net.wire import Message, MessageReader, Signature, Value
+
+
+class BlockingClient:
+    """Sends a message, waits for the answer.
+
+    Args:
+        address: of the server.
+        sends: signature of the requests.
+        receives: signature of the answers.
+        timeout: s, to connect and for every exchange.
+
+    Raises:
+        CommunicationError: nobody answers at the address.
+    """
+
+    def __init__(self, address: Address, sends: Signature, receives: Signature, timeout: float) -> None:
+        self.address = address
+        self.timeout = timeout
+        self._sends = sends
+        self._reader = MessageReader(receives)
+        try:
+            self._sock = socket.create_connection(address, timeout)
+        except OSError as error:
+            raise CommunicationError(f"{address}: cannot connect: {error.strerror or error}") from None
+        tune(self._sock)
+
+    def __enter__(self) -> BlockingClient:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def exchange(self, values: Sequence[Value]) -> Message:
+        """The answer to a request.
+
+        After an error the connection is closed: a late answer must not pass for that of the next request.
+
+        Raises:
+            CommunicationError: the answer is late, the connection lost, or one of the two has another signature.
+        """
+        try:
+            return self._exchange(self._sends.encode(values))
+        except TimeoutError:
+            self.close()
+            raise CommunicationError(f"{self.address}: no answer within {self.timeout:g} s") from None
+        except OSError as error:
+            self.close()
+            raise CommunicationError(f"{self.address}: connection lost: {error.strerror or error}") from None
+        except CommunicationError as error:
+            self.close()
+            raise CommunicationError(f"{self.address}: {error}") from None
+
+    def close(self) -> None:
+        self._sock.close()
+
+    @property
+    def lost(self) -> bool:
+        """Whether the connection is closed, by `close` or after an error."""
+        return self._sock.fileno() < 0
+
+    def _exchange(self, request: bytes) -> Message:
+        deadline = time.monotonic() + self.timeout
+        self._sock.settimeout(self.timeout)
+        self._sock.sendall(request)
+        while True:
+            data = self._sock.recv(CHUNK)
+            if not data:
+                raise CommunicationError("connection lost: closed by the peer")
+            messages = self._reader.feed(data)
+            if len(messages) == 1 and self._reader.idle:
+                return messages[0]
+            if messages:
+                raise CommunicationError("more than one answer to a request")
+            remaining = deadline - time.monotonic()
+            if remaining <= 0:
+                raise TimeoutError
+            self._sock.settimeout(remaining)

@@ -1,0 +1,133 @@
+"""Carries the values of communication blocks over TCP and UDP, and those of local blocks in process.
+
+IDs are `HOST:PORT` or `fbdk[].ip[HOST:PORT]`; a server binds the host its ID names, so `localhost:61500` stays on
+this machine. PUBL_n, SUBL_n and IDs such as `loc[NAME]` meet in process.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from dtwin.errors import CommunicationError
+from dtwin.iec61499.net.address import LOOPBACK, Address, parse_block_id
+from dtwin.iec61499.net.reactor import Reactor
+from dtwin.iec61499.net.tcp import Client, Server
+from dtwin.iec61499.net.udp import Publisher, Subscriber
+from dtwin.iec61499.net.wire import Message, Signature
+from dtwin.iec61499.runtime.communication import Channel, Port
+from dtwin.iec61499.runtime.local import LocalTransport
+
+log = logging.getLogger(__name__)
+
+Perform = Callable[[Callable[[], None]], None]
+
+
+class NetworkTransport:
+    """Opens channels on a reactor; says in the log why it cannot, for a block's STATUS has no room for that.
+
+    Args:
+        reactor: that serves the sockets.
+        local: connects ports in process.
+        perform: does something to the resource and lets it run.
+        interface: address of the interface for multicast.
+
+    Attributes:
+        addresses: bound by the open SERVER and SUBSCRIBE blocks, by dotted name.
+    """
+
+    def __init__(self, reactor: Reactor, local: LocalTransport, perform: Perform, interface: str = LOOPBACK) -> None:
+        self.addresses: dict[str, Address] = {}
+        self._reactor = reactor
+        self._local = local
+        self._perform = perform
+        self._interface = interface
+
+    def open(self, port: Port) -> Channel:
+        """Opens a channel; as `communication.Transport.open`.
+
+        Raises:
+            CommunicationError: the ID is no address, the port is taken, or a type cannot be sent.
+        """
+        try:
+            return self._local.open(port) if port.id.startswith("loc[") else self._open(port)
+        except CommunicationError as error:
+            log.warning("%s: %s", port.name, error)
+            raise
+
+    def _open(self, port: Port) -> Channel:
+        address = parse_block_id(port.id)
+        sends, receives = Signature(port.sends), Signature(port.receives)
+        perform = self._perform
+        if port.kind == "CLIENT":
+            return _ClientChannel(self._reactor, address, receives, sends, port, self._perform)
+
+        def indicate(message: Message) -> None:
+            perform(partial(port.deliver, message))
+
+        if port.kind == "PUBLISH":
+            return _ReadyChannel(port, Publisher(address, sends, self._interface), self.addresses)
+        if port.kind == "SERVER":
+            served = Server(self._reactor, address, receives, sends, indicate)
+            self.addresses[port.name] = served.address
+            return _ReadyChannel(port, served, self.addresses)
+        subscribed = Subscriber(self._reactor, address, receives, indicate, self._interface)
+        self.addresses[port.name] = subscribed.address
+        return _ReadyChannel(port, subscribed, self.addresses)
+
+
+class _ReadyChannel:
+    """A channel that is usable as soon as it is open."""
+
+    is_ready = True
+
+    def __init__(self, port: Port, end: Server | Publisher | Subscriber, addresses: dict[str, Address]) -> None:
+        self._port = port
+        self._end = end
+        self._addresses = addresses
+
+    def send(self, values: tuple[Any, ...]) -> None:
+        if not isinstance(self._end, Subscriber):
+            self._end.send(values)
+
+    def close(self) -> None:
+        self._addresses.pop(self._port.name, None)
+        self._end.close()
+
+
+class _ClientChannel:
+    """A client's channel: usable once connected."""
+
+    is_ready = False
+
+    def __init__(
+        self,
+        reactor: Reactor,
+        address: Address,
+        receives: Signature,
+        sends: Signature,
+        port: Port,
+        perform: Perform,
+    ) -> None:
+        self._port = port
+        self._perform = perform
+        self._client = Client(
+            reactor, address, receives, sends, opened=self._opened, confirm=self._confirm, lost=self._lost
+        )
+
+    def send(self, values: tuple[Any, ...]) -> None:
+        self._client.send(values)
+
+    def close(self) -> None:
+        self._client.close()
+
+    def _opened(self, problem: str) -> None:
+        self._perform(self._port.refuse_open if problem else self._port.confirm_open)
+
+    def _confirm(self, message: Message) -> None:
+        self._perform(partial(self._port.deliver, message))
+
+    def _lost(self) -> None:
+        self._perform(self._port.terminate)

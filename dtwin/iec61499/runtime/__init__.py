@@ -1,0 +1,1 @@
+"""Executes networks of function blocks in process."""

@@ -1,0 +1,289 @@
+"""SERVER_n_m, CLIENT_n_m, PUBLISH_n and SUBSCRIBE_n: INIT, QI, QO and STATUS as in 4diac FORTE, over any transport.
+
+A block that is initialised with QI = TRUE asks its resource's transport for a channel to ID and confirms with INITO.
+REQ or RSP sends SD_1 ... when QI holds; values that arrive are put out at RD_1 ... with CNF or IND. STATUS says what
+went wrong: INVALID_ID, TERMINATED, INHIBITED (QI is FALSE), NO_SOCKET (not initialised), SEND_FAILED.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Final, Protocol
+
+from dtwin.errors import CommunicationError, FunctionBlockError
+from dtwin.iec61499 import model
+from dtwin.iec61499.runtime.service_interface import Service
+from dtwin.iec61499.standard.services import COMMUNICATION
+from dtwin.iec61499.types import DataType
+
+Values = Sequence[Any]
+Send = Callable[[tuple[Any, ...]], None]
+
+_REQUESTERS: Final = ("CLIENT", "PUBLISH", "PUBL")
+_LOCAL: Final = {"PUBL": "PUBLISH", "SUBL": "SUBSCRIBE"}
+
+
+class Channel(Protocol):
+    """What a transport opens for a port.
+
+    Attributes:
+        is_ready: usable at once; otherwise `Port.confirm_open` will be called.
+    """
+
+    is_ready: bool
+
+    def send(self, values: tuple[Any, ...]) -> None:
+        """Sends the values. Raises CommunicationError when that is impossible."""
+
+    def close(self) -> None:
+        """Ends the channel; nothing is delivered afterwards."""
+
+
+class Transport(Protocol):
+    """Carries values between ports: in process, over TCP, ..."""
+
+    def open(self, port: Port) -> Channel:
+        """Opens a channel to `port.id`.
+
+        The transport calls `port.confirm_open()` once the channel is usable, after this call has returned it, then
+        `port.deliver` with what arrives, and `port.terminate()` when the channel has ended by itself. A channel that
+        is usable at once says so by `is_ready`.
+
+        Raises:
+            CommunicationError: the ID is invalid.
+        """
+
+
+class Port:
+    """The outer side of one communication block.
+
+    Attributes:
+        name: of the block, dotted.
+        kind: SERVER, CLIENT, PUBLISH or SUBSCRIBE.
+        sends: types of SD_1, ...
+        receives: types of RD_1, ...
+        id: the ID it was opened with, "" before; a bare one is completed to `fbdk[].ip[...]`, or `loc[...]` for PUBL
+            and SUBL.
+    """
+
+    def __init__(self, instance: Any, block: model.ServiceInterfaceFBType) -> None:
+        match = COMMUNICATION.fullmatch(block.header.name)
+        assert match is not None
+        kind = match[1] or match[4]
+        self.name: str = instance.name__
+        self.kind = _LOCAL.get(kind, kind)
+        self._default_layer = "loc[{}]" if kind in _LOCAL else "fbdk[].ip[{}]"
+        self.sends = _types(block.interface.inputs, "SD_")
+        self.receives = _types(block.interface.outputs, "RD_")
+        self.id = ""
+        self._instance = instance
+        self._assign = _assigner(len(self.receives))
+        self._answer = f"to__{'CNF' if kind in _REQUESTERS else 'IND'}"
+        self._channel: Channel | None = None
+        self._attached: Send | None = None
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the block has been initialised and not terminated."""
+        return self._instance.send__ is not None
+
+    @property
+    def is_local(self) -> bool:
+        """Whether the ID names a channel inside this process."""
+        return self.id.startswith("loc[")
+
+    def attach(self, send: Send) -> None:
+        """Lets `send` have what the block sends, in place of the transport, from the next initialisation on.
+
+        A block that is open already changes over at once.
+        """
+        self._attached = send
+        if self.is_open:
+            self._close_channel()
+            self._instance.send__ = send
+
+    def deliver(self, values: Values) -> None:
+        """Puts values out at RD_1, ... and queues CNF or IND; the resource then has to run.
+
+        Raises:
+            CommunicationError: the block is not open, or the number of values is wrong.
+        """
+        instance = self._instance
+        if instance.send__ is None:
+            raise CommunicationError(f"{self.name} is not initialised: expected INIT with QI = TRUE first")
+        try:
+            self._assign(instance, values)
+        except ValueError:
+            raise CommunicationError(f"{self.name} got {len(values)} values, expected {len(self.receives)}") from None
+        instance.extend__(getattr(instance, self._answer))
+
+    def confirm_open(self) -> None:
+        """The channel is usable: INITO with QO = TRUE; nothing if it has been closed meanwhile."""
+        if self._channel is not None:
+            self._instance.send__ = self._channel.send
+            self._report("OK", "to__INITO")
+
+    def refuse_open(self) -> None:
+        """The channel will not become usable: INITO with QO = FALSE, as for an invalid ID."""
+        self.close()
+        self._report("INVALID_ID", "to__INITO")
+
+    def terminate(self) -> None:
+        """The channel has ended by itself: the block says so, except a server, which goes on listening."""
+        if self.kind != "SERVER":
+            self._close_channel()
+            self._instance.send__ = None
+            self._report("TERMINATED", self._answer)
+
+    def initialise(self) -> None:
+        """What the event INIT does."""
+        instance = self._instance
+        if not instance.QI:
+            self._close_channel()
+            instance.send__ = None
+            self._report("TERMINATED", "to__INITO")
+        elif self._channel is not None:
+            self._report("OK", "to__INITO")
+        else:
+            self._open()
+
+    def _open(self) -> None:
+        instance = self._instance
+        bare = instance.ID and "]" not in instance.ID
+        self.id = self._default_layer.format(instance.ID) if bare else instance.ID
+        if self._attached is not None:
+            instance.send__ = self._attached
+            self._report("OK", "to__INITO")
+            return
+        try:
+            if not self.id:
+                raise CommunicationError(f"{self.name}: ID is empty")
+            self._channel = instance.resource__.transport.open(self)
+        except CommunicationError:
+            self._report("INVALID_ID", "to__INITO")
+            return
+        if self._channel.is_ready:
+            self.confirm_open()
+
+    def confirm_sent(self) -> None:
+        """A publisher's values are on their way: CNF with QO = TRUE."""
+        self._report("OK", self._answer)
+
+    def refuse(self, status: str) -> None:
+        """A request was not carried out: the answering event comes with QO = FALSE."""
+        self._report(status, self._answer)
+
+    def close(self) -> None:
+        """Closes the channel without an event, as when the resource stops."""
+        self._close_channel()
+        self._instance.send__ = None
+
+    def _close_channel(self) -> None:
+        if self._channel is not None:
+            self._channel.close()
+            self._channel = None
+
+    def _report(self, status: str, targets: str) -> None:
+        instance = self._instance
+        instance.STATUS = status
+        instance.QO = status == "OK"
+        instance.extend__(getattr(instance, targets))
+
+
+def _types(variables: Sequence[model.Variable], prefix: str) -> tuple[DataType, ...]:
+    types = []
+    for variable in variables:
+        if variable.name.startswith(prefix):
+            assert not isinstance(variable.type, model.GenericType)
+            types.append(variable.type)
+    return tuple(types)
+
+
+def _assigner(count: int) -> Callable[[Any, Values], None]:
+    """`assign(s, values)`: the values to RD_1, ..., QO and STATUS as after a good message."""
+    targets = "".join(f"s.RD_{i}, " for i in range(1, count + 1))
+    lines = ["def assign(s, values):", f"    {targets or '()'} = values", "    s.QO = True", "    s.STATUS = 'OK'"]
+    space: dict[str, Any] = {}
+    exec(compile("\n".join(lines), "<communication>", "exec"), space)
+    assign: Callable[[Any, Values], None] = space["assign"]
+    return assign
+
+
+def service(block: model.ServiceInterfaceFBType) -> Service | None:
+    """The behaviour of a communication block; None if the block is none."""
+    match = COMMUNICATION.fullmatch(block.header.name)
+    if match is None:
+        return None
+    kind = match[1] or match[4]
+    request = "REQ" if kind in _REQUESTERS else "RSP"
+
+    def prepare(instance: Any) -> None:
+        instance.send__ = None
+        instance.port__ = Port(instance, block)
+
+    handlers = {"INIT": _initialise, request: _sender(len(_types(block.interface.inputs, "SD_")), kind)}
+    return Service(handlers, wiring=("send__", "port__"), prepare=prepare)
+
+
+def _initialise(s: Any) -> None:
+    s.port__.initialise()
+
+
+def _sender(count: int, kind: str) -> Callable[[Any], None]:
+    """The handler of REQ or RSP; a publisher confirms what it has sent, a subscriber has nothing to send."""
+    values = "".join(f"s.SD_{i}, " for i in range(1, count + 1))
+    sending = [] if kind in ("SUBSCRIBE", "SUBL") else [f"            s.send__(({values}))"]
+    confirming = ["            s.port__.confirm_sent()"] if kind in ("PUBLISH", "PUBL") else []
+    lines = [
+        "def send(s):",
+        "    if s.QI and s.send__ is not None:",
+        "        try:",
+        *(sending + confirming or ["            pass"]),
+        "        except CommunicationError:",
+        "            s.port__.refuse('SEND_FAILED')",
+        "    else:",
+        "        s.port__.refuse('NO_SOCKET' if s.QI else 'INHIBITED')",
+    ]
+    space: dict[str, Any] = {"CommunicationError": CommunicationError}
+    exec(compile("\n".join(lines), "<communication>", "exec"), space)
+    send: Callable[[Any], None] = space["send"]
+    return send
+
+
+class Server:
+    """A client's view of a SERVER block in the same process: one exchange a call, without a transport.
+
+    Args:
+        port: of the block.
+        run: runs the resource until it is idle.
+
+    Raises:
+        FunctionBlockError: the block is no server.
+    """
+
+    def __init__(self, port: Port, run: Callable[[], None]) -> None:
+        if port.kind != "SERVER":
+            raise FunctionBlockError(f"{port.name} is a {port.kind}: expected a SERVER")
+        self.receives = port.receives
+        self.sends = port.sends
+        self._name = port.name
+        self._answers: list[tuple[Any, ...]] = []
+        self._deliver = port.deliver
+        self._run = run
+        port.attach(self._answers.append)
+
+    def exchange(self, values: Values) -> tuple[Any, ...]:
+        """Delivers values at RD_1, ... with IND, runs the resource, and returns what RSP sent from SD_1, ...
+
+        Raises:
+            CommunicationError: the block is not initialised, the number of values is wrong, or RSP came not at all or
+                more than once.
+            FunctionBlockError: raised by a block.
+        """
+        answers = self._answers
+        answers.clear()
+        self._deliver(values)
+        self._run()
+        if len(answers) != 1:
+            raise CommunicationError(f"{self._name} answered {len(answers)} times to one request: expected one RSP")
+        return answers[0]

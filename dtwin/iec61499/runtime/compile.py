@@ -1,0 +1,192 @@
+"""Compiles a block type once: a class for its instances and a Python function for each event input.
+
+An instance has an attribute for every variable, under its `python_name`. Beside them, with two underscores, which
+no IEC identifier contains: `state__`, the chart's state by number; `p__Q`, the value of output Q that the last
+event with Q in its WITH has published; `to__CNF`, the queue entries of what event output CNF is connected to;
+`extend__`, which appends them to the resource's queue; `name__`, the dotted name. An output that every algorithm
+publishes as soon as it has written it needs no `p__` copy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Final
+
+from dtwin.errors import FunctionBlockError
+from dtwin.iec61499 import model
+from dtwin.iec61499.runtime import communication, timers
+from dtwin.iec61499.runtime.chart import CHAIN_LIMIT, ChartWriter
+from dtwin.iec61499.runtime.checked import BlockChecker
+from dtwin.iec61499.runtime.service_interface import Handler, Service
+from dtwin.iec61499.st import (
+    CONDITION_GLOBALS,
+    compile_algorithm,
+    compile_condition,
+    python_name,
+    typed,
+)
+
+PUBLISHED: Final = "p__"
+
+
+@dataclass(frozen=True, slots=True)
+class CompiledType:
+    """What instances of a block type are made of.
+
+    Attributes:
+        block: the block type, without generic variables.
+        instance_class: its instances; attributes as the module says.
+        handlers: by event input; a composite has none.
+        published: attribute with the published value, by data output.
+        initial: the state's attributes and the values they start with.
+        save: takes the state's values out of an instance; values are never changed in place.
+        load: puts them back.
+        service: what a service interface block does when it is made; None for others.
+    """
+
+    block: model.FBType
+    instance_class: Callable[[], Any]
+    handlers: Mapping[str, Handler]
+    published: Mapping[str, str]
+    initial: Mapping[str, Any]
+    save: Callable[[Any], tuple[Any, ...]]
+    load: Callable[[Any, tuple[Any, ...]], None]
+    service: Service | None = None
+
+
+@lru_cache(maxsize=1024)
+def compile_type(block: model.FBType) -> CompiledType:
+    """Compiles a block type whose variables have elementary or array types; the result is kept for the next one.
+
+    Raises:
+        FunctionBlockError: an algorithm or condition is wrong, or the block has an interface only; names file, line
+            and column.
+    """
+    if isinstance(block, model.BasicFBType | model.SimpleFBType):
+        return _Algorithmic(block).compile()
+    if isinstance(block, model.CompositeFBType):
+        return _assemble(block, {}, _immediate(block), {})
+    service = _service(block)
+    return _assemble(block, service.handlers, _immediate(block), service.state, service)
+
+
+def _service(block: model.ServiceInterfaceFBType) -> Service:
+    service = timers.SERVICES.get(block.header.name) or communication.service(block)
+    if service is None:
+        raise FunctionBlockError(
+            f"block type {block.header.name} has an interface but no behaviour: expected <BasicFB>, <SimpleFB> or "
+            "<FBNetwork>",
+            block.header.file,
+            block.header.line,
+        )
+    return service
+
+
+def _immediate(block: model.FBType) -> dict[str, str]:
+    """Outputs that are published as soon as they change."""
+    return {variable.name: python_name(variable.name) for variable in block.interface.outputs}
+
+
+def _assemble(
+    block: model.FBType,
+    handlers: Mapping[str, Handler],
+    published: Mapping[str, str],
+    state: Mapping[str, Any],
+    service: Service | None = None,
+) -> CompiledType:
+    interface = block.interface
+    initial: dict[str, Any] = {}
+    for variable in (*interface.inputs, *interface.outputs, *getattr(block, "internals", ())):
+        value = model.initial_value(variable, block.header.file)
+        initial[python_name(variable.name)] = value
+        initial[published.get(variable.name, python_name(variable.name))] = value
+    initial |= state
+    wiring = [f"to__{event.name}" for event in interface.event_outputs]
+    if service is not None:
+        wiring += service.wiring
+    slots = (*initial, *wiring, "extend__", "name__", "resource__")
+    instance_class = type(block.header.name, (), {"__slots__": slots})
+    return CompiledType(block, instance_class, handlers, published, initial, *_memory(initial), service)
+
+
+def _memory(
+    attributes: Iterable[str],
+) -> tuple[Callable[[Any], tuple[Any, ...]], Callable[[Any, tuple[Any, ...]], None]]:
+    """Functions that take the named attributes of an instance, and put them back."""
+    names = "".join(f"s.{attribute}, " for attribute in attributes) or "()"
+    space: dict[str, Any] = {}
+    source = f"def save(s):\n    return {names}\ndef load(s, values):\n    {names} = values"
+    exec(compile(source, "<memory>", "exec"), space)
+    return space["save"], space["load"]
+
+
+class _Algorithmic:
+    """Compiles basic and simple blocks."""
+
+    def __init__(self, block: model.BasicFBType | model.SimpleFBType) -> None:
+        self._block = block
+        self._checker = BlockChecker(block)
+        self._with = {event.name: event.with_variables for event in block.interface.event_outputs}
+
+    def compile(self) -> CompiledType:
+        block = self._block
+        checked = {algorithm.name: self._checker.algorithm(algorithm) for algorithm in block.algorithms}
+        names = {algorithm: f"algorithm_{number}" for number, algorithm in enumerate(checked)}
+        space: dict[str, Any] = {
+            names[algorithm]: compile_algorithm(code, f"{block.header.name}.{algorithm}")
+            for algorithm, code in checked.items()
+        }
+        space |= CONDITION_GLOBALS
+        space["endless_chain"] = _endless_chain
+        published = self._published(checked)
+        actions = {state.name: self._action_lines(state, names, published) for state in block.states}
+        events = [event.name for event in block.interface.event_inputs]
+        if isinstance(block, model.BasicFBType):
+            guards = {t: compile_condition(self._checker.guard(t)) for t in block.transitions if t.guard}
+            lines = ChartWriter(block.states, block.transitions, guards, actions).write(events)
+            state = {"state__": 0}
+        else:
+            lines = []
+            for event in events:
+                lines += [f"def on_{event}(s):", *("    " + line for line in actions.get(event) or ["pass"])]
+            state = {}
+        exec(compile("\n".join(lines), f"<{block.header.name}>", "exec"), space)
+        handlers = {event: space[f"on_{event}"] for event in events}
+        return _assemble(block, handlers, published, state)
+
+    def _published(self, checked: Mapping[str, typed.CheckedAlgorithm]) -> dict[str, str]:
+        """The attribute other blocks sample, by output: the output itself where it never differs when they do."""
+        delayed: set[str] = set()
+        for state in self._block.states:
+            for action in state.actions:
+                if action.algorithm:
+                    delayed |= _written(checked[action.algorithm]) - set(self._with.get(action.output, ()))
+        return {
+            variable.name: PUBLISHED + variable.name if variable.name in delayed else python_name(variable.name)
+            for variable in self._block.interface.outputs
+        }
+
+    def _action_lines(self, state: model.State, names: Mapping[str, str], published: Mapping[str, str]) -> list[str]:
+        lines = []
+        for action in state.actions:
+            if action.algorithm:
+                lines.append(f"{names[action.algorithm]}(s)")
+            if action.output:
+                for output in self._with[action.output]:
+                    attribute = python_name(output)
+                    if published[output] != attribute:
+                        lines.append(f"s.{published[output]} = s.{attribute}")
+                lines.append(f"s.extend__(s.to__{action.output})")
+        return lines
+
+
+def _written(code: typed.CheckedAlgorithm) -> set[str]:
+    return {node.name for node in typed.walk(code.body) if isinstance(node, typed.Store | typed.For)}
+
+
+def _endless_chain(instance: Any) -> None:
+    raise FunctionBlockError(
+        f"{instance.name__}: more than {CHAIN_LIMIT} transitions without an event: the chart never comes to rest"
+    )

@@ -1,0 +1,211 @@
+"""Gives generic ports (ANY, ANY_NUM, ...) the types they are connected to, as 4diac FORTE does while it deploys."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import TypeVar
+
+from dtwin.errors import FunctionBlockError
+from dtwin.iec61499 import model
+from dtwin.iec61499.runtime.netlist import Link, Netlist, Node, Terminal
+from dtwin.iec61499.st.functions import common_type, widens
+from dtwin.iec61499.types import BOOL, DINT, ELEMENTARY, LREAL, STRING, TIME, WSTRING, DataType, ElementaryType
+
+Group = tuple[int, str]
+"""A node and the generic type, or for service blocks the variable, whose ports take one type together."""
+
+
+def resolve(netlist: Netlist) -> None:
+    """Replaces every generic type of the netlist by the type its connections, else its literals, ask for.
+
+    The generic inputs and outputs of one name (ANY_NUM, say) of a block take one type together: that of the connected
+    sources, widened to their common type; else that of a connected destination; else that of a literal. Values of a
+    communication block each have their own. What nothing is connected to becomes a LREAL, DINT, BOOL, ...
+
+    Raises:
+        FunctionBlockError: types that cannot meet, or a generic type where there can be none; names file and line.
+    """
+    groups = _Groups(netlist)
+    while groups.settle(netlist.data.values()):
+        pass
+    groups.settle_by_literals()
+    while groups.settle(netlist.data.values()):
+        pass
+    while groups.settle_by_meaning(netlist.data.values()):
+        while groups.settle(netlist.data.values()):
+            pass
+    for number, node in enumerate(netlist.nodes):
+        if node.type is not None and generic_variables(node.type):
+            node.type = concrete(node.type, groups.types_of(number))
+            node.interface = node.type.interface
+
+
+_T = TypeVar("_T", bound=model.FBType)
+
+
+def generic_variables(block: model.FBType) -> tuple[model.Variable, ...]:
+    """The variables of a block whose type is generic."""
+    variables = (*block.interface.inputs, *block.interface.outputs)
+    return tuple(variable for variable in variables if isinstance(variable.type, model.GenericType))
+
+
+def concrete(block: _T, types: Mapping[str, DataType]) -> _T:
+    """The block with the named variables' types replaced."""
+
+    def typed(variables: tuple[model.Variable, ...]) -> tuple[model.Variable, ...]:
+        return tuple(replace(v, type=types[v.name]) if v.name in types else v for v in variables)
+
+    interface = block.interface
+    return replace(
+        block, interface=replace(interface, inputs=typed(interface.inputs), outputs=typed(interface.outputs))
+    )
+
+
+def unconnected(block: _T) -> _T:
+    """The block with the types that its generic variables have where nothing is connected."""
+    types = {v.name: _fallback(v.type) for v in generic_variables(block) if isinstance(v.type, model.GenericType)}
+    return concrete(block, types) if types else block
+
+
+class _Groups:
+    def __init__(self, netlist: Netlist) -> None:
+        self._nodes = netlist.nodes
+        self._known: dict[Group, DataType] = {}
+        self._generic: dict[Group, model.GenericType] = {}
+        for number, node in enumerate(netlist.nodes):
+            assert node.type is not None
+            for variable in generic_variables(node.type):
+                if isinstance(node.type, model.CompositeFBType):
+                    raise FunctionBlockError(
+                        f"{variable.name} of composite {node.type.header.name} is {variable.type}: "
+                        "expected an elementary type",
+                        node.type.header.file,
+                        variable.line,
+                    )
+                assert isinstance(variable.type, model.GenericType)
+                self._generic[self._group(number, variable)] = variable.type
+
+    def _group(self, number: int, variable: model.Variable) -> Group:
+        own = isinstance(self._nodes[number].type, model.ServiceInterfaceFBType)
+        return number, variable.name if own else str(variable.type)
+
+    def type_at(self, port: Terminal) -> tuple[DataType | None, Group | None]:
+        """The type of a port as far as known, and the group it belongs to if it is generic."""
+        variable = variable_at(self._nodes[port.node], port.name)
+        if isinstance(variable.type, model.GenericType):
+            group = self._group(port.node, variable)
+            return self._known.get(group), group
+        return variable.type, None
+
+    def settle(self, links: Iterable[Link]) -> bool:
+        """One pass over the links; whether a type became known or wider."""
+        changed = False
+        for link in links:
+            source, source_group = self.type_at(link.source)
+            destination, group = self.type_at(link.destination)
+            if group is not None and source is not None:
+                changed |= self._meet(group, source, link)
+            elif source_group is not None and source is None and destination is not None:
+                changed |= self._meet(source_group, destination, link)
+        return changed
+
+    def _meet(self, group: Group, offered: DataType, link: Link) -> bool:
+        generic, known = self._generic[group], self._known.get(group)
+        if not generic.admits(offered):
+            name = self._nodes[group[0]].name
+            raise FunctionBlockError(f"{name}: {offered} is no {generic}", link.file, link.line)
+        if known == offered:
+            return False
+        if known is not None:
+            if not (isinstance(known, ElementaryType) and isinstance(offered, ElementaryType)):
+                raise FunctionBlockError(f"{offered} cannot meet {known} there", link.file, link.line)
+            common = common_type(known, offered)
+            if common is None:
+                raise FunctionBlockError(
+                    f"{offered} and {known} have no common type: expected a conversion block between",
+                    link.file,
+                    link.line,
+                )
+            if common == known:
+                return False
+            offered = common
+        self._known[group] = offered
+        return True
+
+    def settle_by_literals(self) -> None:
+        """Types for the groups that no connection reaches, from the literals at their inputs."""
+        for number, node in enumerate(self._nodes):
+            for variable in node.interface.inputs:
+                if not isinstance(variable.type, model.GenericType):
+                    continue
+                group = self._group(number, variable)
+                parameter = node.parameters.get(variable.name)
+                if parameter is not None and group not in self._known:
+                    self._known[group] = literal_type(parameter.value, variable.type)
+
+    def settle_by_meaning(self, links: Iterable[Link]) -> bool:
+        """Gives a type to the first link between two groups that nothing else reaches; whether there was one."""
+        for link in links:
+            (_, source), (known, group) = self.type_at(link.source), self.type_at(link.destination)
+            if source is not None and group is not None and known is None:
+                narrow = self._generic[source if self._generic[group].name == "ANY" else group]
+                self._meet(group, _fallback(narrow), link)
+                return True
+        return False
+
+    def types_of(self, number: int) -> dict[str, DataType]:
+        """The types of a node's generic variables."""
+        block = self._nodes[number].type
+        assert block is not None
+        types = {}
+        for variable in generic_variables(block):
+            assert isinstance(variable.type, model.GenericType)
+            types[variable.name] = self._known.get(self._group(number, variable)) or _fallback(variable.type)
+        return types
+
+
+def variable_at(node: Node, name: str) -> model.Variable:
+    """The data port of that name."""
+    return next(v for v in (*node.interface.inputs, *node.interface.outputs) if v.name == name)
+
+
+def literal_type(text: str, generic: model.GenericType) -> ElementaryType:
+    """The type a literal has where only the generic type is known: that of its prefix, else that of its form."""
+    prefix, sharp, _ = text.partition("#")
+    name = {"T": "TIME", "LT": "LTIME"}.get(prefix.upper(), prefix.upper())
+    if sharp and name in ELEMENTARY:
+        return ELEMENTARY[name]
+    if text.upper() in ("TRUE", "FALSE"):
+        return BOOL
+    if text[:1] in ("'", '"'):
+        return STRING if text[0] == "'" else WSTRING
+    if generic.admits(LREAL) and ("." in text or not generic.admits(DINT)):
+        return LREAL
+    return _fallback(generic)
+
+
+def _fallback(generic: model.GenericType) -> ElementaryType:
+    return next(t for t in (DINT, LREAL, BOOL, STRING, TIME, *ELEMENTARY.values()) if generic.admits(t))
+
+
+def check_types(netlist: Netlist) -> None:
+    """Raises FunctionBlockError at the first connection whose source does not fit its destination."""
+    for port, link in netlist.data.items():
+        source = variable_at(netlist.nodes[link.source.node], link.source.name).type
+        destination = variable_at(netlist.nodes[port.node], port.name).type
+        if source == destination:
+            continue
+        fits = (
+            isinstance(source, ElementaryType)
+            and isinstance(destination, ElementaryType)
+            and widens(source, destination)
+        )
+        if not fits:
+            raise FunctionBlockError(
+                f"connection {netlist.nodes[link.source.node].name}.{link.source.name} -> "
+                f"{netlist.nodes[port.node].name}.{port.name}: {source} does not fit {destination}: expected "
+                f"{destination} or a conversion block such as F_{source}_TO_{destination}",
+                link.file,
+                link.line,
+            )

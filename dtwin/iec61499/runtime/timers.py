@@ -1,0 +1,54 @@
+"""E_RESTART and the timed event blocks of IEC 61499-1, annex A, on the resource's clock.
+
+`due__` is the resource time in ns at which the block issues its event, None while it waits for START.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from dtwin.errors import FunctionBlockError
+from dtwin.iec61499.runtime.service_interface import Service
+
+
+def _start(s: Any) -> None:
+    if s.due__ is None:
+        _restart(s)
+
+
+def _restart(s: Any) -> None:
+    _stop(s)
+    s.due__ = s.resource__.schedule(s.name__, max(s.DT, 0))
+
+
+def _stop(s: Any) -> None:
+    if s.due__ is not None:
+        s.resource__.cancel(s.name__)
+        s.due__ = None
+
+
+def _elapsed(s: Any) -> None:
+    s.due__ = None
+    s.extend__(s.to__EO)
+
+
+def _start_cycle(s: Any) -> None:
+    if s.due__ is None:
+        if s.DT <= 0:
+            raise FunctionBlockError(f"E_CYCLE started with DT = {s.DT} ns: expected a time above 0")
+        s.period__ = s.DT
+        s.due__ = s.resource__.schedule(s.name__, s.period__)
+
+
+def _cycle(s: Any) -> None:
+    s.due__ = s.resource__.schedule(s.name__, s.period__)
+    s.extend__(s.to__EO)
+
+
+SERVICES: Final = {
+    "E_RESTART": Service(),
+    "E_DELAY": Service({"START": _start, "STOP": _stop}, {"due__": None}, fire=_elapsed),
+    "E_RDELAY": Service({"START": _restart, "STOP": _stop}, {"due__": None}, fire=_elapsed),
+    "E_CYCLE": Service({"START": _start_cycle, "STOP": _stop}, {"due__": None, "period__": 0}, fire=_cycle),
+}
+"""Behaviour by type name."""

@@ -1,0 +1,165 @@
+"""Generates the queue entries of a network: one Python function without arguments for every event input.
+
+An entry samples the block's inputs that are WITH the event, as straight attribute copies from the blocks they are
+connected to, and executes the block. Composites have entries for their outer event inputs (sample, then queue the
+entries inside) and for their inner event outputs (publish, then queue the entries outside).
+
+Before its first publication an output is seen with its initial value, as IEC 61499-1 has it (4diac FORTE 2.0 shows
+the default of the type instead). What is in the WITH of no event is never sampled or published, as in FORTE.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from types import MethodType
+from typing import Any
+
+from dtwin.iec61499 import model
+from dtwin.iec61499.runtime.compile import CompiledType
+from dtwin.iec61499.runtime.generic import variable_at
+from dtwin.iec61499.runtime.netlist import Netlist, Node, Terminal
+from dtwin.iec61499.st import python_name
+from dtwin.iec61499.types import ArrayType, DataType, ElementaryType
+
+Entry = Callable[[], None]
+"""Delivers one event to one block."""
+
+
+def wire(
+    netlist: Netlist, types: Sequence[CompiledType], instances: Sequence[Any], extend: Callable[[Any], None]
+) -> dict[Entry, str]:
+    """Connects the instances; gives the queue entries and the event each delivers (`BLOCK.EVENT`).
+
+    Args:
+        netlist: without generic types; its connections fit.
+        types: of the nodes, in order.
+        instances: of the nodes, in order.
+        extend: appends entries to the resource's queue.
+    """
+    return _Wiring(netlist, types, instances, extend).wire()
+
+
+class _Wiring:
+    def __init__(
+        self,
+        netlist: Netlist,
+        types: Sequence[CompiledType],
+        instances: Sequence[Any],
+        extend: Callable[[Any], None],
+    ) -> None:
+        self._netlist = netlist
+        self._types = types
+        self._instances = instances
+        self._space: dict[str, Any] = {"extend": extend}
+        self._lines: list[str] = []
+        self._functions: dict[Terminal, str] = {}
+        self._entries: dict[Terminal, Entry] = {}
+
+    def wire(self) -> dict[Entry, str]:
+        for number, instance in enumerate(self._instances):
+            self._space[f"b{number}"] = instance
+        for number, node in enumerate(self._netlist.nodes):
+            for event in node.interface.event_inputs:
+                self._input_entry(Terminal(number, event.name), node, event)
+            if isinstance(node.type, model.CompositeFBType):
+                for event in node.interface.event_outputs:
+                    self._composite_output(Terminal(number, event.name, inner=True), event)
+        exec(compile("\n".join(self._lines), "<wiring>", "exec"), self._space)
+        for port, function in self._functions.items():
+            self._entries[port] = self._space[function]
+        self._connect()
+        return {entry: f"{self._netlist.nodes[port.node].name}.{port.name}" for port, entry in self._entries.items()}
+
+    def _input_entry(self, port: Terminal, node: Node, event: model.Event) -> None:
+        samples = self._copies(event.with_variables, lambda name: Terminal(port.node, name))
+        if isinstance(node.type, model.CompositeFBType):
+            self._function(port, [*samples, f"extend({self._targets(Terminal(port.node, port.name, inner=True))})"])
+            return
+        handler = self._types[port.node].handlers[event.name]
+        if samples:
+            name = f"execute{len(self._functions)}"
+            self._space[name] = handler
+            self._function(port, [*samples, f"{name}(b{port.node})"])
+        else:
+            self._entries[port] = MethodType(handler, self._instances[port.node])
+
+    def _composite_output(self, port: Terminal, event: model.Event) -> None:
+        publications = self._copies(event.with_variables, lambda name: Terminal(port.node, name, inner=True))
+        self._function(port, [*publications, f"extend({self._targets(Terminal(port.node, port.name))})"])
+
+    def _function(self, port: Terminal, lines: list[str]) -> None:
+        name = f"deliver{len(self._functions)}"
+        self._lines += [f"def {name}():", *("    " + line for line in lines)]
+        self._functions[port] = name
+
+    def _targets(self, source: Terminal) -> str:
+        """The global name of the entries that an event of a composite queues."""
+        return f"to{source.node}_{'inner' if source.inner else 'outer'}_{source.name}"
+
+    def _copies(self, names: Sequence[str], destination: Callable[[str], Terminal]) -> list[str]:
+        """Assignments to data inputs, or to outputs of a composite, from what they are connected to."""
+        lines = []
+        for name in names:
+            port = destination(name)
+            link = self._netlist.data.get(port)
+            if link is not None:
+                source = link.source
+                attribute = (
+                    python_name(source.name) if source.inner else self._types[source.node].published[source.name]
+                )
+                value = self._converted(
+                    f"b{source.node}.{attribute}",
+                    variable_at(self._netlist.nodes[source.node], source.name).type,
+                    variable_at(self._netlist.nodes[port.node], name).type,
+                )
+                lines.append(f"b{port.node}.{python_name(name)} = {value}")
+        return lines
+
+    def _converted(self, value: str, source: model.VariableType, destination: model.VariableType) -> str:
+        """The value with the implicit widening of the connection; most keep the Python value."""
+        if (
+            source == destination
+            or not isinstance(destination, ElementaryType)
+            or not isinstance(source, ElementaryType)
+        ):
+            return value
+        if destination.kind == "real" and source.kind != "real":
+            return f"{value} + 0.0"
+        return f"{value} + 0" if source.kind == "bool" else value
+
+    def _connect(self) -> None:
+        targets: dict[Terminal, list[Entry]] = {}
+        for link in self._netlist.events:
+            targets.setdefault(link.source, []).append(self._entries[link.destination])
+        for number, node in enumerate(self._netlist.nodes):
+            composite = isinstance(node.type, model.CompositeFBType)
+            for event in node.interface.event_outputs:
+                port = Terminal(number, event.name)
+                if composite:
+                    self._space[self._targets(port)] = tuple(targets.get(port, ()))
+                else:
+                    setattr(self._instances[number], f"to__{event.name}", tuple(targets.get(port, ())))
+            for event in node.interface.event_inputs if composite else ():
+                port = Terminal(number, event.name, inner=True)
+                self._space[self._targets(port)] = tuple(targets.get(port, ()))
+
+
+def checked_value(value: Any, data_type: DataType, where: str) -> Any:
+    """A Python value for a variable of that type.
+
+    Raises:
+        ValueError: another kind of value, or out of range.
+    """
+    if isinstance(data_type, ArrayType):
+        if not isinstance(value, list | tuple) or len(value) != data_type.length:
+            raise ValueError(f"{where}: expected {data_type.length} values for {data_type}, got {value!r}")
+        return [checked_value(item, data_type.element, where) for item in value]
+    kinds: dict[str, tuple[type, ...]] = {"bool": (bool,), "real": (float, int), "string": (str,)}
+    if not isinstance(value, kinds.get(data_type.kind, (int,))) or (
+        isinstance(value, bool) and data_type.kind != "bool"
+    ):
+        raise ValueError(f"{where}: expected a value of {data_type}, got {value!r}")
+    wrapped = data_type.wrap(value)
+    if isinstance(wrapped, int) and wrapped != value:
+        raise ValueError(f"{where}: expected {data_type.minimum} to {data_type.maximum} for {data_type}, got {value}")
+    return wrapped

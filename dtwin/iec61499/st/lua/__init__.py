@@ -1,0 +1,1 @@
+"""Structured Text as Lua, for 4diac FORTE."""

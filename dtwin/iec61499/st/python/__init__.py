@@ -1,0 +1,1 @@
+"""Structured Text as Python, for the embedded runtime."""

@@ -1,1 +1,0 @@
-"""The running cell's own bookkeeping: which commands count, how late they are, what to replay, what makes a row."""

@@ -1,1 +1,0 @@
-"""Experiments that measure the monitors: emulated cells with faults, over many seeds."""

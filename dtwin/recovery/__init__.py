@@ -1,1 +1,0 @@
-"""The whole loop once: a fault, its diagnosis, a new model, new settings, and whether the arm tracks as before."""

@@ -1,0 +1,274 @@
+"""Starts the services of a cell as processes and stops them together."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from dtwin.bus.session import Bus, open_configured, open_peer
+from dtwin.controller.embedded import ControlSettings
+from dtwin.emulation import NoiseKind, parse_fault
+from dtwin.errors import CommunicationError, ParameterError
+from dtwin.identification.store import STORE
+from dtwin.iec61499.net.address import parse_address
+from dtwin.parameters import ArmParameters, Law, assignment
+from dtwin.run.cell import CellSettings, metadata
+from dtwin.run.loop import tick_count
+from dtwin.run.recording import ensure_writable
+from dtwin.simulation.history import HISTORY
+from dtwin.view import Ports, Viewer, free_ports
+from services import runfile
+from services.controller import deploy_cell
+from services.emulator import Pace
+from services.parts.log_parts import discard_parts
+from services.runfile import OPERATOR, RunFile
+from services.service import free_port
+from services.supervisor import Program, Supervisor
+
+READY_TIMEOUT: Final = 30.0
+"""s for all services to be ready"""
+LOOK: Final = 0.1
+"""s between two looks at the processes"""
+
+
+@dataclass(frozen=True)
+class CellOptions:
+    """Which services a cell has, and what they do."""
+
+    controller: str = "embedded"
+    """embedded, forte://HOST:PORT (deploys to that 4diac FORTE), or tcp://HOST:PORT (a device that is ready)."""
+    pace: Pace = "realtime"
+    """realtime, lockstep (as fast as every tick has its answer), or free (no tick waits)."""
+    duration: float | None = None
+    """Plant time to run, s; until Ctrl-C without it."""
+    seed: int = 0
+    """Of the boxes and the noise."""
+    noise: float = 0.0
+    """Encoder noise, rad."""
+    noise_kind: NoiseKind = "uniform"
+    """uniform is biased by half of the noise; gaussian is not biased."""
+    target_time: float = 2.0
+    """Duration of every motion, s."""
+    law: Law = "default"
+    """Control law: computed torque, or the row-sum form without damping term."""
+    fault: tuple[str, ...] = ()
+    """TARGET OP VALUE @ START[-END]; repeatable."""
+    set: tuple[str, ...] = ()
+    """A parameter of the emulated arm, e.g. m1=0.15; repeatable."""
+    log: Path | None = None
+    """Parquet log to write."""
+    record: Path | None = None
+    """Recording for the Rerun viewer to write."""
+    viewer: Viewer = "none"
+    """Show the run live: in a window of the Rerun viewer, or as a page for browsers on this machine (web)."""
+    identification: bool = False
+    """Start the identification service too: it excites and identifies the running arm (dtwin identify live)."""
+    store: Path = STORE
+    """Folder of identified models that the identification service keeps."""
+    monitoring: bool = False
+    """Start the monitoring service too: it watches the arm and publishes verdicts under twin/monitoring."""
+    model: Path | None = None
+    """Identified model of the healthy arm, for monitoring and identification; the data sheet's arm if not given."""
+    safe_stop: bool = False
+    """Let the monitoring service ask the function blocks to stop the arm when a failure is confirmed."""
+    simulation: bool = False
+    """Start the simulation service too: it checks, uploads and watches new settings (dtwin upload)."""
+    history: Path = HISTORY
+    """History of the settings that the simulation service keeps."""
+    cell: str = "cell"
+    """Name of the cell, first in the keys."""
+    arm: str = "arm"
+    """Name of the arm, second in the keys."""
+    zenoh: Path | None = None
+    """Zenoh configuration file, or a folder with one per service; else peers on this machine."""
+
+    def check(self) -> None:
+        """Finds what is wrong with the options here, rather than in a service.
+
+        Raises:
+            DtwinError: an option is out of range or cannot be read.
+        """
+        if self.duration is not None:
+            tick_count(self.duration)
+        self.settings()
+        for path in (self.log, self.record):
+            if path is not None:
+                ensure_writable(path)
+        if self.safe_stop and not self.monitoring:
+            raise ParameterError("--safe-stop: expected --monitoring too, whose verdicts stop the arm")
+        scheme = self.controller.partition("://")[0]
+        if scheme in ("forte", "tcp"):
+            parse_address(self.controller, scheme)
+        elif self.controller != "embedded":
+            raise ParameterError(
+                f"--controller {self.controller}: expected embedded, forte://HOST:PORT or tcp://HOST:PORT"
+            )
+
+    def settings(self) -> CellSettings:
+        """Of the emulated cell and its controller."""
+        return CellSettings(
+            seed=self.seed,
+            noise=self.noise,
+            noise_kind=self.noise_kind,
+            faults=tuple(parse_fault(text) for text in self.fault),
+            arm=ArmParameters().with_values(dict(assignment(text) for text in self.set)),
+            control=ControlSettings(target_time=self.target_time, law=self.law),
+        )
+
+    def bus(self, meet: str) -> Bus:
+        """A session of the operator."""
+        session = open_configured(self.zenoh, OPERATOR) if self.zenoh else open_peer(meet)
+        return Bus(session, self.cell, self.arm)
+
+    def programs(self, meet: str, file: Path, ports: Ports) -> list[Program]:
+        """The services in the order to be started; each waits for those it needs."""
+        link = ["--cell", self.cell, "--arm", self.arm]
+        link += ["--zenoh", str(self.zenoh.resolve())] if self.zenoh else ["--meet", meet]
+        urgent = ["--urgent"] if self.pace == "realtime" else []
+        programs = []
+        management = self.controller.partition("://")[2]
+        if self.controller.startswith("forte://"):
+            deploy_cell(parse_address(self.controller, "forte"), self.settings().control)
+        if self.controller == "embedded":
+            management = f"127.0.0.1:{free_port()}"
+            options = [
+                "--listen",
+                management,
+                "--free-ports",
+                "--target-time",
+                str(self.target_time),
+                "--law",
+                self.law,
+            ]
+            programs.append(_service("controller", [*link, *options]))
+        bridge = ["--controller", management, *urgent, *(["--lossless"] if self.pace != "realtime" else [])]
+        emulator = ["--pace", self.pace, *urgent, "--seed", str(self.seed), "--noise", str(self.noise)]
+        emulator += ["--noise-kind", self.noise_kind, "--journal", str(journal_of(file))]
+        emulator += [word for text in self.fault for word in ("--fault", text)]
+        emulator += [word for text in self.set for word in ("--set", text)]
+        emulator += [] if self.duration is None else ["--duration", str(self.duration)]
+        if self.log or self.record or self.viewer != "none":
+            programs.append(_service("recorder", [*link, *self._recorder_options(ports)]))
+            bridge += ["--wait-for", "recorder"]
+        programs.append(_service("bridge", [*link, *bridge]))
+        model = ["--model", str(self.model.resolve())] if self.model else []
+        if self.identification:
+            programs.append(_service("identification", [*link, *model, "--store", str(self.store.resolve())]))
+        if self.monitoring:
+            stop = ["--safe-stop"] if self.safe_stop else []
+            programs.append(_service("monitoring", [*link, *model, *stop]))
+        if self.simulation:
+            programs.append(_service("simulation", [*link, "--history", str(self.history.resolve())]))
+        programs.append(_service("emulator", [*link, *emulator, "--wait-for", "bridge"], leading=True))
+        return programs
+
+    def _recorder_options(self, ports: Ports) -> list[str]:
+        notes = msgspec.json.encode(metadata(self.settings())).decode()
+        options = ["--viewer", self.viewer, "--notes", notes]
+        options += ["--ports.page", str(ports.page), "--ports.data", str(ports.data)]
+        options += ["--log", str(self.log.resolve())] if self.log else []
+        options += ["--record", str(self.record.resolve())] if self.record else []
+        options += ["--monitored"] if self.monitoring else []
+        return options + [word for text in self.set for word in ("--set", text)]
+
+
+@dataclass(frozen=True)
+class Launched:
+    """A cell whose services have been started.
+
+    Attributes:
+        bus: of the operator.
+        supervisor: of the services.
+        stop: set by Ctrl-C and a polite kill.
+    """
+
+    bus: Bus
+    supervisor: Supervisor
+    stop: threading.Event
+    _file: RunFile
+    _up: runfile.Up
+
+    def await_ready(self) -> None:
+        """Waits for all services, and says so in the run file.
+
+        Raises:
+            CommunicationError: a service cannot start, or takes too long.
+        """
+        deadline = time.monotonic() + READY_TIMEOUT
+        while not (self.supervisor.ready or self.stop.wait(LOOK)):
+            self.supervisor.look()
+            if time.monotonic() > deadline:
+                raise CommunicationError(f"not ready after {READY_TIMEOUT:g} s: {self.supervisor.missing()}")
+        self._file.write(msgspec.structs.replace(self._up, ready=True))
+
+    @property
+    def page(self) -> str:
+        """Address at which the run is shown live to browsers, "" if it is not."""
+        return self._up.page
+
+    @property
+    def over(self) -> bool:
+        """Whether the run has come to its end or was asked to; restarts what has died meanwhile."""
+        self.supervisor.look()
+        return self.stop.is_set() or self.supervisor.finished
+
+
+@contextmanager
+def launched(options: CellOptions) -> Iterator[Launched]:
+    """A cell while its services run; they are stopped at the end, in whatever way it comes.
+
+    Raises:
+        DtwinError: an option cannot be used, or a cell of that name is up.
+    """
+    options.check()
+    meet = f"tcp/127.0.0.1:{free_port()}"
+    with RunFile(options.cell) as file, options.bus(meet) as bus:
+        journal = journal_of(file.path)
+        journal.unlink(missing_ok=True)
+        if options.log is not None:
+            discard_parts(options.log)
+        ports = free_ports()
+        supervisor = Supervisor(bus, options.programs(meet, file.path, ports))
+        zenoh = None if options.zenoh is None else str(options.zenoh.resolve())
+        page = ports.page_url if options.viewer == "web" else ""
+        up = runfile.Up(os.getpid(), options.arm, meet, zenoh, page=page)
+        file.write(up)
+        stop = threading.Event()
+        with _signals(stop):
+            supervisor.start()
+            try:
+                yield Launched(bus, supervisor, stop, file, up)
+            finally:
+                supervisor.stop()
+        journal.unlink(missing_ok=True)
+
+
+def journal_of(file: Path) -> Path:
+    """The emulator's journal beside the cell's run file."""
+    return file.with_suffix(".journal")
+
+
+def _service(name: str, options: list[str], leading: bool = False) -> Program:
+    return Program(name, [sys.executable, "-m", f"services.{name}", *options], leading)
+
+
+@contextmanager
+def _signals(stop: threading.Event) -> Iterator[None]:
+    """Lets Ctrl-C and a polite kill set the event."""
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    previous = {number: signal.signal(number, lambda *_: stop.set()) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)

@@ -1,0 +1,88 @@
+"""An emulated cell that can be brought back as it was when its process was killed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from dtwin.emulation import Emulation, parse_fault
+from dtwin.parameters import PERIOD
+from dtwin.run.cell import CellSettings, emulate
+from dtwin.signals import Voltages
+from services.parts.journal import Journal
+
+
+class JournaledCell:
+    """The cell, with every tick's command and every fault noted in a journal if there is one.
+
+    Args:
+        settings: of the cell; a journal that holds something brings its own seed.
+        journal: what it holds is replayed.
+
+    Attributes:
+        emulation: to be read; commands, ticks and faults go through this class.
+        command: that the arm obeys.
+        replayed: entries of the journal.
+
+    Raises:
+        DtwinError: a setting cannot be used, or the journal's faults cannot be.
+    """
+
+    def __init__(self, settings: CellSettings, journal: Journal | None) -> None:
+        self._settings = settings if journal is None else replace(settings, seed=journal.seed)
+        self._journal = journal
+        self.emulation: Emulation = emulate(self._settings)
+        self.command = without_volts(Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), False))
+        entries = [] if journal is None else journal.entries()
+        self.replayed = len(entries)
+        for entry in entries:
+            if isinstance(entry, str):
+                self.emulation.inject([parse_fault(entry)])
+                continue
+            volts, gripped = entry
+            sensors = self.emulation.read()
+            self.obey(Voltages(sensors.sequence, sensors.time, volts, gripped))
+            self.emulation.advance(PERIOD)
+        if entries:
+            self.emulation.drain_events()
+
+    @property
+    def seed(self) -> int:
+        """Of boxes and noise."""
+        return self._settings.seed
+
+    def obey(self, command: Voltages) -> None:
+        """Sets the command until the next one."""
+        self.command = command
+        self.emulation.apply(command)
+
+    def advance(self) -> None:
+        """One tick under the command."""
+        if self._journal is not None:
+            self._journal.command(self.command.volts, self.command.box_gripped)
+        self.emulation.advance(PERIOD)
+
+    def inject(self, faults: Sequence[str]) -> list[str]:
+        """Adds faults; returns them with the times they really have.
+
+        Raises:
+            FaultError: one cannot be read, is over already, or with the others makes a parameter impossible.
+        """
+        texts = [str(fault) for fault in self.emulation.inject([parse_fault(text) for text in faults])]
+        if self._journal is not None:
+            for text in texts:
+                self._journal.fault(text)
+        return texts
+
+    def restart(self, seed: int) -> None:
+        """Starts anew at time 0, with the boxes and the noise of a seed."""
+        if self._journal is not None:
+            self._journal.restart(seed)
+        self._settings = replace(self._settings, seed=seed)
+        self.emulation = emulate(self._settings)
+        self.command = without_volts(self.command)
+
+
+def without_volts(command: Voltages) -> Voltages:
+    """The same command with 0 V."""
+    return Voltages(command.sequence, command.time, (0.0, 0.0, 0.0, 0.0), command.box_gripped)

@@ -1,0 +1,132 @@
+"""Puts rows of the log together from what comes over the bus in several streams."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+from dtwin.bus.messages import Path
+from dtwin.parameters import Triple
+from dtwin.signals import Event, Quad, Sensors, StepRecord, Truth, Voltages
+
+PATIENCE: Final = 2.0
+"""s that a row waits for what belongs to it"""
+PENDING_LIMIT: Final = 20_000
+"""rows that wait at most"""
+EARLY_LIMIT: Final = 1000
+"""ticks that a command may come before its sample: the two come from different senders"""
+NO_TARGET: Final[Triple] = (math.nan, math.nan, math.nan)
+_NO_VOLTS: Final[Quad] = (0.0, 0.0, 0.0, 0.0)
+
+
+class _Row:
+    __slots__ = ("came", "command", "path", "sensors", "truth")
+
+    def __init__(self, sensors: Sensors, came: float) -> None:
+        self.sensors = sensors
+        self.came = came
+        self.truth: Truth | None = None
+        self.command: Voltages | None = None
+        self.path: Path | None = None
+
+    def take(self, message: Voltages | Path) -> None:
+        if isinstance(message, Path):
+            self.path = self.path or message
+        else:
+            self.command = self.command or message
+
+
+class Rows:
+    """Emits a record for every sample, in order, once its truth, command and path are there or too late.
+
+    A row whose command never came shows the one that the arm obeyed instead: the last one, or 0 V once it was safe.
+    A path that never came is NaN.
+
+    Args:
+        emit: receives the records.
+        restarted: called before a sample of a new run: numbers have gone back.
+        paths: whether paths are sent at all.
+
+    Attributes:
+        late: rows emitted without all their parts.
+    """
+
+    def __init__(self, emit: Callable[[StepRecord], None], restarted: Callable[[], None], paths: bool = True) -> None:
+        self._emit = emit
+        self._restarted = restarted
+        self._paths = paths
+        self._rows: dict[int, _Row] = {}
+        self._early: dict[int, list[Voltages | Path]] = {}
+        self._last: Sensors | None = None
+        self._volts = _NO_VOLTS
+        self._gripped = False
+        self.late = 0
+
+    def sensors(self, sample: Sensors, now: float) -> None:
+        """Takes a sample; one that is repeated because nobody answered it counts once."""
+        last = self._last
+        if last is not None and sample.sequence <= last.sequence:
+            if sample == last:
+                return
+            self.flush()
+            self._restarted()
+            self._early.clear()
+            self._volts, self._gripped = _NO_VOLTS, False
+        self._last = sample
+        self._rows[sample.sequence] = row = _Row(sample, now)
+        for message in self._early.pop(sample.sequence, ()):
+            row.take(message)
+
+    def truth(self, truth: Truth, now: float) -> None:
+        """Takes the truth of the last sample; both come from the emulator, in this order."""
+        last = self._last
+        if last is not None and last.time == truth.time and last.sequence in self._rows:
+            self._rows[last.sequence].truth = truth
+            self._emit_due(now)
+
+    def answer(self, message: Voltages | Path, now: float) -> None:
+        """Takes the command or the path angles that answer a sample; the first of each counts."""
+        row = self._rows.get(message.sequence)
+        if row is not None:
+            row.take(message)
+            self._emit_due(now)
+        elif len(self._early) < EARLY_LIMIT and self._may_be_early(message.sequence):
+            self._early.setdefault(message.sequence, []).append(message)
+
+    def event(self, event: Event) -> None:
+        """Takes note when the arm has lost its voltage."""
+        if event.kind == "safe":
+            self._volts = _NO_VOLTS
+
+    def flush(self) -> None:
+        """Emits all rows that have at least their truth."""
+        for row in self._rows.values():
+            self._finish(row)
+        self._rows.clear()
+
+    def _may_be_early(self, sequence: int) -> bool:
+        return self._last is None or 0 < sequence - self._last.sequence < EARLY_LIMIT
+
+    def _emit_due(self, now: float) -> None:
+        rows = self._rows
+        while rows:
+            row = next(iter(rows.values()))
+            complete = row.truth and row.command and (row.path or not self._paths)
+            if not complete and now - row.came < PATIENCE and len(rows) < PENDING_LIMIT:
+                return
+            self._finish(row)
+            del rows[row.sensors.sequence]
+
+    def _finish(self, row: _Row) -> None:
+        if row.command is not None:
+            self._volts, self._gripped = row.command.volts, row.command.box_gripped
+        if row.truth is None:
+            self.late += 1
+            return
+        sensors = row.sensors
+        if row.command is None or (self._paths and row.path is None):
+            self.late += 1
+        command = row.command or Voltages(sensors.sequence, sensors.time, self._volts, self._gripped)
+        target = row.path.theta if row.path is not None else NO_TARGET
+        self._emit(StepRecord(row.truth, sensors, target, command))

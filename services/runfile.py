@@ -1,0 +1,129 @@
+"""Where a cell that is up on this machine can be found: a locked file in the user's runtime folder."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import tempfile
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Final
+
+import msgspec
+
+from dtwin.bus.session import Bus, open_configured, open_peer
+from dtwin.errors import CommunicationError
+
+OPERATOR: Final = "operator"
+"""Name of the configuration file of those who command and watch."""
+
+
+class Up(msgspec.Struct, frozen=True):
+    """A cell that is up: its supervisor's process, how to join its bus, whether all services were ready, and the page
+    that shows it, if any."""
+
+    pid: int
+    arm: str
+    meet: str
+    zenoh: str | None
+    ready: bool = False
+    page: str = ""
+
+
+def folder() -> Path:
+    """The user's own folder for files that need not outlive the session."""
+    base = os.environ.get("XDG_RUNTIME_DIR")
+    path = Path(base) / "dtwin" if base else Path(tempfile.gettempdir()) / f"dtwin-{os.getuid()}"
+    path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if path.stat().st_uid != os.getuid():
+        raise CommunicationError(f"{path}: belongs to another user; set XDG_RUNTIME_DIR to a folder of your own")
+    return path
+
+
+class RunFile:
+    """Holds the file of a cell while it is up.
+
+    Raises:
+        CommunicationError: a cell of that name is up already.
+    """
+
+    def __init__(self, cell: str) -> None:
+        self.path = _path(cell)
+        self._file = self.path.open("a+")
+        if not _lock(self._file):
+            raise CommunicationError(f"cell {cell!r} is up already: stop it with `dtwin down`, or choose --cell NAME")
+
+    def __enter__(self) -> RunFile:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.path.unlink(missing_ok=True)
+        self._file.close()
+
+    def write(self, content: Up) -> None:
+        """Tells where the cell is."""
+        self._file.truncate(0)
+        self._file.write(msgspec.json.encode(content).decode())
+        self._file.flush()
+
+
+def find(cell: str) -> Up | None:
+    """The cell of that name if it is up."""
+    try:
+        with _path(cell).open() as file:
+            if _lock(file):
+                return None
+            return msgspec.json.decode(file.read(), type=Up)
+    except (OSError, msgspec.MsgspecError):
+        return None
+
+
+def require(cell: str) -> Up:
+    """The cell of that name.
+
+    Raises:
+        CommunicationError: it is not up.
+    """
+    up = find(cell)
+    if up is None:
+        raise CommunicationError(f"cell {cell!r} is not up on this machine: start it with `dtwin up`")
+    return up
+
+
+def wait_down(cell: str, timeout: float) -> bool:
+    """Whether the cell has gone within `timeout` s."""
+    deadline = time.monotonic() + timeout
+    while find(cell) is not None:
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.05)
+    return True
+
+
+def _path(cell: str) -> Path:
+    return folder() / f"{cell}.json"
+
+
+def _lock(file: IO[str]) -> bool:
+    """Whether the lock could be had, which it cannot while another process holds the file."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def join(cell: str, zenoh: Path | None = None) -> Bus:
+    """The bus of a cell: as a configuration file says, or of one that is up on this machine.
+
+    Raises:
+        CommunicationError: it is not up, or its bus cannot be joined.
+    """
+    if zenoh is not None:
+        return Bus(open_configured(zenoh, OPERATOR), cell)
+    up = require(cell)
+    session = open_configured(Path(up.zenoh), OPERATOR) if up.zenoh else open_peer(up.meet)
+    return Bus(session, cell, up.arm)

@@ -1,0 +1,235 @@
+"""Keeps the services of a cell running: starts them in order, restarts what dies, gathers what they say.
+
+The children hold one end of a pipe: when the supervisor goes, in whatever way, they notice and end.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import threading
+import time
+from collections import deque
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from dtwin.bus.messages import STATUS, SUMMARY, ServiceSummary, Status, Summary, SummaryRequest
+from dtwin.bus.session import Bus
+from dtwin.errors import CommunicationError
+from dtwin.parameters import ROOT
+
+LIFELINE: Final = "DTWIN_LIFELINE"
+"""Environment variable of the children: the descriptor that is at its end when the supervisor has gone."""
+FIRST_DELAY: Final = 0.25
+"""s before the first restart; every further one waits twice as long"""
+LAST_DELAY: Final = 8.0
+"""s, longest"""
+SETTLED: Final = 30.0
+"""s of life after which a service's restarts start from the first delay again"""
+SILENT: Final = 3.0
+"""s without a status after which a service that runs counts as silent"""
+STOP_TIMEOUT: Final = 8.0
+"""s to end in, then killed"""
+_ANSI: Final = re.compile(r"\x1b\[[0-9;]*m")
+_BAD_OPTIONS: Final = 2
+"""Exit status of a service that will not start however often one tries"""
+
+
+@dataclass(frozen=True)
+class Program:
+    """A service: its name, the command that runs it, and whether the cell's run is over when it ends by itself."""
+
+    name: str
+    command: Sequence[str]
+    leading: bool = False
+
+
+class _Child:
+    """One service's process and what is known of it."""
+
+    def __init__(self, program: Program, lifeline: int) -> None:
+        self.program = program
+        self.restarts = 0
+        self.status: Status | None = None
+        self.heard = 0.0
+        self.alive = False
+        self.done = False
+        self._lifeline = lifeline
+        self._said: deque[str] = deque(maxlen=20)
+        self._process: subprocess.Popen[str] | None = None
+        self._delay = FIRST_DELAY
+        self._born = 0.0
+        self._start_at = 0.0
+        self.end = ""
+
+    @property
+    def running(self) -> bool:
+        return self._process is not None
+
+    def start(self) -> None:
+        self._process = subprocess.Popen(
+            self.program.command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            errors="replace",
+            cwd=None,
+            env={**os.environ, LIFELINE: str(self._lifeline), "PYTHONPATH": str(ROOT)},
+            pass_fds=(self._lifeline,),
+            start_new_session=True,
+        )
+        self._born = self.heard = time.monotonic()
+        threading.Thread(target=self._listen, args=(self._process,), daemon=True).start()
+
+    def look(self) -> None:
+        """Notices the end of the process, and starts it again when it is time."""
+        now = time.monotonic()
+        if self._process is None:
+            if not self.done and now >= self._start_at:
+                self.restarts += 1
+                self.start()
+            return
+        code = self._process.poll()
+        if code is None:
+            return
+        self._process = None
+        self.alive = False
+        if code == 0 and self.program.leading:
+            self.done = True
+            return
+        reason = f"killed by {signal.Signals(-code).name}" if code < 0 else f"ended with status {code}"
+        self.end = f"{reason}: {self.last_words}" if code > 0 and self.last_words else reason
+        if now - self._born > SETTLED:
+            self._delay = FIRST_DELAY
+        self._start_at = now + self._delay
+        self._delay = min(2 * self._delay, LAST_DELAY)
+        if code == _BAD_OPTIONS and self.restarts == 0 and self.status is None:
+            raise CommunicationError(f"{self.program.name} cannot run: {self.last_words or reason}")
+
+    @property
+    def last_words(self) -> str:
+        """The last line on its standard error."""
+        return self._said[-1] if self._said else ""
+
+    def send(self, number: int) -> None:
+        if self._process is not None:
+            self._process.send_signal(number)
+
+    def stop(self) -> None:
+        """Ends the process, by force if it does not end by itself."""
+        self.done = True
+        if self._process is None:
+            return
+        self._process.send_signal(signal.SIGTERM)
+        self._process.send_signal(signal.SIGCONT)
+        try:
+            self._process.wait(STOP_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._process = None
+
+    def summary(self) -> ServiceSummary:
+        now = time.monotonic()
+        status = self.status
+        if self._process is None:
+            wait = max(0.0, self._start_at - now)
+            return ServiceSummary("ended" if self.done else "dead", 0.0, self.restarts, _wait(self.end, wait))
+        if not self.alive or status is None:
+            return ServiceSummary("starting", 0.0, self.restarts, self.last_words or self.end)
+        error = status.last_error or self.end
+        if now - self.heard > SILENT:
+            return ServiceSummary("silent", 0.0, self.restarts, f"no status for {now - self.heard:.0f} s; {error}")
+        return ServiceSummary(status.state, status.rate_hz, self.restarts, error)
+
+    def _listen(self, process: subprocess.Popen[str]) -> None:
+        assert process.stderr is not None
+        with process.stderr:
+            for line in process.stderr:
+                text = _ANSI.sub("", line).strip().removeprefix(f"{self.program.name}: ")[:1000]
+                if text:
+                    self._said.append(text)
+
+
+class Supervisor:
+    """Runs programs and answers for them on the bus.
+
+    Args:
+        bus: is watched for tokens and statuses.
+        programs: in the order to be started.
+    """
+
+    def __init__(self, bus: Bus, programs: Iterable[Program]) -> None:
+        self._lifeline, self._hold = os.pipe()
+        self._children = {program.name: _Child(program, self._lifeline) for program in programs}
+        bus.watch_alive(self._note_token)
+        bus.subscribe(STATUS, Status, self._note_status)
+        bus.answer(SUMMARY, SummaryRequest, lambda request: self.summary())
+
+    def start(self) -> None:
+        """Starts all programs."""
+        for child in self._children.values():
+            child.start()
+
+    def look(self) -> None:
+        """To be called several times a second: restarts what has died.
+
+        Raises:
+            CommunicationError: a program refuses its options.
+        """
+        for child in self._children.values():
+            child.look()
+
+    @property
+    def ready(self) -> bool:
+        """Whether all programs have shown their tokens."""
+        return all(child.alive for child in self._children.values())
+
+    @property
+    def finished(self) -> bool:
+        """Whether a leading program has ended well."""
+        return any(child.done and child.program.leading for child in self._children.values())
+
+    def missing(self) -> str:
+        """Who has not shown a token, and why not if it said so."""
+        waiting = [child for child in self._children.values() if not child.alive]
+        return "; ".join(
+            f"{child.program.name} ({child.last_words or child.end or 'says nothing'})" for child in waiting
+        )
+
+    def stop(self) -> None:
+        """Ends all programs, last started first."""
+        for child in reversed(self._children.values()):
+            child.stop()
+        os.close(self._hold)
+        os.close(self._lifeline)
+
+    def summary(self) -> Summary:
+        """How everything does."""
+        services = {name: child.summary() for name, child in self._children.items()}
+        leading = [child.status for child in self._children.values() if child.program.leading and child.status]
+        if not leading:
+            return Summary(services)
+        status = leading[0]
+        return Summary(
+            services, status.ticks, status.late_ticks, status.latency_ms, status.real_time_factor, status.boxes
+        )
+
+    def _note_token(self, name: str, alive: bool) -> None:
+        if name in self._children:
+            self._children[name].alive = alive
+            self._children[name].heard = time.monotonic()
+
+    def _note_status(self, status: Status) -> None:
+        child = self._children.get(status.service)
+        if child is not None:
+            child.status = status
+            child.heard = time.monotonic()
+
+
+def _wait(reason: str, seconds: float) -> str:
+    return f"{reason}; starts again in {seconds:.1f} s" if seconds else reason

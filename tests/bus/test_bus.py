@@ -1,0 +1,248 @@
+"""Typed topics over real sessions: who meets whom, what is passed on, what is refused."""
+
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from queue import SimpleQueue
+
+import pytest
+import zenoh
+
+from dtwin.bus.codec import encode
+from dtwin.bus.messages import ALIVE, SENSORS, STATUS, TARGET, TOPICS, TargetSetting
+from dtwin.bus.session import Bus, open_configured, open_peer
+from dtwin.errors import CommunicationError, ParameterError
+from dtwin.parameters import ROOT
+from dtwin.signals import Sensors
+from tests.support.waiting import until
+
+SAMPLE = Sensors(1, 0.01, (0.1, 0.2, 0.3), 0.9, True, "red")
+WAIT = 10.0
+SHIPPED = sorted((ROOT / "config").rglob("*.json5"))
+
+Join = Callable[..., Bus]
+
+
+@pytest.fixture
+def rendezvous() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@pytest.fixture
+def join(rendezvous: str) -> Iterator[Join]:
+    """Joins buses that meet each other, and closes them."""
+    joined = []
+
+    def make(cell: str = "cell") -> Bus:
+        joined.append(Bus(open_peer(rendezvous), cell))
+        return joined[-1]
+
+    yield make
+    for bus in joined:
+        bus.close()
+
+
+class Heard:
+    """What a subscriber received."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.messages: SimpleQueue[Sensors] = SimpleQueue()
+        bus.subscribe(SENSORS, Sensors, self.messages.put)
+
+
+def announced(bus: Bus, name: str) -> threading.Event:
+    """Set when the bus sees the service's token."""
+    seen = threading.Event()
+    bus.watch_alive(lambda service, alive: seen.set() if alive and service == name else None)
+    return seen
+
+
+def test_messages_arrive_whole_and_in_order(join: Join) -> None:
+    sender, receiver = join(), join()
+    heard = Heard(receiver)
+    receiver.announce("receiver")
+    assert announced(sender, "receiver").wait(WAIT)
+    publish = sender.publisher(SENSORS, lossless=True)
+    assert publish.wanted
+    samples = [Sensors(k, 0.01 * k, (k / 3, -k / 7, 1e-300), 0.9, k % 2 == 0, "green") for k in range(500)]
+    for sample in samples:
+        publish(sample)
+    assert [heard.messages.get(timeout=WAIT) for _ in samples] == samples
+
+
+def test_nobody_wants_what_nobody_subscribes_to(join: Join) -> None:
+    assert not join().publisher(SENSORS).wanted
+
+
+def test_an_ended_subscription_hears_nothing_and_is_not_wanted(join: Join) -> None:
+    sender, receiver = join(), join()
+    first: SimpleQueue[Sensors] = SimpleQueue()
+    subscription = receiver.subscribe(SENSORS, Sensors, first.put)
+    publish = sender.publisher(SENSORS, lossless=True)
+    until(lambda: publish.wanted, "the subscription is known")
+    publish(SAMPLE)
+    assert first.get(timeout=WAIT) == SAMPLE
+    subscription.end()
+    until(lambda: not publish.wanted, "its end is known")
+    publish(SAMPLE)
+    second = Heard(receiver)
+    until(lambda: publish.wanted, "another subscription is known")
+    publish(SAMPLE)
+    assert second.messages.get(timeout=WAIT) == SAMPLE
+    assert first.empty()
+
+
+def test_three_meet_whoever_comes_first_and_goes(join: Join) -> None:
+    first, second = join(), join()
+    first.announce("first")
+    assert announced(second, "first").wait(WAIT)
+    first.close()
+    third = join()
+    third.announce("third")
+    assert announced(second, "third").wait(WAIT)
+
+
+def test_cells_do_not_hear_each_other(join: Join) -> None:
+    sender, other, same = join("one"), join("two"), join("one")
+    strange, heard = Heard(other), Heard(same)
+    for bus, name in ((other, "other"), (same, "same")):
+        bus.announce(name)
+    assert announced(sender, "same").wait(WAIT)
+    sender.publisher(SENSORS)(SAMPLE)
+    assert heard.messages.get(timeout=WAIT) == SAMPLE
+    assert strange.messages.empty()
+
+
+def test_tokens_go_with_their_session(join: Join) -> None:
+    watcher, service = join(), join()
+    seen: SimpleQueue[tuple[str, bool]] = SimpleQueue()
+    watcher.watch_alive(lambda name, alive: seen.put((name, alive)))
+    service.announce("bridge")
+    assert seen.get(timeout=WAIT) == ("bridge", True)
+    service.close()
+    assert seen.get(timeout=WAIT) == ("bridge", False)
+
+
+def test_refused_messages_are_counted_by_reason(join: Join, caplog: pytest.LogCaptureFixture) -> None:
+    receiver, sender = join(), join()
+    heard = Heard(receiver)
+    receiver.announce("receiver")
+    assert announced(sender, "receiver").wait(WAIT)
+    key = sender.key(SENSORS)
+    raw = sender._session
+    for payload in (
+        b"",
+        b"\x00\xff",
+        b"[]",
+        encode(SAMPLE).replace(b":1,", b":2,", 1),
+        70_000 * b"x",
+        5_000_000 * b"x",
+    ):
+        raw.put(key, payload)
+    raw.delete(key)
+    raw.put(key, encode(SAMPLE))  # of the same priority, so it comes last
+    assert heard.messages.get(timeout=WAIT) == SAMPLE
+    # the largest one is more than the session takes, and never gets here
+    assert receiver.refused == {"malformed": 3, "invalid": 2, "too long": 1}
+    assert all("\n" not in record.getMessage() for record in caplog.records)
+
+
+def test_a_query_is_answered_with_what_was_applied(join: Join) -> None:
+    asker, answerer = join(), join()
+    state = [TargetSetting(2.0)]
+
+    def apply(asked: TargetSetting | None) -> TargetSetting:
+        if asked is not None:
+            state[0] = asked
+        return state[0]
+
+    answerer.answer(TARGET, TargetSetting, apply)
+    assert asker.ask(TARGET, None, TargetSetting) == TargetSetting(2.0)
+    assert asker.ask(TARGET, TargetSetting(1.5), TargetSetting) == TargetSetting(1.5)
+
+
+def test_a_query_gets_the_reason_for_a_refusal(join: Join) -> None:
+    asker, answerer = join(), join()
+
+    def refuse(asked: TargetSetting | None) -> TargetSetting:
+        raise ParameterError("not today")
+
+    answerer.answer(TARGET, TargetSetting, refuse)
+    with pytest.raises(CommunicationError, match="controller/target: not today"):
+        asker.ask(TARGET, TargetSetting(1.0), TargetSetting)
+
+
+def test_a_malformed_query_never_reaches_the_handler(join: Join) -> None:
+    asker, answerer = join(), join()
+    answerer.answer(TARGET, TargetSetting, lambda asked: pytest.fail("must not be called"))
+    with pytest.raises(CommunicationError, match="invalid"):
+        asker.ask(TARGET, SAMPLE, TargetSetting)
+    assert answerer.refused == {"invalid": 1}
+
+
+def test_a_query_that_nobody_answers_says_who_is_missing(join: Join) -> None:
+    with pytest.raises(CommunicationError, match="is there a bridge"):
+        join().ask(TARGET, None, TargetSetting, 0.2)
+
+
+def test_keys_of_all_topics_differ(join: Join) -> None:
+    bus = join()
+    keys = {bus.key(topic, "emulator") for topic in TOPICS}
+    assert len(keys) == len(TOPICS)
+    assert bus.key(STATUS, "bridge") == "dtwin/cell/arm/status/bridge"
+    assert bus.key(ALIVE) == "dtwin/cell/arm/alive/*"
+    for key in keys:
+        zenoh.KeyExpr(key)
+
+
+@pytest.mark.parametrize("endpoint", ["", "nowhere", "tcp/host", "tcp/127.0.0.1:x", "tcp/127.0.0.1:99999"])
+def test_no_endpoint_is_an_error_in_one_line(endpoint: str) -> None:
+    with pytest.raises(CommunicationError, match="expected an endpoint"):
+        open_peer(endpoint)
+
+
+def test_configuration_files_are_found_and_checked(tmp_path: Path) -> None:
+    with pytest.raises(CommunicationError, match="missing"):
+        open_configured(tmp_path / "missing.json5", "bridge")
+    with pytest.raises(CommunicationError, match="no Zenoh configuration"):
+        open_configured(tmp_path, "bridge")
+    (tmp_path / "bridge.json5").write_text("{ mode: 'neither' }")
+    with pytest.raises(CommunicationError, match="no Zenoh configuration"):
+        open_configured(tmp_path, "bridge")
+
+
+@pytest.mark.parametrize(
+    "file", sorted((ROOT / "config").rglob("*.json5")), ids=lambda f: f"{f.parent.name}/{f.stem}"
+)
+def test_shipped_files_are_configurations_that_find_others_only_by_endpoint(file) -> None:
+    configuration = zenoh.Config.from_file(file)
+    assert configuration.get_json("scouting/multicast/enabled") == "false"
+    assert configuration.get_json("transport/shared_memory/enabled") == "false", "it would pass the limit by"
+    assert int(configuration.get_json("transport/link/rx/max_message_size")) == 1 << 20
+
+
+def test_clients_of_a_router_find_each_other_again_after_it_was_away(tmp_path: Path, rendezvous: str) -> None:
+    host = rendezvous.removeprefix("tcp/")
+    for file in (ROOT / "config" / "routed").glob("*.json5"):
+        text = file.read_text().replace("0.0.0.0:7447", host).replace("127.0.0.1:7447", host)
+        (tmp_path / file.name).write_text(text)
+    router = open_configured(tmp_path, "router")
+    sender, receiver = Bus(open_configured(tmp_path, "emulator")), Bus(open_configured(tmp_path, "recorder"))
+    publish, heard = sender.publisher(SENSORS), Heard(receiver)
+    lost = threading.Event()
+    receiver.announce("receiver")
+    sender.watch_alive(lambda name, alive: lost.set() if not alive else lost.clear())
+    try:
+        until(lambda: publish(SAMPLE) or not heard.messages.empty(), "a message passes")
+        router.close()
+        assert lost.wait(WAIT)
+        while not heard.messages.empty():
+            heard.messages.get()
+        router = open_configured(tmp_path, "router")
+        until(lambda: publish(SAMPLE) or not heard.messages.empty(), "messages pass again")
+    finally:
+        for end in (sender, receiver, router):
+            end.close()

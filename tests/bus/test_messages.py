@@ -1,0 +1,173 @@
+"""The bus's messages: what is refused and why, and the page that describes them."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dtwin.bus.codec import SIZE_LIMIT, MessageError, Reader, encode
+from dtwin.bus.messages import TOPICS, GainsSetting, ModelSetting, TargetSetting
+from dtwin.parameters import ArmParameters, Gains
+from dtwin.signals import Sensors, Voltages
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "zenoh.md").read_text()
+COMMAND = Voltages(7, 0.07, (1.0, -8.0, 8.0, 3.0), True)
+MESSAGES = sorted({m for topic in TOPICS for m in (topic.message, topic.reply) if m}, key=lambda m: m.__name__)
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+volts = st.floats(-8, 8)
+
+
+def rows(text: str) -> list[list[str]]:
+    """The cells of a Markdown table, without its head."""
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    return [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+def section(title: str) -> str:
+    found = re.search(rf"^##+ {title}\n(.*?)(?=^#|\Z)", PAGE, re.M | re.S)
+    assert found, f"no section {title}"
+    return found[1]
+
+
+def kind(info: Any) -> str:
+    """A type as the page writes it."""
+    simple = {
+        msgspec.inspect.FloatType: "number",
+        msgspec.inspect.IntType: "integer",
+        msgspec.inspect.BoolType: "boolean",
+        msgspec.inspect.StrType: "string",
+        msgspec.inspect.LiteralType: "string",
+        msgspec.inspect.NoneType: "null",
+    }
+    if type(info) in simple:
+        return simple[type(info)]
+    if isinstance(info, msgspec.inspect.TupleType):
+        return f"{len(info.item_types)} x {kind(info.item_types[0])}"
+    if isinstance(info, msgspec.inspect.VarTupleType):
+        return f"list of {kind(info.item_type)}"
+    if isinstance(info, msgspec.inspect.DictType):
+        return f"object of {kind(info.value_type)}"
+    if isinstance(info, msgspec.inspect.UnionType):
+        return " or ".join(kind(member) for member in info.types)
+    return info.cls.__name__
+
+
+def described(message: type) -> set[type]:
+    """A message and the structures in it."""
+    found = {message}
+    for field in msgspec.inspect.type_info(message).fields:
+        parts = [field.type, *getattr(field.type, "types", ())]
+        parts += [getattr(field.type, name) for name in ("value_type", "item_type") if hasattr(field.type, name)]
+        found |= {part.cls for part in parts if hasattr(part, "cls")}
+    return found
+
+
+def test_page_lists_the_topics() -> None:
+    table = [[t.name, t.kind, *(m.__name__ if m else "" for m in (t.message, t.reply)), t.sender] for t in TOPICS]
+    assert rows(section("Keys")) == table
+
+
+@pytest.mark.parametrize(
+    "message", sorted(set().union(*map(described, MESSAGES)), key=lambda m: m.__name__), ids=lambda m: m.__name__
+)
+def test_page_describes_every_field(message: type) -> None:
+    fields = msgspec.inspect.type_info(message).fields
+    expected = [[f.encode_name, kind(f.type) + ("" if f.required else " °")] for f in fields]
+    assert [row[:2] for row in rows(section(message.__name__))] == expected
+
+
+def test_message_carries_the_schema() -> None:
+    assert encode(COMMAND).startswith(b'{"schema":1,')
+    assert Reader(Voltages)(encode(COMMAND)) == COMMAND
+
+
+def test_unknown_fields_are_ignored() -> None:
+    assert Reader(Voltages)(encode(COMMAND).replace(b"{", b'{"new": [1, {}], ', 1)) == COMMAND
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        (b'"schema":1,', b"", "invalid"),
+        (b'"schema":1', b'"schema":2', "invalid"),
+        (b'"schema":1', b'"schema":0', "invalid"),
+        (b'"sequence":7,', b"", "invalid"),
+        (b'"sequence":7', b'"sequence":"7"', "invalid"),
+        (b'"sequence":7', b'"sequence":-7', "invalid"),
+        (b'"sequence":7', b'"sequence":7.5', "invalid"),
+        (b"-8.0", b"-8.0001", "invalid"),
+        (b"-8.0", b"null", "invalid"),
+        (b"-8.0", b"1e999", "invalid"),
+        (b"-8.0", b"NaN", "malformed"),
+        (b"-8.0,", b"", "invalid"),
+        (b"true}", b"true", "malformed"),
+        (b"true}", b'true, "deep": ' + 30_000 * b"[", "malformed"),
+        (b"true}", b'true, "long": "' + SIZE_LIMIT * b"x" + b'"}', "too long"),
+        (encode(COMMAND), b"", "malformed"),
+        (encode(COMMAND), b"[]", "invalid"),
+        (encode(COMMAND), b"\xff\xfe\x00", "malformed"),
+    ],
+)
+def test_refusals(old: bytes, new: bytes, reason: str) -> None:
+    payload = encode(COMMAND)
+    assert old in payload
+    with pytest.raises(MessageError) as refusal:
+        Reader(Voltages)(payload.replace(old, new))
+    assert refusal.value.reason == reason
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("message", "payload", "said"),
+    [
+        (GainsSetting, b'{"schema":1,"gains":{"kp":[1,2,-3]}}', "kp3"),
+        (ModelSetting, b'{"schema":1,"model":{"mass":[0.1,0,0.1]}}', "m2"),
+        (TargetSetting, b'{"schema":1,"target_time":0}', "above 0"),
+    ],
+)
+def test_settings_are_checked_where_they_arrive(message: type, payload: bytes, said: str) -> None:
+    with pytest.raises(MessageError, match=said):
+        Reader(message)(payload)
+
+
+def test_settings_come_back_as_they_were() -> None:
+    for setting in (GainsSetting(Gains((1.0, 2.0, 3.0))), ModelSetting(ArmParameters()), TargetSetting(1.5)):
+        assert Reader(type(setting))(encode(setting)) == setting
+
+
+@given(finite, finite, finite, volts, st.integers(0, 2**53), st.floats(0, 1e9))
+def test_numbers_survive_exactly(a: float, b: float, c: float, v: float, sequence: int, time: float) -> None:
+    sample = Sensors(sequence, time, (a, b, c), a, True, "red")
+    command = Voltages(sequence, time, (v, v, v, v), False)
+    assert Reader(Sensors)(encode(sample)) == sample
+    assert Reader(Voltages)(encode(command)) == command
+
+
+@given(st.sampled_from(MESSAGES), st.binary(max_size=200) | st.text(max_size=50).map(str.encode))
+def test_any_bytes_are_a_message_or_refused(message: type, payload: bytes) -> None:
+    with pytest.raises(MessageError):
+        Reader(message)(payload)
+
+
+json = st.recursive(
+    st.none() | st.booleans() | st.integers() | finite | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=4),
+    max_leaves=10,
+)
+
+
+@given(st.data())
+def test_any_json_is_a_message_or_refused(data: st.DataObject) -> None:
+    message = data.draw(st.sampled_from(MESSAGES))
+    fields = [field.encode_name for field in msgspec.inspect.type_info(message).fields]
+    content = data.draw(st.fixed_dictionaries({}, optional=dict.fromkeys([*fields, "schema"], json | st.just(1))))
+    try:
+        found = Reader(message)(msgspec.json.encode(content))
+    except MessageError:
+        return
+    assert isinstance(found, message)

@@ -1,0 +1,132 @@
+"""`dtwin identify`, `dtwin model ...` and `dtwin experiment ...` as a user calls them."""
+
+import json
+
+import pytest
+
+from dtwin.cli import main
+from dtwin.parameters import PARAMETER_NAMES, load_arm
+from tests.support.identification import ALL, FREE
+
+
+@pytest.fixture(autouse=True)
+def in_empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def run_json(capsys, *arguments, status=0):
+    assert main([*arguments, "--json"]) == status
+    return json.loads(capsys.readouterr().out)
+
+
+def test_identify(capsys, tmp_path):
+    report = run_json(capsys, "identify", "--noise", "0.01", "--seed", "3", "--plot", "p.png", "--record", "r.rrd")
+    assert report["converged"]
+    assert report["residual_white"]
+    assert report["rank"] == 12
+    assert report["free"] == list(FREE)
+    assert report["unidentifiable"] == []
+    assert list(report["parameters"]) == list(FREE)
+    for entry in report["parameters"].values():
+        assert abs(entry["estimate"] - entry["truth"]) < 4.5 * entry["standard_error"]
+    assert report["offsets"] == pytest.approx([0.005] * 3, abs=5e-4)
+    assert min(report["fit"]) > 0.98
+    assert report["model_file"] == "identified/arm/0001.json"
+    assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "r.rrd").read_bytes().startswith(b"RRF")
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_identify_everything_presents_nothing_undetermined(capsys):
+    report = run_json(capsys, "identify", "--free", "all", "--noise", "0")
+    assert (report["rank"], report["unidentifiable"], report["parameters"]) == (14, list(ALL), {})
+    both = run_json(capsys, "identify", "--free", "all", "--noise", "0", "--payload", "0", "--payload", "0.2")
+    assert both["rank"] == 15
+    assert list(both["parameters"]) == [name for name in ALL if name[0] in "KlD"]
+    assert all(abs(e["estimate"] / e["truth"] - 1) < 1e-6 for e in both["parameters"].values())
+
+
+def test_identify_chooses_friction(capsys):
+    arguments = ["--friction", "both", "--set", "mu1=0.01", "--set", "mu2=0.01", "--noise", "0.002"]
+    report = run_json(capsys, "identify", *arguments, "--save", "None")
+    assert report["parameters"]["mu1"]["estimate"] == pytest.approx(0.01, rel=0.1)
+    assert report["model_file"] is None
+
+
+def test_a_wrong_model_ends_with_status_1(capsys):
+    report = run_json(capsys, "identify", "--set", "mu1=0.02", "--noise", "0.002", status=1)
+    assert not report["residual_white"]
+
+
+def test_identify_from_a_log(capsys):
+    run = ["run", "--duration", "12", "--seed", "1", "--noise", "0.002", "--log", "cell.parquet", "--record", "None"]
+    assert main([*run, "--json"]) == 0
+    capsys.readouterr()
+    report = run_json(capsys, "identify", "cell.parquet", "--free", "K,D")
+    assert report["residual_white"]
+    for entry in report["parameters"].values():
+        assert abs(entry["estimate"] - entry["truth"]) < 4.5 * entry["standard_error"]
+
+
+def test_models(capsys, tmp_path):
+    for seed in ("0", "1"):
+        run_json(capsys, "identify", "--seed", seed)
+    listed = run_json(capsys, "model", "list")
+    assert [(entry["name"], entry["revision"]) for entry in listed] == [("arm", 1), ("arm", 2)]
+    shown = run_json(capsys, "model", "show", "arm@1")
+    different = run_json(capsys, "model", "diff", "arm@1", "arm")
+    assert set(different) == set(FREE)
+    assert different["K1"]["first"] == shown["parameters"]["K1"]
+    assert all(0 < entry["standard_errors_apart"] < 5 for entry in different.values())
+    assert run_json(capsys, "model", "diff", "arm", "arm@2") == {}
+    assert main(["model", "export", "arm@1", "arm.json"]) == 0
+    arm = load_arm(tmp_path / "arm.json")
+    assert {name: arm.get(name) for name in PARAMETER_NAMES} == shown["parameters"]
+    assert main(["model", "export", "arm", "arm.xml"]) == 0
+    for command in (["list"], ["show", "arm"], ["diff", "arm@1", "arm@2"]):
+        assert main(["model", *command]) == 0
+        assert "K1" in capsys.readouterr().out or command == ["list"]
+
+
+def test_experiments(capsys):
+    report = run_json(capsys, "experiment", "noise", "--runs", "2", "--out", "pages/noise")
+    assert [group["runs"] for group in report["groups"]] == [2, 2, 2, 2]
+    assert all(group["converged"] == group["second_start_converged"] == 2 for group in report["groups"])
+    with open(report["report"]) as page:
+        assert "of 8 runs converge from both starts" in page.read()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (
+            ["identify", "--free", "Q"],
+            "--free Q: expected all, a symbol of K, m, I, l, c, D, mu, or a name such as m2",
+        ),
+        (["identify", "--free", ","], "--free: expected at least one parameter"),
+        (["identify", "--prior", "m2~1"], "--prior m2~1: expected NAME=MEAN+-DEVIATION, such as m2=0.116+-0.001"),
+        (["identify", "--prior", "m2=0.1+-0.01"], "prior for m2: expected a free parameter: K1"),
+        (["identify", "--prior", "K1=0.1+-0"], "prior: expected a finite mean and a deviation above 0"),
+        (["identify", "--set", "K1"], "'K1': expected NAME=NUMBER, e.g. m1=0.15"),
+        (["identify", "--noise", "-1"], "noise: expected a finite magnitude of at least 0 rad, got -1.0"),
+        (["identify", "--noise", "3"], "jumps by"),
+        (["identify", "--payload", "-1"], "expected a finite mass of at least 0 kg, got -1.0"),
+        (["identify", "--seed", "-1"], "--seed: expected a whole number of at least 0, got -1"),
+        (["identify", "--save", "a/b"], "model name 'a/b': expected letters"),
+        (["identify", "--plot", "no/such/folder.png"], "cannot be written"),
+        (["identify", "missing.parquet"], "missing.parquet: cannot be read"),
+        (["identify", "--known", "missing.json"], "missing.json: No such file"),
+        (["model", "show", "arm"], "no model 'arm' in identified: it is empty"),
+        (["model", "show", "x.json"], "x.json: No such file"),
+        (["model", "export", "arm", "arm.txt"], "no model 'arm'"),
+        (["experiment", "noise", "--runs", "0"], "--runs: expected at least 1, got 0"),
+        (["bench", "identify", "--rounds", "0"], "--rounds: expected at least 1, got 0"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(capsys, tmp_path, arguments, complaint):
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    lines = [line for line in captured.err.splitlines() if line.strip()]
+    assert complaint in lines[-1]
+    assert captured.out == ""
+    assert not list(tmp_path.iterdir())

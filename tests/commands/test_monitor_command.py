@@ -1,0 +1,171 @@
+"""`dtwin monitor` and the monitoring experiments on the command line."""
+
+import json
+import math
+import re
+
+import pytest
+
+from dtwin.cli import main
+from dtwin.experiments.monitoring import report
+from dtwin.experiments.monitoring.scorecard import Scorecard, faults_experiment, label, summary
+from dtwin.experiments.monitoring.trial import Outcome, Trial, run_trial, true_cause
+
+
+@pytest.fixture(scope="module")
+def faulty(run_cell, tmp_path_factory):
+    path = tmp_path_factory.mktemp("logs") / "faulty.parquet"
+    run_cell(45.0, 3, "K1*=0.6@31").write_parquet(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def collapsed(run_cell, tmp_path_factory):
+    path = tmp_path_factory.mktemp("logs") / "collapsed.parquet"
+    run_cell(45.0, 3, "K2*=0.1@31").write_parquet(path)
+    return path
+
+
+def run(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
+    status = main(arguments)
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def test_a_faulty_log_is_reported_and_fails(faulty, capsys) -> None:
+    status, out, _ = run(["monitor", str(faulty)], capsys)
+    assert status == 1
+    assert "joint 1   failed" in out
+    assert (
+        "finding   voltage constant of joint 1, -40." in out or "finding   voltage constant of joint 1, -39." in out
+    )
+
+
+@pytest.mark.parametrize("method", ["default", "seed"])
+def test_json_says_the_same_to_programs(method: str, collapsed, capsys) -> None:
+    status, out, _ = run(["monitor", str(collapsed), "--method", method, "--json"], capsys)
+    report = json.loads(out)
+    assert status == 1
+    assert report["method"] == method
+    assert set(report["verdict"]["states"]) == {"joint 1", "joint 2", "joint 3", "gripper"}
+    assert "failed" in report["verdict"]["states"].values()
+    assert report["findings"]
+    assert report["real_time_factor"] > 1.0
+    if method == "default":
+        assert report["verdict"]["states"]["joint 2"] == "failed"
+        assert report["findings"][0]["cause"] == "voltage constant"
+        assert report["findings"][0]["size"] == pytest.approx(-0.9, abs=0.09)
+
+
+def test_a_healthy_log_passes(run_cell, tmp_path, capsys) -> None:
+    path = tmp_path / "healthy.parquet"
+    run_cell().write_parquet(path)
+    status, out, _ = run(["monitor", str(path)], capsys)
+    assert status == 0
+    assert "failed" not in out
+
+
+def test_a_recording_shows_what_the_monitor_made_of_it(faulty, tmp_path, capsys) -> None:
+    path = tmp_path / "monitor.rrd"
+    run(["monitor", str(faulty), "--record", str(path), "--json"], capsys)
+    content = path.read_bytes()
+    for entity in (
+        b"/monitor/angles/joint_1/predicted",
+        b"/monitor/residuals/joint_3",
+        b"/monitor/evidence/statistic",
+    ):
+        assert entity in content
+    for entity in (b"/monitor/verdicts/joint_1", b"/cell/verdicts/gripper", b"/monitor/findings"):
+        assert entity in content
+
+
+@pytest.mark.parametrize(
+    ("arguments", "match"),
+    [
+        (["monitor", "nowhere.parquet"], "nowhere.parquet"),
+        (["monitor", "LOG", "--model", "nobody"], "no model 'nobody'"),
+        (["monitor", "LOG", "--alarms-per-hour", "0"], "alarms_per_hour"),
+        (["monitor", "LOG", "--method", "seed", "--step", "0.003"], "step"),
+        (["monitor", "LOG", "--method", "seed", "--record", "x.rrd"], "--record"),
+        (["experiment", "faults", "--fault", "K9*=2"], "unknown fault target"),
+        (["experiment", "faults", "--runs", "0"], "--runs"),
+        (["experiment", "faults", "--hours", "-1"], "--hours"),
+        (["experiment", "failure", "--runs", "0"], "--runs"),
+        (["experiment", "stop", "--runs", "0"], "--runs"),
+        (["experiment", "stop", "--fault", "K9*=2"], "unknown fault target"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(arguments, match: str, faulty, tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    status, out, err = run([str(faulty) if a == "LOG" else a for a in arguments], capsys)
+    assert status == 2
+    assert out == ""
+    assert match in err
+    assert err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def outcome(fault: str, cause: str, joint: int, **values) -> Outcome:
+    defaults = {"latency_s": 0.1, "motion_latency_s": 0.1, "size": -0.19, "size_true": -0.2, "deviation": 0.004}
+    merged = {"detected": True, **defaults, **values}
+    return Outcome(
+        seed=0,
+        fault=fault,
+        method="default",
+        moving=True,
+        cause=cause,
+        joint=joint,
+        confidence=1.0,
+        named=(cause, joint) == true_cause(fault),
+        false_alarms=0,
+        hours=0.01,
+        **merged,
+    )
+
+
+def test_a_line_of_the_scorecard_counts_what_was_missed() -> None:
+    missed = {"latency_s": None, "motion_latency_s": None, "detected": False, "size": None}
+    line = summary(
+        "K2*=0.8",
+        [
+            outcome("K2*=0.8", "voltage constant", 2),
+            outcome("K2*=0.8", "friction", 2, motion_latency_s=3.0, latency_s=5.0),
+            outcome("K2*=0.8", "", 0, **missed),
+            outcome("K2*=0.8", "voltage constant", 2, size=-0.2),
+        ],
+    )
+    assert (line.runs, line.detected, line.in_motion, line.named) == (4, 0.75, 0.5, 0.5)
+    assert line.latency_median == 0.1
+    assert math.isinf(line.latency_95)
+    assert line.size_worst == pytest.approx(0.05)
+    assert line.covered == 0.5
+    card = Scorecard((outcome("slip", "payload differs", 0), outcome("lock3", "locked joint", 3)), ())
+    assert card.confusion() == {("gripper slip", "payload differs"): 1, ("locked joint 3", "locked joint 3"): 1}
+    assert label("", 0) == "not named"
+
+
+def test_equal_trials_have_equal_outcomes() -> None:
+    trial = Trial(3, "bias1+=0.02", noise=0.002, start=12.0)
+    assert run_trial(trial) == run_trial(trial)
+
+
+def test_the_thesis_monitor_watches_the_same_trials() -> None:
+    seen = run_trial(Trial(3, "K2*=0.1", "seed", noise=0.003, start=31.0, patience=12.0, motion=math.inf))
+    assert seen.detected
+    assert seen.latency_s is not None
+    assert 4.5 < seen.latency_s < 12.0
+    assert not seen.named
+
+
+def test_a_scorecard_is_written_as_a_page_with_a_chart(tmp_path) -> None:
+    card = faults_experiment(seeds=1, hours=0.01, faults=("cut1", "bias2+=0.02"), workers=1)
+    assert card.false_alarms == 0
+    assert card.hours > 0.01
+    text = report.faults_text(card)
+    page = report.write(tmp_path / "out", text, lambda figure: report.draw_faults(card, figure))
+    assert page.read_text() == f"{text}\n![chart]({report.CHART})\n"
+    assert max(map(len, re.findall(r"^\|.*\|$", text, re.M))) <= 80
+    assert "| `cut1` | 1 | 100 % |" in text
+    assert "| encoder bias 2 | 1 | 1 |  |" in text
+    assert "0 false alarms" in text
+    assert (tmp_path / "out" / report.CHART).read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,109 @@
+"""`dtwin simulate`, `optimise` and `history` as a user meets them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from dtwin.cli import main
+from dtwin.controller.embedded import ControlSettings
+from dtwin.run.cell import Cell, CellSettings
+from dtwin.simulation.history import Entry, History
+
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def answer(capsys: pytest.CaptureFixture[str], *words: str) -> Any:
+    assert main([*words, "--json"]) == 0
+    return msgspec.json.decode(capsys.readouterr().out)
+
+
+def test_simulate_compares_candidates(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "motions.png"
+    report = answer(
+        capsys,
+        *("simulate", "--goal", "0.15,0.28", "--target-time", "4", "--payload", "0.2"),
+        *("--candidate", "T=2", "--candidate", "D3=0.1", "--plot", str(picture)),
+    )
+    base, faster, rough = report["candidates"]
+    assert base["target"] == pytest.approx([1.8515, -0.5320, -1.3195], abs=2e-3)
+    assert faster["target_time"] == 2.0
+    assert faster["settling_time"] < base["settling_time"]
+    assert max(rough["tracking_max"]) > 3 * max(base["tracking_max"])
+    assert base["seconds"] < 0.05
+    assert picture.read_bytes().startswith(PNG)
+
+
+def test_simulate_predicts_what_was_measured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cell = Cell(CellSettings(duration=12.0, noise=0.001, control=ControlSettings(1.5)))
+    cell.run()
+    path = tmp_path / "run.parquet"
+    cell.log.freeze().write_parquet(path)
+    report = answer(capsys, "simulate", "--log", str(path), "--plot", str(tmp_path / "compared.png"))
+    assert report["measured"]["time"] == 0.0
+    assert min(report["measured"]["fit"]) > 0.99
+    assert report["candidates"][0]["target_time"] == 1.5
+    assert main(["simulate", "--log", str(path)]) == 0
+    assert "fit 0.99" in capsys.readouterr().out
+
+
+def test_optimise_saves_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    saved, picture = tmp_path / "best.json", tmp_path / "front.png"
+    report = answer(
+        capsys,
+        *("optimise", "--motion", "red:pickup", "--candidates", "120", "--processes", "1", "--noise", "0"),
+        *("--cost", "time=1", "--cost", "energy=0.5", "--save", str(saved), "--plot", str(picture)),
+    )
+    assert report["best"]["cost"] < 1.0
+    assert report["candidates"] == 120
+    assert report["motions_per_second"] > 0
+    content = msgspec.json.decode(saved.read_bytes())
+    assert content["target_time"] == report["best"]["target_time"]
+    assert content["gains"] == report["best"]["gains"]
+    assert picture.read_bytes().startswith(PNG)
+    costs = [(each["terms"]["time"], each["terms"]["tracking"]) for each in report["front"]]
+    assert costs == sorted(costs)
+
+
+def test_history_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    history = History(tmp_path / "h.jsonl")
+    history.append(Entry(1, 0.0, "start", "dtwin", "", "", ControlSettings(), "found in force"))
+    history.append(Entry(2, 7.5, "upload", "anna", "faster", "target", ControlSettings(1.5)))
+    report = answer(capsys, "history", "--file", str(history.path))
+    assert [entry["version"] for entry in report["entries"]] == [1, 2]
+    assert main(["history", "--file", str(history.path)]) == 0
+    text = capsys.readouterr().out
+    assert "upload target by anna: faster" in text
+    assert "T 1.5 s" in text
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["simulate", "--goal", "moon"], "unknown place 'moon'"),
+        (["simulate", "--goal", "3,3"], "the reach is"),
+        (["simulate", "--candidate", "speed=3"], "unknown name 'speed'"),
+        (["simulate", "--payload", "-1"], "payload: expected"),
+        (["simulate", "--set", "K9=1"], "unknown name 'K9'"),
+        (["simulate", "--model", "nobody"], "nobody"),
+        (["simulate", "--plot", "/nowhere/a.png"], "cannot be written"),
+        (["simulate", "--log", "/nowhere.parquet"], "cannot be read"),
+        (["optimise", "--cost", "speed=1"], "unknown term 'speed'"),
+        (["optimise", "--cost", "time=x"], "expected TERM=WEIGHT"),
+        (["optimise", "--motion", "red"], "expected FROM:TO"),
+        (["optimise", "--candidates", "3"], "candidates: expected at least 80"),
+        (["history", "--file", "/nowhere.jsonl"], "there is no history yet"),
+        (["demo", "recovery", "--runs", "0"], "--runs: expected at least 1"),
+        (["experiment", "accuracy", "--runs", "0"], "--runs: expected at least 1"),
+        (["upload", "target", "--why", "x", "--time", "1", "--cell", "nowhere"], "is not up on this machine"),
+    ],
+)
+def test_mistakes_are_one_line(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == 2
+    said = capsys.readouterr().err
+    assert message in said
+    assert said.startswith("dtwin: ")
+    assert said.count("\n") == 1

@@ -1,0 +1,44 @@
+"""Settings and the inputs of the blocks that they become."""
+
+from itertools import product
+
+import pytest
+
+from dtwin.controller.embedded import LAWS, MODEL, TUNING, ControlSettings
+from dtwin.errors import ParameterError
+from dtwin.parameters import ArmParameters, Gains, PayloadModel
+
+GAINS = Gains((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), (7.0, 8.0, 9.0))
+ARM = ArmParameters.from_vector((*(0.1 + k / 100 for k in range(18)), 0.0, 0.0, 0.0))
+SIDES: tuple[PayloadModel, ...] = ("point", "weight")
+
+
+@pytest.mark.parametrize(("law", "side"), list(product(LAWS, SIDES)))
+def test_inputs_are_the_settings(law: str, side: PayloadModel) -> None:
+    settings = ControlSettings(1.5, GAINS, LAWS[LAWS.index(law)], ARM, 0.19, side)
+    assert ControlSettings.from_inputs(settings.inputs()) == settings
+    assert settings.differing(settings) == set()
+
+
+def test_a_message_changes_its_inputs_and_no_others() -> None:
+    settings = ControlSettings(1.5, GAINS, "default", ARM, 0.19, "point")
+    inputs = ControlSettings().inputs()
+    tuned = ControlSettings.from_inputs(inputs | {name: settings.inputs()[name] for name in TUNING})
+    assert tuned.differing(ControlSettings()) == set(TUNING)
+    assert (tuned.gains, tuned.target_time) == (GAINS, 1.5)
+    modelled = ControlSettings.from_inputs(inputs | {name: settings.inputs()[name] for name in MODEL})
+    assert modelled.differing(ControlSettings()) == set(MODEL)
+    assert modelled.model == ARM
+
+
+def test_fifteen_digits_are_the_same_settings() -> None:
+    inputs = ControlSettings().inputs()
+    written = {name: float(f"{value:.15g}") for name, value in inputs.items()}
+    assert written != inputs
+    assert ControlSettings.from_inputs(written).differing(ControlSettings()) == set()
+
+
+@pytest.mark.parametrize(("name", "value"), [("CONTROLLER.LAW", 2), ("CONTROLLER.M1", -1.0), ("PLANNER.T", 0.0)])
+def test_blocks_may_have_what_no_settings_are(name: str, value: float) -> None:
+    with pytest.raises(ParameterError, match=f"got {value}"):
+        ControlSettings.from_inputs(ControlSettings().inputs() | {name: value})

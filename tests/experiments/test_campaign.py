@@ -1,0 +1,41 @@
+import numpy as np
+import pytest
+
+from dtwin.experiments.identification.campaign import run_trials
+from dtwin.experiments.identification.experiments import FREE, mass_experiment, noise_experiment
+from dtwin.experiments.identification.report import CHART, Page, write_report
+
+
+def test_the_number_of_processes_does_not_change_the_outcome():
+    alone = noise_experiment(3, (0.002, 0.010), workers=1)
+    spread = noise_experiment(3, (0.002, 0.010), workers=2)
+    assert [group.outcomes for group in alone] == [group.outcomes for group in spread]
+    for group in alone:
+        assert all(o.converged and o.second_converged and o.white for o in group.outcomes)
+        assert {o.values["K1"] for o in group.outcomes} != {group.truth["K1"]}
+    assert alone[1].bounds["K1"] == pytest.approx(5 * alone[0].bounds["K1"])
+    assert run_trials([]) == []
+
+
+def test_a_wrong_load_scales_all_forces():
+    """10 g too few taken for 200 g: K and D come out too large by 200/190."""
+    heavy = mass_experiment(2, workers=1)[0]
+    assert heavy.label == "190 g"
+    for name in ("K1", "K2", "K3", "D1", "D2", "D3"):
+        assert heavy.errors(name).mean() / heavy.truth[name] == pytest.approx(10 / 190, abs=0.005)
+
+
+def test_a_refusal_is_reported_and_the_report_is_whole(tmp_path):
+    # Noise that drowns the motion: nothing is identified, and the page says why.
+    groups = noise_experiment(2, (0.005, 2.0), workers=1)
+    assert all(outcome.values is None for outcome in groups[1].outcomes)
+    assert "no motion" in groups[1].outcomes[0].reason or "diverged" in groups[1].outcomes[0].reason
+    page = Page("A title", "The setup.", "Found before.", "The conclusion.")
+    path = write_report(page, groups, tmp_path / "new" / "folder")
+    text = path.read_text()
+    for part in ("# A title", "The setup.", "Found before.", "The conclusion.", f"]({CHART})", "- refused: "):
+        assert part in text
+    assert text.count("\n| K1 |") == 1
+    assert (path.parent / CHART).read_bytes().startswith(b"\x89PNG")
+    assert len(groups[0].truth) == len(FREE)
+    assert np.isnan(groups[1].root_mean_square("K1"))

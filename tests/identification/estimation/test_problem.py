@@ -1,0 +1,116 @@
+import numpy as np
+import pytest
+
+from dtwin.errors import ParameterError
+from dtwin.identification.data import Experiment, Start, fingerprint, from_log
+from dtwin.identification.estimation.problem import Prior, Problem, initial_speed
+from dtwin.identification.excitation.rig import Rig
+from dtwin.identification.excitation.signal import Plan
+from tests.support.identification import ARM, BLOCKS
+
+UNKNOWN = Rig(noise=0.01).measure(
+    Plan(payload=0.1, start=Start(known=False), samples=60), BLOCKS, np.random.default_rng(0)
+)
+KNOWN = Plan(payload=0.2, samples=50).experiment()
+WEIGHTS = [np.array([1.0, 2.0, 3.0]), np.linspace(1, 2, 150).reshape(50, 3)]
+
+
+def two_runs():
+    return Problem(
+        (UNKNOWN, KNOWN), ("K2", "m1", "I3", "mu1"), ARM, priors={"m1": Prior(0.12, 0.01), "mu1": Prior(0.01, 0.01)}
+    )
+
+
+def test_unknowns_are_named():
+    names = two_runs().names
+    assert names[:7] == ("K2", "m1", "I3", "mu1", "offset1", "offset2", "offset3")
+    assert names[7:] == tuple(f"{kind}{joint}@1" for kind in ("theta", "omega") for joint in (1, 2, 3))
+
+
+def test_derivatives_of_the_sum_of_squares():
+    problem = two_runs()
+    x = problem.start() + 0.01 * np.random.default_rng(0).standard_normal(13)
+    x[3] = 0.7
+    normal = problem.normal(x, WEIGHTS)
+    assert normal is not None
+    assert normal.cost == pytest.approx(problem.cost(x, WEIGHTS), rel=1e-12)
+    assert normal.residuals == 3 * 110
+    for k in range(len(x)):
+        h = 1e-4
+        ahead, behind = x.copy(), x.copy()
+        ahead[k] += h
+        behind[k] -= h
+        slope = (problem.cost(ahead, WEIGHTS) - problem.cost(behind, WEIGHTS)) / (2 * h)
+        assert 2 * normal.gradient[k] == pytest.approx(slope, rel=1e-4, abs=1e-5 * normal.cost), problem.names[k]
+
+
+def test_sensitivity_is_the_information_left_after_the_initial_state():
+    problem = two_runs()
+    x = problem.start()
+    normal = problem.normal(x, WEIGHTS)
+    assert normal is not None
+    H, shared = normal.hessian, len(problem.shared)
+    schur = H[:shared, :shared] - H[:shared, shared:] @ np.linalg.solve(H[shared:, shared:], H[shared:, :shared])
+    matrix = problem.sensitivity(x, WEIGHTS)
+    assert matrix.T @ matrix == pytest.approx(schur, rel=1e-5, abs=1e-7 * np.abs(schur).max())
+
+
+def test_diverging_parameters_cost_infinitely():
+    problem = Problem((KNOWN,), ("D1",), ARM)
+    wild = np.array([1e5, 0.0, 0.0, 0.0])
+    assert problem.cost(wild, [np.ones(3)]) == np.inf
+    assert problem.normal(wild, [np.ones(3)]) is None
+
+
+def test_initial_speed_of_a_parabola_is_exact():
+    time = 0.01 * np.arange(40)
+    angles = np.column_stack([0.1 + 2.0 * time - 3.0 * time**2, -time, 0.5 + 0.0 * time])
+    assert initial_speed(Experiment(angles, 0 * angles)) == pytest.approx([2.0, -1.0, 0.0], abs=1e-9)
+
+
+def test_fingerprint_tells_every_difference():
+    base = Experiment(KNOWN.measured, KNOWN.volts, 0.2, KNOWN.start)
+    others = [
+        Experiment(KNOWN.measured + 1e-15, KNOWN.volts, 0.2, KNOWN.start),
+        Experiment(KNOWN.measured, -KNOWN.volts, 0.2, KNOWN.start),
+        Experiment(KNOWN.measured, KNOWN.volts, 0.21, KNOWN.start),
+        Experiment(KNOWN.measured, KNOWN.volts, 0.2),
+        Experiment(KNOWN.measured, KNOWN.volts, 0.2, KNOWN.start, payload_model="weight"),
+    ]
+    assert len({base.fingerprint, *(other.fingerprint for other in others)}) == 6
+    assert fingerprint([base, others[0]]) != fingerprint([others[0], base])
+    assert base.fingerprint == Experiment(KNOWN.measured, KNOWN.volts, 0.2, KNOWN.start).fingerprint
+
+
+def test_shapes_are_checked():
+    with pytest.raises(ParameterError, match=r"measured: expected shape \(N, 3\), got \(4, 2\)"):
+        Experiment(np.zeros((4, 2)), np.zeros((4, 2)))
+    with pytest.raises(ParameterError, match="as many measured angles as volts"):
+        Experiment(np.zeros((4, 3)), np.zeros((5, 3)))
+    with pytest.raises(ParameterError, match="payload: expected at least 0 kg"):
+        Experiment(np.zeros((4, 3)), np.zeros((4, 3)), -1.0)
+    with pytest.raises(ParameterError, match="expected at least one experiment"):
+        Problem((), ("K1",))
+
+
+def test_a_log_becomes_segments():
+    from dtwin.run.cell import Cell, CellSettings
+
+    cell = Cell(CellSettings(duration=15.05, seed=1))
+    cell.run()
+    log = cell.log.freeze()
+    segments = from_log(log)
+    assert [len(segment) for segment in segments[:-1]] == [100] * 14
+    assert sum(map(len, segments)) == 1500
+    loads = np.concatenate([segment.payload for segment in segments])
+    assert loads.max() > 0.19
+    # What the twin predicts over a segment from its true start is what the emulation did, grips included.
+    theta, omega = log.stack("theta"), log.stack("omega")
+    for number, segment in enumerate(segments[:-1]):
+        first = 100 * number
+        start = Start(tuple(theta[first]), tuple(omega[first]))
+        exact = Experiment(segment.measured, segment.volts, segment.payload, start)
+        problem = Problem((exact,), (), ARM, offsets=False)
+        assert np.abs(problem.simulate(problem.start())[0] - theta[first : first + 100]).max() < 1e-9
+    assumed = from_log(log, 0.3)
+    assert np.concatenate([segment.payload for segment in assumed]).max() == 0.3

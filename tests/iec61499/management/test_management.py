@@ -1,0 +1,217 @@
+"""Management requests, responses and boot files: the text both sides exchange, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import get_args
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dtwin.errors import CommunicationError, FunctionBlockError
+from dtwin.iec61499.management.bootfile import Command, load_boot_file, parse_boot_file, print_boot_file
+from dtwin.iec61499.management.protocol import (
+    Action,
+    Block,
+    Link,
+    ManagementError,
+    Reason,
+    Request,
+    Response,
+    Subject,
+    Type,
+    Watch,
+    parse_request,
+    parse_response,
+    request_id,
+)
+
+# what XML 1.0 can carry in an attribute unchanged: no control characters, no surrogates
+printable = st.text(st.characters(exclude_categories=["Cs", "Cc", "Cn"]), max_size=20)
+names = st.from_regex(r"[A-Za-z_][A-Za-z0-9_.]{0,10}", fullmatch=True)
+subjects: st.SearchStrategy[Subject] = st.one_of(
+    st.builds(Block, names, names),
+    st.builds(Link, printable, names),
+    st.builds(Type, names, printable.map(str.strip)),
+    st.builds(Watch, names | st.just("")),
+)
+
+
+@given(st.builds(Request, names, st.sampled_from(get_args(Action)), subjects))
+def test_a_printed_request_reads_back(request_: Request) -> None:
+    assert parse_request(request_.xml()) == request_
+
+
+@pytest.mark.parametrize(
+    ("request_", "text"),
+    [
+        (
+            Request("1", "CREATE", Block("R", "EMB_RES")),
+            '<Request ID="1" Action="CREATE"><FB Name="R" Type="EMB_RES" /></Request>',
+        ),
+        (
+            Request("2", "WRITE", Link("'a<b'", "S.ID")),
+            '<Request ID="2" Action="WRITE"><Connection Source="&apos;a&lt;b&apos;" Destination="S.ID" /></Request>',
+        ),
+        (
+            Request("3", "CREATE", Type("X", "a > b")),
+            '<Request ID="3" Action="CREATE"><FBType Name="X">a &gt; b</FBType></Request>',
+        ),
+        (Request("4", "START"), '<Request ID="4" Action="START"/>'),
+        (
+            Request("5", "CREATE", Watch("A.X")),
+            '<Request ID="5" Action="CREATE"><Watch Source="A.X" Destination="*" /></Request>',
+        ),
+        (Request("6", "READ", Watch()), '<Request ID="6" Action="READ"><Watches/></Request>'),
+    ],
+)
+def test_requests_look_as_4diac_writes_them(request_: Request, text: str) -> None:
+    assert request_.xml() == text
+
+
+@pytest.mark.parametrize("reason", get_args(Reason))
+def test_every_reason_reads_back(reason: Reason) -> None:
+    assert parse_response(Response("7", reason).xml()) == Response("7", reason)
+
+
+@pytest.mark.parametrize(
+    "response",
+    [
+        Response("1"),
+        Response("1", value="it's <3"),
+        Response("1", blocks=(Block("START", "E_RESTART"), Block("A", "E_SR"))),
+        Response("1", links=(Link("A.EO", "B.EI"),)),
+        Response("1", names=("E_SR", "F_ADD")),
+        Response("1", watches={}),
+        Response("1", watches={"A.B.X": "1.5", "A.Y": "it's <3"}),
+    ],
+)
+def test_every_response_reads_back(response: Response) -> None:
+    assert parse_response(response.xml()) == response
+
+
+@pytest.mark.parametrize(
+    ("text", "response"),
+    [
+        ('<Response ID="1" />', Response("1")),
+        ('<Response ID="3">\n  \n</Response>', Response("3")),
+        ('<Response ID="4" Reason="BAD_PARAMS">\n  \n</Response>', Response("4", "BAD_PARAMS")),
+        (
+            '<Response ID="5">\n  <Connection Source="D.D" Destination="T#1.500ms" />\n</Response>',
+            Response("5", value="T#1.500ms"),
+        ),
+        (
+            '<Response ID="6">\n  <FBList>\n    <FB name="R" type="EMB_RES"/>\n  </FBList>\n</Response>',
+            Response("6", blocks=(Block("R", "EMB_RES"),)),
+        ),
+        (
+            '<Response ID="9">\n  <Watches>\n    <Resource name="R"><FB name="P.Q"><Port name="X"><Data value="0.5" '
+            'forced="false"/></Port><Port name="Y"><Data value="TRUE" forced="false"/></Port></FB></Resource>\n  '
+            "</Watches>\n</Response>",
+            Response("9", watches={"P.Q.X": "0.5", "P.Q.Y": "TRUE"}),
+        ),
+        ('<Response ID="9">\n  <Watches>\n    \n  </Watches>\n</Response>', Response("9", watches={})),
+    ],
+)
+def test_responses_of_a_forte(text: str, response: Response) -> None:
+    assert parse_response(text) == response
+
+
+ENTITIES = '<!DOCTYPE Request [<!ENTITY a "b">%s]><Request ID="1" Action="START">&a;</Request>'
+LAUGHS = "".join(f'<!ENTITY a{i + 1} "{f"&a{i};" * 10}">' for i in range(9)).replace("&a0;", "&a;")
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "INVALID_OBJECT"),
+        ("<Request", "INVALID_OBJECT"),
+        ("\0\0\0", "INVALID_OBJECT"),
+        ('<Reques ID="1" Action="START"/>', "UNSUPPORTED_CMD"),
+        ('<Request ID="1" Action="EXPLODE"/>', "UNSUPPORTED_CMD"),
+        ('<Request ID="1" Action="CREATE"/>', "INVALID_OBJECT"),
+        ('<Request ID="1" Action="CREATE"><Foo/></Request>', "INVALID_OBJECT"),
+        ('<Request ID="1" Action="START"><FB/><FB/></Request>', "INVALID_OBJECT"),
+        ('<Request ID="1" Action="START">' + "<FB>" * 100 + "</FB>" * 100 + "</Request>", "INVALID_OBJECT"),
+        (ENTITIES % "", "INVALID_OBJECT"),
+        (ENTITIES % LAUGHS, "INVALID_OBJECT"),
+        (ENTITIES % '<!ENTITY f SYSTEM "file:///etc/passwd">', "INVALID_OBJECT"),
+        ('<!DOCTYPE Request [<!ENTITY a "b">]><Request ID="&a;" Action="START"/>', "INVALID_OBJECT"),
+        ('<!DOCTYPE Request SYSTEM "http://localhost:1/x.dtd"><Request ID="1" Action="START"/>', None),
+    ],
+)
+def test_bad_requests_have_the_reason_a_forte_gives(text: str, reason: str | None) -> None:
+    if reason is None:
+        # an external subset is never loaded: what remains is the request
+        assert parse_request(text) == Request("1", "START")
+        return
+    with pytest.raises(ManagementError) as caught:
+        parse_request(text)
+    assert caught.value.reason == reason
+    assert "\n" not in str(caught.value)
+
+
+@given(st.text(max_size=60))
+def test_arbitrary_text_is_a_request_or_a_named_error(text: str) -> None:
+    for parse, error in ((parse_request, ManagementError), (parse_response, CommunicationError)):
+        with pytest.raises(error):
+            parse(text.replace("Re", ""))
+    assert len(request_id(text)) <= 100
+
+
+@pytest.mark.parametrize(
+    "text", ["", "<x/>", '<Response ID="1" Reason="MOOD"/>', '<!DOCTYPE a [<!ENTITY b "c">]><Response ID="&b;"/>']
+)
+def test_bad_responses(text: str) -> None:
+    with pytest.raises(CommunicationError):
+        parse_response(text)
+
+
+def test_the_id_of_a_broken_request_is_found() -> None:
+    assert request_id('<Request ID="12" Action="EXPLODE"') == "12"
+    assert request_id("<Request ID=12>") == ""
+
+
+BOOT = """;<Request ID="1" Action="CREATE"><FB Name="R" Type="EMB_RES" /></Request>
+R;<Request ID="2" Action="CREATE"><FBType Name="X">line one
+line two</FBType></Request>
+
+R;<Request ID="3" Action="START"/>
+"""
+
+
+def test_a_boot_file_reads_and_prints() -> None:
+    commands = parse_boot_file(BOOT)
+    assert [(command.resource, command.line) for command in commands] == [("", 1), ("R", 2), ("R", 5)]
+    assert commands[1].request.subject == Type("X", "line one\nline two")
+    assert parse_boot_file(BOOT.replace("\n", "\r\n"))[2].request == Request("3", "START")
+    assert print_boot_file(commands) == BOOT.replace("\n\n", "\n")
+
+
+@given(st.lists(st.builds(Command, names, st.builds(Request, names, st.sampled_from(get_args(Action)), subjects))))
+def test_printed_boot_files_read_back(commands: list[Command]) -> None:
+    read = parse_boot_file(print_boot_file(commands))
+    assert [(c.resource, c.request) for c in read] == [(c.resource, c.request) for c in commands]
+
+
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        ('<Request ID="1" Action="START"/>', r"^app\.fboot:2: expected RESOURCE;<Request"),
+        ('R;<Request ID="1" Action="GO"/>', r"^app\.fboot:2: expected <Request> with the Action CREATE, .* 'GO'$"),
+        ('R;<Request ID="1"', r"^app\.fboot:2: .*not well-formed"),
+    ],
+)
+def test_errors_in_boot_files_name_the_line(line: str, complaint: str) -> None:
+    with pytest.raises(FunctionBlockError, match=complaint):
+        parse_boot_file(BOOT.splitlines()[0] + "\n" + line + "\n", "app.fboot")
+
+
+def test_unreadable_boot_files(tmp_path: Path) -> None:
+    with pytest.raises(FunctionBlockError, match=r"missing\.fboot: cannot be read: No such file"):
+        load_boot_file(tmp_path / "missing.fboot")
+    binary = tmp_path / "binary.fboot"
+    binary.write_bytes(b"\xff\xfe")
+    with pytest.raises(FunctionBlockError, match=r"binary\.fboot: is not UTF-8 at byte 0"):
+        load_boot_file(binary)

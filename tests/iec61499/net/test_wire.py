@@ -1,0 +1,241 @@
+"""The wire format: golden bytes, every split and join, and what is refused."""
+
+from __future__ import annotations
+
+import math
+import random
+import struct
+import time
+import tracemalloc
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dtwin.errors import CommunicationError
+from dtwin.iec61499.net.wire import FIXED, MessageReader, Signature
+from dtwin.iec61499.types import ELEMENTARY, LTIME, ArrayType, DataType, ElementaryType, elementary
+
+ENCODABLE = [kind for kind in ELEMENTARY.values() if kind != LTIME]
+
+
+def signature(*names: str, **options: int) -> Signature:
+    return Signature([elementary(name) for name in names], **options)
+
+
+def trickle(reader: MessageReader, data: bytes) -> list[list[Any]]:
+    return [reader.feed(data[i : i + 1]) for i in range(len(data))]
+
+
+def values_of(kind: DataType) -> st.SearchStrategy[Any]:
+    if isinstance(kind, ArrayType):
+        return st.lists(values_of(kind.element), min_size=kind.length, max_size=kind.length)
+    if kind.kind == "bool":
+        return st.booleans()
+    if kind.kind == "real":
+        return st.floats(allow_nan=False, width=32 if kind.bits == 32 else 64)
+    if kind.name == "STRING":
+        return st.text(st.characters(max_codepoint=255), max_size=40)
+    if kind.name == "WSTRING":
+        return st.text(st.characters(exclude_categories=["Cs"]), max_size=40)
+    if kind.kind == "time":
+        return st.integers(kind.minimum // 1000, kind.maximum // 1000).map(lambda us: us * 1000)
+    return st.integers(kind.minimum, kind.maximum)
+
+
+elements = st.sampled_from(ENCODABLE)
+kinds = st.one_of(elements, st.builds(lambda kind, n: ArrayType(kind, 1, n), elements, st.integers(1, 4)))
+messages = st.lists(kinds, max_size=6).flatmap(
+    lambda types: st.tuples(st.just(types), st.tuples(*[values_of(kind) for kind in types]))
+)
+
+
+@pytest.mark.parametrize(
+    ("names", "values", "encoded"),
+    [
+        ([], (), "05"),
+        (["BOOL", "BOOL"], (False, True), "4041"),
+        (["SINT", "INT", "DINT"], (-1, 258, -2), "42ff 430102 44fffffffe"),
+        (["LINT", "USINT", "UINT"], (1, 255, 65535), "450000000000000001 46ff 47ffff"),
+        (["UDINT", "ULINT"], (1, 2**64 - 1), "4800000001 49ffffffffffffffff"),
+        (["REAL", "LREAL"], (1.5, -2.0), "4a3fc00000 4bc000000000000000"),
+        (["TIME"], (10_000_000,), "4c0000000000002710"),
+        (["BYTE", "WORD", "DWORD", "LWORD"], (1, 2, 3, 4), "5101 520002 5300000003 540000000000000004"),
+        (["STRING", "STRING"], ("", "blue"), "500000 500004626c7565"),
+        (["STRING"], ("é",), "500001e9"),
+        (["WSTRING"], ("é😀",), "55000300e9d83dde00"),
+    ],
+)
+def test_encoding_is_the_compliance_profiles(names: list[str], values: tuple[Any, ...], encoded: str) -> None:
+    codec = signature(*names)
+    assert codec.encode(values) == bytes.fromhex(encoded)
+    assert codec.decode(bytes.fromhex(encoded)) == values
+
+
+@pytest.mark.parametrize(
+    ("element", "value", "encoded"),
+    [
+        ("INT", [1, -1], "760002 43 0001 ffff"),
+        ("BOOL", [True, False], "760002 41 40"),
+        ("STRING", ["a", "bc"], "760002 50 000161 00026263"),
+        ("TIME", [1000, 2000], "760002 4c 0000000000000001 0000000000000002"),
+    ],
+)
+def test_arrays_send_the_element_tag_once_except_for_bool(element: str, value: list[Any], encoded: str) -> None:
+    codec = Signature([ArrayType(elementary(element), 0, 1)])
+    assert codec.encode([value]) == bytes.fromhex(encoded)
+    assert codec.decode(bytes.fromhex(encoded)) == (value,)
+
+
+@pytest.mark.parametrize(("nanoseconds", "microseconds"), [(1_999, 1), (-1_999, -1), (0, 0)])
+def test_time_is_cut_towards_zero_to_microseconds(nanoseconds: int, microseconds: int) -> None:
+    assert signature("TIME").encode([nanoseconds])[1:] == struct.pack(">q", microseconds)
+
+
+def test_nan_and_infinity_pass() -> None:
+    codec = signature("LREAL", "REAL")
+    values = codec.decode(codec.encode([math.nan, -math.inf]))
+    assert math.isnan(values[0])
+    assert values[1] == -math.inf
+
+
+@given(messages, st.data())
+def test_any_split_or_join_gives_the_same_messages(
+    message: tuple[list[DataType], tuple[Any, ...]], data: st.DataObject
+) -> None:
+    types, values = message
+    codec = Signature(types)
+    stream = codec.encode(values) * 3
+    cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=8)))
+    reader = MessageReader(codec)
+    received = []
+    for begin, end in zip([0, *cuts], [*cuts, len(stream)], strict=True):
+        received += reader.feed(stream[begin:end])
+    assert received == [values] * 3
+    assert reader.idle
+
+
+@given(messages)
+def test_bytes_may_come_one_by_one(message: tuple[list[DataType], tuple[Any, ...]]) -> None:
+    types, values = message
+    codec = Signature(types)
+    stream = codec.encode(values)
+    assert trickle(MessageReader(codec), stream) == [[]] * (len(stream) - 1) + [[values]]
+
+
+@given(st.lists(elements, max_size=5), st.lists(st.binary(max_size=30), max_size=5))
+def test_arbitrary_bytes_give_messages_or_a_named_error(types: list[ElementaryType], chunks: list[bytes]) -> None:
+    reader = MessageReader(Signature(types, string_limit=100))
+    try:
+        for chunk in chunks:
+            reader.feed(chunk)
+    except CommunicationError as error:
+        assert str(error).startswith("byte ")  # noqa: PT017 (either outcome is right)
+
+
+@pytest.mark.parametrize(
+    ("names", "encoded", "complaint"),
+    [
+        (["LREAL"], "50", "byte 0: expected tag 0x4B (LREAL), got 0x50 (STRING)"),
+        (["BOOL", "LREAL"], "41 4a00", "byte 1: expected tag 0x4B (LREAL), got 0x4A (REAL)"),
+        (["BOOL"], "4b", "byte 0: expected tag 0x40 or 0x41 (BOOL), got 0x4B (LREAL)"),
+        (["BOOL"], "00", "byte 0: expected tag 0x40 or 0x41 (BOOL), got 0x00"),
+        (["STRING"], "55", "byte 0: expected tag 0x50 (STRING), got 0x55 (WSTRING)"),
+        (["STRING"], "500065", "byte 1: STRING of length 101, expected at most 100"),
+        (["WSTRING"], "550001d800", "byte 3: expected WSTRING in UTF-16-BE, got other bytes"),
+        ([], "41", "byte 0: expected tag 0x05 (null), got 0x41 (BOOL)"),
+    ],
+)
+def test_errors_name_offset_and_tags(names: list[str], encoded: str, complaint: str) -> None:
+    codec = signature(*names, string_limit=100)
+    data = bytes.fromhex(encoded)
+    with pytest.raises(CommunicationError) as whole:
+        codec.decode(data)
+    assert str(whole.value) == complaint
+    with pytest.raises(CommunicationError) as piecewise:
+        trickle(MessageReader(codec), data)
+    assert str(piecewise.value) == complaint
+
+
+def test_array_length_and_element_tag_are_checked() -> None:
+    codec = Signature([ArrayType(elementary("INT"), 1, 2)])
+    with pytest.raises(CommunicationError, match="byte 1: ARRAY of 3 elements, expected 2"):
+        codec.decode(bytes.fromhex("760003"))
+    with pytest.raises(CommunicationError, match=r"byte 3: expected tag 0x43 \(INT\), got 0x44 \(DINT\)"):
+        codec.decode(bytes.fromhex("76000244"))
+
+
+def test_offset_counts_from_the_start_of_the_message_across_pieces() -> None:
+    reader = MessageReader(signature("BOOL", "INT", "LREAL"))
+    assert reader.feed(bytes.fromhex("41 430001")) == []
+    with pytest.raises(CommunicationError, match="byte 4: expected tag 0x4B"):
+        reader.feed(b"\x00")
+
+
+@pytest.mark.parametrize("cut", range(1, 5))
+def test_a_datagram_must_hold_exactly_one_message(cut: int) -> None:
+    codec = signature("INT", "BOOL")
+    whole = codec.encode([7, True])
+    if cut < len(whole):
+        with pytest.raises(CommunicationError, match=f"message ends at byte {cut}"):
+            codec.decode(whole[:cut])
+    with pytest.raises(CommunicationError, match="1 bytes follow"):
+        codec.decode(whole + b"\x00")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("INT", 40000), ("UINT", -1), ("LREAL", "x"), ("STRING", "€"), ("STRING", "x" * 65536), ("REAL", 1e300)],
+)
+def test_unfit_values_are_named(name: str, value: Any) -> None:
+    with pytest.raises(CommunicationError, match=f"value 2 to send: .* is no {name}"):
+        signature("BOOL", name).encode([True, value])
+
+
+def test_wrong_number_of_values() -> None:
+    with pytest.raises(CommunicationError, match="expected 2 values to send, got 1"):
+        signature("BOOL", "BOOL").encode([True])
+
+
+def test_types_without_encoding() -> None:
+    for kind in (LTIME, ArrayType(LTIME, 0, 1), ArrayType(ArrayType(elementary("INT"), 0, 1), 0, 1)):
+        with pytest.raises(CommunicationError, match="no encoding"):
+            Signature([kind])
+
+
+def test_memory_of_an_unfinished_message_is_bounded() -> None:
+    """The largest messages the signature allows arrive slowly: no more than one is kept."""
+    limit = 10_000
+    codec = signature("STRING", "STRING", string_limit=limit)
+    reader = MessageReader(codec)
+    rng = random.Random(1)
+    stream = codec.encode(["a" * limit, "b" * limit]) * 20
+    at = 0
+    tracemalloc.start()
+    while at < len(stream):
+        step = rng.randrange(1, 4000)
+        reader.feed(stream[at : at + step])
+        at += step
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 10 * limit
+    assert reader.idle
+
+
+def test_a_control_message_costs_microseconds() -> None:
+    codec = signature(*["LREAL"] * 5, "BOOL", "STRING")
+    values = (1.0, 2.0, 3.0, 4.0, 5.0, True, "green")
+    reader = MessageReader(codec)
+    rounds = []
+    for _ in range(30):
+        begin = time.perf_counter()
+        for _ in range(100):
+            reader.feed(codec.encode(values))
+        rounds.append((time.perf_counter() - begin) / 100)
+    assert sorted(rounds)[len(rounds) // 2] < 20e-6
+
+
+def test_every_fixed_type_is_as_wide_as_its_values() -> None:
+    for name, (_, letter) in FIXED.items():
+        assert struct.calcsize(f">{letter}") * 8 == elementary(name).bits

@@ -1,0 +1,93 @@
+"""The closed loop on real physics: boxes, tracking, determinism, faults."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dtwin.controller.embedded import ControlSettings
+from dtwin.emulation import parse_fault
+from dtwin.errors import DivergenceError, ParameterError
+from dtwin.run.cell import Cell, CellSettings, Summary
+from dtwin.run.loop import tick_count
+from dtwin.run.recording import Log
+
+
+def run(settings: CellSettings) -> tuple[Log, Summary]:
+    cell = Cell(settings)
+    cell.run()
+    log = cell.log.freeze()
+    return log, cell.summary(log)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(("noise", "placement_mm"), [(0.0, 1.0), (0.005, 10.0)])
+def test_every_picked_box_is_delivered(seed: int, noise: float, placement_mm: float) -> None:
+    _, summary = run(CellSettings(duration=600.0, seed=seed, noise=noise))
+    boxes = summary.boxes
+    assert boxes.picked > 20
+    assert boxes.misplaced == 0
+    assert boxes.delivered == boxes.picked - boxes.held_at_end
+    assert boxes.held_at_end <= 1
+    assert "grip_missed" not in summary.events
+    assert summary.placement_error_mm.max <= placement_mm
+    if noise == 0.0:
+        assert summary.saturated_ticks == 0
+
+
+def test_equal_seeds_give_equal_bytes(tmp_path) -> None:
+    settings = CellSettings(duration=60.0, seed=5, noise=0.002, faults=(parse_fault("K2*=0.9@30"),))
+    files = [tmp_path / "a.parquet", tmp_path / "b.parquet", tmp_path / "c.parquet"]
+    for path, chosen in zip(files, (settings, settings, replace(settings, seed=6)), strict=True):
+        run(chosen)[0].write_parquet(path)
+    first, second, other = (path.read_bytes() for path in files)
+    assert first == second
+    assert first != other
+
+
+def test_noise_changes_no_box() -> None:
+    quiet, noisy = (run(CellSettings(duration=60.0, seed=8, noise=noise))[1] for noise in (0.0, 0.003))
+    assert quiet.boxes.arrived == noisy.boxes.arrived > 0
+
+
+def test_a_weak_motor_tracks_worse() -> None:
+    settings = CellSettings(duration=30.0, seed=1)
+    _, healthy = run(settings)
+    _, weak = run(replace(settings, faults=(parse_fault("K1*=0.7@0"),)))
+    assert weak.tracking_error_rad.max[0] > 3 * healthy.tracking_error_rad.max[0]
+
+
+def test_target_time_sets_the_speed_of_motion() -> None:
+    fast, slow = (
+        np.abs(run(CellSettings(duration=10.0, control=ControlSettings(target_time=t)))[0].stack("omega")).max()
+        for t in (1.0, 4.0)
+    )
+    assert 3.0 < fast / slow < 5.0  # a cubic path's peak velocity is 1.5 d / T
+
+
+def test_the_row_sum_law_sorts_boxes_too() -> None:
+    control = ControlSettings(law="seed")
+    _, summary = run(CellSettings(duration=120.0, seed=1, control=control))
+    assert summary.boxes.delivered >= 5
+    assert summary.boxes.misplaced == summary.saturated_ticks == 0
+
+
+def test_the_run_ends_between_two_ticks_when_asked() -> None:
+    cell = Cell(CellSettings(duration=60.0))
+    cell.run(lambda done: done < 300)
+    assert len(cell.log) == 300
+
+
+def test_divergence_keeps_what_was_recorded() -> None:
+    cell = Cell(CellSettings(duration=10.0, faults=(parse_fault("D1*=1e9@2"),)))
+    with pytest.raises(DivergenceError, match=r"t = 2\.\d+ s"):
+        cell.run()
+    log = cell.log.freeze()
+    assert len(log) >= 200
+    assert np.isfinite(log.stack("theta")).all()
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, float("nan"), float("inf"), 0.004])
+def test_impossible_durations(duration: float) -> None:
+    with pytest.raises(ParameterError, match="duration"):
+        tick_count(duration)

@@ -1,0 +1,110 @@
+"""Rows of the log from streams that come in any order between each other."""
+
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dtwin.bus.messages import Path
+from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
+from services.parts.rows import EARLY_LIMIT, PATIENCE, Rows
+
+COUNT = 12
+
+
+def sample(k: int) -> Sensors:
+    return Sensors(k, 0.01 * k, (float(k), 0.0, 0.0), 0.9, False, "")
+
+
+def truth(k: int) -> Truth:
+    return Truth(0.01 * k, (float(k), 0.0, 0.0), (0.0, 0.0, 0.0), 0.9, 0.0)
+
+
+def command(k: int, volt: float = 1.0) -> Voltages:
+    return Voltages(k, 0.01 * k, (volt, 0.0, 0.0, 0.0), False)
+
+
+def path(k: int) -> Path:
+    return Path(k, 0.01 * k, (float(k), 0.0, 0.0))
+
+
+class Collected:
+    """Rows, what they emitted, and how often a run began anew."""
+
+    def __init__(self, paths: bool = True) -> None:
+        self.records: list[StepRecord] = []
+        self.restarts = 0
+        self.rows = Rows(self.records.append, self._restarted, paths)
+
+    def _restarted(self) -> None:
+        self.restarts += 1
+
+    def tick(self, k: int, now: float = 0.0) -> None:
+        self.rows.sensors(sample(k), now)
+        self.rows.truth(truth(k), now)
+
+
+@given(st.permutations(sorted(["emulator", "command", "path"] * COUNT)))
+def test_any_interleaving_of_the_senders_gives_the_same_rows(order: list[str]) -> None:
+    collected = Collected()
+    done = dict.fromkeys(order, 0)
+    for sender in order:
+        k = done[sender]
+        done[sender] += 1
+        if sender == "emulator":
+            collected.tick(k)
+        else:
+            collected.rows.answer(command(k) if sender == "command" else path(k), 0.0)
+    assert collected.records == [StepRecord(truth(k), sample(k), path(k).theta, command(k)) for k in range(COUNT)]
+    assert collected.rows.late == 0
+
+
+def test_a_row_waits_only_so_long_and_then_shows_what_held() -> None:
+    collected = Collected()
+    collected.tick(0)
+    for answer in (command(0), path(0)):
+        collected.rows.answer(answer, 0.0)
+    collected.tick(1, 1.0)
+    collected.tick(2, 1.5)
+    assert len(collected.records) == 1
+    collected.tick(3, 1.1 + PATIENCE)
+    late = collected.records[1]
+    assert late.voltages.volts == command(0).volts
+    assert all(map(math.isnan, late.target))
+    assert collected.rows.late == 1
+
+
+def test_without_a_command_a_safe_arm_has_no_volts() -> None:
+    collected = Collected(paths=False)
+    collected.tick(0)
+    collected.rows.answer(command(0), 0.0)
+    collected.rows.event(Event(0.01, "safe", ""))
+    collected.tick(1)
+    collected.rows.flush()
+    assert [record.voltages.volts[0] for record in collected.records] == [1.0, 0.0]
+
+
+def test_a_repeated_sample_counts_once_and_the_first_command_too() -> None:
+    collected = Collected(paths=False)
+    for _ in range(3):
+        collected.tick(0)
+    collected.rows.answer(command(0, 1.0), 0.0)
+    collected.rows.answer(command(0, 2.0), 0.0)
+    collected.rows.flush()
+    assert [record.voltages.volts[0] for record in collected.records] == [1.0]
+
+
+def test_numbers_that_go_back_are_another_run() -> None:
+    collected = Collected(paths=False)
+    for k in (0, 1, 0, 1):
+        collected.tick(k)
+        collected.rows.answer(command(k), 0.0)
+    assert collected.restarts == 1
+    assert [record.sensors.sequence for record in collected.records] == [0, 1, 0, 1]
+
+
+def test_hostile_answers_take_no_memory() -> None:
+    collected = Collected(paths=False)
+    for k in range(3 * EARLY_LIMIT):
+        collected.rows.answer(command(k), 0.0)
+    assert len(collected.rows._early) == EARLY_LIMIT

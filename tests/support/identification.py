@@ -1,0 +1,38 @@
+"""What several tests of the identification share."""
+
+import numpy as np
+
+from dtwin.experiments.identification.experiments import standard_settings
+from dtwin.identification.data import Experiment, Start
+from dtwin.identification.excitation.blocks import SignalBlocks
+from dtwin.identification.excitation.rig import Rig
+from dtwin.identification.excitation.signal import PLAIN, Plan
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters
+
+ARM = ArmParameters()
+ALL = PARAMETER_NAMES[:18]
+NO_MASSES = tuple(name for name in ALL if name[0] != "m")
+SETTINGS = standard_settings()
+FREE = SETTINGS.free
+BLOCKS = SignalBlocks()
+
+
+def truth(names):
+    return np.array([ARM.get(name) for name in names])
+
+
+def measured(seed=0, payload=0.2, model="weight", signal=PLAIN, known=True, samples=350, **rig):
+    """An experiment on the emulated arm under the function blocks' signal."""
+    plan = Plan(signal, payload, model, Start(known=known), samples)
+    return Rig(**rig).measure(plan, BLOCKS, np.random.default_rng(seed))
+
+
+CLEAN = measured()
+"""angles without noise: tests add their own, which saves running the emulation"""
+
+
+def noisy(seed, level, kind="uniform", clean=CLEAN):
+    generator = np.random.default_rng(seed)
+    draw = generator.random if kind == "uniform" else generator.standard_normal
+    angles = clean.measured + level * draw(clean.measured.shape)
+    return Experiment(angles, clean.volts, clean.payload, clean.start, clean.period, clean.payload_model)

@@ -1,0 +1,95 @@
+"""Imports go one way: a room imports only rooms below its own, and libraries have one owner. docs/architecture.md
+draws the same."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+FLOORS = [
+    {"dtwin.errors"},
+    {"dtwin.options", "dtwin.parameters", "dtwin.iec61499"},
+    {"dtwin.signals"},
+    {"dtwin.bus", "dtwin.emulation", "dtwin.twin", "dtwin.controller"},
+    {"dtwin.run"},
+    {"dtwin.view", "dtwin.identification"},
+    {"dtwin.monitoring", "dtwin.simulation"},
+    {"services"},
+    {"dtwin.experiments"},
+    {"dtwin.commands"},
+    {"dtwin.cli"},
+    {"dtwin.__main__"},
+]
+"""From the ground up; rooms of one floor do not know each other."""
+ALONE = "dtwin.iec61499"
+"""imports nothing of the project but the error base"""
+OWNERS = {"mujoco": "dtwin.emulation", "zenoh": "dtwin.bus", "rerun": "dtwin.view", "rerun_loader_mjcf": "dtwin.view"}
+MODULES = sorted([*ROOT.glob("dtwin/**/*.py"), *ROOT.glob("services/**/*.py")])
+LONGEST = 400
+"""lines of a file"""
+FULLEST = 16
+"""files of a folder"""
+
+
+def name_of(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports(path: Path) -> set[str]:
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}:{node.lineno}: relative import"
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return found
+
+
+def within(name: str, room: str) -> bool:
+    return name == room or name.startswith(f"{room}.")
+
+
+def room_of(name: str) -> str | None:
+    return next((room for floor in FLOORS for room in floor if within(name, room)), None)
+
+
+def floor_of(room: str) -> int:
+    return next(number for number, floor in enumerate(FLOORS) if room in floor)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
+def test_rooms_import_from_below(path: Path) -> None:
+    name = name_of(path)
+    if name == "dtwin":
+        return
+    own = room_of(name)
+    assert own is not None, f"{name} stands in no room"
+    for imported in imports(path):
+        room = room_of(imported)
+        if room is not None and room != own:
+            assert floor_of(room) < floor_of(own), f"{name} imports {imported}"
+
+
+@pytest.mark.parametrize("path", [path for path in MODULES if within(name_of(path), ALONE)], ids=name_of)
+def test_function_blocks_stand_alone(path: Path) -> None:
+    for imported in imports(path):
+        if within(imported, "dtwin") or within(imported, "services"):
+            assert within(imported, ALONE) or within(imported, "dtwin.errors"), f"{name_of(path)} imports {imported}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
+def test_libraries_have_one_owner(path: Path) -> None:
+    for imported in imports(path):
+        owner = OWNERS.get(imported.split(".")[0])
+        assert owner is None or within(name_of(path), owner), f"{name_of(path)} imports {imported}"
+
+
+def test_files_and_folders_stay_small() -> None:
+    long = [name_of(path) for path in MODULES if len(path.read_text().splitlines()) > LONGEST]
+    folders = {path.parent for path in MODULES}
+    full = [str(folder.relative_to(ROOT)) for folder in folders if sum(f.is_file() for f in folder.iterdir()) > FULLEST]
+    assert not long
+    assert not full
