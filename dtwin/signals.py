@@ -5,7 +5,7 @@ Ranges are checked where a signal is decoded, not where it is made.
 
 from __future__ import annotations
 
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal, get_args
 
 import msgspec
 
@@ -21,6 +21,12 @@ Word = Annotated[str, msgspec.Meta(max_length=32)]
 Line = Annotated[str, msgspec.Meta(max_length=1000)]
 Quad = tuple[float, float, float, float]
 NO_COLOUR = ""
+ArmState = Literal["nominal", "may be degrading", "failed", "angles unknown"]
+ARM_STATES: Final[tuple[ArmState, ...]] = get_args(ArmState)
+"""By the number that the blocks know them by."""
+Stop = Literal["none", "braking", "standstill", "torque off"]
+STOPS: Final[tuple[Stop, ...]] = get_args(Stop)
+"""By the number that the blocks know them by. In terms of IEC 61800-5-2: no stop, SS2, SOS, STO."""
 
 
 class Sensors(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA):

@@ -206,7 +206,7 @@ class Bridge:
     def _signal(self, asked: SignalRequest | None) -> IdentificationSignal:
         if asked is not None:
             self._do(lambda c: c.request_signal(asked.run))
-        return self._do(lambda c: c.signal())
+        return IdentificationSignal(*self._do(lambda c: c.signal()))
 
     def _do(self, action: Callable[[ControlLoop], S]) -> S:
         """Reads or changes settings, on other connections than the samples, which do not wait for them."""

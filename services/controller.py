@@ -10,7 +10,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from dtwin.controller.embedded import BLOCKS, SYSTEM, ControlSettings
+from dtwin.controller.ports import BLOCKS, SYSTEM
+from dtwin.controller.settings import ControlSettings
 from dtwin.iec61499.deploy.build import deploy
 from dtwin.iec61499.deploy.deployment import plan_deployment
 from dtwin.iec61499.device.embedded import Device

@@ -16,7 +16,7 @@ from typing import Final
 import msgspec
 
 from dtwin.bus.session import Bus, open_configured, open_peer
-from dtwin.controller.embedded import ControlSettings
+from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import NoiseKind, parse_fault
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.identification.store import STORE

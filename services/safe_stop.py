@@ -8,12 +8,12 @@ from collections.abc import Callable
 from queue import SimpleQueue
 from typing import Final
 
-from dtwin.bus.messages import EVENTS, RELEASE, STOP, ReleaseRequest, Stop, StopRequest, StopState
+from dtwin.bus.messages import EVENTS, RELEASE, STOP, ReleaseRequest, StopRequest, StopState
 from dtwin.bus.session import Bus
 from dtwin.controller.device import SafeStop
 from dtwin.errors import CommunicationError
 from dtwin.monitoring.verdict import Finding, arm_state
-from dtwin.signals import Event
+from dtwin.signals import Event, Stop
 
 log = logging.getLogger(__name__)
 

@@ -40,7 +40,7 @@ from dtwin.bus.twin_messages import (
     Upload,
     UploadRequest,
 )
-from dtwin.controller.embedded import ControlSettings
+from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.signals import Event, Sensors

@@ -90,6 +90,8 @@ def test_libraries_have_one_owner(path: Path) -> None:
 def test_files_and_folders_stay_small() -> None:
     long = [name_of(path) for path in MODULES if len(path.read_text().splitlines()) > LONGEST]
     folders = {path.parent for path in MODULES}
-    full = [str(folder.relative_to(ROOT)) for folder in folders if sum(f.is_file() for f in folder.iterdir()) > FULLEST]
+    full = [
+        str(folder.relative_to(ROOT)) for folder in folders if sum(f.is_file() for f in folder.iterdir()) > FULLEST
+    ]
     assert not long
     assert not full

@@ -7,7 +7,7 @@ know are ignored, missing or mistyped ones make it refuse the message. docs/zeno
 from __future__ import annotations
 
 import math
-from typing import Annotated, Final, Literal, NamedTuple, get_args
+from typing import Annotated, Final, Literal, NamedTuple
 
 import msgspec
 
@@ -26,17 +26,11 @@ from dtwin.bus.twin_messages import (
 )
 from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters, Gains, Law, PayloadModel, Triple
-from dtwin.signals import SCHEMA, Count, Event, Line, Seconds, Sensors, Truth, Voltages, Word
+from dtwin.signals import SCHEMA, ArmState, Count, Event, Line, Seconds, Sensors, Stop, Truth, Voltages, Word
 
 State = Literal["starting", "running", "waiting", "safe", "stopped", "stopping"]
 """starting: not ready yet; waiting: for a peer; safe: the arm has no voltage because commands stay away; stopped: a
 safe stop is in force."""
-ArmState = Literal["nominal", "may be degrading", "failed", "angles unknown"]
-ARM_STATES: Final[tuple[ArmState, ...]] = get_args(ArmState)
-"""By the number that the blocks know them by."""
-Stop = Literal["none", "braking", "standstill", "torque off"]
-STOPS: Final[tuple[Stop, ...]] = get_args(Stop)
-"""By the number that the blocks know them by. In terms of IEC 61800-5-2: no stop, SS2, SOS, STO."""
 
 
 class Latency(msgspec.Struct, frozen=True):

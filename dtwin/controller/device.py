@@ -11,38 +11,51 @@ import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from typing import Final
+from typing import Final, NamedTuple
 
-from dtwin.bus.messages import ARM_STATES, STOPS, ArmState, IdentificationSignal, Stop
-from dtwin.controller.embedded import DIGITS, MODEL, TUNING, ControlSettings
-from dtwin.controller.lockstep import SENSORS, VOLTAGES
+from dtwin.controller.ports import (
+    ARM_MODEL,
+    EMULATOR,
+    GAINS,
+    MODEL,
+    PATH,
+    REQUEST,
+    SIGNAL,
+    TUNING,
+    VERDICT,
+    Port,
+    received_voltages,
+    sensor_values,
+)
+from dtwin.controller.settings import DIGITS, ControlSettings
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.protocol import ManagementError
 from dtwin.iec61499.net.address import Address, parse_block_id
 from dtwin.iec61499.net.client import BlockingClient
-from dtwin.iec61499.net.wire import Signature
-from dtwin.iec61499.types import BOOL, DINT, LREAL
 from dtwin.parameters import ArmParameters, Gains, Triple
-from dtwin.signals import Sensors, Voltages
+from dtwin.signals import ARM_STATES, STOPS, ArmState, Sensors, Stop, Voltages
 
 TIMEOUT: Final = 1.0
 """s, for every answer"""
-_CELL: Final = ("EMULATOR", 61500)
-_REQUEST: Final = ("TWIN.IDENTIFICATION.REQUEST", 61501)
-_GAIN_PORT: Final = ("TWIN.SIMULATION.GAIN_PORT", 61504)
-_MODEL_PORT: Final = ("TWIN.SIMULATION.MODEL_PORT", 61505)
-_VERDICT: Final = ("TWIN.MONITORING.VERDICT", 61506)
-"""Blocks that listen, and where the library puts them."""
-
-_NOTHING: Final = Signature([])
-_PATH: Final = tuple(f"PLANNER.THETA_D{joint}" for joint in (1, 2, 3))
-_SIGNAL: Final = tuple(
-    f"TWIN.IDENTIFICATION.BLOCK.SIGNAL.{name}"
-    for name in ("AMPLITUDE1", "AMPLITUDE2", "AMPLITUDE3", "UNIT", "DELAY1", "DELAY2", "DELAY3", "LENGTH")
-)
 _READ_BACK: Final = 0.2
 """s after which a setting that was acknowledged must show"""
+
+
+class PlayedSignal(NamedTuple):
+    """The 3-2-1-1 signal of the blocks.
+
+    Attributes:
+        amplitude: V, of joints 1 to 3.
+        unit: of time, ticks.
+        delay: by which a joint starts later, ticks.
+        samples: length, ticks.
+    """
+
+    amplitude: Triple
+    unit: int
+    delay: tuple[int, int, int]
+    samples: int
 
 
 class Application:
@@ -105,17 +118,16 @@ class Application:
         except (KeyError, ValueError):
             raise CommunicationError(f"{self._address}: expected numbers at {names}, got {texts}") from None
 
-    def connect(self, block: tuple[str, int], sends: Signature, receives: Signature) -> BlockingClient:
+    def connect(self, port: Port) -> BlockingClient:
         """A connection to a block that listens."""
-        name, usual = block
         try:
             with self._lock:
-                port = parse_block_id(self._management.read(self._resource, f"{name}.ID")).port
+                number = parse_block_id(self._management.read(self._resource, f"{port.block}.ID")).port
         except ManagementError:
-            port = usual
-        return BlockingClient(Address(self._address.host, port), sends, receives, TIMEOUT)
+            number = port.number
+        return BlockingClient(Address(self._address.host, number), port.receives, port.sends, TIMEOUT)
 
-    def reopen(self, block: tuple[str, int]) -> None:
+    def reopen(self, port: Port) -> None:
         """Closes a block that listens and opens it again, on a FORTE; no sample may be on its way meanwhile.
 
         Half a message that a client left behind there would be taken for the beginning of the next one, whoever sends
@@ -125,7 +137,7 @@ class Application:
         Raises:
             CommunicationError: it does not open.
         """
-        name = block[0]
+        name = port.block
         with self._lock:
             try:
                 self._management.trigger(self._resource, f"{name}.INIT")
@@ -143,9 +155,11 @@ class Application:
 
     def _find_resource(self) -> str:
         for resource in self._management.blocks(""):
-            if any(block.name == _CELL[0] for block in self._management.blocks(resource.name)):
+            if any(block.name == EMULATOR.block for block in self._management.blocks(resource.name)):
                 return resource.name
-        raise CommunicationError(f"{self._address}: no resource has a block {_CELL[0]}: deploy the application first")
+        raise CommunicationError(
+            f"{self._address}: no resource has a block {EMULATOR.block}: deploy the application first"
+        )
 
 
 class ControlLoop:
@@ -166,10 +180,10 @@ class ControlLoop:
         self._requesting = threading.Lock()
         with ExitStack() as opened:
             self._application = opened.enter_context(closing(Application(address)))
-            self._application.watch(_PATH)
+            self._application.watch(PATH)
             self.settings = opened.enter_context(closing(Settings(self._application)))
             self.safe_stop = opened.enter_context(closing(SafeStop(self._application)))
-            self._cell = opened.enter_context(self._application.connect(_CELL, SENSORS, VOLTAGES))
+            self._cell = opened.enter_context(self._application.connect(EMULATOR))
             self._opened = opened.pop_all()
 
     def close(self) -> None:
@@ -186,12 +200,7 @@ class ControlLoop:
         Raises:
             CommunicationError: it is late, lost, or not finite.
         """
-        sample = (*sensors.theta, sensors.gripper, sensors.box_present, sensors.box_colour)
-        v_1, v_2, v_3, v_gripper, gripped = self._cell.exchange(sample)
-        volts = (v_1, v_2, v_3, v_gripper)
-        if not all(map(math.isfinite, volts)):
-            raise CommunicationError(f"{self._cell.address}: expected finite volts, got {volts}")
-        return Voltages(sensors.sequence, sensors.time, volts, gripped)
+        return received_voltages(sensors, self._cell.exchange(sensor_values(sensors)), self._cell.address)
 
     def restart(self, sensors: Sensors) -> None:
         """Lets the application plan its path from a sample, at rest and without integrals of the past.
@@ -206,11 +215,11 @@ class ControlLoop:
                 self.answer(sensors)
             request.exchange([False])
 
-    def signal(self) -> IdentificationSignal:
+    def signal(self) -> PlayedSignal:
         """The identification signal that the blocks play on request."""
-        first, second, third, *counts = self._application.read(_SIGNAL)
+        first, second, third, *counts = self._application.read(SIGNAL)
         unit, delay_1, delay_2, delay_3, samples = map(round, counts)
-        return IdentificationSignal((first, second, third), unit, (delay_1, delay_2, delay_3), samples)
+        return PlayedSignal((first, second, third), unit, (delay_1, delay_2, delay_3), samples)
 
     def request_signal(self, run: bool) -> None:
         """Lets the blocks play the identification signal from the next sample on, or end it."""
@@ -220,12 +229,12 @@ class ControlLoop:
     @contextmanager
     def _requests(self) -> Iterator[BlockingClient]:
         """A connection to the request port, which a FORTE serves to one client at a time."""
-        with self._requesting, self._application.connect(_REQUEST, Signature([BOOL]), _NOTHING) as request:
+        with self._requesting, self._application.connect(REQUEST) as request:
             yield request
 
     def path(self) -> Triple:
         """The path's angles (rad) in the last answer."""
-        theta_1, theta_2, theta_3 = self._application.watched(_PATH)
+        theta_1, theta_2, theta_3 = self._application.watched(PATH)
         return theta_1, theta_2, theta_3
 
 
@@ -241,10 +250,9 @@ class Settings:
         self._application = application
         with ExitStack() as opened:
             self._ports = {}
-            for block, names in ((_GAIN_PORT, TUNING), (_MODEL_PORT, MODEL)):
-                application.reopen(block)
-                port = application.connect(block, Signature([LREAL] * len(names)), _NOTHING)
-                self._ports[names] = opened.enter_context(port)
+            for port, names in ((GAINS, TUNING), (ARM_MODEL, MODEL)):
+                application.reopen(port)
+                self._ports[names] = opened.enter_context(application.connect(port))
             self._opened = opened.pop_all()
 
     def close(self) -> None:
@@ -342,7 +350,7 @@ class SafeStop:
         return STOPS[int(stop)]
 
     def _connected(self) -> BlockingClient:
-        client = self._application.connect(_VERDICT, Signature([DINT, LREAL, BOOL]), Signature([DINT]))
+        client = self._application.connect(VERDICT)
         with self._lock:
             if self._closed:
                 client.close()

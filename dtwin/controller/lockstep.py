@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from types import TracebackType
 from typing import Final, Protocol
 
+from dtwin.controller.ports import EMULATOR, received_voltages, sensor_values
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.net.address import Address
 from dtwin.iec61499.net.client import BlockingClient
-from dtwin.iec61499.net.wire import Signature
-from dtwin.iec61499.types import BOOL, LREAL, STRING
 from dtwin.parameters import Triple
 from dtwin.signals import Sensors, Voltages
 
-SENSORS: Final = Signature([LREAL, LREAL, LREAL, LREAL, BOOL, STRING])
-"""theta_1..3 and gripper, rad; whether a box waits; its colour. What the block EMULATOR receives."""
-VOLTAGES: Final = Signature([LREAL, LREAL, LREAL, LREAL, BOOL])
-"""V_1..3 and V_gripper, V; whether the box is held. What the block EMULATOR sends."""
 TIMEOUT: Final = 1.0
 """s, for every answer"""
 
@@ -49,7 +43,7 @@ class RemoteController:
     def __init__(self, address: Address, shadow: Shadow, timeout: float = TIMEOUT) -> None:
         self.largest_difference = 0.0
         self._shadow = shadow
-        self._client = BlockingClient(address, SENSORS, VOLTAGES, timeout)
+        self._client = BlockingClient(address, EMULATOR.receives, EMULATOR.sends, timeout)
 
     def __enter__(self) -> RemoteController:
         return self
@@ -68,18 +62,14 @@ class RemoteController:
         Raises:
             CommunicationError: the answer is late, lost or not finite; names tick, peer and timeout.
         """
-        sample = (*sensors.theta, sensors.gripper, sensors.box_present, sensors.box_colour)
         try:
-            v_1, v_2, v_3, v_gripper, gripped = self._client.exchange(sample)
+            command = received_voltages(sensors, self._client.exchange(sensor_values(sensors)), self._client.address)
         except CommunicationError as error:
             raise CommunicationError(f"{_tick(sensors)}: {error}") from None
-        volts = (v_1, v_2, v_3, v_gripper)
-        if not all(map(math.isfinite, volts)):
-            raise CommunicationError(f"{_tick(sensors)}: {self._client.address}: expected finite volts, got {volts}")
         expected = self._shadow.step(sensors)
-        apart = max(abs(one - other) for one, other in zip(volts, expected.volts, strict=True))
+        apart = max(abs(one - other) for one, other in zip(command.volts, expected.volts, strict=True))
         self.largest_difference = max(self.largest_difference, apart)
-        return Voltages(sensors.sequence, sensors.time, volts, gripped)
+        return command
 
     def target(self) -> Triple:
         """The path's angles (rad) of the last step."""

@@ -8,14 +8,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from dtwin.controller.embedded import BLOCKS, ControlSettings
+from dtwin.controller.ports import BLOCKS, MOTION_SYSTEM, PATH, PATH_END
+from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError, choices
 from dtwin.iec61499.files.mapping import resource_network
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.parameters import PERIOD, PLACES, Triple
 
-SYSTEM: Final = "motion.sys"
 PICKUP_NAME: Final = "pickup"
 NAMES: Final = (PICKUP_NAME, *PLACES)
 """Destinations that the planner block knows."""
@@ -40,13 +40,13 @@ class MotionController:
 
     def __init__(self, blocks: Path = BLOCKS) -> None:
         library = Library([blocks])
-        self.resource = Resource(resource_network(library.load_system(blocks / SYSTEM)), library)
+        self.resource = Resource(resource_network(library.load_system(blocks / MOTION_SYSTEM)), library)
         server = self.resource.server("ARM")
         self.resource.start()
         self._fresh = self.resource.snapshot()
         self._exchange = server.exchange
-        self._path = self.resource.reader([f"PLANNER.THETA_D{joint}" for joint in (1, 2, 3)])
-        self._target = self.resource.reader([f"PLANNER.THETA_T{joint}" for joint in (1, 2, 3)])
+        self._path = self.resource.reader(PATH)
+        self._target = self.resource.reader(PATH_END)
         self._settings: ControlSettings | None = None
         self._carries = False
 
@@ -81,8 +81,8 @@ class MotionController:
                 raise ParameterError(f"unknown place {goal!r}: expected {choices(NAMES)}")
             resource.write("PLANNER.DESTINATION", goal)
         else:
-            for joint, angle in enumerate(goal, 1):
-                resource.write(f"PLANNER.THETA_T{joint}", angle)
+            for name, angle in zip(PATH_END, goal, strict=True):
+                resource.write(name, angle)
         if omega != STILL:
             self._remember(theta, omega)
         self._carries = carries

@@ -6,13 +6,12 @@ the controller has all of it or nothing.
 
 from __future__ import annotations
 
-from typing import Final, Protocol
+from typing import Protocol
 
-from dtwin.controller.embedded import MODEL, TUNING, ControlSettings, EmbeddedController
+from dtwin.controller.embedded import EmbeddedController
+from dtwin.controller.ports import ARM_MODEL, GAINS, MODEL, TUNING
+from dtwin.controller.settings import ControlSettings
 from dtwin.parameters import ArmParameters, Gains
-
-GAIN_PORT: Final = "TWIN.SIMULATION.GAIN_PORT"
-MODEL_PORT: Final = "TWIN.SIMULATION.MODEL_PORT"
 
 
 class SettingsPort(Protocol):
@@ -35,8 +34,8 @@ class EmbeddedPort:
 
     def __init__(self, controller: EmbeddedController) -> None:
         self._resource = controller.resource
-        self._gains = self._resource.server(GAIN_PORT)
-        self._model = self._resource.server(MODEL_PORT)
+        self._gains = self._resource.server(GAINS.block)
+        self._model = self._resource.server(ARM_MODEL.block)
 
     def send_gains(self, gains: Gains, target_time: float) -> None:
         """Puts gains and target time into force from the next tick; the time from the next motion."""

@@ -13,8 +13,8 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.controller.embedded import ControlSettings
 from dtwin.controller.motion import PICKUP_NAME, MotionController
+from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
 from dtwin.monitoring.verdict import UNITS, Finding, State, Verdict
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, ArmParameters, Triple

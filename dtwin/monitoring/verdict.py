@@ -6,7 +6,7 @@ from typing import Final, Literal
 
 import msgspec
 
-from dtwin.bus.messages import ArmState
+from dtwin.signals import ArmState
 
 State = Literal["nominal", "may be degrading", "failed"]
 Cause = Literal[

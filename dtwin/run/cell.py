@@ -13,7 +13,9 @@ import msgspec
 import numpy as np
 
 from dtwin import __version__
-from dtwin.controller.embedded import BLOCKS, ControlSettings, EmbeddedController
+from dtwin.controller.embedded import EmbeddedController
+from dtwin.controller.ports import BLOCKS
+from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE, Emulation, Fault, NoiseKind
 from dtwin.parameters import PERIOD, PHYSICS_STEP, VOLTAGE_LIMIT, ArmParameters, Triple
 from dtwin.run.loop import Controller, Pacer, run, tick_count

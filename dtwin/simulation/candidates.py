@@ -15,7 +15,7 @@ import re
 from dataclasses import replace
 from typing import Any, Final, cast
 
-from dtwin.controller.embedded import LAWS
+from dtwin.controller.settings import LAWS
 from dtwin.errors import ParameterError, choices
 from dtwin.parameters import PARAMETER_NAMES, Gains, Triple
 from dtwin.simulation.whatif import Case

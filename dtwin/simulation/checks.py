@@ -9,8 +9,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from dtwin.controller.embedded import BLOCKS, ControlSettings
 from dtwin.controller.motion import PICKUP_NAME
+from dtwin.controller.ports import BLOCKS
+from dtwin.controller.settings import ControlSettings
 from dtwin.errors import DivergenceError, ParameterError
 from dtwin.parameters import PARAMETER_NAMES, PLACES, ArmParameters, Triple
 from dtwin.simulation.figures import Figures, triple

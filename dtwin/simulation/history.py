@@ -15,7 +15,7 @@ from typing import Final, Literal
 
 import msgspec
 
-from dtwin.controller.embedded import ControlSettings
+from dtwin.controller.settings import ControlSettings
 from dtwin.errors import RecordingError
 from dtwin.parameters import Triple
 from dtwin.signals import Count, Line, Seconds, Word

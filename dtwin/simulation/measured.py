@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from dtwin.controller.embedded import ControlSettings
+from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError, RecordingError
 from dtwin.parameters import PERIOD, ArmParameters, Triple
 from dtwin.run.recording import Log

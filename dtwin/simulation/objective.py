@@ -12,7 +12,8 @@ from typing import Final
 import msgspec
 import numpy as np
 
-from dtwin.controller.embedded import BLOCKS, ControlSettings
+from dtwin.controller.ports import BLOCKS
+from dtwin.controller.settings import ControlSettings
 from dtwin.errors import DivergenceError, ParameterError, choices
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.simulation.checks import STABLE, Motion

@@ -13,8 +13,8 @@ from typing import Final
 
 import numpy as np
 
-from dtwin.controller.embedded import ControlSettings
 from dtwin.controller.motion import MotionController
+from dtwin.controller.settings import ControlSettings
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, ArmParameters, Triple, scaled
 from dtwin.simulation.figures import Array
 from dtwin.simulation.whatif import SUBSTEPS

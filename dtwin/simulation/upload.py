@@ -6,7 +6,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
-from dtwin.controller.embedded import MODEL, TUNING, ControlSettings
+from dtwin.controller.ports import MODEL, TUNING
+from dtwin.controller.settings import ControlSettings
 from dtwin.controller.settings_port import SettingsPort
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.parameters import ArmParameters, Gains, Triple

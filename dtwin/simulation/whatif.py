@@ -13,8 +13,9 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from dtwin.controller.embedded import BLOCKS, ControlSettings
 from dtwin.controller.motion import STILL, Goal, MotionController
+from dtwin.controller.ports import BLOCKS
+from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.encoders import Encoders, NoiseKind
 from dtwin.errors import DivergenceError, ParameterError
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, ArmParameters, PayloadModel, Triple

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from dtwin.cli import main
-from dtwin.controller.embedded import ControlSettings
+from dtwin.controller.settings import ControlSettings
 from dtwin.run.cell import Cell, CellSettings
 from dtwin.simulation.history import Entry, History
 

@@ -4,7 +4,8 @@ from itertools import product
 
 import pytest
 
-from dtwin.controller.embedded import LAWS, MODEL, TUNING, ControlSettings
+from dtwin.controller.ports import MODEL, TUNING
+from dtwin.controller.settings import LAWS, ControlSettings
 from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters, Gains, PayloadModel
 

@@ -9,7 +9,8 @@ from contextlib import contextmanager
 
 import pytest
 
-from dtwin.controller.lockstep import SENSORS, VOLTAGES, RemoteController
+from dtwin.controller.lockstep import RemoteController
+from dtwin.controller.ports import EMULATOR
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.net.address import LOOPBACK, Address
 from dtwin.iec61499.net.reactor import Reactor
@@ -43,7 +44,9 @@ def sample(sequence: int) -> Sensors:
 def remote(answer: Callable[[Server, Message], None], timeout: float = PATIENCE) -> Iterator[RemoteController]:
     """A controller whose port is served by `answer` in another thread."""
     with Reactor() as reactor:
-        server = Server(reactor, Address(LOOPBACK, 0), SENSORS, VOLTAGES, lambda message: answer(server, message))
+        server = Server(
+            reactor, Address(LOOPBACK, 0), EMULATOR.receives, EMULATOR.sends, lambda message: answer(server, message)
+        )
         thread = threading.Thread(target=reactor.run)
         thread.start()
         try:
@@ -107,7 +110,7 @@ def test_infinite_voltages_are_refused() -> None:
 
 def test_nobody_there() -> None:
     with Reactor() as reactor:
-        server = Server(reactor, Address(LOOPBACK, 0), SENSORS, VOLTAGES, print)
+        server = Server(reactor, Address(LOOPBACK, 0), EMULATOR.receives, EMULATOR.sends, print)
         server.close()
         with pytest.raises(CommunicationError, match=rf"{server.address}: cannot connect"):
             RemoteController(server.address, Shadow())

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dtwin.bus.messages import STOPS
 from dtwin.cli import main
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.lockstep import RemoteController
@@ -31,6 +30,7 @@ from dtwin.parameters import ArmParameters
 from dtwin.run.cell import Cell, CellSettings
 from dtwin.run.loop import run
 from dtwin.run.recording import Log
+from dtwin.signals import STOPS
 from tests.support.forte import BLOCKS, FORTE, NO_FORTE, Listener, Served, embedded, forte, patiently
 from tests.support.waiting import until
 

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from dtwin.controller.device import ControlLoop
-from dtwin.controller.embedded import MODEL, TUNING, ControlSettings
+from dtwin.controller.ports import MODEL, TUNING
+from dtwin.controller.settings import ControlSettings
 from dtwin.iec61499.net.address import Address
 from dtwin.iec61499.net.wire import Signature
 from dtwin.iec61499.types import LREAL

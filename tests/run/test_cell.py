@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dtwin.controller.embedded import ControlSettings
+from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import parse_fault
 from dtwin.errors import DivergenceError, ParameterError
 from dtwin.run.cell import Cell, CellSettings, Summary

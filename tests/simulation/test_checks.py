@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from dtwin.controller.embedded import ControlSettings
+from dtwin.controller.settings import ControlSettings
 from dtwin.parameters import ArmParameters, Gains, scaled
 from dtwin.simulation.checks import HEAVIER, MOTIONS, Checker, Motion, Refused
 from dtwin.simulation.places import angles_of

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dtwin.controller.embedded import ControlSettings
+from dtwin.controller.settings import ControlSettings
 from dtwin.errors import RecordingError
 from dtwin.parameters import Gains
 from dtwin.simulation.history import Entry, History

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from dtwin.controller.embedded import ControlSettings
+from dtwin.controller.settings import ControlSettings
 from dtwin.errors import RecordingError
 from dtwin.parameters import HANGING, PICKUP, PLACES, ArmParameters, Gains
 from dtwin.run.cell import Cell, CellSettings

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dtwin.controller.embedded import ControlSettings
+from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.simulation.checks import MOTIONS, Motion

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dtwin.controller.embedded import ControlSettings
+from dtwin.controller.settings import ControlSettings
 from dtwin.parameters import PICKUP, PLACES, ArmParameters, Gains, Triple
 from dtwin.simulation.stability import spectral_radius
 from dtwin.simulation.whatif import Case, Simulator

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dtwin.controller.embedded import ControlSettings, EmbeddedController
+from dtwin.controller.embedded import EmbeddedController
+from dtwin.controller.settings import ControlSettings
 from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.parameters import ArmParameters, Gains, scaled

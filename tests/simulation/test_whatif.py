@@ -9,8 +9,9 @@ from statistics import median
 import numpy as np
 import pytest
 
-from dtwin.controller.embedded import ControlSettings, EmbeddedController
+from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.motion import MotionController
+from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import Emulation
 from dtwin.errors import ParameterError
 from dtwin.experiments.simulation.emulated_arm import EmulatedArm

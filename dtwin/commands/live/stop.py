@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from dtwin.bus.messages import RELEASE, STOP, ReleaseRequest, Stop, StopRequest, StopState
+from dtwin.bus.messages import RELEASE, STOP, ReleaseRequest, StopRequest, StopState
+from dtwin.signals import Stop
 from services.runfile import join
 
 MEANING: Final[dict[Stop, str]] = {

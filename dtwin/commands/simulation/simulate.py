@@ -16,7 +16,7 @@ from rich.table import Column, Table
 
 from dtwin.bus.messages import GAINS, MODEL, SENSORS, TARGET, GainsSetting, ModelSetting, TargetSetting
 from dtwin.bus.session import Bus
-from dtwin.controller.embedded import ControlSettings
+from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.identification.store import STORE, ModelStore, open_model

@@ -10,8 +10,8 @@ from typing import Final
 import msgspec
 import numpy as np
 
-from dtwin.bus.messages import ARM_STATES, STOPS, Stop
 from dtwin.controller.embedded import EmbeddedController
+from dtwin.controller.ports import STOP, VERDICT
 from dtwin.emulation import Emulation, parse_fault
 from dtwin.errors import DivergenceError
 from dtwin.experiments.monitoring.trial import MOVING, identified_belief, true_cause
@@ -20,7 +20,7 @@ from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.verdict import arm_state
 from dtwin.parameters import PERIOD, Triple
 from dtwin.run.loop import run, tick_count
-from dtwin.signals import StepRecord
+from dtwin.signals import ARM_STATES, STOPS, StepRecord, Stop
 
 FAULTS: Final = (
     *("K2*=0.1", "K2*=0.8", "K1*=0.5", "cut1", "cut2", "D1*=4", "D2*=4"),
@@ -108,7 +108,7 @@ class _Run:
         fault = parse_fault(f"{trial.fault}@{self._start:.2f}")
         self._plant = Emulation(noise=trial.noise, seed=trial.seed, faults=(fault,))
         self._controller = EmbeddedController()
-        self._verdicts = self._controller.resource.server("TWIN.MONITORING.VERDICT")
+        self._verdicts = self._controller.resource.server(VERDICT.block)
         self._monitor = Monitor(identified_belief(trial.noise, "uniform", trial.seed))
         self._demanded: float | None = None
         self._moving = False
@@ -160,7 +160,7 @@ class _Run:
             self._still = 0 if moving else self._still + 1
             if self._rested is None and self._still * PERIOD >= STEADY:
                 self._rested = truth.time - self._still * PERIOD
-        self._stop = STOPS[self._controller.resource.read("TWIN.STOP")]
+        self._stop = STOPS[self._controller.resource.read(STOP)]
         if self._stop == "standstill":
             self._stood = self._stood or truth.theta
             self._crept = max(self._crept, *(abs(a - b) for a, b in zip(truth.theta, self._stood, strict=True)))

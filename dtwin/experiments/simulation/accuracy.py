@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from dtwin.controller.embedded import ControlSettings
+from dtwin.controller.settings import ControlSettings
 from dtwin.errors import IdentificationError
 from dtwin.experiments.identification.experiments import standard_settings
 from dtwin.experiments.simulation.emulated_arm import EmulatedArm

@@ -10,7 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from dtwin.controller.embedded import ControlSettings, EmbeddedController
+from dtwin.controller.embedded import EmbeddedController
+from dtwin.controller.settings import ControlSettings
 from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.identification.estimation.problem import START
 from dtwin.parameters import PERIOD, ArmParameters, Gains, Triple

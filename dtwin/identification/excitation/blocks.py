@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
 
-from dtwin.controller.embedded import BLOCKS, SYSTEM
+from dtwin.controller.ports import BLOCKS, EMULATOR, REQUEST, SYSTEM, TWIN, sensor_values, voltages
 from dtwin.identification.excitation.signal import Excitation
 from dtwin.iec61499.files.mapping import resource_network
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.parameters import Triple
-from dtwin.signals import NO_COLOUR
-
-_TWIN: Final = "TWIN"
-_REQUEST: Final = "TWIN.IDENTIFICATION.REQUEST"
-_CELL: Final = "EMULATOR"
+from dtwin.signals import NO_COLOUR, Quad, Sensors
 
 
 class SignalBlocks:
@@ -37,20 +32,20 @@ class SignalBlocks:
         resource = self._resource
         resource.reset()
         for joint in range(3):
-            resource.write(f"{_TWIN}.AMPLITUDE{joint + 1}", float(signal.amplitude[joint]))
-            resource.write(f"{_TWIN}.DELAY{joint + 1}", signal.delay[joint])
-        resource.write(f"{_TWIN}.UNIT", signal.unit)
-        resource.write(f"{_TWIN}.LENGTH", samples)
-        cell, request = resource.server(_CELL), resource.server(_REQUEST)
+            resource.write(f"{TWIN}.AMPLITUDE{joint + 1}", float(signal.amplitude[joint]))
+            resource.write(f"{TWIN}.DELAY{joint + 1}", signal.delay[joint])
+        resource.write(f"{TWIN}.UNIT", signal.unit)
+        resource.write(f"{TWIN}.LENGTH", samples)
+        cell, request = resource.server(EMULATOR.block), resource.server(REQUEST.block)
         resource.start()
         request.exchange((True,))
         self._exchange = cell.exchange
 
-    def step(self, theta: Triple, gripper: float) -> tuple[float, float, float, float]:
+    def step(self, theta: Triple, gripper: float) -> Quad:
         """The voltages of the motors and the gripper (V) that answer measured angles (rad).
 
         Raises:
             FunctionBlockError: a block failed.
         """
-        v1, v2, v3, v_gripper, _ = self._exchange((*theta, gripper, False, NO_COLOUR))
-        return v1, v2, v3, v_gripper
+        sensors = Sensors(0, 0.0, theta, gripper, False, NO_COLOUR)
+        return voltages(sensors, self._exchange(sensor_values(sensors))).volts

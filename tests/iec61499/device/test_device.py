@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from dtwin.controller.lockstep import SENSORS, VOLTAGES
+from dtwin.controller.ports import EMULATOR
 from dtwin.errors import CommunicationError, FunctionBlockError
 from dtwin.iec61499.device.embedded import Device
 from dtwin.iec61499.device.managed import WATCHES
@@ -509,14 +509,14 @@ def test_served_answers_are_those_of_the_resource_in_process(cell: Served) -> No
     resource = Resource(resource_network(system), cell.library)
     server = resource.server("EMULATOR")
     resource.start()
-    with BlockingClient(cell.device.addresses()["EMULATOR"], SENSORS, VOLTAGES, PATIENCE) as peer:
+    with BlockingClient(cell.device.addresses()["EMULATOR"], EMULATOR.receives, EMULATOR.sends, PATIENCE) as peer:
         for sample in samples(2000):
             assert peer.exchange(sample) == server.exchange(sample)
 
 
 def test_round_trip_of_a_control_tick(cell: Served) -> None:
     durations = []
-    with BlockingClient(cell.device.addresses()["EMULATOR"], SENSORS, VOLTAGES, PATIENCE) as peer:
+    with BlockingClient(cell.device.addresses()["EMULATOR"], EMULATOR.receives, EMULATOR.sends, PATIENCE) as peer:
         for sample in samples(1500):
             begin = time.perf_counter()
             peer.exchange(sample)
@@ -612,7 +612,7 @@ def test_a_hundred_silent_clients_on_every_port_keep_nobody_out(
     with hostile(cell.management.address, 100) as managers, hostile(emulator, 100) as clients:
         for sock in managers[:50] + clients[:50]:
             send(sock, b"\x50")
-        with cell.client() as client, BlockingClient(emulator, SENSORS, VOLTAGES, PATIENCE) as peer:
+        with cell.client() as client, BlockingClient(emulator, EMULATOR.receives, EMULATOR.sends, PATIENCE) as peer:
             for sample in samples(50):
                 assert len(peer.exchange(sample)) == 5
             assert client.read("EMB_RES", "EMULATOR.STATUS") == "OK"

@@ -1,0 +1,113 @@
+"""What can be set of the controller: gains, target time, law, model and payload, by the names of the blocks' inputs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final, get_args
+
+from dtwin.errors import ParameterError, choices
+from dtwin.parameters import ArmParameters, Gains, Law, PayloadModel, Triple
+
+DIGITS: Final = 1e-14
+"""Relative difference of a number and what a FORTE writes of it."""
+LAWS: Final[tuple[Law, ...]] = get_args(Law)
+"""In the order of the input LAW of the controller block."""
+_NEEDED: Final[dict[Law, PayloadModel]] = {"default": "point", "seed": "weight"}
+
+
+@dataclass(frozen=True, slots=True)
+class ControlSettings:
+    """Values for the data inputs of the control application.
+
+    Attributes:
+        target_time: T, duration of every motion, s.
+        gains: of the computed-torque law.
+        law: "default" feeds back through the mass matrix, "seed" through its row sums, without damping term.
+        model: the arm as the controller believes it to be; its Coulomb friction is not compensated.
+        payload: assumed mass of a box, kg.
+        payload_model: how a held box counts; if not given, as the law needs it to hold a box everywhere: as a
+            point mass for the default law, by its weight alone for the seed's.
+
+    Raises:
+        ParameterError: a value is out of range.
+    """
+
+    target_time: float = 2.0
+    gains: Gains = field(default_factory=Gains)
+    law: Law = "default"
+    model: ArmParameters = field(default_factory=ArmParameters)
+    payload: float = 0.2
+    payload_model: PayloadModel | None = None
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.target_time) and self.target_time > 0):
+            raise ParameterError(f"target time: expected a finite number of seconds above 0, got {self.target_time}")
+        if not (math.isfinite(self.payload) and self.payload >= 0):
+            raise ParameterError(f"payload: expected a finite mass of at least 0 kg, got {self.payload}")
+        if self.law not in LAWS:
+            raise ParameterError(f"law: expected {choices(LAWS)}, got {self.law!r}")
+        if self.payload_model not in (None, *get_args(PayloadModel)):
+            raise ParameterError(
+                f"payload model: expected {choices(get_args(PayloadModel))}, got {self.payload_model!r}"
+            )
+
+    @property
+    def box_counts(self) -> PayloadModel:
+        """How a held box counts."""
+        return self.payload_model or _NEEDED[self.law]
+
+    def inputs(self) -> dict[str, float | int]:
+        """The values by the name of the block's input, `BLOCK.INPUT`."""
+        gains, model = self.gains, self.model
+        by_name: dict[str, Triple] = {
+            "KP": gains.kp,
+            "KI": gains.ki,
+            "KD": gains.kd,
+            "K": model.voltage_constant,
+            "M": model.mass,
+            "I": model.inertia,
+            "L": model.length,
+            "C": model.com,
+            "D": model.damping,
+        }
+        values: dict[str, float | int] = {
+            f"CONTROLLER.{name}{joint}": value
+            for name, triple in by_name.items()
+            for joint, value in enumerate(triple, 1)
+        }
+        values["CONTROLLER.LAW"] = LAWS.index(self.law)
+        values["CONTROLLER.PAYLOAD_MASS"] = self.payload
+        values["CONTROLLER.WEIGHT_ONLY"] = self.box_counts == "weight"
+        values["PLANNER.T"] = self.target_time
+        return values
+
+    @classmethod
+    def from_inputs(cls, values: Mapping[str, float]) -> ControlSettings:
+        """The settings of blocks whose inputs have these values: the inverse of `inputs`.
+
+        Raises:
+            ParameterError: a value is out of range.
+        """
+
+        def triple(name: str) -> Triple:
+            first, second, third = (values[f"CONTROLLER.{name}{joint}"] for joint in (1, 2, 3))
+            return first, second, third
+
+        law = round(values["CONTROLLER.LAW"])
+        if law not in range(len(LAWS)):
+            raise ParameterError(f"CONTROLLER.LAW: expected 0 to {len(LAWS) - 1}, got {law}")
+        return cls(
+            values["PLANNER.T"],
+            Gains(triple("KP"), triple("KI"), triple("KD")),
+            LAWS[law],
+            ArmParameters(*map(triple, "KMILCD")),
+            values["CONTROLLER.PAYLOAD_MASS"],
+            "weight" if values["CONTROLLER.WEIGHT_ONLY"] else "point",
+        )
+
+    def differing(self, other: ControlSettings) -> set[str]:
+        """Names of the inputs in which a controller can tell two settings apart: a FORTE writes 15 digits."""
+        mine, its = self.inputs(), other.inputs()
+        return {name for name in mine if not math.isclose(mine[name], its[name], rel_tol=DIGITS)}
