@@ -19,7 +19,7 @@ from dtwin.errors import ModelError, ParameterError, choices
 Triple = tuple[float, float, float]
 PayloadModel = Literal["point", "weight"]
 """How a held box enters the equations: as a point mass at the tip, or by its weight alone."""
-Law = Literal["default", "seed"]
+Law = Literal["default", "row_sum"]
 """How the controller feeds back: through the mass matrix, or through its row sums and without damping term."""
 
 GRAVITY: Final = 9.81

@@ -2,6 +2,7 @@
 draws the same."""
 
 import ast
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -89,9 +90,8 @@ def test_libraries_have_one_owner(path: Path) -> None:
 
 def test_files_and_folders_stay_small() -> None:
     long = [name_of(path) for path in MODULES if len(path.read_text().splitlines()) > LONGEST]
-    folders = {path.parent for path in MODULES}
-    full = [
-        str(folder.relative_to(ROOT)) for folder in folders if sum(f.is_file() for f in folder.iterdir()) > FULLEST
-    ]
+    files = {file for path in MODULES for file in path.parent.iterdir() if file.is_file()}
+    folders = Counter(file.parent for file in files)
+    full = [str(folder.relative_to(ROOT)) for folder, count in folders.items() if count > FULLEST]
     assert not long
     assert not full

@@ -1,4 +1,4 @@
-"""What can be set of the controller: gains, target time, law, model and payload, by the names of the blocks' inputs."""
+"""What can be set of the controller, and the inputs of the blocks that it becomes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ DIGITS: Final = 1e-14
 """Relative difference of a number and what a FORTE writes of it."""
 LAWS: Final[tuple[Law, ...]] = get_args(Law)
 """In the order of the input LAW of the controller block."""
-_NEEDED: Final[dict[Law, PayloadModel]] = {"default": "point", "seed": "weight"}
+_NEEDED: Final[dict[Law, PayloadModel]] = {"default": "point", "row_sum": "weight"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,11 +24,11 @@ class ControlSettings:
     Attributes:
         target_time: T, duration of every motion, s.
         gains: of the computed-torque law.
-        law: "default" feeds back through the mass matrix, "seed" through its row sums, without damping term.
+        law: "default" feeds back through the mass matrix, "row_sum" through its row sums, without damping term.
         model: the arm as the controller believes it to be; its Coulomb friction is not compensated.
         payload: assumed mass of a box, kg.
         payload_model: how a held box counts; if not given, as the law needs it to hold a box everywhere: as a
-            point mass for the default law, by its weight alone for the seed's.
+            point mass for the default law, by its weight alone for the row-sum law.
 
     Raises:
         ParameterError: a value is out of range.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dtwin.errors import ParameterError
 from dtwin.monitoring.monitor import Monitor
-from dtwin.monitoring.thesis import SeedMonitor
+from dtwin.monitoring.thesis import ThesisMonitor
 from dtwin.monitoring.verdict import Verdict
 from dtwin.parameters import PERIOD
 from dtwin.run.recording import Log
@@ -44,7 +44,7 @@ class Stream:
     def __len__(self) -> int:
         return len(self.sample)
 
-    def feed(self, monitor: Monitor | SeedMonitor, start: int, stop: int) -> None:
+    def feed(self, monitor: Monitor | ThesisMonitor, start: int, stop: int) -> None:
         """Gives rows start to stop - 1 to a monitor."""
         rows = zip(
             self.sample[start:stop].tolist(),
@@ -54,7 +54,7 @@ class Stream:
             self.colour[start:stop].tolist(),
             strict=True,
         )
-        if isinstance(monitor, SeedMonitor):
+        if isinstance(monitor, ThesisMonitor):
             for sample, measured, _, gripped, colour in rows:
                 monitor.update(sample, measured, gripped, colour)
         else:

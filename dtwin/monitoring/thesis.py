@@ -34,7 +34,7 @@ _LEAST_ANGLE: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class SeedSettings:
+class ThesisSettings:
     """Of the comparison.
 
     Attributes:
@@ -57,7 +57,7 @@ class SeedSettings:
             raise ParameterError(f"step {self.step} s: expected that {PERIOD} s is a whole multiple of it")
 
 
-class SeedMonitor:
+class ThesisMonitor:
     """Follows one arm by simulation.
 
     Args:
@@ -73,8 +73,8 @@ class SeedMonitor:
         sample: number of the last sample, -1 before the first.
     """
 
-    def __init__(self, arm: ArmParameters, settings: SeedSettings | None = None) -> None:
-        self.settings = settings or SeedSettings()
+    def __init__(self, arm: ArmParameters, settings: ThesisSettings | None = None) -> None:
+        self.settings = settings or ThesisSettings()
         self._vector = np.array(arm.vector())
         self._controller = MotionController()
         self._every = round(self.settings.sample_time / PERIOD)

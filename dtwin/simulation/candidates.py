@@ -1,4 +1,4 @@
-"""Candidates for a what-if in words: `T=1.5 kp=300,600,400 kd2=5 law=seed D2=0.1 payload=0.25`.
+"""Candidates for a what-if in words: `T=1.5 kp=300,600,400 kd2=5 law=row_sum D2=0.1 payload=0.25`.
 
 T                       target time, s
 kp ki kd                gains of all joints (one number) or of each (three); kp1 ... kd3 of one joint

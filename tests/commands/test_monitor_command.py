@@ -41,7 +41,7 @@ def test_a_faulty_log_is_reported_and_fails(faulty, capsys) -> None:
     )
 
 
-@pytest.mark.parametrize("method", ["default", "seed"])
+@pytest.mark.parametrize("method", ["default", "thesis"])
 def test_json_says_the_same_to_programs(method: str, collapsed, capsys) -> None:
     status, out, _ = run(["monitor", str(collapsed), "--method", method, "--json"], capsys)
     report = json.loads(out)
@@ -85,8 +85,8 @@ def test_a_recording_shows_what_the_monitor_made_of_it(faulty, tmp_path, capsys)
         (["monitor", "nowhere.parquet"], "nowhere.parquet"),
         (["monitor", "LOG", "--model", "nobody"], "no model 'nobody'"),
         (["monitor", "LOG", "--alarms-per-hour", "0"], "alarms_per_hour"),
-        (["monitor", "LOG", "--method", "seed", "--step", "0.003"], "step"),
-        (["monitor", "LOG", "--method", "seed", "--record", "x.rrd"], "--record"),
+        (["monitor", "LOG", "--method", "thesis", "--step", "0.003"], "step"),
+        (["monitor", "LOG", "--method", "thesis", "--record", "x.rrd"], "--record"),
         (["experiment", "faults", "--fault", "K9*=2"], "unknown fault target"),
         (["experiment", "faults", "--runs", "0"], "--runs"),
         (["experiment", "faults", "--hours", "-1"], "--hours"),
@@ -150,7 +150,7 @@ def test_equal_trials_have_equal_outcomes() -> None:
 
 
 def test_the_thesis_monitor_watches_the_same_trials() -> None:
-    seen = run_trial(Trial(3, "K2*=0.1", "seed", noise=0.003, start=31.0, patience=12.0, motion=math.inf))
+    seen = run_trial(Trial(3, "K2*=0.1", "thesis", noise=0.003, start=31.0, patience=12.0, motion=math.inf))
     assert seen.detected
     assert seen.latency_s is not None
     assert 4.5 < seen.latency_s < 12.0

@@ -7,7 +7,7 @@ import pytest
 
 from dtwin.errors import ParameterError
 from dtwin.monitoring.offline import stream
-from dtwin.monitoring.thesis import ABSOLUTE, IN_A_ROW, RELATIVE, SeedMonitor, SeedSettings
+from dtwin.monitoring.thesis import ABSOLUTE, IN_A_ROW, RELATIVE, ThesisMonitor, ThesisSettings
 from dtwin.parameters import ArmParameters
 
 ARM = ArmParameters()
@@ -15,7 +15,7 @@ ARM = ArmParameters()
 
 def test_a_healthy_arm_moves_like_the_simulation(run_cell) -> None:
     seen = stream(run_cell())
-    monitor = SeedMonitor(ARM, SeedSettings(sample_time=0.01))
+    monitor = ThesisMonitor(ARM, ThesisSettings(sample_time=0.01))
     worst = 0.0
     for row in range(0, len(seen), 10):
         seen.feed(monitor, row, row + 10)
@@ -27,7 +27,7 @@ def test_a_healthy_arm_moves_like_the_simulation(run_cell) -> None:
 
 def test_k2_at_a_tenth_takes_ten_samples_in_a_row(run_cell) -> None:
     seen = stream(run_cell(45.0, 3, "K2*=0.1@31"))
-    monitor = SeedMonitor(ARM)
+    monitor = ThesisMonitor(ARM)
     seen.feed(monitor, 0, len(seen))
     (first, *_), times = monitor.events, monitor.failed
     assert "deviation detected on link" in first.text
@@ -41,14 +41,14 @@ def test_k2_at_a_tenth_takes_ten_samples_in_a_row(run_cell) -> None:
 @pytest.mark.parametrize("sample_time", [0.01, 0.1, 0.5])
 def test_finer_sampling_finds_it_sooner(sample_time: float, run_cell) -> None:
     seen = stream(run_cell(45.0, 3, "K2*=0.1@31"))
-    monitor = SeedMonitor(ARM, SeedSettings(sample_time, 0.01))
+    monitor = ThesisMonitor(ARM, ThesisSettings(sample_time, 0.01))
     seen.feed(monitor, 0, len(seen))
     latency = float(np.nanmin(monitor.failed)) - 31.0
     assert (IN_A_ROW - 1) * sample_time < latency < IN_A_ROW * sample_time + 4.0
 
 
 def test_a_sample_deviates_beyond_both_thresholds_only() -> None:
-    monitor = SeedMonitor(ARM, SeedSettings(sample_time=0.01))
+    monitor = ThesisMonitor(ARM, ThesisSettings(sample_time=0.01))
     start = np.array([-0.6699, -1.5931, 2.2630])
     monitor.update(0, start, False, "")
     monitor.update(1, monitor.simulated.copy(), False, "")
@@ -64,7 +64,7 @@ def test_a_sample_deviates_beyond_both_thresholds_only() -> None:
 
 
 def test_ten_in_a_row_and_not_nine_are_a_failure() -> None:
-    monitor = SeedMonitor(ARM, SeedSettings(sample_time=0.01))
+    monitor = ThesisMonitor(ARM, ThesisSettings(sample_time=0.01))
     monitor.update(0, np.array([-0.6699, -1.5931, 2.2630]), False, "")
     off = monitor.simulated + np.array([0.0, 0.5, 0.0])
     for _ in range(IN_A_ROW - 1):
@@ -81,7 +81,7 @@ def test_ten_in_a_row_and_not_nine_are_a_failure() -> None:
 def test_a_new_motion_starts_the_simulation_anew(run_cell) -> None:
     seen = stream(run_cell())
     grip = int(np.flatnonzero(seen.gripped)[0])
-    monitor = SeedMonitor(ARM)
+    monitor = ThesisMonitor(ARM)
     seen.feed(monitor, 0, grip)
     assert not np.array_equal(monitor.simulated, seen.measured[grip - 1])
     seen.feed(monitor, grip, grip + 1)
@@ -90,7 +90,7 @@ def test_a_new_motion_starts_the_simulation_anew(run_cell) -> None:
 
 def test_missing_samples_are_simulated_over(run_cell) -> None:
     seen = stream(run_cell())
-    whole, gappy = SeedMonitor(ARM), SeedMonitor(ARM)
+    whole, gappy = ThesisMonitor(ARM), ThesisMonitor(ARM)
     kept = np.flatnonzero(np.arange(2000) % 7 != 3)
     seen.feed(whole, 0, 2000)
     part = replace(
@@ -108,4 +108,4 @@ def test_missing_samples_are_simulated_over(run_cell) -> None:
 )
 def test_impossible_times(sample_time: float, step: float, match: str) -> None:
     with pytest.raises(ParameterError, match=match):
-        SeedSettings(sample_time, step)
+        ThesisSettings(sample_time, step)

@@ -20,7 +20,7 @@ def run(settings: CellSettings) -> tuple[Log, Summary]:
     return log, cell.summary(log)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("row_sum", [1, 2])
 @pytest.mark.parametrize(("noise", "placement_mm"), [(0.0, 1.0), (0.005, 10.0)])
 def test_every_picked_box_is_delivered(seed: int, noise: float, placement_mm: float) -> None:
     _, summary = run(CellSettings(duration=600.0, seed=seed, noise=noise))
@@ -66,7 +66,7 @@ def test_target_time_sets_the_speed_of_motion() -> None:
 
 
 def test_the_row_sum_law_sorts_boxes_too() -> None:
-    control = ControlSettings(law="seed")
+    control = ControlSettings(law="row_sum")
     _, summary = run(CellSettings(duration=120.0, seed=1, control=control))
     assert summary.boxes.delivered >= 5
     assert summary.boxes.misplaced == summary.saturated_ticks == 0

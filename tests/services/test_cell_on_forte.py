@@ -69,17 +69,17 @@ def test_a_forte_moves_the_arm_as_the_embedded_device_does(desk: Desk, tmp_path:
 
 def test_uploads_are_acknowledged_watched_and_confirmed(controller: str, desk: Desk, tmp_path: Path) -> None:
     history = tmp_path / "history.jsonl"
-    options = ["--law", "seed", "--simulation", "--history", str(history)]
+    options = ["--law", "row_sum", "--simulation", "--history", str(history)]
     desk.up("--detach", "--controller", controller, "--pace", "lockstep", "--seed", "2", *options)
     with join("cell") as bus:
         first = bus.ask(SETTINGS, None, SettingsInForce)
-        assert (first.law, first.payload, first.payload_model) == ("seed", 0.2, "weight")
+        assert (first.law, first.payload, first.payload_model) == ("row_sum", 0.2, "weight")
         assert first.gains == Gains()
         uploads(bus)
         by_hand(desk, bus)
     actions = [entry.action for entry in History(history).entries()]
     assert actions == ["start", *["upload", "confirm"] * 3, "refuse", "upload", "roll back", "upload"]
-    assert [*dict.fromkeys(entry.settings.law for entry in History(history).entries())] == ["seed"]
+    assert [*dict.fromkeys(entry.settings.law for entry in History(history).entries())] == ["row_sum"]
     services = desk.summary()["services"]
     assert {name: service["restarts"] for name, service in services.items() if service["restarts"]} == {}
     assert "is down" in desk.run("down")

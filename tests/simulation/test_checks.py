@@ -36,7 +36,7 @@ def test_prediction_is_the_worst_of_the_motions(checker: Checker, simulator: Sim
         (replace(USUAL, gains=Gains(kp=(1000.0,) * 3)), "not stable at blue with a box: spectral radius 1.00"),
         (replace(USUAL, gains=Gains(kd=(200.0,) * 3)), "not stable"),
         (replace(USUAL, gains=Gains((0.0,) * 3, (0.0,) * 3, (0.0,) * 3)), "not stable"),
-        (replace(USUAL, law="seed", payload_model="point"), "not stable"),
+        (replace(USUAL, law="row_sum", payload_model="point"), "not stable"),
         (replace(USUAL, payload_model="weight"), "not stable"),
         (replace(USUAL, model=scaled(ArmParameters(), "K", 0.5)), "not stable"),
         (replace(USUAL, target_time=0.9), "pickup to green: joint 3 would leave its path by"),

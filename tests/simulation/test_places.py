@@ -60,9 +60,9 @@ def test_out_of_reach_is_refused() -> None:
 
 
 def test_candidates_change_what_they_name() -> None:
-    case = vary(Case("red"), "T=1.5 kp=300,600,400 kd2=5 ki=10 law=seed D2=0.1 payload=0.25 box=0.3 noise=0.01")
+    case = vary(Case("red"), "T=1.5 kp=300,600,400 kd2=5 ki=10 law=row_sum D2=0.1 payload=0.25 box=0.3 noise=0.01")
     settings = case.settings
-    assert (settings.target_time, settings.law, settings.payload) == (1.5, "seed", 0.3)
+    assert (settings.target_time, settings.law, settings.payload) == (1.5, "row_sum", 0.3)
     assert settings.gains.kp == (300.0, 600.0, 400.0)
     assert settings.gains.kd == (2.0, 5.0, 2.0)
     assert settings.gains.ki == (10.0, 10.0, 10.0)

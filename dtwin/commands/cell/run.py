@@ -45,7 +45,7 @@ class Run:
     target_time: float = 2.0
     """Duration of every motion, s."""
     law: Law = "default"
-    """Control law. default: computed torque with a held box as a point mass; seed: the row-sum form of the thesis,
+    """Control law. default: computed torque with a held box as a point mass; row_sum: the row-sum form of the thesis,
     without damping term and with the box's weight alone."""
     fault: tuple[str, ...] = ()
     """TARGET OP VALUE @ START[-END], e.g. K2*=0.1@45 or freeze3@30-40; repeatable."""

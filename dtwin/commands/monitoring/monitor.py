@@ -22,7 +22,7 @@ from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.monitoring.belief import Belief, assumed, identified
 from dtwin.monitoring.monitor import ALARMS_PER_HOUR, Monitor, MonitorSettings
 from dtwin.monitoring.offline import SECOND, Stream, Trace, stream, watch
-from dtwin.monitoring.thesis import SeedMonitor, SeedSettings
+from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
 from dtwin.monitoring.verdict import Finding, Verdict
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import ensure_writable, read_log
@@ -41,7 +41,7 @@ class MonitorCommand:
     log: tyro.conf.Positional[Path]
     """Parquet log."""
     method: Method = "default"
-    """default: state estimator with diagnosis; seed: the thesis's comparison with a simulated arm."""
+    """default: state estimator with diagnosis; thesis: the thesis's comparison with a simulated arm."""
     model: str | None = None
     """Identified model of the healthy arm, a file or NAME[@REVISION]; the data sheet's arm if not given."""
     store: Path = STORE
@@ -49,11 +49,11 @@ class MonitorCommand:
     alarms_per_hour: float = ALARMS_PER_HOUR
     """False alarms to be expected of a healthy arm (default method)."""
     sample_time: float = 0.5
-    """Time between two comparisons, s (seed's method)."""
+    """Time between two comparisons, s (the thesis's method)."""
     step: float = 0.005
-    """Step of the simulation, s (seed's method)."""
+    """Step of the simulation, s (the thesis's method)."""
     target_time: float = 2.0
-    """Duration of every motion, s (seed's method)."""
+    """Duration of every motion, s (the thesis's method)."""
     record: Path | None = None
     """Recording for the Rerun viewer: the run with predictions, residuals and verdicts (default method)."""
     json: bool = False
@@ -61,14 +61,14 @@ class MonitorCommand:
 
     def execute(self) -> int:
         if self.record is not None:
-            if self.method == "seed":
-                raise ParameterError("--record: expected the default method, the seed's one has nothing to draw")
+            if self.method == "thesis":
+                raise ParameterError("--record: expected the default method, the thesis's has nothing to draw")
             ensure_writable(self.record)
         log = read_log(self.log)
         seen = stream(log)
         began = time.process_time()
         trace: Trace | None = None
-        monitor: Monitor | SeedMonitor
+        monitor: Monitor | ThesisMonitor
         with _progress(len(seen), self.json) as bar:
             if self.method == "default":
                 settings = MonitorSettings(alarms_per_hour=self.alarms_per_hour)
@@ -76,7 +76,7 @@ class MonitorCommand:
                 trace = watch(monitor, seen, lambda done: bar.update(bar.task_ids[0], completed=done))
             else:
                 control = ControlSettings(target_time=self.target_time)
-                monitor = SeedMonitor(self._arm(), SeedSettings(self.sample_time, self.step, control))
+                monitor = ThesisMonitor(self._arm(), ThesisSettings(self.sample_time, self.step, control))
                 for first in range(0, len(seen), SECOND):
                     seen.feed(monitor, first, min(first + SECOND, len(seen)))
                     bar.update(bar.task_ids[0], completed=first)

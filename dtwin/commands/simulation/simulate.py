@@ -82,7 +82,7 @@ class Simulate:
     store: Path = STORE
     """Folder of the kept models."""
     candidate: list[str] = field(default_factory=list)
-    """Changes to try beside the base case, e.g. "T=1.5 kp=300,600,400 D2=0.1 law=seed"; repeatable."""
+    """Changes to try beside the base case, e.g. "T=1.5 kp=300,600,400 D2=0.1 law=row_sum"; repeatable."""
     log: Path | None = None
     """Parquet log of a run: predict the motion at --at from its first sample, with the log's settings."""
     at: float = 0.0

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 PAGE: Final = "report.md"
 CHART: Final = "report.png"
 
-_METHOD_TITLES: Final[Mapping[Method, str]] = {"default": "Default method", "seed": "The thesis's method"}
+_METHOD_TITLES: Final[Mapping[Method, str]] = {"default": "Default method", "thesis": "The thesis's method"}
 _FAILURE_THESIS: Final = (
     "The thesis tests one failure: K2 to 10 % at 45 s, compared every 0.5 s with a simulation of 5 ms steps. It "
     "takes ten deviating comparisons in a row, so more than five seconds, and names the link but no cause."
@@ -265,8 +265,8 @@ def draw_sampling(speeds: Sequence[Speed], figure: Figure) -> None:
     """Share of a core and latency over the sample time, a line a step."""
     figure.set_size_inches(12, 4)
     share, latency = figure.subplots(1, 2)
-    for step in dict.fromkeys(s.step for s in speeds if s.method == "seed"):
-        chosen = [s for s in speeds if s.method == "seed" and s.step == step]
+    for step in dict.fromkeys(s.step for s in speeds if s.method == "thesis"):
+        chosen = [s for s in speeds if s.method == "thesis" and s.step == step]
         times = [s.sample_time for s in chosen]
         share.plot(
             times, [100 * s.core_share for s in chosen], ".-", label=f"thesis's method, step {1e3 * step:g} ms"

@@ -14,7 +14,7 @@ from dtwin.experiments.monitoring.failure import FAULT, START
 from dtwin.experiments.monitoring.trial import Method, identified_belief
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream, stream
-from dtwin.monitoring.thesis import SeedMonitor, SeedSettings
+from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
 from dtwin.run.cell import Cell, CellSettings
 
 STEPS: Final = (0.001, 0.002, 0.005, 0.01)
@@ -71,15 +71,15 @@ def sampling_experiment(
     combinations = [(step, sample_time) for step in steps for sample_time in sample_times]
     results = []
     for done, (step, sample_time) in enumerate(combinations, 1):
-        thesis = SeedMonitor(belief.arm, SeedSettings(sample_time, step))
-        results.append(_timed("seed", thesis, seen, step, sample_time))
+        thesis = ThesisMonitor(belief.arm, ThesisSettings(sample_time, step))
+        results.append(_timed("thesis", thesis, seen, step, sample_time))
         progress(done, len(combinations) + 1)
     results.append(_timed("default", Monitor(belief), seen, 0.0025, 0.01))
     progress(len(combinations) + 1, len(combinations) + 1)
     return results
 
 
-def _timed(method: Method, monitor: Monitor | SeedMonitor, seen: Stream, step: float, sample_time: float) -> Speed:
+def _timed(method: Method, monitor: Monitor | ThesisMonitor, seen: Stream, step: float, sample_time: float) -> Speed:
     seen.feed(monitor, 0, 2)  # compiles or loads what is compiled
     began = time.process_time()
     seen.feed(monitor, 2, len(seen))

@@ -20,13 +20,13 @@ from dtwin.identification.excitation.signal import Plan
 from dtwin.identification.model import from_estimate
 from dtwin.monitoring.belief import Belief, identified
 from dtwin.monitoring.monitor import Monitor, MonitorSettings
-from dtwin.monitoring.thesis import SeedMonitor, SeedSettings
+from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
 from dtwin.monitoring.verdict import CAUSE_OF, Cause, Finding, joint_of
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.run.loop import CHUNK, run
 from dtwin.signals import StepRecord
 
-Method = Literal["default", "seed"]
+Method = Literal["default", "thesis"]
 METHODS: Final[tuple[Method, ...]] = get_args(Method)
 
 NOMINAL_BOX: Final = 0.2
@@ -52,7 +52,7 @@ class Trial:
         start: of the fault, s; None is any time between 30 s and 60 s.
         patience: s after the start at which the run ends.
         motion: s of motion after the start at which the run ends.
-        seed_settings: of the thesis's monitor.
+        thesis_settings: of the thesis's monitor.
         settings: of the default monitor.
     """
 
@@ -64,7 +64,7 @@ class Trial:
     start: float | None = None
     patience: float = 60.0
     motion: float = 6.0
-    seed_settings: SeedSettings = field(default_factory=SeedSettings)
+    thesis_settings: ThesisSettings = field(default_factory=ThesisSettings)
     settings: MonitorSettings = field(default_factory=MonitorSettings)
 
 
@@ -142,11 +142,11 @@ class _Run:
         self.awaited = awaited
         self.controller = EmbeddedController()
         belief = identified_belief(trial.noise, trial.noise_kind, trial.seed)
-        self.monitor: Monitor | SeedMonitor
+        self.monitor: Monitor | ThesisMonitor
         if trial.method == "default":
             self.monitor = Monitor(belief, trial.settings)
         else:
-            self.monitor = SeedMonitor(belief.arm, trial.seed_settings)
+            self.monitor = ThesisMonitor(belief.arm, trial.thesis_settings)
         self.began: float | None = None
         self.moving_then = False
         self.moved = 0
@@ -236,7 +236,7 @@ class _Run:
 
     def _finding(self) -> Finding | None:
         monitor = self.monitor
-        if isinstance(monitor, SeedMonitor) or self.began is None:
+        if isinstance(monitor, ThesisMonitor) or self.began is None:
             return None
         return next((f for f in monitor.history if f.detected >= self.began), None)
 
