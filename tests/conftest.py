@@ -1,6 +1,43 @@
-"""Hypothesis without a deadline, since a first call may compile, and the same examples every time."""
+"""Settings of hypothesis, and runs of the cell that several tests look at, made once."""
 
+from collections.abc import Callable
+from functools import cache
+
+import pytest
 from hypothesis import settings
 
+from dtwin.emulation import parse_fault
+from dtwin.experiments.monitoring.trial import identified_belief
+from dtwin.monitoring.belief import Belief
+from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.recording import Log
+
+# No deadline, since a first call may compile; the same examples every time.
 settings.register_profile("dtwin", deadline=None, derandomize=True, max_examples=50)
 settings.load_profile("dtwin")
+
+NOISE = 0.003
+
+
+@cache
+def _log(duration: float, seed: int, faults: tuple[str, ...], step: float) -> Log:
+    parsed = tuple(parse_fault(fault) for fault in faults)
+    cell = Cell(CellSettings(duration, seed, NOISE, faults=parsed, step=step))
+    cell.run()
+    return cell.log.freeze()
+
+
+@pytest.fixture(scope="session")
+def run_cell() -> Callable[..., Log]:
+    """run_cell(duration, seed, *faults): the log of a cell with noise."""
+
+    def run(duration: float = 60.0, seed: int = 3, *faults: str, step: float = 0.0025) -> Log:
+        return _log(duration, seed, faults, step)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def belief() -> Belief:
+    """A model from one identification run at that noise."""
+    return identified_belief(NOISE, "uniform", 1)
