@@ -16,6 +16,7 @@ from typing import Final
 import msgspec
 
 from dtwin.bus.session import Bus, open_configured, open_peer
+from dtwin.bus.signature import new_key
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import NoiseKind, parse_fault
 from dtwin.errors import CommunicationError, ParameterError
@@ -125,10 +126,10 @@ class CellOptions:
             control=ControlSettings(target_time=self.target_time, law=self.law),
         )
 
-    def bus(self, meet: str) -> Bus:
-        """A session of the operator."""
+    def bus(self, meet: str, key: bytes) -> Bus:
+        """A session of the operator, who knows the key of the services."""
         session = open_configured(self.zenoh, OPERATOR) if self.zenoh else open_peer(meet)
-        return Bus(session, self.cell, self.arm)
+        return Bus(session, self.cell, self.arm, key)
 
     def programs(self, meet: str, file: Path, ports: Ports) -> list[Program]:
         """The services in the order to be started; each waits for those it needs."""
@@ -232,13 +233,14 @@ def launched(options: CellOptions) -> Iterator[Launched]:
     """
     options.check()
     meet = f"tcp/127.0.0.1:{free_port()}"
-    with RunFile(options.cell) as file, options.bus(meet) as bus:
+    key = new_key()
+    with RunFile(options.cell) as file, options.bus(meet, key) as bus:
         journal = journal_of(file.path)
         journal.unlink(missing_ok=True)
         if options.log is not None:
             discard_parts(options.log)
         ports = free_ports()
-        supervisor = Supervisor(bus, options.programs(meet, file.path, ports))
+        supervisor = Supervisor(bus, options.programs(meet, file.path, ports), key)
         zenoh = None if options.zenoh is None else str(options.zenoh.resolve())
         page = ports.page_url if options.viewer == "web" else ""
         up = runfile.Up(os.getpid(), options.arm, meet, zenoh, page=page)

@@ -25,9 +25,10 @@ from typing import Any, Final, Protocol
 
 from dtwin.bus.messages import STATUS, State, Status
 from dtwin.bus.session import RENDEZVOUS, Bus, open_configured, open_peer
-from dtwin.errors import CommunicationError, DtwinError
+from dtwin.bus.signature import KEY_SIZE
+from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.options import parse_options
-from services.supervisor import LIFELINE
+from services.supervisor import KEY, LIFELINE
 
 REPORT_PERIOD: Final = 1.0
 """s"""
@@ -65,7 +66,7 @@ class Link:
             CommunicationError: the configuration or the session cannot be opened.
         """
         session = open_configured(self.zenoh, name) if self.zenoh else open_peer(self.meet)
-        return Bus(session, self.cell, self.arm)
+        return Bus(session, self.cell, self.arm, cell_key())
 
 
 class Service:
@@ -231,6 +232,24 @@ class _LastError(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         self.text = " ".join(record.getMessage().split())
+
+
+def cell_key() -> bytes | None:
+    """The secret of the cell's services, if this one was started with it.
+
+    Raises:
+        ParameterError: The environment variable holds no key.
+    """
+    digits = os.environ.pop(KEY, None)
+    if digits is None:
+        return None
+    try:
+        key = bytes.fromhex(digits)
+    except ValueError:
+        key = b""
+    if len(key) != KEY_SIZE:
+        raise ParameterError(f"{KEY}: expected {2 * KEY_SIZE} hexadecimal digits")
+    return key
 
 
 def watch_lifeline() -> None:

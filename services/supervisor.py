@@ -23,6 +23,8 @@ from dtwin.parameters import ROOT
 
 LIFELINE: Final = "DTWIN_LIFELINE"
 """Environment variable of the children: the descriptor that is at its end when the supervisor has gone."""
+KEY: Final = "DTWIN_KEY"
+"""Environment variable of the children: the secret with which services of one cell sign, in hexadecimal digits."""
 FIRST_DELAY: Final = 0.25
 """s before the first restart; every further one waits twice as long"""
 LAST_DELAY: Final = 8.0
@@ -50,8 +52,9 @@ class Program:
 class _Child:
     """One service's process and what is known of it."""
 
-    def __init__(self, program: Program, lifeline: int) -> None:
+    def __init__(self, program: Program, lifeline: int, key: bytes) -> None:
         self.program = program
+        self._key = key
         self.restarts = 0
         self.status: Status | None = None
         self.heard = 0.0
@@ -78,7 +81,7 @@ class _Child:
             text=True,
             errors="replace",
             cwd=None,
-            env={**os.environ, LIFELINE: str(self._lifeline), "PYTHONPATH": str(ROOT)},
+            env={**os.environ, LIFELINE: str(self._lifeline), KEY: self._key.hex(), "PYTHONPATH": str(ROOT)},
             pass_fds=(self._lifeline,),
             start_new_session=True,
         )
@@ -160,12 +163,13 @@ class Supervisor:
 
     Args:
         bus: is watched for tokens and statuses.
-        programs: in the order to be started.
+        programs: The services, in the order in which they are started.
+        key: The secret with which the services of this cell sign what they say.
     """
 
-    def __init__(self, bus: Bus, programs: Iterable[Program]) -> None:
+    def __init__(self, bus: Bus, programs: Iterable[Program], key: bytes) -> None:
         self._lifeline, self._hold = os.pipe()
-        self._children = {program.name: _Child(program, self._lifeline) for program in programs}
+        self._children = {program.name: _Child(program, self._lifeline, key) for program in programs}
         bus.watch_alive(self._note_token)
         bus.subscribe(STATUS, Status, self._note_status)
         bus.answer(SUMMARY, SummaryRequest, lambda request: self.summary())

@@ -25,6 +25,7 @@ from zenoh.handlers import Callback
 
 from dtwin.bus.codec import M, MessageError, Reader, encode
 from dtwin.bus.messages import ALIVE, Topic
+from dtwin.bus.signature import Signer, Verifier
 from dtwin.errors import CommunicationError, DtwinError
 
 log = logging.getLogger(__name__)
@@ -166,14 +167,22 @@ def _open(configuration: zenoh.Config) -> zenoh.Session:
 
 
 class Publisher:
-    """Publishes the messages it is called with."""
+    """Publishes the messages it is called with, and signs them if the cell has a key."""
 
-    def __init__(self, publisher: zenoh.Publisher) -> None:
+    def __init__(self, publisher: zenoh.Publisher, signer: Signer | None) -> None:
         self._publisher = publisher
         self._put = publisher.put
+        self._signer = signer
+        self._expression = str(publisher.key_expr)
+        self._lock = threading.Lock()
 
     def __call__(self, message: msgspec.Struct) -> None:
-        self._put(encode(message))
+        payload = encode(message)
+        if self._signer is None:
+            self._put(payload)
+            return
+        with self._lock:  # numbers leave in order
+            self._put(payload, attachment=self._signer(self._expression, payload))
 
     @property
     def wanted(self) -> bool:
@@ -196,20 +205,26 @@ class Bus:
     """One session, under the keys of one arm.
 
     Args:
-        session: is this one's from here on.
-        cell, arm: names in the keys.
+        session: The session; this object closes it.
+        cell: The cell's name in the keys.
+        arm: The arm's name in the keys.
+        key: The secret of the cell's services. With it, everything that is published is signed, and only what
+            is signed with it is received; without it, everything is received.
 
     Attributes:
         refused: messages refused since the start, by reason; read and written from several threads.
         last_refusal: the last one in words.
     """
 
-    def __init__(self, session: zenoh.Session, cell: str = "cell", arm: str = "arm") -> None:
+    def __init__(
+        self, session: zenoh.Session, cell: str = "cell", arm: str = "arm", key: bytes | None = None
+    ) -> None:
         self.refused: Counter[str] = Counter()
         self.last_refusal = ""
         self._prefix = f"dtwin/{cell}/{arm}/"
         self._lock = threading.Lock()
         self._session = session
+        self._key = key
         self._declared: list[Any] = []
 
     def __enter__(self) -> Bus:
@@ -260,18 +275,30 @@ class Bus:
             priority=zenoh.Priority.REAL_TIME,
             express=True,
         )
-        return Publisher(publisher)
+        return Publisher(publisher, Signer(self._key) if self._key else None)
 
     def subscribe(self, topic: Topic, message: type[M], receive: Callable[[M], Any], part: str = "*") -> Subscription:
         """Calls `receive` with every valid message, on a thread of Zenoh's; it must return at once and not raise.
 
         It ends with the session, or before that by what is returned.
         """
+        return self.subscribe_senders(topic, message, lambda found, sender: receive(found), part)
+
+    def subscribe_senders(
+        self, topic: Topic, message: type[M], receive: Callable[[M, bytes], Any], part: str = "*"
+    ) -> Subscription:
+        """The same, with the sender of each message: one publisher's name for itself, b"" in a cell without key."""
         reader = Reader(message)
+        verify = Verifier(self._key) if self._key else None
 
         def take(sample: zenoh.Sample) -> None:
+            payload = _bytes(sample.payload)
             try:
-                receive(reader(_bytes(sample.payload)))
+                sender = b""
+                if verify is not None:
+                    attachment = None if sample.attachment is None else _bytes(sample.attachment)
+                    sender = verify(str(sample.key_expr), payload, attachment)
+                receive(reader(payload), sender)
             except MessageError as error:
                 self.refuse(error.reason, f"{sample.key_expr}: {error}")
 
