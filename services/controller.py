@@ -13,12 +13,12 @@ from typing import Final
 from dtwin.controller.ports import BLOCKS, SYSTEM
 from dtwin.controller.settings import ControlSettings
 from dtwin.iec61499.deploy.build import deploy
-from dtwin.iec61499.deploy.deployment import plan_deployment
-from dtwin.iec61499.device.embedded import Device
-from dtwin.iec61499.files.mapping import resource_network
+from dtwin.iec61499.deploy.plan import plan_deployment
+from dtwin.iec61499.device.embedded import EmbeddedDevice
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.server import ManagementServer
+from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.model import Block, FBNetwork, System
 from dtwin.iec61499.net.address import Address, parse_numeric_address
 from dtwin.iec61499.net.reactor import Reactor
@@ -51,7 +51,7 @@ class Options(Link):
         settings = ControlSettings(target_time=self.target_time, law=self.law)
         with Reactor() as reactor, Service(NAME, self, wake=reactor.stop) as service:
             library, system = self._load(settings)
-            device = Device(reactor, library, address.host)
+            device = EmbeddedDevice(reactor, library, address.host)
             try:
                 device.load_system(system)
                 server = ManagementServer(reactor, address, device.handle)

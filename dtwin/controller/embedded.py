@@ -6,8 +6,8 @@ from pathlib import Path
 
 from dtwin.controller.ports import BLOCKS, EMULATOR, PATH, SYSTEM, sensor_values, voltages
 from dtwin.controller.settings import ControlSettings
-from dtwin.iec61499.files.mapping import resource_network
 from dtwin.iec61499.library import Library
+from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.parameters import Triple
 from dtwin.signals import Sensors, Voltages

@@ -11,8 +11,8 @@ from typing import Final
 from dtwin.controller.ports import BLOCKS, MOTION_SYSTEM, PATH, PATH_END
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError, choices
-from dtwin.iec61499.files.mapping import resource_network
 from dtwin.iec61499.library import Library
+from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.parameters import PERIOD, PLACES, Triple
 

@@ -9,10 +9,10 @@ from typing import Final
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.files.mapping import resource_network
-from dtwin.iec61499.files.reader import read_type
+from dtwin.iec61499.files.block_types import read_type
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import load_boot_file
+from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.checked import BlockChecker
 from dtwin.iec61499.runtime.generic import check_types, resolve, unconnected
 from dtwin.iec61499.runtime.netlist import Finder, flatten

@@ -8,10 +8,9 @@ from pathlib import Path
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
-from dtwin.iec61499.files.networks import system_from_xml
-from dtwin.iec61499.files.reader import read_header, read_interface, read_type
-from dtwin.iec61499.files.xml import read_xml
-from dtwin.iec61499.standard import find_standard, standard_names
+from dtwin.iec61499.files.block_types import read_type
+from dtwin.iec61499.files.systems import read_system
+from dtwin.iec61499.standard.catalogue import find_standard, standard_names
 
 
 class Library:
@@ -90,5 +89,4 @@ class Library:
         Raises:
             FunctionBlockError: the file is unreadable or wrong; names file and line.
         """
-        root = read_xml(path)
-        return system_from_xml(root, read_header(root), read_interface)
+        return read_system(path)

@@ -54,7 +54,7 @@ VariableType: TypeAlias = DataType | GenericType
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class EventPort:
     """An event port; `with_variables` are sampled (input) or published (output) when it occurs."""
 
     name: str
@@ -78,8 +78,8 @@ class Variable:
 class Interface:
     """The ports of a block type."""
 
-    event_inputs: tuple[Event, ...] = ()
-    event_outputs: tuple[Event, ...] = ()
+    event_inputs: tuple[EventPort, ...] = ()
+    event_outputs: tuple[EventPort, ...] = ()
     inputs: tuple[Variable, ...] = ()
     outputs: tuple[Variable, ...] = ()
 
@@ -113,7 +113,7 @@ class Algorithm:
 
 
 @dataclass(frozen=True, slots=True)
-class Action:
+class ECAction:
     """Run `algorithm`, then issue the event `output`; "" leaves that part out."""
 
     algorithm: str = ""
@@ -122,11 +122,11 @@ class Action:
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class ECState:
     """A state of an execution control chart."""
 
     name: str
-    actions: tuple[Action, ...] = ()
+    actions: tuple[ECAction, ...] = ()
     x: float = 0.0
     y: float = 0.0
     comment: str = ""
@@ -134,7 +134,7 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
-class Transition:
+class ECTransition:
     """A transition; it fires on `event` ("": without one) when the Boolean expression `guard` ("": always) holds."""
 
     source: str
@@ -179,8 +179,8 @@ class BasicFBType:
     header: TypeHeader
     interface: Interface
     internals: tuple[Variable, ...] = ()
-    states: tuple[State, ...] = ()
-    transitions: tuple[Transition, ...] = ()
+    states: tuple[ECState, ...] = ()
+    transitions: tuple[ECTransition, ...] = ()
     algorithms: tuple[Algorithm, ...] = ()
 
 
@@ -191,7 +191,7 @@ class SimpleFBType:
     header: TypeHeader
     interface: Interface
     internals: tuple[Variable, ...] = ()
-    states: tuple[State, ...] = ()
+    states: tuple[ECState, ...] = ()
     algorithms: tuple[Algorithm, ...] = ()
 
 
@@ -285,7 +285,7 @@ LibraryElement: TypeAlias = FBType | SubApplicationType
 
 
 @dataclass(frozen=True, slots=True)
-class Application:
+class ApplicationDeclaration:
     """A network that is independent of devices."""
 
     name: str
@@ -307,7 +307,7 @@ class ResourceDeclaration:
 
 
 @dataclass(frozen=True, slots=True)
-class Device:
+class DeviceDeclaration:
     """A device and its resources."""
 
     name: str
@@ -332,8 +332,8 @@ class System:
     """A system configuration."""
 
     header: TypeHeader
-    applications: tuple[Application, ...] = ()
-    devices: tuple[Device, ...] = ()
+    applications: tuple[ApplicationDeclaration, ...] = ()
+    devices: tuple[DeviceDeclaration, ...] = ()
     mappings: tuple[Mapping, ...] = ()
 
 

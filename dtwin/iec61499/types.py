@@ -16,7 +16,7 @@ from typing import Any, Final, Literal, TypeAlias
 
 from dtwin.errors import FunctionBlockError, choices
 
-Kind = Literal["bool", "signed", "unsigned", "bits", "real", "string", "time"]
+TypeKind = Literal["bool", "signed", "unsigned", "bits", "real", "string", "time"]
 
 _FLOAT32: Final = struct.Struct("f")
 
@@ -34,7 +34,7 @@ class ElementaryType:
     """One elementary type: its IEC 61131-3 name, kind and width in bits (0 for strings)."""
 
     name: str
-    kind: Kind
+    kind: TypeKind
     bits: int
 
     def __str__(self) -> str:

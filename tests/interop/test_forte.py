@@ -17,7 +17,7 @@ from dtwin.controller.lockstep import RemoteController
 from dtwin.emulation import parse_fault
 from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.build import deploy
-from dtwin.iec61499.deploy.deployment import plan_deployment
+from dtwin.iec61499.deploy.plan import plan_deployment
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import print_boot_file
 from dtwin.iec61499.management.client import ManagementClient

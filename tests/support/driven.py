@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dtwin.iec61499 import model
-from dtwin.iec61499.files.mapping import resource_network
 from dtwin.iec61499.library import Library
+from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.parameters import ROOT, ArmParameters
 from dtwin.twin.rollout import rollout

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dtwin.iec61499 import model
-from dtwin.iec61499.files.reader import split_condition
+from dtwin.iec61499.files.block_types import split_condition
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.standard.declare import interface, variables
@@ -42,9 +42,9 @@ def chart(
             algorithm = f"A{len(algorithms)}" if text else ""
             if text:
                 algorithms.append(model.Algorithm(algorithm, model.Source(text)))
-            listed.append(model.Action(algorithm, output))
-        made.append(model.State(state, tuple(listed)))
-    arrows = [model.Transition(a, b, *split_condition(condition, inputs)) for a, condition, b in transitions]
+            listed.append(model.ECAction(algorithm, output))
+        made.append(model.ECState(state, tuple(listed)))
+    arrows = [model.ECTransition(a, b, *split_condition(condition, inputs)) for a, condition, b in transitions]
     return model.BasicFBType(
         model.TypeHeader(name), ports, variables(internals), tuple(made), tuple(arrows), tuple(algorithms)
     )

@@ -11,15 +11,12 @@ import lupa.lua51
 import lupa.lua54
 import lupa.luajit21
 
-from dtwin.iec61499.st import (
-    CheckedAlgorithm,
-    check_algorithm,
-    compile_algorithm,
-    lua_helpers,
-    lua_source,
-    parse_algorithm,
-    python_source,
-)
+from dtwin.iec61499.st.check import check_algorithm
+from dtwin.iec61499.st.lua.helpers import lua_helpers
+from dtwin.iec61499.st.lua.translate import lua_source
+from dtwin.iec61499.st.parser import parse_algorithm
+from dtwin.iec61499.st.python.translate import compile_algorithm, python_source
+from dtwin.iec61499.st.typed import CheckedAlgorithm
 from dtwin.iec61499.types import ArrayType, DataType, elementary
 
 LUA = {"Lua 5.1": lupa.lua51, "Lua 5.4": lupa.lua54, "LuaJIT 2.1": lupa.luajit21}

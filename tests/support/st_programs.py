@@ -72,7 +72,7 @@ def unary(operator: str, operand: st.SearchStrategy[Any]) -> st.SearchStrategy[a
 
 
 def leaf(type_name: str) -> st.SearchStrategy[ast.Expression]:
-    variables = st.sampled_from([ast.Variable(AT, name) for name in VARIABLES[type_name]])
+    variables = st.sampled_from([ast.VariableAccess(AT, name) for name in VARIABLES[type_name]])
     return variables | variables | literal(type_name)
 
 
@@ -112,8 +112,8 @@ def expression(type_name: str, depth: int) -> st.SearchStrategy[ast.Expression]:
         options += [call(["SQRT", "LN", "LOG", "EXP", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN"], own)]
         options += [call(["ATAN2"], own, own), other("STRING").map(lambda a: ast.Call(AT, "STRING_TO_LREAL", (a,)))]
         indices = st.integers(-1, 2).map(lambda i: ast.Literal(AT, i, "") if i >= 0 else ast.Literal(AT, i, "DINT"))
-        options += [indices.map(lambda i: ast.Variable(AT, "A", (i,)))]
-        options += [st.just(ast.Binary(AT, "**", ast.Variable(AT, "X"), ast.Literal(AT, 2, "")))]
+        options += [indices.map(lambda i: ast.VariableAccess(AT, "A", (i,)))]
+        options += [st.just(ast.Binary(AT, "**", ast.VariableAccess(AT, "X"), ast.Literal(AT, 2, "")))]
     if type_name == "REAL":
         options += [other("LREAL").map(lambda a: ast.Call(AT, "LREAL_TO_REAL", (a,)))]
     if type_name in INTEGERS:
@@ -151,11 +151,11 @@ def expression(type_name: str, depth: int) -> st.SearchStrategy[ast.Expression]:
 @cache
 def assignment(depth: int) -> st.SearchStrategy[ast.Statement]:
     def assign(name: str, type_name: str) -> st.SearchStrategy[ast.Statement]:
-        return expression(type_name, depth).map(lambda v: ast.Assignment(AT, ast.Variable(AT, name), v))
+        return expression(type_name, depth).map(lambda v: ast.Assignment(AT, ast.VariableAccess(AT, name), v))
 
     scalars = [assign(name, type_name) for type_name, names in VARIABLES.items() for name in names]
     element = st.builds(
-        lambda i, v: ast.Assignment(AT, ast.Variable(AT, "A", (ast.Literal(AT, i, ""),)), v),
+        lambda i, v: ast.Assignment(AT, ast.VariableAccess(AT, "A", (ast.Literal(AT, i, ""),)), v),
         st.integers(0, 2),
         expression("LREAL", depth),
     )
@@ -201,31 +201,35 @@ def case(inner: st.SearchStrategy[Any]) -> st.SearchStrategy[ast.Statement]:
 
 
 def counted(counter: str, inner: st.SearchStrategy[Any]) -> st.SearchStrategy[ast.Statement]:
-    bound = st.integers(0, 4).map(lambda v: ast.Literal(AT, v, "")) | st.just(ast.Variable(AT, "N"))
+    bound = st.integers(0, 4).map(lambda v: ast.Literal(AT, v, "")) | st.just(ast.VariableAccess(AT, "N"))
     step = (
         st.none()
         | st.sampled_from([ast.Literal(AT, v, "") for v in (1, 2)])
         | st.just(ast.Unary(AT, "-", ast.Literal(AT, 1, "")))
     )
-    return st.builds(lambda a, b, s, i: ast.For(AT, ast.Variable(AT, counter), a, b, s, i), bound, bound, step, inner)
+    return st.builds(
+        lambda a, b, s, i: ast.For(AT, ast.VariableAccess(AT, counter), a, b, s, i), bound, bound, step, inner
+    )
 
 
 def _increment(counter: str) -> ast.Statement:
-    variable = ast.Variable(AT, counter)
+    variable = ast.VariableAccess(AT, counter)
     return ast.Assignment(AT, variable, ast.Binary(AT, "+", variable, ast.Literal(AT, 1, "")))
 
 
 def bounded_while(counter: str, inner: tuple[ast.Statement, ...]) -> ast.Statement:
-    condition = ast.Binary(AT, "<", ast.Variable(AT, counter), ast.Literal(AT, 4, ""))
+    condition = ast.Binary(AT, "<", ast.VariableAccess(AT, counter), ast.Literal(AT, 4, ""))
     return ast.While(AT, condition, (_increment(counter), *inner))
 
 
 def bounded_repeat(counter: str, inner: tuple[ast.Statement, ...]) -> ast.Statement:
-    condition = ast.Binary(AT, ">", ast.Variable(AT, counter), ast.Literal(AT, 3, ""))
+    condition = ast.Binary(AT, ">", ast.VariableAccess(AT, counter), ast.Literal(AT, 3, ""))
     return ast.Repeat(AT, (_increment(counter), *inner), condition)
 
 
-programs = st.lists(statement(3, 2, False), min_size=1, max_size=5).map(lambda b: ast.Algorithm(AT, "", (), tuple(b)))
+programs = st.lists(statement(3, 2, False), min_size=1, max_size=5).map(
+    lambda b: ast.ParsedAlgorithm(AT, "", (), tuple(b))
+)
 
 
 def value(name: str) -> st.SearchStrategy[Any]:

@@ -15,7 +15,7 @@ from typing import Annotated
 import tyro
 
 from dtwin.errors import FunctionBlockError, ParameterError, choices
-from dtwin.iec61499.device.embedded import Device
+from dtwin.iec61499.device.embedded import EmbeddedDevice
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import load_boot_file
 from dtwin.iec61499.management.client import ManagementClient
@@ -44,7 +44,7 @@ class FbRun:
         address = parse_numeric_address(self.listen)
         library = Library([self.blocks or (self.file.parent if self.file else ROOT / "fb")])
         with Reactor() as reactor, _ended_by_signals(reactor):
-            device = Device(reactor, library, address.host)
+            device = EmbeddedDevice(reactor, library, address.host)
             try:
                 self._load(device, library)
                 server = ManagementServer(reactor, address, device.handle)
@@ -58,7 +58,7 @@ class FbRun:
                 device.close()
         return 0
 
-    def _load(self, device: Device, library: Library) -> None:
+    def _load(self, device: EmbeddedDevice, library: Library) -> None:
         if self.file is None:
             return
         if self.file.suffix == ".sys":

@@ -11,13 +11,13 @@ import tyro
 from dtwin.errors import FunctionBlockError, ParameterError, choices
 from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.build import deploy
-from dtwin.iec61499.deploy.deployment import Deployment, plan_deployment
 from dtwin.iec61499.deploy.lua_export import export_type
-from dtwin.iec61499.files.mapping import resource_network
+from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
 from dtwin.iec61499.inspection import SUFFIXES, inspect
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import Command, print_boot_file
 from dtwin.iec61499.management.client import ManagementClient
+from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.address import parse_address
 from dtwin.iec61499.runtime.generic import unconnected
 from dtwin.parameters import ROOT

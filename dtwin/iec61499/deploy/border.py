@@ -49,25 +49,25 @@ def border_type(composite: model.CompositeFBType) -> model.BasicFBType:
         *((event.name, inner_name(event.name), _copies(event, True)) for event in interface.event_inputs),
         *((inner_name(event.name), event.name, _copies(event, False)) for event in interface.event_outputs),
     ]
-    states, transitions, algorithms = [model.State("START")], [], []
+    states, transitions, algorithms = [model.ECState("START")], [], []
     for event, answer, text in crossings:
         name = f"ON_{event}"
         if text:
             algorithms.append(model.Algorithm(name, model.Source(text)))
-        states.append(model.State(name, (model.Action(name if text else "", answer),)))
-        transitions += [model.Transition("START", name, event), model.Transition(name, "START")]
+        states.append(model.ECState(name, (model.ECAction(name if text else "", answer),)))
+        transitions += [model.ECTransition("START", name, event), model.ECTransition(name, "START")]
     return model.BasicFBType(composite.header, ports, (), tuple(states), tuple(transitions), tuple(algorithms))
 
 
-def _inside(event: model.Event) -> model.Event:
-    return model.Event(inner_name(event.name), tuple(inner_name(name) for name in event.with_variables))
+def _inside(event: model.EventPort) -> model.EventPort:
+    return model.EventPort(inner_name(event.name), tuple(inner_name(name) for name in event.with_variables))
 
 
 def _renamed(variable: model.Variable) -> model.Variable:
     return model.Variable(inner_name(variable.name), variable.type)
 
 
-def _copies(event: model.Event, inwards: bool) -> str:
+def _copies(event: model.EventPort, inwards: bool) -> str:
     """Structured Text that lets the data of an event across."""
     if inwards:
         return "".join(f"{inner_name(name)} := {name};\n" for name in event.with_variables)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NoReturn
 
-from dtwin.iec61499.deploy.deployment import Deployment
+from dtwin.iec61499.deploy.plan import Deployment
 from dtwin.iec61499.management.bootfile import Command
 from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.management.protocol import Block, ManagementError, Reason, Request, Type
+from dtwin.iec61499.management.protocol import ManagedBlock, ManagedType, ManagementError, Reason, Request
 
 
 def deploy(client: ManagementClient, deployment: Deployment) -> None:
@@ -20,7 +20,7 @@ def deploy(client: ManagementClient, deployment: Deployment) -> None:
         ManagementError: the device refuses; names the block.
         CommunicationError: the device does not answer.
     """
-    types = [command for command in deployment.commands if isinstance(command.request.subject, Type)]
+    types = [command for command in deployment.commands if isinstance(command.request.subject, ManagedType)]
     for command in types:
         if not _knows(client, deployment, command):
             _demand(client, deployment, command)
@@ -38,18 +38,18 @@ def remove(client: ManagementClient, resource: str) -> None:
     if all(block.name != resource for block in client.blocks("")):
         return
     # what is not running refuses to stop and to be killed, and may be deleted
-    client.request("", "STOP", Block(resource, ""))
+    client.request("", "STOP", ManagedBlock(resource, ""))
     # FORTE goes on through its list of sockets behind that of the request, while KILL takes those of the resource
     # out of it; behind the socket of a new session there are none
     client.reconnect()
-    client.request("", "KILL", Block(resource, ""))
+    client.request("", "KILL", ManagedBlock(resource, ""))
     client.delete_block("", resource)
 
 
 def _knows(client: ManagementClient, deployment: Deployment, command: Command) -> bool:
     """Whether the device has the type already, which its name says it has with the same text."""
-    assert isinstance(command.request.subject, Type)
-    reason = client.request("", "QUERY", Type(command.request.subject.name)).reason
+    assert isinstance(command.request.subject, ManagedType)
+    reason = client.request("", "QUERY", ManagedType(command.request.subject.name)).reason
     if reason is not None and reason != "UNSUPPORTED_TYPE":
         # without Lua, FORTE's buffer is too short for a type: it would not even refuse one
         _refuse(client, deployment, command.request, "UNSUPPORTED_CMD")
@@ -69,16 +69,18 @@ def _refuse(client: ManagementClient, deployment: Deployment, request: Request, 
 
 def _refusal(deployment: Deployment, request: Request, reason: Reason) -> str:
     subject = request.subject
-    if isinstance(subject, Type):
+    if isinstance(subject, ManagedType):
         blocks = [command.request.subject for command in deployment.commands]
-        user = next(block.name for block in blocks if isinstance(block, Block) and block.type_name == subject.name)
+        user = next(
+            block.name for block in blocks if isinstance(block, ManagedBlock) and block.type_name == subject.name
+        )
         needed = {
             "UNSUPPORTED_CMD": "the device takes no block types: expected dtwin fb run, or a 4diac FORTE built with "
             "FORTE_USE_LUATYPES",
             "UNSUPPORTED_TYPE": "the device has no such block type or has it otherwise: expected the same library",
         }.get(reason, "the device cannot read it: expected a 4diac FORTE with Lua 5.1 or later")
         return f"refused type {subject.name} of block {user}: {reason}: {needed}"
-    if isinstance(subject, Block) and reason == "UNSUPPORTED_TYPE":
+    if isinstance(subject, ManagedBlock) and reason == "UNSUPPORTED_TYPE":
         return (
             f"refused block {subject.name}: it has no type {subject.type_name}: "
             "expected a 4diac FORTE built with the module that holds it"

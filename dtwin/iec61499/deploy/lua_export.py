@@ -18,12 +18,13 @@ from typing import Final
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.management.protocol import REQUEST_LIMIT, Request, Type
+from dtwin.iec61499.management.protocol import REQUEST_LIMIT, ManagedType, Request
 from dtwin.iec61499.runtime.chart import CHAIN_LIMIT
 from dtwin.iec61499.runtime.checked import BlockChecker
-from dtwin.iec61499.st import LuaSource, lua_condition, lua_source, typed
+from dtwin.iec61499.st import typed
 from dtwin.iec61499.st.dataflow import accesses
 from dtwin.iec61499.st.lua.helpers import lua_helpers
+from dtwin.iec61499.st.lua.translate import LuaSource, lua_condition, lua_source
 from dtwin.iec61499.types import ArrayType
 
 _INPUT, _OUTPUT, _INTERNAL = 1 << 25, 1 << 26, 1 << 28
@@ -64,7 +65,7 @@ def export_type(block: model.BasicFBType | model.SimpleFBType) -> LuaType:
     """
     text = _Export(block).text()
     name = f"{block.header.name}_{hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]}"
-    size = len(Request("999999", "CREATE", Type(name, text)).xml().encode())
+    size = len(Request("999999", "CREATE", ManagedType(name, text)).xml().encode())
     if size > REQUEST_LIMIT:
         raise FunctionBlockError(
             f"{block.header.name} takes a request of {size} bytes as Lua: expected at most {REQUEST_LIMIT}, "
@@ -109,7 +110,7 @@ class _Export:
         self._limit(interface.event_inputs)
         self._limit(interface.event_outputs)
 
-    def _limit(self, ports: tuple[model.Variable, ...] | tuple[model.Event, ...]) -> None:
+    def _limit(self, ports: tuple[model.Variable, ...] | tuple[model.EventPort, ...]) -> None:
         if len(ports) > PORT_LIMIT:
             raise FunctionBlockError(
                 f"{self._block.header.name} has {len(ports)} ports of one kind: expected at most {PORT_LIMIT} in Lua",
@@ -161,7 +162,7 @@ class _Export:
         assert isinstance(statement.value, typed.Load)
         return f"{self._place(statement.name)}={self._place(statement.value.name)}\n"
 
-    def _actions(self, actions: Iterable[model.Action]) -> str:
+    def _actions(self, actions: Iterable[model.ECAction]) -> str:
         """Statements for the actions of a state."""
         lines = []
         for action in actions:
@@ -259,7 +260,7 @@ def _switch(selector: str, bodies: Mapping[int, str]) -> str:
     return "else".join(branches) + ("end\n" if branches else "")
 
 
-def _can_run_on(transitions: Iterable[model.Transition]) -> bool:
+def _can_run_on(transitions: Iterable[model.ECTransition]) -> bool:
     """Whether transitions without an event lead in a circle."""
     following: dict[str, set[str]] = {}
     for transition in transitions:
@@ -276,7 +277,7 @@ def _can_run_on(transitions: Iterable[model.Transition]) -> bool:
     return False
 
 
-def _events(prefix: str, events: tuple[model.Event, ...], variables: Mapping[str, int]) -> str:
+def _events(prefix: str, events: tuple[model.EventPort, ...], variables: Mapping[str, int]) -> str:
     """`EIWith` has the variables of every event that has some, each list ended by 255; `EIWithIndexes` its place."""
     names, places = [], []
     listed: list[int] = []

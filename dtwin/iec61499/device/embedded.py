@@ -11,26 +11,26 @@ from dtwin.iec61499.deploy.border import border_type
 from dtwin.iec61499.deploy.lua_export import export_type, original_name
 from dtwin.iec61499.device.managed import ManagedResource
 from dtwin.iec61499.device.runner import Runner
-from dtwin.iec61499.files.mapping import resource_network
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import Command
 from dtwin.iec61499.management.protocol import (
     ANY,
     EVENT,
-    Block,
-    Link,
+    ManagedBlock,
+    ManagedConnection,
+    ManagedType,
     ManagementError,
     Request,
     Response,
-    Type,
     Watch,
     parse_request,
     request_id,
 )
+from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.address import LOOPBACK, Address
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.iec61499.runtime.local import LocalTransport
-from dtwin.iec61499.standard import standard_names
+from dtwin.iec61499.standard.catalogue import standard_names
 
 log = logging.getLogger(__name__)
 
@@ -39,7 +39,7 @@ ROUNDS = 100
 """How often resources that send each other events in process run before sockets have their turn."""
 
 
-class Device:
+class EmbeddedDevice:
     """Holds the resources and answers management requests.
 
     Args:
@@ -124,7 +124,7 @@ class Device:
 
     def _execute_here(self, request: Request) -> Response:
         action, subject = request.action, request.subject
-        if isinstance(subject, Type):
+        if isinstance(subject, ManagedType):
             return _types(request, subject, self._library)
         if subject is None and action == "KILL":
             for resource in self._resources.values():
@@ -133,11 +133,11 @@ class Device:
             return Response(request.id)
         if subject is None:
             raise ManagementError("INVALID_STATE", f"the device runs: cannot {action} it")
-        if not isinstance(subject, Block):
+        if not isinstance(subject, ManagedBlock):
             raise ManagementError("NO_SUCH_OBJECT", f"the device has no {request.action} for connections")
         if action == "QUERY":
             resources = self._resources.values()
-            return Response(request.id, blocks=tuple(Block(r.name, r.type_name) for r in resources))
+            return Response(request.id, blocks=tuple(ManagedBlock(r.name, r.type_name) for r in resources))
         if action == "CREATE":
             self._create(subject)
             return Response(request.id)
@@ -155,7 +155,7 @@ class Device:
             resource.change_state(action)
         return Response(request.id)
 
-    def _create(self, subject: Block) -> None:
+    def _create(self, subject: ManagedBlock) -> None:
         if not subject.name or subject.name in self._resources:
             raise ManagementError("INVALID_STATE", f"there is a resource {subject.name!r} already")
         if subject.type_name != RESOURCE_TYPE:
@@ -191,17 +191,19 @@ class Device:
 
 def _execute_in(resource: ManagedResource, request: Request, library: Library) -> Response:
     action, subject = request.action, request.subject
-    if isinstance(subject, Type):
+    if isinstance(subject, ManagedType):
         return _types(request, subject, library)
     if subject is None:
         resource.change_state(action)
         return Response(request.id)
     if action == "QUERY":
-        found = isinstance(subject, Block)
+        found = isinstance(subject, ManagedBlock)
         return (
-            Response(request.id, blocks=resource.blocks()) if found else Response(request.id, links=resource.links())
+            Response(request.id, blocks=resource.blocks())
+            if found
+            else Response(request.id, connections=resource.connections())
         )
-    if isinstance(subject, Link):
+    if isinstance(subject, ManagedConnection):
         if action == "READ":
             return Response(request.id, value=resource.read(subject.source))
         if action == "WRITE" and subject.source == EVENT:
@@ -238,7 +240,7 @@ def _watches(resource: ManagedResource, request: Request, subject: Watch) -> Res
     return Response(request.id)
 
 
-def _types(request: Request, subject: Type, library: Library) -> Response:
+def _types(request: Request, subject: ManagedType, library: Library) -> Response:
     if request.action == "QUERY" and subject.tag == "FBType" and subject.name == ANY:
         return Response(request.id, names=(*library.names(), *standard_names()))
     if request.action not in ("CREATE", "QUERY") or subject.tag != "FBType":
@@ -252,7 +254,7 @@ def _types(request: Request, subject: Type, library: Library) -> Response:
     return Response(request.id)
 
 
-def _adopt(library: Library, subject: Type, unknown: FunctionBlockError) -> None:
+def _adopt(library: Library, subject: ManagedType, unknown: FunctionBlockError) -> None:
     """Makes an exported type known: its text is Lua, which only a FORTE runs, so the library must have its original.
 
     Raises:

@@ -12,7 +12,7 @@ from typing import Any, Final, Literal, Protocol
 from dtwin.errors import DtwinError, FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.protocol import Action, Block, Link, ManagementError
+from dtwin.iec61499.management.protocol import ManagedBlock, ManagedConnection, ManagementError, RequestAction
 from dtwin.iec61499.st.functions import widens
 from dtwin.iec61499.types import (
     STRING,
@@ -23,9 +23,9 @@ from dtwin.iec61499.types import (
     parse_literal,
 )
 
-State = Literal["IDLE", "RUNNING", "STOPPED", "KILLED"]
+ResourceState = Literal["IDLE", "RUNNING", "STOPPED", "KILLED"]
 Side = Literal["inputs", "outputs", "internals"]
-_MOVES: Final[dict[Action, tuple[tuple[State, ...], State]]] = {
+_MOVES: Final[dict[RequestAction, tuple[tuple[ResourceState, ...], ResourceState]]] = {
     "START": (("IDLE", "STOPPED"), "RUNNING"),
     "STOP": (("RUNNING",), "STOPPED"),
     "KILL": (("RUNNING",), "KILLED"),
@@ -78,7 +78,7 @@ class ManagedResource:
     ) -> None:
         self.name = name
         self.type_name = type_name
-        self.state: State = "IDLE"
+        self.state: ResourceState = "IDLE"
         self._library = library
         self._launch = launch
         self._running: Running | None = None
@@ -96,11 +96,13 @@ class ManagedResource:
             self._events = {(c.source, c.destination): c for c in network.events}
             self._data = {c.destination: c for c in network.data}
 
-    def blocks(self) -> tuple[Block, ...]:
-        return tuple(Block(block.name, block.type_name) for block in self._blocks.values())
+    def blocks(self) -> tuple[ManagedBlock, ...]:
+        return tuple(ManagedBlock(block.name, block.type_name) for block in self._blocks.values())
 
-    def links(self) -> tuple[Link, ...]:
-        return tuple(Link(c.source, c.destination) for c in (*self._events.values(), *self._data.values()))
+    def connections(self) -> tuple[ManagedConnection, ...]:
+        return tuple(
+            ManagedConnection(c.source, c.destination) for c in (*self._events.values(), *self._data.values())
+        )
 
     def create_block(self, name: str, type_name: str) -> None:
         self._expect_idle(f"create {name}")
@@ -201,7 +203,7 @@ class ManagedResource:
         """The values of all watched ports, as `read` prints them."""
         return {name: self.read(name) for name in self._watched}
 
-    def change_state(self, action: Action) -> None:
+    def change_state(self, action: RequestAction) -> None:
         """START, STOP, KILL or RESET."""
         sources, target = _MOVES[action]
         if self.state not in sources:

@@ -1,1 +1,1 @@
-"""Reads type, system and mapping files."""
+"""Reads the files that 4diac IDE writes: block types, subapplication types and systems."""

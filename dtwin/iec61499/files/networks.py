@@ -1,30 +1,23 @@
-"""Reads block networks (of composites, subapplications, applications and resources) and system files (.sys)."""
+"""Reads the networks of blocks in composites, subapplications, applications and resources."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Final
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.files.xml import Element
-
-PASSED_OVER: Final = ("Attribute", "Comment", "CompilerInfo", "Group", "Identification", "Service", "VersionInfo")
-"""Elements that concern editors and documentation only."""
+from dtwin.iec61499.files.header import PASSED_OVER
+from dtwin.iec61499.files.interface import read_interface
+from dtwin.iec61499.files.xml import XmlElement
 
 _NETWORK_PARTS: Final = (
     *("FB", "SubApp", "EventConnections", "DataConnections", "AdapterConnections"),
     *PASSED_OVER,
 )
-_SYSTEM_PARTS: Final = ("Application", "Device", "Mapping", "Segment", "Link", *PASSED_OVER)
-
-InterfaceReader = Callable[[Element], model.Interface]
 
 
-def read_network(body: Element | None, file: str, read_interface: InterfaceReader) -> model.FBNetwork:
+def read_network(body: XmlElement | None, file: str) -> model.FBNetwork:
     """The network in an <FBNetwork> or <SubAppNetwork> element; an empty one for None.
-
-    `read_interface` reads the interface of subapplications that have no type.
 
     Raises:
         FunctionBlockError: an unknown element, two elements of one name, or adapter connections.
@@ -40,7 +33,7 @@ def read_network(body: Element | None, file: str, read_interface: InterfaceReade
         if element.tag == "FB":
             blocks.append(_read_block(element))
         elif element.tag == "SubApp":
-            subapplications.append(_read_subapplication(element, read_interface))
+            subapplications.append(_read_subapplication(element))
         elif element.tag == "EventConnections":
             events = _read_connections(element)
         elif element.tag == "DataConnections":
@@ -58,7 +51,7 @@ def read_network(body: Element | None, file: str, read_interface: InterfaceReade
     return model.FBNetwork(tuple(blocks), tuple(subapplications), events, data, file)
 
 
-def _read_block(element: Element) -> model.Block:
+def _read_block(element: XmlElement) -> model.Block:
     return model.Block(
         element.require("Name"),
         element.require("Type"),
@@ -70,13 +63,13 @@ def _read_block(element: Element) -> model.Block:
     )
 
 
-def _read_subapplication(element: Element, read_interface: InterfaceReader) -> model.SubApplication:
+def _read_subapplication(element: XmlElement) -> model.SubApplication:
     body = element.child("SubAppNetwork") or element.child("FBNetwork")
     return model.SubApplication(
         element.require("Name"),
         element.get("Type"),
         read_interface(element),
-        read_network(body, element.file, read_interface),
+        read_network(body, element.file),
         read_parameters(element),
         element.number("x"),
         element.number("y"),
@@ -85,58 +78,17 @@ def _read_subapplication(element: Element, read_interface: InterfaceReader) -> m
     )
 
 
-def _read_connections(group: Element) -> tuple[model.Connection, ...]:
+def _read_connections(group: XmlElement) -> tuple[model.Connection, ...]:
     return tuple(
         model.Connection(c.require("Source"), c.require("Destination"), c.get("Comment"), c.line)
         for c in group.children("Connection")
     )
 
 
-def read_parameters(element: Element) -> tuple[model.Parameter, ...]:
+def read_parameters(element: XmlElement) -> tuple[model.Parameter, ...]:
     """The <Parameter> children; those without a value are left out, as 4diac does."""
     return tuple(
         model.Parameter(p.require("Name"), p.get("Value"), p.get("Comment"), p.line)
         for p in element.children("Parameter")
         if p.get("Value")
-    )
-
-
-def system_from_xml(root: Element, header: model.TypeHeader, read_interface: InterfaceReader) -> model.System:
-    """The system configuration in a <System> element."""
-    if root.tag != "System":
-        raise root.error(f"<{root.tag}> is not a system configuration: expected <System>")
-    root.expect_children(_SYSTEM_PARTS)
-    applications = tuple(
-        model.Application(
-            a.require("Name"),
-            read_network(a.child("SubAppNetwork") or a.child("FBNetwork"), root.file, read_interface),
-            a.get("Comment"),
-            a.line,
-        )
-        for a in root.children("Application")
-    )
-    devices = tuple(_read_device(d, read_interface) for d in root.children("Device"))
-    mappings = tuple(model.Mapping(m.require("From"), m.require("To"), m.line) for m in root.children("Mapping"))
-    return model.System(header, applications, devices, mappings)
-
-
-def _read_device(element: Element, read_interface: InterfaceReader) -> model.Device:
-    resources = tuple(
-        model.ResourceDeclaration(
-            r.require("Name"),
-            r.get("Type"),
-            read_network(r.child("FBNetwork"), element.file, read_interface),
-            read_parameters(r),
-            r.get("Comment"),
-            r.line,
-        )
-        for r in element.children("Resource")
-    )
-    return model.Device(
-        element.require("Name"),
-        element.get("Type"),
-        resources,
-        read_parameters(element),
-        element.get("Comment"),
-        element.line,
     )

@@ -16,7 +16,7 @@ MAXIMUM_DEPTH: Final = 64
 """elements inside each other"""
 
 
-class Element:
+class XmlElement:
     """An element with its file and line, and readers that turn what is missing or wrong into one-line errors."""
 
     __slots__ = ("_element", "file")
@@ -38,12 +38,12 @@ class Element:
         """The character data directly inside."""
         return self._element.text or ""
 
-    def children(self, tag: str = "") -> Iterator[Element]:
+    def children(self, tag: str = "") -> Iterator[XmlElement]:
         """The child elements, of one tag if it is given, in order."""
         for child in self._element.iterchildren(tag or "*"):
-            yield Element(child, self.file)
+            yield XmlElement(child, self.file)
 
-    def child(self, tag: str) -> Element | None:
+    def child(self, tag: str) -> XmlElement | None:
         """The first child of that tag."""
         return next(self.children(tag), None)
 
@@ -79,7 +79,7 @@ class Element:
         return FunctionBlockError(message, self.file, self.line)
 
 
-def read_xml(path: Path) -> Element:
+def read_xml(path: Path) -> XmlElement:
     """The root element of a file.
 
     Raises:
@@ -94,7 +94,7 @@ def read_xml(path: Path) -> Element:
     return parse_xml(data, str(path))
 
 
-def parse_xml(data: bytes, file: str) -> Element:
+def parse_xml(data: bytes, file: str) -> XmlElement:
     """As `read_xml`, from bytes; `file` is the name errors use."""
     if len(data) > MAXIMUM_SIZE:
         raise FunctionBlockError(f"larger than {MAXIMUM_SIZE} bytes", file)
@@ -118,7 +118,7 @@ def parse_xml(data: bytes, file: str) -> Element:
     if dtd is not None and next(dtd.iterentities(), None) is not None:
         raise FunctionBlockError("entity definitions are not accepted", file, 1)
     _check_tree(root, file)
-    return Element(root, file)
+    return XmlElement(root, file)
 
 
 def _check_tree(root: Any, file: str) -> None:

@@ -13,21 +13,21 @@ from dtwin.iec61499.management.protocol import (
     REQUEST_LIMIT,
     REQUESTS,
     RESPONSES,
-    Action,
-    Block,
-    Link,
+    ManagedBlock,
+    ManagedConnection,
+    ManagedType,
     ManagementError,
     Request,
+    RequestAction,
     Response,
     Subject,
-    Type,
     Watch,
     parse_response,
 )
 from dtwin.iec61499.net.address import Address
 from dtwin.iec61499.net.client import BlockingClient
 
-_RESET: Final[tuple[Action, ...]] = ("KILL", "RESET", "START")
+_RESET: Final[tuple[RequestAction, ...]] = ("KILL", "RESET", "START")
 TIMEOUT: Final = 5.0
 """s, for every request"""
 
@@ -84,7 +84,7 @@ class ManagementClient:
     def _connected(self) -> BlockingClient:
         return BlockingClient(self.address, REQUESTS, RESPONSES, self._timeout)
 
-    def request(self, resource: str, action: Action, subject: Subject | None = None) -> Response:
+    def request(self, resource: str, action: RequestAction, subject: Subject | None = None) -> Response:
         """The device's response, refusals included.
 
         Args:
@@ -107,7 +107,7 @@ class ManagementClient:
             raise CommunicationError(f"{self.address}: response to request {response.id!r}, expected {request.id}")
         return response
 
-    def demand(self, resource: str, action: Action, subject: Subject | None = None) -> Response:
+    def demand(self, resource: str, action: RequestAction, subject: Subject | None = None) -> Response:
         """The response to a request that must be fulfilled."""
         response = self.request(resource, action, subject)
         if response.reason is not None:
@@ -118,37 +118,37 @@ class ManagementClient:
 
     def create_block(self, resource: str, name: str, type_name: str) -> None:
         """Creates a block, or with resource "" a resource."""
-        self.demand(resource, "CREATE", Block(name, type_name))
+        self.demand(resource, "CREATE", ManagedBlock(name, type_name))
 
     def create_type(self, resource: str, name: str, lua: str) -> None:
         """Gives the device a block type in Lua."""
-        self.demand(resource, "CREATE", Type(name, lua))
+        self.demand(resource, "CREATE", ManagedType(name, lua))
 
     def connect(self, resource: str, source: str, destination: str) -> None:
-        self.demand(resource, "CREATE", Link(source, destination))
+        self.demand(resource, "CREATE", ManagedConnection(source, destination))
 
     def delete_block(self, resource: str, name: str) -> None:
         """Deletes a block, or with resource "" a resource; it must not be running."""
-        self.demand(resource, "DELETE", Block(name, ""))
+        self.demand(resource, "DELETE", ManagedBlock(name, ""))
 
     def write(self, resource: str, destination: str, literal: str) -> None:
-        self.demand(resource, "WRITE", Link(literal, destination))
+        self.demand(resource, "WRITE", ManagedConnection(literal, destination))
 
     def read(self, resource: str, source: str) -> str:
         """The value of a port, as the device prints it."""
-        value = self.demand(resource, "READ", Link(source, ANY)).value
+        value = self.demand(resource, "READ", ManagedConnection(source, ANY)).value
         if value is None:
             raise CommunicationError(f"{self.address}: response to READ {source} has no value")
         return value
 
     def trigger(self, resource: str, event: str) -> None:
         """Lets an event happen, `BLOCK.EVENT`; only a FORTE built with monitoring can."""
-        self.demand(resource, "WRITE", Link(EVENT, event))
+        self.demand(resource, "WRITE", ManagedConnection(EVENT, event))
 
     def reset_block(self, resource: str, name: str) -> None:
         """Ends a block and starts it anew: a port of a FORTE closes, and opens with the next event INIT."""
         for action in _RESET:
-            self.demand(resource, action, Block(name, ""))
+            self.demand(resource, action, ManagedBlock(name, ""))
 
     def watch(self, resource: str, source: str) -> None:
         """Has a port among those that `watched` tells, for all clients."""
@@ -168,6 +168,6 @@ class ManagementClient:
     def kill(self, resource: str) -> None:
         self.demand(resource, "KILL")
 
-    def blocks(self, resource: str) -> tuple[Block, ...]:
+    def blocks(self, resource: str) -> tuple[ManagedBlock, ...]:
         """The blocks of a resource, or with "" the resources of the device."""
-        return self.demand(resource, "QUERY", Block(ANY, ANY)).blocks or ()
+        return self.demand(resource, "QUERY", ManagedBlock(ANY, ANY)).blocks or ()

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from typing import Final, Literal, get_args
 
 from dtwin.errors import CommunicationError, FunctionBlockError, choices
-from dtwin.iec61499.files.xml import Element, parse_xml
+from dtwin.iec61499.files.xml import XmlElement, parse_xml
 from dtwin.iec61499.net.wire import Signature
 from dtwin.iec61499.types import STRING
 
-Action = Literal["CREATE", "DELETE", "START", "STOP", "KILL", "RESET", "READ", "WRITE", "QUERY"]
+RequestAction = Literal["CREATE", "DELETE", "START", "STOP", "KILL", "RESET", "READ", "WRITE", "QUERY"]
 Reason = Literal[
     "BAD_PARAMS",
     "LOCAL_TERMINATION",
@@ -59,7 +59,7 @@ class ManagementError(CommunicationError):
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class ManagedBlock:
     """`<FB Name Type>`: a block, or a resource when the device is asked; "*" stands for any in queries."""
 
     name: str
@@ -70,7 +70,7 @@ class Block:
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class ManagedConnection:
     """`<Connection Source Destination>`: two ports; WRITE has a literal as source, READ "*" as destination."""
 
     source: str
@@ -81,7 +81,7 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True)
-class Type:
+class ManagedType:
     """`<FBType Name>`, `<AdapterType Name>` or `<DataType Name>`: with the Lua text that defines it, for CREATE."""
 
     name: str
@@ -104,7 +104,7 @@ class Watch:
         return f'<Watch Source="{_escape(self.source)}" Destination="*" />' if self.source else "<Watches/>"
 
 
-Subject = Block | Link | Type | Watch
+Subject = ManagedBlock | ManagedConnection | ManagedType | Watch
 _TYPES: Final = ("FBType", "AdapterType", "DataType")
 
 
@@ -113,7 +113,7 @@ class Request:
     """What a device or resource is asked to do; without a subject it is meant itself."""
 
     id: str
-    action: Action
+    action: RequestAction
     subject: Subject | None = None
 
     def xml(self) -> str:
@@ -122,9 +122,9 @@ class Request:
 
     def __str__(self) -> str:
         subject = self.subject
-        if isinstance(subject, Block):
+        if isinstance(subject, ManagedBlock):
             return f"{self.action} block {subject.name} of type {subject.type_name}"
-        if isinstance(subject, Link):
+        if isinstance(subject, ManagedConnection):
             arrow = {"READ": f"{subject.source}", "WRITE": f"{subject.source} to {subject.destination}"}
             return f"{self.action} {arrow.get(self.action, f'{subject.source} -> {subject.destination}')}"
         if isinstance(subject, Watch):
@@ -140,7 +140,7 @@ class Response:
         reason: None when the request was fulfilled.
         value: what READ has read.
         blocks: what a QUERY of blocks has found.
-        links: what a QUERY of connections has found.
+        connections: what a QUERY of connections has found.
         names: what a QUERY of types has found.
         watches: values of the watched ports by `BLOCK.PORT`.
     """
@@ -148,8 +148,8 @@ class Response:
     id: str
     reason: Reason | None = None
     value: str | None = None
-    blocks: tuple[Block, ...] | None = None
-    links: tuple[Link, ...] | None = None
+    blocks: tuple[ManagedBlock, ...] | None = None
+    connections: tuple[ManagedConnection, ...] | None = None
     names: tuple[str, ...] | None = None
     watches: dict[str, str] | None = None
 
@@ -162,12 +162,16 @@ class Response:
 
     def _body(self) -> str:
         if self.value is not None:
-            return Link(ANY, self.value).xml()
+            return ManagedConnection(ANY, self.value).xml()
         if self.blocks is not None:
             rows = (f'<FB name="{_escape(block.name)}" type="{_escape(block.type_name)}"/>' for block in self.blocks)
             return "<FBList>\n    " + "\n".join(rows) + "\n  </FBList>"
-        if self.links is not None:
-            return "<EndpointList>\n    " + "\n".join(link.xml() for link in self.links) + "\n  </EndpointList>"
+        if self.connections is not None:
+            return (
+                "<EndpointList>\n    "
+                + "\n".join(connection.xml() for connection in self.connections)
+                + "\n  </EndpointList>"
+            )
         if self.names is not None:
             return "<NameList>\n    " + _escape(", ".join(self.names)) + "\n  </NameList>"
         if self.watches is not None:
@@ -187,8 +191,8 @@ def parse_request(text: str) -> Request:
     except FunctionBlockError as error:
         raise ManagementError("INVALID_OBJECT", str(error)) from None
     action = root.get("Action")
-    if root.tag != "Request" or action not in get_args(Action):
-        expected = f"<Request> with the Action {choices(get_args(Action))}"
+    if root.tag != "Request" or action not in get_args(RequestAction):
+        expected = f"<Request> with the Action {choices(get_args(RequestAction))}"
         raise ManagementError("UNSUPPORTED_CMD", f"expected {expected}, got <{root.tag}> with {action!r}")
     children = list(root.children())
     if len(children) > 1:
@@ -220,23 +224,23 @@ def parse_response(text: str) -> Response:
     reason = root.get("Reason") or None
     if reason is not None and reason not in get_args(Reason):
         raise CommunicationError(f"unknown Reason {reason!r}: expected {choices(get_args(Reason))}")
-    value = blocks = links = names = watches = None
+    value = blocks = connections = names = watches = None
     for child in root.children():
         if child.tag == "Connection":
             value = child.get("Destination")
         elif child.tag == "FBList":
-            blocks = tuple(Block(block.get("name"), block.get("type")) for block in child.children("FB"))
+            blocks = tuple(ManagedBlock(block.get("name"), block.get("type")) for block in child.children("FB"))
         elif child.tag == "EndpointList":
             found = child.children("Connection")
-            links = tuple(Link(link.get("Source"), link.get("Destination")) for link in found)
+            connections = tuple(ManagedConnection(c.get("Source"), c.get("Destination")) for c in found)
         elif child.tag == "NameList":
             names = tuple(name.strip() for name in child.text.split(",") if name.strip())
         elif child.tag == "Watches":
             watches = dict(_watched(child))
-    return Response(root.get("ID"), reason, value, blocks, links, names, watches)  # type: ignore[arg-type]  # likewise
+    return Response(root.get("ID"), reason, value, blocks, connections, names, watches)  # type: ignore[arg-type]  # likewise
 
 
-def _watched(watches: Element) -> Iterator[tuple[str, str]]:
+def _watched(watches: XmlElement) -> Iterator[tuple[str, str]]:
     for resource in watches.children("Resource"):
         for block in resource.children("FB"):
             for port in block.children("Port"):
@@ -253,15 +257,15 @@ def _ports(watches: dict[str, str]) -> str:
     )
 
 
-def _read_subject(element: Element) -> Subject:
+def _read_subject(element: XmlElement) -> Subject:
     if element.tag == "FB":
-        return Block(element.get("Name"), element.get("Type"))
+        return ManagedBlock(element.get("Name"), element.get("Type"))
     if element.tag == "Connection":
-        return Link(element.get("Source"), element.get("Destination"))
+        return ManagedConnection(element.get("Source"), element.get("Destination"))
     if element.tag == "Watches" or (element.tag == "Watch" and element.get("Source")):
         return Watch(element.get("Source") if element.tag == "Watch" else "")
     if element.tag in _TYPES:
-        return Type(element.get("Name"), element.text.strip(), element.tag)
+        return ManagedType(element.get("Name"), element.text.strip(), element.tag)
     expected = choices(("<FB>", "<Connection>", "<Watch>", *(f"<{tag}>" for tag in _TYPES)))
     raise ManagementError("INVALID_OBJECT", f"expected {expected}, got <{element.tag}>")
 

@@ -11,7 +11,7 @@ from dtwin.errors import CommunicationError
 from dtwin.iec61499.management.protocol import REQUESTS, RESPONSES, Response, request_id
 from dtwin.iec61499.net.address import Address
 from dtwin.iec61499.net.reactor import Reactor
-from dtwin.iec61499.net.tcp import Connection, Listener
+from dtwin.iec61499.net.tcp import TcpConnection, TcpListener
 from dtwin.iec61499.net.wire import MessageReader
 
 log = logging.getLogger(__name__)
@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 CLIENTS: Final = 32
 """At once; another one takes the place of one that has made no request yet, else of the one silent longest."""
 
-Handler = Callable[[str, str], str]
+RequestHandler = Callable[[str, str], str]
 """The response to the resource's name and the request, as XML."""
 
 
@@ -33,12 +33,12 @@ class ManagementServer:
         CommunicationError: the port cannot be bound.
     """
 
-    def __init__(self, reactor: Reactor, address: Address, handle: Handler) -> None:
+    def __init__(self, reactor: Reactor, address: Address, handle: RequestHandler) -> None:
         self._reactor = reactor
         self._handle = handle
-        self._clients: dict[Connection, MessageReader] = {}
-        self._known: set[Connection] = set()
-        self._listener = Listener(reactor, address, self._accepted)
+        self._clients: dict[TcpConnection, MessageReader] = {}
+        self._known: set[TcpConnection] = set()
+        self._listener = TcpListener(reactor, address, self._accepted)
         self.address = self._listener.address
 
     def close(self) -> None:
@@ -52,10 +52,10 @@ class ManagementServer:
         if len(self._clients) >= CLIENTS:
             unknown = (client for client in self._clients if client not in self._known)
             next(unknown, next(iter(self._clients))).drop("silent longest of too many management clients")
-        connection = Connection(self._reactor, sock, peer, self._received, self._closed)
+        connection = TcpConnection(self._reactor, sock, peer, self._received, self._closed)
         self._clients[connection] = MessageReader(REQUESTS)
 
-    def _received(self, connection: Connection, data: bytes) -> None:
+    def _received(self, connection: TcpConnection, data: bytes) -> None:
         try:
             messages = self._clients[connection].feed(data)
         except CommunicationError as error:
@@ -77,7 +77,7 @@ class ManagementServer:
             log.warning("management: response of %d bytes is too long", len(response))
             return RESPONSES.encode([Response(request_id(request), "OVERFLOW").xml()])
 
-    def _closed(self, connection: Connection) -> None:
+    def _closed(self, connection: TcpConnection) -> None:
         del self._clients[connection]
         self._known.discard(connection)
 

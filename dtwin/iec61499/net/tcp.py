@@ -38,7 +38,7 @@ def tune(sock: socket.socket) -> None:
             sock.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
 
 
-class Connection:
+class TcpConnection:
     """One connected peer.
 
     Args:
@@ -54,8 +54,8 @@ class Connection:
         reactor: Reactor,
         sock: socket.socket,
         peer: str,
-        received: Callable[[Connection, bytes], None],
-        closed: Callable[[Connection], None],
+        received: Callable[[TcpConnection, bytes], None],
+        closed: Callable[[TcpConnection], None],
     ) -> None:
         self.peer = peer
         self._reactor = reactor
@@ -142,7 +142,7 @@ class Connection:
             self._reactor.watch(self._sock, READ, self._ready)
 
 
-class Listener:
+class TcpListener:
     """Accepts connections on a port.
 
     Attributes:
@@ -182,7 +182,7 @@ class Listener:
             self._accepted(sock, f"{host}:{port} at port {self.address.port}")
 
 
-class Server:
+class TcpServer:
     """What a SERVER block has below it: one client at a time, as 4diac FORTE does it.
 
     Connections wait side by side until one has sent its first whole message; it becomes the client, the others
@@ -206,9 +206,9 @@ class Server:
         self._receives = receives
         self._sends = sends
         self._indicate = indicate
-        self._client: Connection | None = None
-        self._readers: dict[Connection, MessageReader] = {}
-        self._listener = Listener(reactor, address, self._accepted)
+        self._client: TcpConnection | None = None
+        self._readers: dict[TcpConnection, MessageReader] = {}
+        self._listener = TcpListener(reactor, address, self._accepted)
         self.address = self._listener.address
 
     def send(self, values: Sequence[Value]) -> None:
@@ -238,10 +238,10 @@ class Server:
             return
         if len(self._readers) >= CANDIDATES:
             next(iter(self._readers)).drop("silent, and too many wait")
-        connection = Connection(self._reactor, sock, peer, self._received, self._closed)
+        connection = TcpConnection(self._reactor, sock, peer, self._received, self._closed)
         self._readers[connection] = MessageReader(self._receives)
 
-    def _received(self, connection: Connection, data: bytes) -> None:
+    def _received(self, connection: TcpConnection, data: bytes) -> None:
         try:
             messages = self._readers[connection].feed(data)
         except CommunicationError as error:
@@ -256,13 +256,13 @@ class Server:
             if self._client is connection:
                 self._indicate(message)
 
-    def _closed(self, connection: Connection) -> None:
+    def _closed(self, connection: TcpConnection) -> None:
         del self._readers[connection]
         if connection is self._client:
             self._client = None
 
 
-class Client:
+class TcpClient:
     """What a CLIENT block has below it: connects without waiting, then exchanges messages.
 
     Args:
@@ -291,7 +291,7 @@ class Client:
         self._opened = opened
         self._confirm = confirm
         self._lost = lost
-        self._connection: Connection | None = None
+        self._connection: TcpConnection | None = None
         self._sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._sock.setblocking(False)
         self._sock.connect_ex(address)
@@ -328,7 +328,7 @@ class Client:
         if code:
             self._fail(os.strerror(code))
             return
-        self._connection = Connection(self._reactor, self._sock, str(self._address), self._received, self._ended)
+        self._connection = TcpConnection(self._reactor, self._sock, str(self._address), self._received, self._ended)
         self._opened("")
 
     def _late(self) -> None:
@@ -340,7 +340,7 @@ class Client:
         log.warning("%s: cannot connect: %s", self._address, reason)
         self._opened(reason)
 
-    def _received(self, connection: Connection, data: bytes) -> None:
+    def _received(self, connection: TcpConnection, data: bytes) -> None:
         try:
             messages = self._reader.feed(data)
         except CommunicationError as error:
@@ -350,6 +350,6 @@ class Client:
             if self._connection is connection:
                 self._confirm(message)
 
-    def _ended(self, connection: Connection) -> None:
+    def _ended(self, connection: TcpConnection) -> None:
         self._connection = None
         self._lost()

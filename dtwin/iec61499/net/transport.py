@@ -14,10 +14,10 @@ from typing import Any
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.net.address import LOOPBACK, Address, parse_block_id
 from dtwin.iec61499.net.reactor import Reactor
-from dtwin.iec61499.net.tcp import Client, Server
-from dtwin.iec61499.net.udp import Publisher, Subscriber
+from dtwin.iec61499.net.tcp import TcpClient, TcpServer
+from dtwin.iec61499.net.udp import UdpPublisher, UdpSubscriber
 from dtwin.iec61499.net.wire import Message, Signature
-from dtwin.iec61499.runtime.communication import Channel, Port
+from dtwin.iec61499.runtime.communication import Channel, CommunicationPort
 from dtwin.iec61499.runtime.local import LocalTransport
 
 log = logging.getLogger(__name__)
@@ -45,7 +45,7 @@ class NetworkTransport:
         self._perform = perform
         self._interface = interface
 
-    def open(self, port: Port) -> Channel:
+    def open(self, port: CommunicationPort) -> Channel:
         """Opens a channel; as `communication.Transport.open`.
 
         Raises:
@@ -57,7 +57,7 @@ class NetworkTransport:
             log.warning("%s: %s", port.name, error)
             raise
 
-    def _open(self, port: Port) -> Channel:
+    def _open(self, port: CommunicationPort) -> Channel:
         address = parse_block_id(port.id)
         sends, receives = Signature(port.sends), Signature(port.receives)
         perform = self._perform
@@ -68,12 +68,12 @@ class NetworkTransport:
             perform(partial(port.deliver, message))
 
         if port.kind == "PUBLISH":
-            return _ReadyChannel(port, Publisher(address, sends, self._interface), self.addresses)
+            return _ReadyChannel(port, UdpPublisher(address, sends, self._interface), self.addresses)
         if port.kind == "SERVER":
-            served = Server(self._reactor, address, receives, sends, indicate)
+            served = TcpServer(self._reactor, address, receives, sends, indicate)
             self.addresses[port.name] = served.address
             return _ReadyChannel(port, served, self.addresses)
-        subscribed = Subscriber(self._reactor, address, receives, indicate, self._interface)
+        subscribed = UdpSubscriber(self._reactor, address, receives, indicate, self._interface)
         self.addresses[port.name] = subscribed.address
         return _ReadyChannel(port, subscribed, self.addresses)
 
@@ -83,13 +83,15 @@ class _ReadyChannel:
 
     is_ready = True
 
-    def __init__(self, port: Port, end: Server | Publisher | Subscriber, addresses: dict[str, Address]) -> None:
+    def __init__(
+        self, port: CommunicationPort, end: TcpServer | UdpPublisher | UdpSubscriber, addresses: dict[str, Address]
+    ) -> None:
         self._port = port
         self._end = end
         self._addresses = addresses
 
     def send(self, values: tuple[Any, ...]) -> None:
-        if not isinstance(self._end, Subscriber):
+        if not isinstance(self._end, UdpSubscriber):
             self._end.send(values)
 
     def close(self) -> None:
@@ -108,12 +110,12 @@ class _ClientChannel:
         address: Address,
         receives: Signature,
         sends: Signature,
-        port: Port,
+        port: CommunicationPort,
         perform: Perform,
     ) -> None:
         self._port = port
         self._perform = perform
-        self._client = Client(
+        self._client = TcpClient(
             reactor, address, receives, sends, opened=self._opened, confirm=self._confirm, lost=self._lost
         )
 

@@ -21,7 +21,7 @@ BURST: Final = 100
 """Datagrams taken from one socket before the others have their turn."""
 
 
-class Publisher:
+class UdpPublisher:
     """What a PUBLISH block has below it.
 
     Args:
@@ -52,7 +52,7 @@ class Publisher:
         self._sock.close()
 
 
-class Subscriber:
+class UdpSubscriber:
     """What a SUBSCRIBE block has below it; a datagram that is no such message costs a line in the log.
 
     Args:

@@ -31,9 +31,9 @@ class ChartWriter:
 
     def __init__(
         self,
-        states: Iterable[model.State],
-        transitions: Iterable[model.Transition],
-        guards: Mapping[model.Transition, str],
+        states: Iterable[model.ECState],
+        transitions: Iterable[model.ECTransition],
+        guards: Mapping[model.ECTransition, str],
         actions: Mapping[str, list[str]],
     ) -> None:
         self._numbers = {state.name: number for number, state in enumerate(states)}
@@ -68,7 +68,7 @@ class ChartWriter:
             if len(self._lines) == before:
                 self._lines.append("        pass")
 
-    def _leaving(self, state: str) -> list[model.Transition]:
+    def _leaving(self, state: str) -> list[model.ECTransition]:
         return [t for t in self._transitions if t.source == state]
 
     def _leave(self, state: str, event: str, path: tuple[str, ...], depth: int, origin: str) -> None:

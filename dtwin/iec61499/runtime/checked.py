@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.st import check_algorithm, check_expression, parse_algorithm, parse_expression, typed
+from dtwin.iec61499.st import typed
+from dtwin.iec61499.st.check import check_algorithm, check_expression
+from dtwin.iec61499.st.parser import parse_algorithm, parse_expression
 from dtwin.iec61499.types import DataType
 
 
@@ -32,7 +34,7 @@ class BlockChecker:
             where = f"algorithm {algorithm.name}, line {error.line}, column {error.column}"
             raise FunctionBlockError(f"{where}: {error.message}", self._file, source.line) from None
 
-    def guard(self, transition: model.Transition) -> typed.Expression:
+    def guard(self, transition: model.ECTransition) -> typed.Expression:
         """The condition of a transition that has one. Raises FunctionBlockError naming file, line and column."""
         try:
             tree = parse_expression(transition.guard, self._file, 1, 1)

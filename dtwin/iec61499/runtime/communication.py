@@ -12,7 +12,7 @@ from typing import Any, Final, Protocol
 
 from dtwin.errors import CommunicationError, FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.runtime.service_interface import Service
+from dtwin.iec61499.runtime.service_interface import ServiceBehaviour
 from dtwin.iec61499.standard.services import COMMUNICATION
 from dtwin.iec61499.types import DataType
 
@@ -42,7 +42,7 @@ class Channel(Protocol):
 class Transport(Protocol):
     """Carries values between ports: in process, over TCP, ..."""
 
-    def open(self, port: Port) -> Channel:
+    def open(self, port: CommunicationPort) -> Channel:
         """Opens a channel to `port.id`.
 
         The transport calls `port.confirm_open()` once the channel is usable, after this call has returned it, then
@@ -54,7 +54,7 @@ class Transport(Protocol):
         """
 
 
-class Port:
+class CommunicationPort:
     """The outer side of one communication block.
 
     Attributes:
@@ -209,7 +209,7 @@ def _assigner(count: int) -> Callable[[Any, Values], None]:
     return assign
 
 
-def service(block: model.ServiceInterfaceFBType) -> Service | None:
+def service(block: model.ServiceInterfaceFBType) -> ServiceBehaviour | None:
     """The behaviour of a communication block; None if the block is none."""
     match = COMMUNICATION.fullmatch(block.header.name)
     if match is None:
@@ -219,10 +219,10 @@ def service(block: model.ServiceInterfaceFBType) -> Service | None:
 
     def prepare(instance: Any) -> None:
         instance.send__ = None
-        instance.port__ = Port(instance, block)
+        instance.port__ = CommunicationPort(instance, block)
 
     handlers = {"INIT": _initialise, request: _sender(len(_types(block.interface.inputs, "SD_")), kind)}
-    return Service(handlers, wiring=("send__", "port__"), prepare=prepare)
+    return ServiceBehaviour(handlers, wiring=("send__", "port__"), prepare=prepare)
 
 
 def _initialise(s: Any) -> None:
@@ -250,7 +250,7 @@ def _sender(count: int, kind: str) -> Callable[[Any], None]:
     return send
 
 
-class Server:
+class AttachedServer:
     """A client's view of a SERVER block in the same process: one exchange a call, without a transport.
 
     Args:
@@ -261,7 +261,7 @@ class Server:
         FunctionBlockError: the block is no server.
     """
 
-    def __init__(self, port: Port, run: Callable[[], None]) -> None:
+    def __init__(self, port: CommunicationPort, run: Callable[[], None]) -> None:
         if port.kind != "SERVER":
             raise FunctionBlockError(f"{port.name} is a {port.kind}: expected a SERVER")
         self.receives = port.receives

@@ -19,14 +19,10 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.runtime import communication, timers
 from dtwin.iec61499.runtime.chart import CHAIN_LIMIT, ChartWriter
 from dtwin.iec61499.runtime.checked import BlockChecker
-from dtwin.iec61499.runtime.service_interface import Handler, Service
-from dtwin.iec61499.st import (
-    CONDITION_GLOBALS,
-    compile_algorithm,
-    compile_condition,
-    python_name,
-    typed,
-)
+from dtwin.iec61499.runtime.service_interface import EventHandler, ServiceBehaviour
+from dtwin.iec61499.st import typed
+from dtwin.iec61499.st.python.expressions import python_name
+from dtwin.iec61499.st.python.translate import CONDITION_GLOBALS, compile_algorithm, compile_condition
 
 PUBLISHED: Final = "p__"
 
@@ -48,12 +44,12 @@ class CompiledType:
 
     block: model.FBType
     instance_class: Callable[[], Any]
-    handlers: Mapping[str, Handler]
+    handlers: Mapping[str, EventHandler]
     published: Mapping[str, str]
     initial: Mapping[str, Any]
     save: Callable[[Any], tuple[Any, ...]]
     load: Callable[[Any, tuple[Any, ...]], None]
-    service: Service | None = None
+    service: ServiceBehaviour | None = None
 
 
 @lru_cache(maxsize=1024)
@@ -72,7 +68,7 @@ def compile_type(block: model.FBType) -> CompiledType:
     return _assemble(block, service.handlers, _immediate(block), service.state, service)
 
 
-def _service(block: model.ServiceInterfaceFBType) -> Service:
+def _service(block: model.ServiceInterfaceFBType) -> ServiceBehaviour:
     service = timers.SERVICES.get(block.header.name) or communication.service(block)
     if service is None:
         raise FunctionBlockError(
@@ -91,10 +87,10 @@ def _immediate(block: model.FBType) -> dict[str, str]:
 
 def _assemble(
     block: model.FBType,
-    handlers: Mapping[str, Handler],
+    handlers: Mapping[str, EventHandler],
     published: Mapping[str, str],
     state: Mapping[str, Any],
-    service: Service | None = None,
+    service: ServiceBehaviour | None = None,
 ) -> CompiledType:
     interface = block.interface
     initial: dict[str, Any] = {}
@@ -168,7 +164,9 @@ class _Algorithmic:
             for variable in self._block.interface.outputs
         }
 
-    def _action_lines(self, state: model.State, names: Mapping[str, str], published: Mapping[str, str]) -> list[str]:
+    def _action_lines(
+        self, state: model.ECState, names: Mapping[str, str], published: Mapping[str, str]
+    ) -> list[str]:
         lines = []
         for action in state.actions:
             if action.algorithm:

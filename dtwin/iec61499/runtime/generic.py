@@ -8,11 +8,11 @@ from typing import TypeVar
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.runtime.netlist import Link, Netlist, Node, Terminal
+from dtwin.iec61499.runtime.netlist import Netlist, Node, Terminal, Wire
 from dtwin.iec61499.st.functions import common_type, widens
 from dtwin.iec61499.types import BOOL, DINT, ELEMENTARY, LREAL, STRING, TIME, WSTRING, DataType, ElementaryType
 
-Group = tuple[int, str]
+PortGroup = tuple[int, str]
 """A node and the generic type, or for service blocks the variable, whose ports take one type together."""
 
 
@@ -71,8 +71,8 @@ def unconnected(block: _T) -> _T:
 class _Groups:
     def __init__(self, netlist: Netlist) -> None:
         self._nodes = netlist.nodes
-        self._known: dict[Group, DataType] = {}
-        self._generic: dict[Group, model.GenericType] = {}
+        self._known: dict[PortGroup, DataType] = {}
+        self._generic: dict[PortGroup, model.GenericType] = {}
         for number, node in enumerate(netlist.nodes):
             assert node.type is not None
             for variable in generic_variables(node.type):
@@ -86,11 +86,11 @@ class _Groups:
                 assert isinstance(variable.type, model.GenericType)
                 self._generic[self._group(number, variable)] = variable.type
 
-    def _group(self, number: int, variable: model.Variable) -> Group:
+    def _group(self, number: int, variable: model.Variable) -> PortGroup:
         own = isinstance(self._nodes[number].type, model.ServiceInterfaceFBType)
         return number, variable.name if own else str(variable.type)
 
-    def type_at(self, port: Terminal) -> tuple[DataType | None, Group | None]:
+    def type_at(self, port: Terminal) -> tuple[DataType | None, PortGroup | None]:
         """The type of a port as far as known, and the group it belongs to if it is generic."""
         variable = variable_at(self._nodes[port.node], port.name)
         if isinstance(variable.type, model.GenericType):
@@ -98,34 +98,34 @@ class _Groups:
             return self._known.get(group), group
         return variable.type, None
 
-    def settle(self, links: Iterable[Link]) -> bool:
+    def settle(self, wires: Iterable[Wire]) -> bool:
         """One pass over the links; whether a type became known or wider."""
         changed = False
-        for link in links:
-            source, source_group = self.type_at(link.source)
-            destination, group = self.type_at(link.destination)
+        for wire in wires:
+            source, source_group = self.type_at(wire.source)
+            destination, group = self.type_at(wire.destination)
             if group is not None and source is not None:
-                changed |= self._meet(group, source, link)
+                changed |= self._meet(group, source, wire)
             elif source_group is not None and source is None and destination is not None:
-                changed |= self._meet(source_group, destination, link)
+                changed |= self._meet(source_group, destination, wire)
         return changed
 
-    def _meet(self, group: Group, offered: DataType, link: Link) -> bool:
+    def _meet(self, group: PortGroup, offered: DataType, wire: Wire) -> bool:
         generic, known = self._generic[group], self._known.get(group)
         if not generic.admits(offered):
             name = self._nodes[group[0]].name
-            raise FunctionBlockError(f"{name}: {offered} is no {generic}", link.file, link.line)
+            raise FunctionBlockError(f"{name}: {offered} is no {generic}", wire.file, wire.line)
         if known == offered:
             return False
         if known is not None:
             if not (isinstance(known, ElementaryType) and isinstance(offered, ElementaryType)):
-                raise FunctionBlockError(f"{offered} cannot meet {known} there", link.file, link.line)
+                raise FunctionBlockError(f"{offered} cannot meet {known} there", wire.file, wire.line)
             common = common_type(known, offered)
             if common is None:
                 raise FunctionBlockError(
                     f"{offered} and {known} have no common type: expected a conversion block between",
-                    link.file,
-                    link.line,
+                    wire.file,
+                    wire.line,
                 )
             if common == known:
                 return False
@@ -144,13 +144,13 @@ class _Groups:
                 if parameter is not None and group not in self._known:
                     self._known[group] = literal_type(parameter.value, variable.type)
 
-    def settle_by_meaning(self, links: Iterable[Link]) -> bool:
+    def settle_by_meaning(self, wires: Iterable[Wire]) -> bool:
         """Gives a type to the first link between two groups that nothing else reaches; whether there was one."""
-        for link in links:
-            (_, source), (known, group) = self.type_at(link.source), self.type_at(link.destination)
+        for wire in wires:
+            (_, source), (known, group) = self.type_at(wire.source), self.type_at(wire.destination)
             if source is not None and group is not None and known is None:
                 narrow = self._generic[source if self._generic[group].name == "ANY" else group]
-                self._meet(group, _fallback(narrow), link)
+                self._meet(group, _fallback(narrow), wire)
                 return True
         return False
 
@@ -191,8 +191,8 @@ def _fallback(generic: model.GenericType) -> ElementaryType:
 
 def check_types(netlist: Netlist) -> None:
     """Raises FunctionBlockError at the first connection whose source does not fit its destination."""
-    for port, link in netlist.data.items():
-        source = variable_at(netlist.nodes[link.source.node], link.source.name).type
+    for port, wire in netlist.data.items():
+        source = variable_at(netlist.nodes[wire.source.node], wire.source.name).type
         destination = variable_at(netlist.nodes[port.node], port.name).type
         if source == destination:
             continue
@@ -203,9 +203,9 @@ def check_types(netlist: Netlist) -> None:
         )
         if not fits:
             raise FunctionBlockError(
-                f"connection {netlist.nodes[link.source.node].name}.{link.source.name} -> "
+                f"connection {netlist.nodes[wire.source.node].name}.{wire.source.name} -> "
                 f"{netlist.nodes[port.node].name}.{port.name}: {source} does not fit {destination}: expected "
                 f"{destination} or a conversion block such as F_{source}_TO_{destination}",
-                link.file,
-                link.line,
+                wire.file,
+                wire.line,
             )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.runtime.communication import Port
+from dtwin.iec61499.runtime.communication import CommunicationPort
 
 _LISTENERS = {"CLIENT": "SERVER", "SERVER": "CLIENT", "PUBLISH": "SUBSCRIBE", "SUBSCRIBE": ""}
 
@@ -17,9 +17,9 @@ class LocalTransport:
     """
 
     def __init__(self) -> None:
-        self._ports: dict[tuple[str, str], list[Port]] = {}
+        self._ports: dict[tuple[str, str], list[CommunicationPort]] = {}
 
-    def open(self, port: Port) -> LocalChannel:
+    def open(self, port: CommunicationPort) -> LocalChannel:
         """Opens a channel; as `Transport.open`.
 
         Raises:
@@ -31,11 +31,11 @@ class LocalTransport:
         ports.append(port)
         return LocalChannel(self, port)
 
-    def peers(self, port: Port) -> tuple[Port, ...]:
+    def peers(self, port: CommunicationPort) -> tuple[CommunicationPort, ...]:
         """The open ports that get what `port` sends."""
         return tuple(peer for peer in self._ports.get((_LISTENERS[port.kind], port.id), ()) if peer.is_open)
 
-    def forget(self, port: Port) -> None:
+    def forget(self, port: CommunicationPort) -> None:
         """Takes a port out."""
         self._ports[port.kind, port.id].remove(port)
 
@@ -45,7 +45,7 @@ class LocalChannel:
 
     is_ready = True
 
-    def __init__(self, transport: LocalTransport, port: Port) -> None:
+    def __init__(self, transport: LocalTransport, port: CommunicationPort) -> None:
         self._transport = transport
         self._port = port
 

@@ -48,7 +48,7 @@ class Terminal:
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class Wire:
     """A connection between ports and where it is written."""
 
     source: Terminal
@@ -62,8 +62,8 @@ class Netlist:
     """The flat network: data links go to a port each, event links of one source are in order."""
 
     nodes: list[Node] = field(default_factory=list)
-    events: list[Link] = field(default_factory=list)
-    data: dict[Terminal, Link] = field(default_factory=dict)
+    events: list[Wire] = field(default_factory=list)
+    data: dict[Terminal, Wire] = field(default_factory=dict)
 
 
 def flatten(network: model.FBNetwork, find: Finder) -> Netlist:
@@ -82,8 +82,8 @@ class _Builder:
     def __init__(self, find: Finder) -> None:
         self._find = find
         self._nodes: list[Node] = []
-        self._events: list[Link] = []
-        self._data: dict[Terminal, Link] = {}
+        self._events: list[Wire] = []
+        self._data: dict[Terminal, Wire] = {}
 
     def add_network(self, network: model.FBNetwork, prefix: str, owner: int | None, depth: int) -> None:
         """Adds the blocks and connections of a network inside the node `owner`."""
@@ -110,11 +110,11 @@ class _Builder:
                     f"{ends[0]} is already connected to {ends[1]} in line {made[ends]}", network.file, connection.line
                 )
             made[ends] = connection.line
-            self._events.append(resolve.link(connection, is_event=True))
+            self._events.append(resolve.wire(connection, is_event=True))
         for connection in network.data:
-            link = resolve.link(connection, is_event=False)
-            other = self._data.setdefault(link.destination, link)
-            if other is not link:
+            wire = resolve.wire(connection, is_event=False)
+            other = self._data.setdefault(wire.destination, wire)
+            if other is not wire:
                 raise FunctionBlockError(
                     f"{connection.destination} already has a source in line {other.line}: expected one connection",
                     network.file,
@@ -184,40 +184,40 @@ class _Builder:
             return Terminal(renumber[port.node], port.name, port.inner)
 
         netlist = Netlist([self._nodes[number] for number in kept])
-        outgoing: dict[Terminal, list[Link]] = {}
-        for link in self._events:
-            outgoing.setdefault(link.source, []).append(link)
+        outgoing: dict[Terminal, list[Wire]] = {}
+        for wire in self._events:
+            outgoing.setdefault(wire.source, []).append(wire)
         # two ways through subapplications to one port are one connection, as in 4diac FORTE
-        events: dict[tuple[Terminal, Terminal], Link] = {}
-        for link in self._events:
-            if link.source.node in renumber:
-                for end in self._event_ends(link.destination, outgoing, ()):
-                    ends = place(link.source), place(end)
-                    events.setdefault(ends, Link(*ends, link.file, link.line))
+        events: dict[tuple[Terminal, Terminal], Wire] = {}
+        for wire in self._events:
+            if wire.source.node in renumber:
+                for end in self._event_ends(wire.destination, outgoing, ()):
+                    ends = place(wire.source), place(end)
+                    events.setdefault(ends, Wire(*ends, wire.file, wire.line))
         netlist.events.extend(events.values())
-        for destination, link in self._data.items():
+        for destination, wire in self._data.items():
             if destination.node in renumber:
-                source = self._data_source(destination, link)
+                source = self._data_source(destination, wire)
                 if source is not None:
-                    netlist.data[place(destination)] = Link(place(source), place(destination), link.file, link.line)
+                    netlist.data[place(destination)] = Wire(place(source), place(destination), wire.file, wire.line)
         return netlist
 
     def _event_ends(
-        self, port: Terminal, outgoing: dict[Terminal, list[Link]], passed: tuple[Terminal, ...]
+        self, port: Terminal, outgoing: dict[Terminal, list[Wire]], passed: tuple[Terminal, ...]
     ) -> list[Terminal]:
         if not self._nodes[port.node].is_junction:
             return [port]
         if port in passed:
             return []
         ends = []
-        for link in outgoing.get(port, ()):
-            ends += self._event_ends(link.destination, outgoing, (*passed, port))
+        for wire in outgoing.get(port, ()):
+            ends += self._event_ends(wire.destination, outgoing, (*passed, port))
         return ends
 
-    def _data_source(self, destination: Terminal, link: Link) -> Terminal | None:
+    def _data_source(self, destination: Terminal, wire: Wire) -> Terminal | None:
         """Where the data come from; a literal on the way becomes the destination's parameter."""
         passed = set()
-        source = link.source
+        source = wire.source
         while self._nodes[source.node].is_junction:
             before = self._data.get(source)
             if before is None or source in passed:
@@ -239,8 +239,8 @@ class _Resolver:
         self._owner = owner
         self._file = file
 
-    def link(self, connection: model.Connection, is_event: bool) -> Link:
-        return Link(
+    def wire(self, connection: model.Connection, is_event: bool) -> Wire:
+        return Wire(
             self._port(connection, connection.source, is_event, is_source=True),
             self._port(connection, connection.destination, is_event, is_source=False),
             self._file,

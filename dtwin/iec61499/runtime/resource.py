@@ -14,13 +14,13 @@ from typing import Any, Final
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
-from dtwin.iec61499.runtime.communication import Port, Server, Transport
+from dtwin.iec61499.runtime.communication import AttachedServer, CommunicationPort, Transport
 from dtwin.iec61499.runtime.compile import CompiledType, compile_type
 from dtwin.iec61499.runtime.generic import check_types, resolve
 from dtwin.iec61499.runtime.local import LocalTransport
 from dtwin.iec61499.runtime.netlist import Node, flatten
-from dtwin.iec61499.runtime.wiring import Entry, checked_value, wire
-from dtwin.iec61499.st import python_name
+from dtwin.iec61499.runtime.wiring import QueueEntry, checked_value, queue_entries
+from dtwin.iec61499.st.python.expressions import python_name
 from dtwin.iec61499.types import DataType
 
 ACTIVATION_LIMIT: Final = 100_000
@@ -59,7 +59,7 @@ class Resource:
     def __init__(self, network: model.FBNetwork, library: Library, transport: Transport | None = None) -> None:
         self.time = 0
         self.transport: Transport = transport or LocalTransport()
-        self._queue: deque[Entry] = deque()
+        self._queue: deque[QueueEntry] = deque()
         self._timers: list[tuple[int, int, int]] = []
         self._sequence = 0
         self._stopped = False
@@ -70,7 +70,7 @@ class Resource:
         self._instances = [self._instance(node, kind) for node, kind in zip(netlist.nodes, self._types, strict=True)]
         self._index = {node.name: number for number, node in enumerate(netlist.nodes)}
         self._initial = [_initial(node, kind) for node, kind in zip(netlist.nodes, self._types, strict=True)]
-        self._names = wire(netlist, self._types, self._instances, self._queue.extend)
+        self._names = queue_entries(netlist, self._types, self._instances, self._queue.extend)
         self.reset()
 
     def _instance(self, node: Node, kind: CompiledType) -> Any:
@@ -243,7 +243,7 @@ class Resource:
             raise FunctionBlockError(f"{name} has no elementary type")
         return _data_type(variable)
 
-    def port(self, name: str) -> Port:
+    def port(self, name: str) -> CommunicationPort:
         """The outer side of a communication block.
 
         Raises:
@@ -254,16 +254,16 @@ class Resource:
             ports = [i.name__ for i in self._instances if hasattr(i, "port__")]
             valid = choices(ports) if ports else "a communication block, and there is none"
             raise FunctionBlockError(f"{name} does not communicate: expected {valid}")
-        found: Port = instance.port__
+        found: CommunicationPort = instance.port__
         return found
 
-    def server(self, name: str) -> Server:
+    def server(self, name: str) -> AttachedServer:
         """Attaches to a SERVER block, so that values are exchanged with it by calls.
 
         Raises:
             FunctionBlockError: there is no such block, or it is no server.
         """
-        return Server(self.port(name), self.run_until_idle)
+        return AttachedServer(self.port(name), self.run_until_idle)
 
     def snapshot(self) -> Snapshot:
         """The state, to go back to. Raises FunctionBlockError while events wait."""

@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-Handler = Callable[[Any], None]
+EventHandler = Callable[[Any], None]
 """Executes a block for one event, given its instance."""
 
 
 @dataclass(frozen=True, slots=True)
-class Service:
+class ServiceBehaviour:
     """Behaviour of a service interface block.
 
     Attributes:
@@ -22,8 +22,8 @@ class Service:
         prepare: called once for every new instance.
     """
 
-    handlers: Mapping[str, Handler] = field(default_factory=dict)
+    handlers: Mapping[str, EventHandler] = field(default_factory=dict)
     state: Mapping[str, Any] = field(default_factory=dict)
     wiring: tuple[str, ...] = ()
-    fire: Handler | None = None
-    prepare: Handler | None = None
+    fire: EventHandler | None = None
+    prepare: EventHandler | None = None

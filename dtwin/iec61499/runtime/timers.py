@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.runtime.service_interface import Service
+from dtwin.iec61499.runtime.service_interface import ServiceBehaviour
 
 
 def _start(s: Any) -> None:
@@ -46,9 +46,9 @@ def _cycle(s: Any) -> None:
 
 
 SERVICES: Final = {
-    "E_RESTART": Service(),
-    "E_DELAY": Service({"START": _start, "STOP": _stop}, {"due__": None}, fire=_elapsed),
-    "E_RDELAY": Service({"START": _restart, "STOP": _stop}, {"due__": None}, fire=_elapsed),
-    "E_CYCLE": Service({"START": _start_cycle, "STOP": _stop}, {"due__": None, "period__": 0}, fire=_cycle),
+    "E_RESTART": ServiceBehaviour(),
+    "E_DELAY": ServiceBehaviour({"START": _start, "STOP": _stop}, {"due__": None}, fire=_elapsed),
+    "E_RDELAY": ServiceBehaviour({"START": _restart, "STOP": _stop}, {"due__": None}, fire=_elapsed),
+    "E_CYCLE": ServiceBehaviour({"START": _start_cycle, "STOP": _stop}, {"due__": None, "period__": 0}, fire=_cycle),
 }
 """Behaviour by type name."""

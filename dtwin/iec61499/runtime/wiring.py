@@ -18,16 +18,16 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.runtime.compile import CompiledType
 from dtwin.iec61499.runtime.generic import variable_at
 from dtwin.iec61499.runtime.netlist import Netlist, Node, Terminal
-from dtwin.iec61499.st import python_name
+from dtwin.iec61499.st.python.expressions import python_name
 from dtwin.iec61499.types import ArrayType, DataType, ElementaryType
 
-Entry = Callable[[], None]
+QueueEntry = Callable[[], None]
 """Delivers one event to one block."""
 
 
-def wire(
+def queue_entries(
     netlist: Netlist, types: Sequence[CompiledType], instances: Sequence[Any], extend: Callable[[Any], None]
-) -> dict[Entry, str]:
+) -> dict[QueueEntry, str]:
     """Connects the instances; gives the queue entries and the event each delivers (`BLOCK.EVENT`).
 
     Args:
@@ -36,7 +36,7 @@ def wire(
         instances: of the nodes, in order.
         extend: appends entries to the resource's queue.
     """
-    return _Wiring(netlist, types, instances, extend).wire()
+    return _Wiring(netlist, types, instances, extend).entries()
 
 
 class _Wiring:
@@ -53,9 +53,9 @@ class _Wiring:
         self._space: dict[str, Any] = {"extend": extend}
         self._lines: list[str] = []
         self._functions: dict[Terminal, str] = {}
-        self._entries: dict[Terminal, Entry] = {}
+        self._entries: dict[Terminal, QueueEntry] = {}
 
-    def wire(self) -> dict[Entry, str]:
+    def entries(self) -> dict[QueueEntry, str]:
         for number, instance in enumerate(self._instances):
             self._space[f"b{number}"] = instance
         for number, node in enumerate(self._netlist.nodes):
@@ -70,7 +70,7 @@ class _Wiring:
         self._connect()
         return {entry: f"{self._netlist.nodes[port.node].name}.{port.name}" for port, entry in self._entries.items()}
 
-    def _input_entry(self, port: Terminal, node: Node, event: model.Event) -> None:
+    def _input_entry(self, port: Terminal, node: Node, event: model.EventPort) -> None:
         samples = self._copies(event.with_variables, lambda name: Terminal(port.node, name))
         if isinstance(node.type, model.CompositeFBType):
             self._function(port, [*samples, f"extend({self._targets(Terminal(port.node, port.name, inner=True))})"])
@@ -83,7 +83,7 @@ class _Wiring:
         else:
             self._entries[port] = MethodType(handler, self._instances[port.node])
 
-    def _composite_output(self, port: Terminal, event: model.Event) -> None:
+    def _composite_output(self, port: Terminal, event: model.EventPort) -> None:
         publications = self._copies(event.with_variables, lambda name: Terminal(port.node, name, inner=True))
         self._function(port, [*publications, f"extend({self._targets(Terminal(port.node, port.name))})"])
 
@@ -101,9 +101,9 @@ class _Wiring:
         lines = []
         for name in names:
             port = destination(name)
-            link = self._netlist.data.get(port)
-            if link is not None:
-                source = link.source
+            wire = self._netlist.data.get(port)
+            if wire is not None:
+                source = wire.source
                 attribute = (
                     python_name(source.name) if source.inner else self._types[source.node].published[source.name]
                 )
@@ -128,9 +128,9 @@ class _Wiring:
         return f"{value} + 0" if source.kind == "bool" else value
 
     def _connect(self) -> None:
-        targets: dict[Terminal, list[Entry]] = {}
-        for link in self._netlist.events:
-            targets.setdefault(link.source, []).append(self._entries[link.destination])
+        targets: dict[Terminal, list[QueueEntry]] = {}
+        for wire in self._netlist.events:
+            targets.setdefault(wire.source, []).append(self._entries[wire.destination])
         for number, node in enumerate(self._netlist.nodes):
             composite = isinstance(node.type, model.CompositeFBType)
             for event in node.interface.event_outputs:

@@ -6,7 +6,9 @@ Two trees are equal when they say the same; positions do not count.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, NoReturn, TypeAlias
+
+from dtwin.errors import FunctionBlockError
 
 
 class Position(NamedTuple):
@@ -20,13 +22,18 @@ class Position(NamedTuple):
         return ":".join(str(part) for part in self if part)
 
 
+def fail(at: Position, message: str) -> NoReturn:
+    """Raises FunctionBlockError at a position."""
+    raise FunctionBlockError(message, *at)
+
+
 @dataclass(frozen=True, slots=True)
-class Node:
+class SyntaxNode:
     at: Position = field(compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
-class Literal(Node):
+class Literal(SyntaxNode):
     """A constant; type_name is "" for the untyped `5`, `1.5` and `TRUE`, otherwise the elementary type's name."""
 
     value: bool | int | float | str
@@ -43,7 +50,7 @@ class Literal(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Variable(Node):
+class VariableAccess(SyntaxNode):
     """`X`, `A[I]`, `M[I, J]` (the same as `M[I][J]`)."""
 
     name: str
@@ -51,7 +58,7 @@ class Variable(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Unary(Node):
+class Unary(SyntaxNode):
     """operator is `-`, `+` or `NOT`."""
 
     operator: str
@@ -59,7 +66,7 @@ class Unary(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Binary(Node):
+class Binary(SyntaxNode):
     """operator is one of `** * / MOD + - < > <= >= = <> AND XOR OR`."""
 
     operator: str
@@ -68,24 +75,24 @@ class Binary(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Call(Node):
+class Call(SyntaxNode):
     """A function call; the name in upper case."""
 
     function: str
     arguments: tuple[Expression, ...]
 
 
-Expression: TypeAlias = Literal | Variable | Unary | Binary | Call
+Expression: TypeAlias = Literal | VariableAccess | Unary | Binary | Call
 
 
 @dataclass(frozen=True, slots=True)
-class Assignment(Node):
-    target: Variable
+class Assignment(SyntaxNode):
+    target: VariableAccess
     value: Expression
 
 
 @dataclass(frozen=True, slots=True)
-class Branch(Node):
+class Branch(SyntaxNode):
     """`IF condition THEN body` or `ELSIF condition THEN body`."""
 
     condition: Expression
@@ -93,13 +100,13 @@ class Branch(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class If(Node):
+class If(SyntaxNode):
     branches: tuple[Branch, ...]
     otherwise: tuple[Statement, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Range(Node):
+class Range(SyntaxNode):
     """`low..high` of a CASE label."""
 
     low: Expression
@@ -107,23 +114,23 @@ class Range(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class CaseBranch(Node):
+class CaseBranch(SyntaxNode):
     labels: tuple[Expression | Range, ...]
     body: tuple[Statement, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Case(Node):
+class Case(SyntaxNode):
     selector: Expression
     branches: tuple[CaseBranch, ...]
     otherwise: tuple[Statement, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class For(Node):
+class For(SyntaxNode):
     """`FOR variable := start TO stop BY step DO body`; step is None when BY is absent."""
 
-    variable: Variable
+    variable: VariableAccess
     start: Expression
     stop: Expression
     step: Expression | None
@@ -131,29 +138,29 @@ class For(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class While(Node):
+class While(SyntaxNode):
     condition: Expression
     body: tuple[Statement, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Repeat(Node):
+class Repeat(SyntaxNode):
     body: tuple[Statement, ...]
     condition: Expression
 
 
 @dataclass(frozen=True, slots=True)
-class Exit(Node):
+class Exit(SyntaxNode):
     pass
 
 
 @dataclass(frozen=True, slots=True)
-class Continue(Node):
+class Continue(SyntaxNode):
     pass
 
 
 @dataclass(frozen=True, slots=True)
-class Return(Node):
+class Return(SyntaxNode):
     pass
 
 
@@ -161,7 +168,7 @@ Statement: TypeAlias = Assignment | If | Case | For | While | Repeat | Exit | Co
 
 
 @dataclass(frozen=True, slots=True)
-class TypeName(Node):
+class TypeName(SyntaxNode):
     """An elementary type, or with bounds an array of it (one pair a dimension)."""
 
     name: str
@@ -169,7 +176,7 @@ class TypeName(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Repeated(Node):
+class Repeated(SyntaxNode):
     """`count(value)` in an array's initial value."""
 
     count: int
@@ -177,7 +184,7 @@ class Repeated(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Declaration(Node):
+class Declaration(SyntaxNode):
     """A temporary variable of an algorithm; initial is None, an expression, or the elements of an array."""
 
     name: str
@@ -187,7 +194,7 @@ class Declaration(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Algorithm(Node):
+class ParsedAlgorithm(SyntaxNode):
     """name is "" when the text has no `ALGORITHM name ... END_ALGORITHM` around it."""
 
     name: str

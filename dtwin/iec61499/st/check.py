@@ -8,8 +8,9 @@ from typing import Final
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import types
 from dtwin.iec61499.st import ast, typed
+from dtwin.iec61499.st.ast import fail
 from dtwin.iec61499.st.dataflow import needed_initialisations
-from dtwin.iec61499.st.expressions import ExpressionChecker, fail
+from dtwin.iec61499.st.expressions import ExpressionChecker
 from dtwin.iec61499.types import BOOL, ArrayType, DataType, ElementaryType
 
 _MAXIMUM_DEPTH: Final = 60
@@ -18,7 +19,7 @@ _MAXIMUM_LOOPS: Final = 15
 
 
 def check_algorithm(
-    algorithm: ast.Algorithm, scope: Mapping[str, DataType], writable: Set[str]
+    algorithm: ast.ParsedAlgorithm, scope: Mapping[str, DataType], writable: Set[str]
 ) -> typed.CheckedAlgorithm:
     """Resolves names, types every expression and makes conversions explicit.
 
@@ -140,7 +141,7 @@ class _AlgorithmChecker:
         return self._expressions.checked(expression, BOOL)
 
     def _target(
-        self, target: ast.Variable
+        self, target: ast.VariableAccess
     ) -> tuple[str, DataType, tuple[typed.Expression, ...], tuple[ArrayType, ...]]:
         name, data_type, indices, arrays = self._expressions.resolve(target)
         if name not in self._writable:

@@ -10,10 +10,11 @@ import math
 import operator as op
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from typing import Any, Final, NoReturn
+from typing import Any, Final
 
-from dtwin.errors import FunctionBlockError, choices
+from dtwin.errors import choices
 from dtwin.iec61499.st import ast, typed
+from dtwin.iec61499.st.ast import fail
 from dtwin.iec61499.st.functions import (
     EXTENSIBLE,
     FUNCTIONS,
@@ -24,7 +25,8 @@ from dtwin.iec61499.st.functions import (
     conversion,
     widens,
 )
-from dtwin.iec61499.st.python.runtime import integer_divide, integer_modulo
+from dtwin.iec61499.st.semantics import integer_divide, integer_modulo
+from dtwin.iec61499.st.typed import COMPARISONS
 from dtwin.iec61499.types import (
     BOOL,
     DINT,
@@ -38,7 +40,6 @@ from dtwin.iec61499.types import (
     ElementaryType,
 )
 
-COMPARISONS: Final = frozenset({"<", ">", "<=", ">=", "=", "<>"})
 _LOGICAL: Final = frozenset({"AND", "OR", "XOR"})
 _FOLDABLE: Final[dict[str, Callable[[Any, Any], Any]]] = {
     "+": op.add,
@@ -55,10 +56,6 @@ _FOLDABLE_INTEGERS: Final = {
     "XOR": op.xor,
 }
 _MAXIMUM_DEPTH: Final = 150
-
-
-def fail(at: ast.Position, message: str) -> NoReturn:
-    raise FunctionBlockError(message, *at)
 
 
 class ExpressionChecker:
@@ -79,7 +76,7 @@ class ExpressionChecker:
         return self.coerce(self.infer(expression), expected)
 
     def resolve(
-        self, variable: ast.Variable
+        self, variable: ast.VariableAccess
     ) -> tuple[str, DataType, tuple[typed.Expression, ...], tuple[ArrayType, ...]]:
         """Declared name, type behind the indices, the indices, and the array each of them applies to."""
         try:
@@ -118,7 +115,7 @@ class ExpressionChecker:
                     return typed.Const(at, ELEMENTARY[type_name], value)
                 kind = BOOL if isinstance(value, bool) else LREAL if isinstance(value, float) else DINT
                 return typed.Const(at, kind, value, untyped=kind is not BOOL)
-            case ast.Variable(at):
+            case ast.VariableAccess(at):
                 name, data_type, indices, arrays = self.resolve(node)
                 return (
                     typed.Element(at, data_type, name, indices, arrays)

@@ -52,7 +52,7 @@ def lark_parser() -> Lark:
 
 
 @lru_cache(maxsize=1024)
-def parse_algorithm(text: str, file: str = "", line: int = 1, column: int = 1) -> ast.Algorithm:
+def parse_algorithm(text: str, file: str = "", line: int = 1, column: int = 1) -> ast.ParsedAlgorithm:
     """Parses statements, optionally with `VAR ... END_VAR` and `ALGORITHM name ... END_ALGORITHM` around them.
 
     Args:
@@ -129,13 +129,13 @@ class TreeBuilder(Transformer):
     def _position(self, token: Token) -> ast.Position:
         return _shift(self._origin, token.line or 1, token.column or 1)
 
-    def named_algorithm(self, children: list[Any]) -> ast.Algorithm:
+    def named_algorithm(self, children: list[Any]) -> ast.ParsedAlgorithm:
         name, *blocks, body = children
-        return ast.Algorithm(self._at, str(name), tuple(d for block in blocks for d in block), body)
+        return ast.ParsedAlgorithm(self._at, str(name), tuple(d for block in blocks for d in block), body)
 
-    def plain_algorithm(self, children: list[Any]) -> ast.Algorithm:
+    def plain_algorithm(self, children: list[Any]) -> ast.ParsedAlgorithm:
         *blocks, body = children
-        return ast.Algorithm(self._at, "", tuple(d for block in blocks for d in block), body)
+        return ast.ParsedAlgorithm(self._at, "", tuple(d for block in blocks for d in block), body)
 
     def variables(self, children: list[Any]) -> list[ast.Declaration]:
         return [declaration for declarations in children for declaration in declarations]
@@ -226,9 +226,11 @@ class TreeBuilder(Transformer):
         name, *arguments = children
         return ast.Call(self._at, name.upper(), tuple(a for a in arguments if a is not None))
 
-    def variable(self, children: list[Any]) -> ast.Variable:
+    def variable(self, children: list[Any]) -> ast.VariableAccess:
         name, *subscripts = children
-        return ast.Variable(self._at, str(name), tuple(index for subscript in subscripts for index in subscript))
+        return ast.VariableAccess(
+            self._at, str(name), tuple(index for subscript in subscripts for index in subscript)
+        )
 
     def subscript(self, children: list[ast.Expression]) -> list[ast.Expression]:
         return children

@@ -15,7 +15,7 @@ _UNARY: Final = 8
 _INDENT: Final = "  "
 
 
-def print_algorithm(algorithm: ast.Algorithm) -> str:
+def print_algorithm(algorithm: ast.ParsedAlgorithm) -> str:
     """The algorithm as text, with `ALGORITHM name ... END_ALGORITHM` when it has a name."""
     lines = [line for declaration in algorithm.declarations for line in _declaration(declaration)]
     lines += _body(algorithm.body, "")
@@ -99,7 +99,7 @@ def _expression(node: ast.Expression, minimum: int) -> str:
     match node:
         case ast.Literal():
             return _literal(node)
-        case ast.Variable(name=name, indices=indices):
+        case ast.VariableAccess(name=name, indices=indices):
             return f"{name}[{', '.join(_expression(i, 0) for i in indices)}]" if indices else name
         case ast.Call(function=function, arguments=arguments):
             return f"{function}({', '.join(_expression(a, 0) for a in arguments)})"

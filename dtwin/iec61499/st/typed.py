@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, Literal, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
 from dtwin.iec61499.st.ast import Position
 from dtwin.iec61499.types import ArrayType, DataType, ElementaryType
 
+COMPARISONS: Final = frozenset({"<", ">", "<=", ">=", "=", "<>"})
+"""Operators of a Binary that give BOOL, whatever the operands' type is."""
 CastKind = Literal["to", "trunc", "s", "ms", "us", "ns"]
 
 

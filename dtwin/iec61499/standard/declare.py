@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from dtwin.iec61499 import model
-from dtwin.iec61499.files.reader import split_condition
+from dtwin.iec61499.files.block_types import split_condition
 from dtwin.iec61499.types import ArrayType, elementary
 
 Row = tuple[str, str, str]
@@ -23,8 +23,8 @@ def interface(events: str, data: str) -> model.Interface:
     return model.Interface(_events(event_inputs), _events(event_outputs), variables(inputs), variables(outputs))
 
 
-def _events(text: str) -> tuple[model.Event, ...]:
-    return tuple(model.Event(name, tuple(with_list.split())) for name, with_list in _EVENT.findall(text))
+def _events(text: str) -> tuple[model.EventPort, ...]:
+    return tuple(model.EventPort(name, tuple(with_list.split())) for name, with_list in _EVENT.findall(text))
 
 
 def variables(text: str) -> tuple[model.Variable, ...]:
@@ -49,7 +49,7 @@ def basic(
     """A block that waits in START; a row's condition takes it through a state with that row's action and back."""
     ports = interface(events, data)
     inputs = [event.name for event in ports.event_inputs]
-    states, transitions, algorithms = [model.State("START")], [], []
+    states, transitions, algorithms = [model.ECState("START")], [], []
     for number, (condition, text, outputs) in enumerate(rows, 1):
         event, guard = split_condition(condition, inputs)
         state, algorithm = f"{event}_{number}", ""
@@ -57,9 +57,9 @@ def basic(
             algorithm = f"ON_{state}"
             algorithms.append(model.Algorithm(algorithm, model.Source(text)))
         issued = outputs.split() or [""]
-        actions = [model.Action(algorithm, issued[0]), *(model.Action("", output) for output in issued[1:])]
-        states.append(model.State(state, tuple(actions)))
-        transitions += [model.Transition("START", state, event, guard), model.Transition(state, "START")]
+        actions = [model.ECAction(algorithm, issued[0]), *(model.ECAction("", output) for output in issued[1:])]
+        states.append(model.ECState(state, tuple(actions)))
+        transitions += [model.ECTransition("START", state, event, guard), model.ECTransition(state, "START")]
     header = model.TypeHeader(name, comment=comment)
     return model.BasicFBType(
         header, ports, variables(internals), tuple(states), tuple(transitions), tuple(algorithms)
@@ -72,9 +72,9 @@ def function(name: str, comment: str, data: str, text: str) -> model.SimpleFBTyp
     inputs = tuple(variable.name for variable in ports.inputs)
     outputs = tuple(variable.name for variable in ports.outputs)
     ports = model.Interface(
-        (model.Event("REQ", inputs),), (model.Event("CNF", outputs),), ports.inputs, ports.outputs
+        (model.EventPort("REQ", inputs),), (model.EventPort("CNF", outputs),), ports.inputs, ports.outputs
     )
-    state = model.State("REQ", (model.Action("REQ", "CNF"),))
+    state = model.ECState("REQ", (model.ECAction("REQ", "CNF"),))
     algorithm = model.Algorithm("REQ", model.Source(text))
     return model.SimpleFBType(model.TypeHeader(name, comment=comment), ports, (), (state,), (algorithm,))
 

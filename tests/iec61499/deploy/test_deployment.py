@@ -14,14 +14,22 @@ import pytest
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.build import deploy
-from dtwin.iec61499.deploy.deployment import Deployment, plan_deployment
-from dtwin.iec61499.device.embedded import Device
-from dtwin.iec61499.files.mapping import resource_network
+from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
+from dtwin.iec61499.device.embedded import EmbeddedDevice
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import Command, parse_boot_file, print_boot_file
 from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.management.protocol import Block, Link, ManagementError, Reason, Response, Type, request_id
+from dtwin.iec61499.management.protocol import (
+    ManagedBlock,
+    ManagedConnection,
+    ManagedType,
+    ManagementError,
+    Reason,
+    Response,
+    request_id,
+)
 from dtwin.iec61499.management.server import ManagementServer
+from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.address import LOOPBACK, Address
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.iec61499.runtime.resource import Resource
@@ -44,11 +52,11 @@ def flat(deployment: Deployment) -> Resource:
     written: dict[str, str] = {}
     for command in deployment.commands:
         match command.request.subject:
-            case Block(name, kind) if command.resource:
+            case ManagedBlock(name, kind) if command.resource:
                 blocks[name] = kind
-            case Link(source, destination) if command.request.action == "WRITE":
+            case ManagedConnection(source, destination) if command.request.action == "WRITE":
                 written[destination] = source
-            case Link(source, destination):
+            case ManagedConnection(source, destination):
                 links.append(model.Connection(source, destination))
     inputs = {
         f"{name}.{variable.name}" for name, kind in blocks.items() for variable in library.find(kind).interface.inputs
@@ -72,7 +80,7 @@ def flat(deployment: Deployment) -> Resource:
 
 def written(deployment: Deployment) -> dict[str, str]:
     subjects = [c.request.subject for c in deployment.commands if c.request.action == "WRITE"]
-    return {subject.destination: subject.source for subject in subjects if isinstance(subject, Link)}
+    return {subject.destination: subject.source for subject in subjects if isinstance(subject, ManagedConnection)}
 
 
 class Driven:
@@ -264,7 +272,7 @@ def session(
 ) -> Iterator[ManagementClient]:
     """A session with an embedded device that has the project's library and refuses some requests."""
     with Reactor() as reactor:
-        device = Device(reactor, Library([BLOCKS]))
+        device = EmbeddedDevice(reactor, Library([BLOCKS]))
 
         def handle(resource: str, text: str) -> str:
             return Response(request_id(text), reason).xml() if refuse(text) else device.handle(resource, text)
@@ -355,7 +363,7 @@ def test_another_refusal_names_the_request() -> None:
 def test_an_exported_type_needs_its_original() -> None:
     with session() as client:
         for name in ("UNKNOWN_01234567", "SERVER_1_1_01234567", "NOPE"):
-            assert client.request("", "CREATE", Type(name, "return 1")).reason == "UNSUPPORTED_TYPE"
+            assert client.request("", "CREATE", ManagedType(name, "return 1")).reason == "UNSUPPORTED_TYPE"
 
 
 def test_values_of_outputs_and_internals_can_be_set_before_the_start() -> None:

@@ -90,8 +90,8 @@ def test_the_library_does_the_same_as_in_the_embedded_runtime(name: str, data: s
 
 def test_simple_blocks_run_the_actions_of_the_event() -> None:
     states = (
-        model.State("REQ", (model.Action("ADD", "CNF"),)),
-        model.State("CLEAR", (model.Action("ZERO", "CLEARED"),)),
+        model.ECState("REQ", (model.ECAction("ADD", "CNF"),)),
+        model.ECState("CLEAR", (model.ECAction("ZERO", "CLEARED"),)),
     )
     algorithms = (
         model.Algorithm("ADD", model.Source("Q := Q + X;")),

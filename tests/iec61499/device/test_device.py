@@ -20,14 +20,23 @@ import pytest
 
 from dtwin.controller.ports import EMULATOR
 from dtwin.errors import CommunicationError, FunctionBlockError
-from dtwin.iec61499.device.embedded import Device
+from dtwin.iec61499.device.embedded import EmbeddedDevice
 from dtwin.iec61499.device.managed import WATCHES
-from dtwin.iec61499.files.mapping import resource_network
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import parse_boot_file
 from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.management.protocol import REQUESTS, Action, Block, Link, ManagementError, Subject, Type, Watch
+from dtwin.iec61499.management.protocol import (
+    REQUESTS,
+    ManagedBlock,
+    ManagedConnection,
+    ManagedType,
+    ManagementError,
+    RequestAction,
+    Subject,
+    Watch,
+)
 from dtwin.iec61499.management.server import CLIENTS, ManagementServer
+from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.address import LOOPBACK, Address
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.reactor import Reactor
@@ -69,7 +78,7 @@ class Served:
     def __init__(self, library: Library) -> None:
         self.reactor = Reactor()
         self.library = library
-        self.device = Device(self.reactor, library)
+        self.device = EmbeddedDevice(self.reactor, library)
         self.management = ManagementServer(self.reactor, ANY_PORT, self.device.handle)
         self._thread = threading.Thread(target=self.reactor.run)
 
@@ -138,38 +147,38 @@ S.RD_1 -> D.X
 D.Y -> S.SD_1
 """
 
-R = Block("R", "EMB_RES")
-TRANSCRIPT: list[tuple[str, Action, Subject | None, str | None]] = [
+R = ManagedBlock("R", "EMB_RES")
+TRANSCRIPT: list[tuple[str, RequestAction, Subject | None, str | None]] = [
     ("", "CREATE", R, None),
     ("", "CREATE", R, "INVALID_STATE"),
-    ("", "CREATE", Block("Q", "NOPE"), "UNSUPPORTED_TYPE"),
-    ("Q", "CREATE", Block("X", "E_SR"), "INVALID_DST"),
-    ("R", "CREATE", Block("X", "NOPE"), "UNSUPPORTED_TYPE"),
-    ("R", "CREATE", Block("C", "E_CYCLE"), None),
-    ("R", "CREATE", Block("C", "E_CYCLE"), "INVALID_STATE"),
-    ("R", "CREATE", Block("N", "E_CTU"), None),
-    ("R", "CREATE", Block("F", "E_D_FF"), None),
-    ("R", "CREATE", Link("START.COLD", "C.START"), None),
-    ("R", "CREATE", Link("START.COLD", "C.START"), "INVALID_STATE"),
-    ("R", "CREATE", Link("START.COLDER", "C.START"), "NO_SUCH_OBJECT"),
-    ("R", "CREATE", Link("START.COLD", "C.STARTLE"), "NO_SUCH_OBJECT"),
-    ("R", "CREATE", Link("START.COLD", "X.START"), "NO_SUCH_OBJECT"),
-    ("R", "CREATE", Link("C.EO", "N.CU"), None),
-    ("R", "CREATE", Link("N.Q", "F.D"), None),
-    ("R", "CREATE", Link("N.CV", "F.D"), "INVALID_STATE"),
-    ("R", "CREATE", Link("F.Q", "F.D"), "INVALID_STATE"),
-    ("R", "DELETE", Link("N.Q", "F.D"), None),
-    ("R", "DELETE", Link("N.Q", "F.D"), "INVALID_STATE"),
-    ("R", "DELETE", Block("F", ""), None),
-    ("R", "DELETE", Block("F", ""), "NO_SUCH_OBJECT"),
-    ("R", "WRITE", Link("T#1500us", "C.DT"), None),
-    ("R", "WRITE", Link("soon", "C.DT"), "BAD_PARAMS"),
-    ("R", "WRITE", Link("1", "C.DX"), "NO_SUCH_OBJECT"),
-    ("R", "WRITE", Link("65536", "N.PV"), "BAD_PARAMS"),
-    ("R", "WRITE", Link("65535", "N.PV"), None),
-    ("R", "READ", Link("N.PV", "*"), None),
-    ("R", "READ", Link("N.PX", "*"), "NO_SUCH_OBJECT"),
-    ("R", "READ", Link("X.PV", "*"), "NO_SUCH_OBJECT"),
+    ("", "CREATE", ManagedBlock("Q", "NOPE"), "UNSUPPORTED_TYPE"),
+    ("Q", "CREATE", ManagedBlock("X", "E_SR"), "INVALID_DST"),
+    ("R", "CREATE", ManagedBlock("X", "NOPE"), "UNSUPPORTED_TYPE"),
+    ("R", "CREATE", ManagedBlock("C", "E_CYCLE"), None),
+    ("R", "CREATE", ManagedBlock("C", "E_CYCLE"), "INVALID_STATE"),
+    ("R", "CREATE", ManagedBlock("N", "E_CTU"), None),
+    ("R", "CREATE", ManagedBlock("F", "E_D_FF"), None),
+    ("R", "CREATE", ManagedConnection("START.COLD", "C.START"), None),
+    ("R", "CREATE", ManagedConnection("START.COLD", "C.START"), "INVALID_STATE"),
+    ("R", "CREATE", ManagedConnection("START.COLDER", "C.START"), "NO_SUCH_OBJECT"),
+    ("R", "CREATE", ManagedConnection("START.COLD", "C.STARTLE"), "NO_SUCH_OBJECT"),
+    ("R", "CREATE", ManagedConnection("START.COLD", "X.START"), "NO_SUCH_OBJECT"),
+    ("R", "CREATE", ManagedConnection("C.EO", "N.CU"), None),
+    ("R", "CREATE", ManagedConnection("N.Q", "F.D"), None),
+    ("R", "CREATE", ManagedConnection("N.CV", "F.D"), "INVALID_STATE"),
+    ("R", "CREATE", ManagedConnection("F.Q", "F.D"), "INVALID_STATE"),
+    ("R", "DELETE", ManagedConnection("N.Q", "F.D"), None),
+    ("R", "DELETE", ManagedConnection("N.Q", "F.D"), "INVALID_STATE"),
+    ("R", "DELETE", ManagedBlock("F", ""), None),
+    ("R", "DELETE", ManagedBlock("F", ""), "NO_SUCH_OBJECT"),
+    ("R", "WRITE", ManagedConnection("T#1500us", "C.DT"), None),
+    ("R", "WRITE", ManagedConnection("soon", "C.DT"), "BAD_PARAMS"),
+    ("R", "WRITE", ManagedConnection("1", "C.DX"), "NO_SUCH_OBJECT"),
+    ("R", "WRITE", ManagedConnection("65536", "N.PV"), "BAD_PARAMS"),
+    ("R", "WRITE", ManagedConnection("65535", "N.PV"), None),
+    ("R", "READ", ManagedConnection("N.PV", "*"), None),
+    ("R", "READ", ManagedConnection("N.PX", "*"), "NO_SUCH_OBJECT"),
+    ("R", "READ", ManagedConnection("X.PV", "*"), "NO_SUCH_OBJECT"),
     ("R", "CREATE", Watch("N.PV"), None),
     ("R", "CREATE", Watch("N.PV"), None),
     ("R", "CREATE", Watch("N.PX"), "NO_SUCH_OBJECT"),
@@ -181,7 +190,7 @@ TRANSCRIPT: list[tuple[str, Action, Subject | None, str | None]] = [
     ("R", "START", None, None),
     ("R", "START", None, "INVALID_STATE"),
     ("", "DELETE", R, "INVALID_STATE"),
-    ("R", "READ", Link("N.CV", "*"), None),
+    ("R", "READ", ManagedConnection("N.CV", "*"), None),
     ("R", "STOP", None, None),
     ("R", "STOP", None, "INVALID_STATE"),
     ("R", "START", None, None),
@@ -199,7 +208,10 @@ def replay(client: ManagementClient) -> None:
         *request, reason = step
         response = client.request(*request)
         assert response.reason == reason, step
-    assert client.request("", "CREATE", Type("NOPE", "no Lua")).reason in ("UNSUPPORTED_TYPE", "INVALID_OPERATION")
+    assert client.request("", "CREATE", ManagedType("NOPE", "no Lua")).reason in (
+        "UNSUPPORTED_TYPE",
+        "INVALID_OPERATION",
+    )
 
 
 FORTE = os.environ.get("FORTE", "")
@@ -311,10 +323,10 @@ def test_an_application_built_over_management_serves(served: Served) -> None:
             assert client.read("R", "S.QI") == "FALSE"
         assert [block.name for block in client.blocks("R")] == ["START", "S", "D"]
         assert client.blocks("") == (R,)
-        links = client.demand("R", "QUERY", Link("*", "*")).links
-        assert links is not None
-        assert Link("S.RD_1", "D.X") in links
-        assert "DOUBLER" in (client.demand("", "QUERY", Type("*")).names or ())
+        connections = client.demand("R", "QUERY", ManagedConnection("*", "*")).connections
+        assert connections is not None
+        assert ManagedConnection("S.RD_1", "D.X") in connections
+        assert "DOUBLER" in (client.demand("", "QUERY", ManagedType("*")).names or ())
 
 
 def test_unlike_types_are_not_connected(served: Served) -> None:

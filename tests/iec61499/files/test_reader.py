@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.files.mapping import resource_network
-from dtwin.iec61499.files.reader import read_type, split_condition, type_from_xml
+from dtwin.iec61499.files.block_types import read_type, split_condition, type_from_xml
 from dtwin.iec61499.files.xml import MAXIMUM_DEPTH, MAXIMUM_SIZE, parse_xml
 from dtwin.iec61499.library import Library
+from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.types import INT, LREAL, TIME, ArrayType
 
@@ -85,14 +85,14 @@ def test_basic_block(write: Write) -> None:
     assert header.package == "my::package"
     assert header.description == "one\ntwo"
     assert header.versions == (model.Version("1.0", "A", "2024-01-02", "O", "first"),)
-    assert block.interface.event_inputs == (model.Event("REQ", ("X",), "go", 9),)
+    assert block.interface.event_inputs == (model.EventPort("REQ", ("X",), "go", 9),)
     assert [(v.name, v.type, v.initial, v.comment) for v in block.interface.inputs] == [
         ("X", LREAL, "2.5", "m"),
         ("DT", ArrayType(TIME, 0, 3), "", ""),
     ]
     assert (block.internals[0].type, block.internals[0].initial) == (ArrayType(INT, 1, 3), "[1, 2, 3]")
-    assert block.states[0] == model.State("START", (), 475.0, 1125.5, "Initial", 29)
-    assert block.states[1].actions == (model.Action("SCALE", "CNF", 30),)
+    assert block.states[0] == model.ECState("START", (), 475.0, 1125.5, "Initial", 29)
+    assert block.states[1].actions == (model.ECAction("SCALE", "CNF", 30),)
     assert [(t.source, t.event, t.guard, t.destination) for t in block.transitions] == [
         ("START", "REQ", "X > 0.0", "RUN"),
         ("RUN", "", "", "START"),

@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from dtwin.errors import CommunicationError, FunctionBlockError
 from dtwin.iec61499.management.bootfile import Command, load_boot_file, parse_boot_file, print_boot_file
 from dtwin.iec61499.management.protocol import (
-    Action,
-    Block,
-    Link,
+    ManagedBlock,
+    ManagedConnection,
+    ManagedType,
     ManagementError,
     Reason,
     Request,
+    RequestAction,
     Response,
     Subject,
-    Type,
     Watch,
     parse_request,
     parse_response,
@@ -31,14 +31,14 @@ from dtwin.iec61499.management.protocol import (
 printable = st.text(st.characters(exclude_categories=["Cs", "Cc", "Cn"]), max_size=20)
 names = st.from_regex(r"[A-Za-z_][A-Za-z0-9_.]{0,10}", fullmatch=True)
 subjects: st.SearchStrategy[Subject] = st.one_of(
-    st.builds(Block, names, names),
-    st.builds(Link, printable, names),
-    st.builds(Type, names, printable.map(str.strip)),
+    st.builds(ManagedBlock, names, names),
+    st.builds(ManagedConnection, printable, names),
+    st.builds(ManagedType, names, printable.map(str.strip)),
     st.builds(Watch, names | st.just("")),
 )
 
 
-@given(st.builds(Request, names, st.sampled_from(get_args(Action)), subjects))
+@given(st.builds(Request, names, st.sampled_from(get_args(RequestAction)), subjects))
 def test_a_printed_request_reads_back(request_: Request) -> None:
     assert parse_request(request_.xml()) == request_
 
@@ -47,15 +47,15 @@ def test_a_printed_request_reads_back(request_: Request) -> None:
     ("request_", "text"),
     [
         (
-            Request("1", "CREATE", Block("R", "EMB_RES")),
+            Request("1", "CREATE", ManagedBlock("R", "EMB_RES")),
             '<Request ID="1" Action="CREATE"><FB Name="R" Type="EMB_RES" /></Request>',
         ),
         (
-            Request("2", "WRITE", Link("'a<b'", "S.ID")),
+            Request("2", "WRITE", ManagedConnection("'a<b'", "S.ID")),
             '<Request ID="2" Action="WRITE"><Connection Source="&apos;a&lt;b&apos;" Destination="S.ID" /></Request>',
         ),
         (
-            Request("3", "CREATE", Type("X", "a > b")),
+            Request("3", "CREATE", ManagedType("X", "a > b")),
             '<Request ID="3" Action="CREATE"><FBType Name="X">a &gt; b</FBType></Request>',
         ),
         (Request("4", "START"), '<Request ID="4" Action="START"/>'),
@@ -80,8 +80,8 @@ def test_every_reason_reads_back(reason: Reason) -> None:
     [
         Response("1"),
         Response("1", value="it's <3"),
-        Response("1", blocks=(Block("START", "E_RESTART"), Block("A", "E_SR"))),
-        Response("1", links=(Link("A.EO", "B.EI"),)),
+        Response("1", blocks=(ManagedBlock("START", "E_RESTART"), ManagedBlock("A", "E_SR"))),
+        Response("1", connections=(ManagedConnection("A.EO", "B.EI"),)),
         Response("1", names=("E_SR", "F_ADD")),
         Response("1", watches={}),
         Response("1", watches={"A.B.X": "1.5", "A.Y": "it's <3"}),
@@ -103,7 +103,7 @@ def test_every_response_reads_back(response: Response) -> None:
         ),
         (
             '<Response ID="6">\n  <FBList>\n    <FB name="R" type="EMB_RES"/>\n  </FBList>\n</Response>',
-            Response("6", blocks=(Block("R", "EMB_RES"),)),
+            Response("6", blocks=(ManagedBlock("R", "EMB_RES"),)),
         ),
         (
             '<Response ID="9">\n  <Watches>\n    <Resource name="R"><FB name="P.Q"><Port name="X"><Data value="0.5" '
@@ -184,12 +184,14 @@ R;<Request ID="3" Action="START"/>
 def test_a_boot_file_reads_and_prints() -> None:
     commands = parse_boot_file(BOOT)
     assert [(command.resource, command.line) for command in commands] == [("", 1), ("R", 2), ("R", 5)]
-    assert commands[1].request.subject == Type("X", "line one\nline two")
+    assert commands[1].request.subject == ManagedType("X", "line one\nline two")
     assert parse_boot_file(BOOT.replace("\n", "\r\n"))[2].request == Request("3", "START")
     assert print_boot_file(commands) == BOOT.replace("\n\n", "\n")
 
 
-@given(st.lists(st.builds(Command, names, st.builds(Request, names, st.sampled_from(get_args(Action)), subjects))))
+@given(
+    st.lists(st.builds(Command, names, st.builds(Request, names, st.sampled_from(get_args(RequestAction)), subjects)))
+)
 def test_printed_boot_files_read_back(commands: list[Command]) -> None:
     read = parse_boot_file(print_boot_file(commands))
     assert [(c.resource, c.request) for c in read] == [(c.resource, c.request) for c in commands]

@@ -19,8 +19,8 @@ from dtwin.errors import CommunicationError
 from dtwin.iec61499.net.address import LOOPBACK, Address, parse_address, parse_block_id
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.reactor import READ, Reactor
-from dtwin.iec61499.net.tcp import CANDIDATES, Client, Listener, Server
-from dtwin.iec61499.net.udp import Publisher, Subscriber
+from dtwin.iec61499.net.tcp import CANDIDATES, TcpClient, TcpListener, TcpServer
+from dtwin.iec61499.net.udp import UdpPublisher, UdpSubscriber
 from dtwin.iec61499.net.wire import Message, Signature
 from dtwin.iec61499.types import elementary
 
@@ -64,9 +64,9 @@ def reactor() -> Iterator[Reactor]:
 
 
 @pytest.fixture
-def doubler(reactor: Reactor) -> Iterator[Server]:
+def doubler(reactor: Reactor) -> Iterator[TcpServer]:
     """A server that answers every number with its double."""
-    server = Server(reactor, ANY_PORT, NUMBER, NUMBER, lambda message: server.send([2 * message[0]]))
+    server = TcpServer(reactor, ANY_PORT, NUMBER, NUMBER, lambda message: server.send([2 * message[0]]))
     yield server
     server.close()
 
@@ -135,7 +135,7 @@ def test_addresses_with_a_scheme() -> None:
         parse_address("udp://plant:61500", "tcp")
 
 
-def test_server_answers_split_and_joined_messages(reactor: Reactor, doubler: Server) -> None:
+def test_server_answers_split_and_joined_messages(reactor: Reactor, doubler: TcpServer) -> None:
     stream = b"".join(NUMBER.encode([n]) for n in (1, 2, 3))
     with served(reactor), connect(doubler.address) as sock:
         for i in range(len(stream)):
@@ -148,7 +148,7 @@ def test_server_answers_split_and_joined_messages(reactor: Reactor, doubler: Ser
 
 
 def test_a_server_without_values_answers_null(reactor: Reactor) -> None:
-    server = Server(reactor, ANY_PORT, NOTHING, NOTHING, lambda message: server.send([]))
+    server = TcpServer(reactor, ANY_PORT, NOTHING, NOTHING, lambda message: server.send([]))
     with served(reactor), connect(server.address) as sock:
         sock.send(b"\x05")
         assert sock.recv(10) == b"\x05"
@@ -156,7 +156,7 @@ def test_a_server_without_values_answers_null(reactor: Reactor) -> None:
 
 
 def test_what_is_sent_reaches_those_who_only_listen(reactor: Reactor) -> None:
-    server = Server(reactor, ANY_PORT, NOTHING, NUMBER, lambda message: None)
+    server = TcpServer(reactor, ANY_PORT, NOTHING, NUMBER, lambda message: None)
     first, second = connect(server.address), connect(server.address)
     reactor.run_once(0.05)
     reactor.run_once(0.05)
@@ -183,7 +183,7 @@ def _ended(sock: socket.socket) -> bool:
 
 
 def test_second_client_is_refused_and_the_first_stays(
-    reactor: Reactor, doubler: Server, caplog: pytest.LogCaptureFixture
+    reactor: Reactor, doubler: TcpServer, caplog: pytest.LogCaptureFixture
 ) -> None:
     with served(reactor), BlockingClient(doubler.address, NUMBER, NUMBER, PATIENCE) as first:
         assert first.exchange([4]) == (8,)
@@ -194,14 +194,16 @@ def test_second_client_is_refused_and_the_first_stays(
     assert "refused" in caplog.text
 
 
-def test_the_port_is_free_again_after_the_client_has_gone(reactor: Reactor, doubler: Server) -> None:
+def test_the_port_is_free_again_after_the_client_has_gone(reactor: Reactor, doubler: TcpServer) -> None:
     with served(reactor):
         for number in range(5):
             with BlockingClient(doubler.address, NUMBER, NUMBER, PATIENCE) as client:
                 assert client.exchange([number]) == (2 * number,)
 
 
-def test_silent_clients_keep_nobody_out(reactor: Reactor, doubler: Server, caplog: pytest.LogCaptureFixture) -> None:
+def test_silent_clients_keep_nobody_out(
+    reactor: Reactor, doubler: TcpServer, caplog: pytest.LogCaptureFixture
+) -> None:
     with served(reactor):
         silent = [connect(doubler.address) for _ in range(100)]
         silent[-1].send(b"\x44")
@@ -216,7 +218,7 @@ def test_silent_clients_keep_nobody_out(reactor: Reactor, doubler: Server, caplo
 
 
 def test_wrong_bytes_cost_one_line_and_the_connection(
-    reactor: Reactor, doubler: Server, caplog: pytest.LogCaptureFixture
+    reactor: Reactor, doubler: TcpServer, caplog: pytest.LogCaptureFixture
 ) -> None:
     with served(reactor):
         with connect(doubler.address) as sock:
@@ -228,7 +230,7 @@ def test_wrong_bytes_cost_one_line_and_the_connection(
     assert "byte 0: expected tag 0x44 (DINT), got 0x4B (LREAL)" in caplog.text
 
 
-def test_fuzzed_bytes_do_no_harm(reactor: Reactor, doubler: Server) -> None:
+def test_fuzzed_bytes_do_no_harm(reactor: Reactor, doubler: TcpServer) -> None:
     rng = random.Random(3)
     with served(reactor):
         for _ in range(100):
@@ -255,7 +257,7 @@ def flood(sock: socket.socket, data: bytes) -> None:
 
 def test_a_peer_that_does_not_read_is_dropped(reactor: Reactor, caplog: pytest.LogCaptureFixture) -> None:
     text = Signature([elementary("STRING")])
-    server = Server(reactor, ANY_PORT, NUMBER, text, lambda message: server.send(["x" * 60000]))
+    server = TcpServer(reactor, ANY_PORT, NUMBER, text, lambda message: server.send(["x" * 60000]))
     tracemalloc.start()
     with served(reactor), connect(server.address) as sock, pytest.raises((ConnectionResetError, BrokenPipeError)):
         flood(sock, NUMBER.encode([1]))
@@ -266,16 +268,16 @@ def test_a_peer_that_does_not_read_is_dropped(reactor: Reactor, caplog: pytest.L
     assert peak < 8 << 20
 
 
-def test_listening_on_a_port_in_use_names_it(reactor: Reactor, doubler: Server) -> None:
+def test_listening_on_a_port_in_use_names_it(reactor: Reactor, doubler: TcpServer) -> None:
     with pytest.raises(CommunicationError, match=f"cannot listen on 127.0.0.1:{doubler.address.port}: Address"):
-        Listener(reactor, doubler.address, lambda sock, peer: None)
+        TcpListener(reactor, doubler.address, lambda sock, peer: None)
 
 
-def test_client_exchanges_with_a_server(reactor: Reactor, doubler: Server) -> None:
+def test_client_exchanges_with_a_server(reactor: Reactor, doubler: TcpServer) -> None:
     opened: list[str] = []
     confirmed: list[Message] = []
     lost: list[bool] = []
-    client = Client(
+    client = TcpClient(
         reactor,
         doubler.address,
         NUMBER,
@@ -297,17 +299,17 @@ def test_client_exchanges_with_a_server(reactor: Reactor, doubler: Server) -> No
     client.close()
 
 
-def test_client_says_why_it_cannot_connect(reactor: Reactor, doubler: Server) -> None:
+def test_client_says_why_it_cannot_connect(reactor: Reactor, doubler: TcpServer) -> None:
     address = doubler.address
     doubler.close()
     opened: list[str] = []
-    Client(reactor, address, NUMBER, NUMBER, opened=opened.append, confirm=print, lost=print)
+    TcpClient(reactor, address, NUMBER, NUMBER, opened=opened.append, confirm=print, lost=print)
     pump(reactor, lambda: opened)
     assert opened == ["Connection refused"]
 
 
 def test_blocking_client_names_late_and_lost_answers(reactor: Reactor) -> None:
-    server = Server(reactor, ANY_PORT, NUMBER, NUMBER, lambda message: None)
+    server = TcpServer(reactor, ANY_PORT, NUMBER, NUMBER, lambda message: None)
     with served(reactor):
         client = BlockingClient(server.address, NUMBER, NUMBER, timeout=0.05)
         with pytest.raises(CommunicationError, match=rf"{server.address}: no answer within 0.05 s"):
@@ -320,7 +322,7 @@ def test_blocking_client_names_late_and_lost_answers(reactor: Reactor) -> None:
 
 
 def test_blocking_client_notices_that_the_server_closes(reactor: Reactor) -> None:
-    server = Server(reactor, ANY_PORT, NUMBER, NUMBER, lambda message: server.close())
+    server = TcpServer(reactor, ANY_PORT, NUMBER, NUMBER, lambda message: server.close())
     client = BlockingClient(server.address, NUMBER, NUMBER, PATIENCE)
     with served(reactor), client, pytest.raises(CommunicationError, match="connection lost"):
         client.exchange([1])
@@ -333,7 +335,7 @@ def test_blocking_client_refuses_two_answers(reactor: Reactor) -> None:
         sock.sendall(answers)
         sock.close()
 
-    listener = Listener(reactor, ANY_PORT, accepted)
+    listener = TcpListener(reactor, ANY_PORT, accepted)
     client = BlockingClient(listener.address, NUMBER, NUMBER, PATIENCE)
     with served(reactor), client, pytest.raises(CommunicationError, match="more than one answer"):
         client.exchange([1])
@@ -342,7 +344,7 @@ def test_blocking_client_refuses_two_answers(reactor: Reactor) -> None:
 
 def test_round_trip_over_loopback(reactor: Reactor) -> None:
     answer = (1.0, 2.0, 3.0, -3.0, True)
-    server = Server(reactor, ANY_PORT, SENSORS, VOLTAGES, lambda message: server.send(answer))
+    server = TcpServer(reactor, ANY_PORT, SENSORS, VOLTAGES, lambda message: server.send(answer))
     request = (0.1, 0.2, 0.3, 0.9, True, "green")
     durations = []
     with served(reactor), BlockingClient(server.address, SENSORS, VOLTAGES, PATIENCE) as client:
@@ -358,8 +360,8 @@ def test_round_trip_over_loopback(reactor: Reactor) -> None:
 @pytest.mark.parametrize("host", ["127.0.0.1", "239.192.7.1"])
 def test_published_messages_arrive(reactor: Reactor, host: str) -> None:
     messages: list[Message] = []
-    subscriber = Subscriber(reactor, Address(host, 0), SENSORS, messages.append)
-    publisher = Publisher(Address(host, subscriber.address.port), SENSORS)
+    subscriber = UdpSubscriber(reactor, Address(host, 0), SENSORS, messages.append)
+    publisher = UdpPublisher(Address(host, subscriber.address.port), SENSORS)
     sample = (0.1, 0.2, 0.3, 0.9, False, "")
     publisher.send(sample)
     publisher.send(sample)
@@ -371,7 +373,7 @@ def test_published_messages_arrive(reactor: Reactor, host: str) -> None:
 
 def test_wrong_datagrams_are_ignored(reactor: Reactor, caplog: pytest.LogCaptureFixture) -> None:
     messages: list[Message] = []
-    subscriber = Subscriber(reactor, ANY_PORT, NUMBER, messages.append)
+    subscriber = UdpSubscriber(reactor, ANY_PORT, NUMBER, messages.append)
     rng = random.Random(5)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         for _ in range(50):

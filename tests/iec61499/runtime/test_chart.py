@@ -158,8 +158,8 @@ def test_many_states_go_through_the_loop_and_mean_the_same() -> None:
 def test_simple_block_runs_its_actions_on_each_event() -> None:
     ports = interface("REQ(X), CLEAR -> CNF(Q), CLEARED(Q)", "X: INT -> Q: INT")
     states = (
-        model.State("REQ", (model.Action("ADD", "CNF"),)),
-        model.State("CLEAR", (model.Action("ZERO", "CLEARED"),)),
+        model.ECState("REQ", (model.ECAction("ADD", "CNF"),)),
+        model.ECState("CLEAR", (model.ECAction("ZERO", "CLEARED"),)),
     )
     algorithms = (
         model.Algorithm("ADD", model.Source("Q := Q + X;")),

@@ -8,7 +8,7 @@ import pytest
 
 from dtwin.errors import CommunicationError, FunctionBlockError
 from dtwin.iec61499.library import Library
-from dtwin.iec61499.runtime.communication import Port
+from dtwin.iec61499.runtime.communication import CommunicationPort
 from dtwin.iec61499.runtime.local import LocalTransport
 from dtwin.iec61499.runtime.resource import Resource
 from tests.support.networks import Types, chart, network
@@ -195,11 +195,11 @@ class Recorder:
 
     def __init__(self) -> None:
         self.sent: list[tuple[Any, ...]] = []
-        self.ports: list[Port] = []
+        self.ports: list[CommunicationPort] = []
         self.closed = 0
         self.broken = False
 
-    def open(self, port: Port) -> Recorder:
+    def open(self, port: CommunicationPort) -> Recorder:
         self.ports.append(port)
         return self
 

@@ -7,27 +7,30 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from dtwin.iec61499.st import ast, check_algorithm, parse_algorithm, print_algorithm
+from dtwin.iec61499.st import ast
+from dtwin.iec61499.st.check import check_algorithm
+from dtwin.iec61499.st.parser import parse_algorithm
+from dtwin.iec61499.st.printer import print_algorithm
 from tests.support.st_harness import LUA, run_exact, run_lua, run_python, same
 from tests.support.st_programs import SCOPE, programs, states
 
 relaxed = settings(deadline=None, suppress_health_check=list(HealthCheck), max_examples=80, derandomize=True)
 
 
-def agree(expected: dict[str, Any], got: dict[str, Any], tree: ast.Algorithm) -> None:
+def agree(expected: dict[str, Any], got: dict[str, Any], tree: ast.ParsedAlgorithm) -> None:
     wrong = {name: (expected[name], got[name]) for name in SCOPE if not same(expected[name], got[name])}
     assert not wrong, f"{wrong}\n{print_algorithm(tree)}"
 
 
 @relaxed
 @given(tree=programs)
-def test_printed_programs_parse_to_the_same_tree(tree: ast.Algorithm) -> None:
+def test_printed_programs_parse_to_the_same_tree(tree: ast.ParsedAlgorithm) -> None:
     assert parse_algorithm(print_algorithm(tree)) == tree
 
 
 @relaxed
 @given(tree=programs, state=states)
-def test_fast_and_exact_python_agree(tree: ast.Algorithm, state: dict[str, Any]) -> None:
+def test_fast_and_exact_python_agree(tree: ast.ParsedAlgorithm, state: dict[str, Any]) -> None:
     checked = check_algorithm(tree, SCOPE, SCOPE.keys())
     result = run_python(checked, SCOPE, state)
     agree(run_exact(checked, SCOPE, state), result, tree)
@@ -38,6 +41,6 @@ def test_fast_and_exact_python_agree(tree: ast.Algorithm, state: dict[str, Any])
 @pytest.mark.parametrize("interpreter", LUA)
 @relaxed
 @given(tree=programs, state=states)
-def test_lua_agrees_with_python(interpreter: str, tree: ast.Algorithm, state: dict[str, Any]) -> None:
+def test_lua_agrees_with_python(interpreter: str, tree: ast.ParsedAlgorithm, state: dict[str, Any]) -> None:
     checked = check_algorithm(tree, SCOPE, SCOPE.keys())
     agree(run_python(checked, SCOPE, state), run_lua(checked, SCOPE, state, interpreter), tree)

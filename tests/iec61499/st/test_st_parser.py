@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.st import ast, parse_algorithm, parse_expression, print_algorithm, print_expression
-from dtwin.iec61499.st.parser import TreeBuilder, lark_parser
+from dtwin.iec61499.st import ast
+from dtwin.iec61499.st.parser import TreeBuilder, lark_parser, parse_algorithm, parse_expression
+from dtwin.iec61499.st.printer import print_algorithm, print_expression
 
 
 def test_every_grammar_rule_has_a_handler() -> None:
@@ -67,7 +68,7 @@ def test_keywords_have_no_case(text: str) -> None:
 
 @pytest.mark.parametrize("name", ["ANDROID", "ORDER", "IFX", "END_IFS", "NOTE", "TRUEISH", "MODE", "T", "E_1", "_x"])
 def test_names_may_begin_with_keywords(name: str) -> None:
-    assert parse_expression(name) == ast.Variable(ast.Position(), name)
+    assert parse_expression(name) == ast.VariableAccess(ast.Position(), name)
 
 
 def test_comments_are_ignored() -> None:

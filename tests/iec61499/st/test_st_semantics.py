@@ -11,19 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.st import (
-    CONDITION_GLOBALS,
-    check_expression,
-    compile_algorithm,
-    compile_condition,
-    lua_condition,
-    lua_helpers,
-    lua_source,
-    parse_expression,
-    python_source,
-)
-from dtwin.iec61499.st.lua.helpers import HELPERS
-from dtwin.iec61499.st.python.runtime import COMMON, EXACT, FAST, ITERATION_LIMIT
+from dtwin.iec61499.st.check import check_expression
+from dtwin.iec61499.st.lua.helpers import HELPERS, lua_helpers
+from dtwin.iec61499.st.lua.translate import lua_condition, lua_source
+from dtwin.iec61499.st.parser import parse_expression
+from dtwin.iec61499.st.python.helpers import COMMON, EXACT, FAST
+from dtwin.iec61499.st.python.translate import CONDITION_GLOBALS, compile_algorithm, compile_condition, python_source
+from dtwin.iec61499.st.semantics import ITERATION_LIMIT
 from dtwin.iec61499.types import DINT, ELEMENTARY, LREAL, ArrayType, DataType
 from tests.support.st_harness import LUA, check, instance, run_exact, run_lua, run_python, same, scope_of
 

@@ -7,7 +7,7 @@ import pytest
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.standard import find_standard, standard_names
+from dtwin.iec61499.standard.catalogue import find_standard, standard_names
 from tests.support.networks import Bench, network
 
 

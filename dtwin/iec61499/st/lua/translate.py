@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from dtwin.iec61499.st import typed
 from dtwin.iec61499.st.fragment import Fragment
 from dtwin.iec61499.st.lua.expressions import ATOM, LuaExpressions, refuse, where
-from dtwin.iec61499.st.python.runtime import ITERATION_LIMIT
+from dtwin.iec61499.st.semantics import ITERATION_LIMIT
 from dtwin.iec61499.types import ArrayType
 
 
@@ -42,7 +42,7 @@ def lua_source(checked: typed.CheckedAlgorithm, rename: Callable[[str], str]) ->
         FunctionBlockError: with file, line and column of what Lua cannot do: 64-bit integers and TIME (numbers
             hold 53 bit), and conversions between reals and bit strings.
     """
-    generator = _Generator(checked, rename)
+    generator = _LuaGenerator(checked, rename)
     return LuaSource(generator.algorithm(), frozenset(generator.expressions.used))
 
 
@@ -60,7 +60,7 @@ class _Loop:
     wrapped: bool
 
 
-class _Generator:
+class _LuaGenerator:
     def __init__(self, checked: typed.CheckedAlgorithm, rename: Callable[[str], str]) -> None:
         self._checked = checked
         self._rename = rename

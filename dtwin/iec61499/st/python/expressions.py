@@ -9,8 +9,8 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from dtwin.iec61499.st import typed
-from dtwin.iec61499.st.expressions import COMPARISONS
 from dtwin.iec61499.st.fragment import Fragment, bounds, combine, is_integral, quotient_bounds, remainder_bounds
+from dtwin.iec61499.st.typed import COMPARISONS
 from dtwin.iec61499.types import LREAL, REAL, ArrayType, DataType, ElementaryType
 
 # Python's precedence; walrus and conditional expressions are always put in parentheses

@@ -17,11 +17,11 @@ from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.st import typed
 from dtwin.iec61499.st.dataflow import Accesses, accesses
 from dtwin.iec61499.st.fragment import Fragment, bounds, is_integral
-from dtwin.iec61499.st.python import runtime
+from dtwin.iec61499.st.python import helpers
 from dtwin.iec61499.st.python.expressions import SUM, PythonExpressions, python_name, where
 from dtwin.iec61499.types import BOOL, ArrayType, ElementaryType
 
-CONDITION_GLOBALS: Final[dict[str, Any]] = {**runtime.COMMON, **runtime.EXACT}
+CONDITION_GLOBALS: Final[dict[str, Any]] = {**helpers.COMMON, **helpers.EXACT}
 """What the expressions of `compile_condition` may name beside the instance."""
 
 _INDENT: Final = "    "
@@ -53,17 +53,17 @@ class PythonCode:
 def python_source(checked: typed.CheckedAlgorithm, self_name: str = "s") -> PythonCode:
     """Generates the body; self_name is the instance that a RETURN stores to."""
     access = accesses(checked)
-    fast = _Generator(access, self_name, exact=False)
+    fast = _PythonGenerator(access, self_name, exact=False)
     lines = fast.algorithm(checked.body)
-    exact = _Generator(access, self_name, exact=True)
+    exact = _PythonGenerator(access, self_name, exact=True)
     return PythonCode(
         lines=lines,
         exact_lines=exact.algorithm(checked.body) if fast.raises else None,
         reads=access.reads,
         writes=access.writes,
         modified_arrays=access.modified_arrays,
-        globals=_select(fast.used, runtime.FAST),
-        exact_globals=_select(exact.used, runtime.EXACT),
+        globals=_select(fast.used, helpers.FAST),
+        exact_globals=_select(exact.used, helpers.EXACT),
         returns=any(isinstance(node, typed.Return) for node in typed.walk(checked.body)),
     )
 
@@ -104,7 +104,7 @@ def compile_condition(checked: typed.Expression, self_name: str = "s") -> str:
 
 
 def _select(used: Iterable[str], functions: dict[str, Any]) -> dict[str, Any]:
-    return {name: functions[name] if name in functions else runtime.COMMON[name] for name in sorted(used)}
+    return {name: functions[name] if name in functions else helpers.COMMON[name] for name in sorted(used)}
 
 
 def _load(source: str, modified: bool) -> str:
@@ -121,7 +121,7 @@ def _indented(lines: Iterable[str]) -> list[str]:
 
 def _define(name: str, lines: list[str], names: dict[str, Any]) -> Callable[[Any], None]:
     source = "\n".join(["def run(_s):", *_indented(lines or ["pass"])]) + "\n"
-    namespace = {**names, "_copy": runtime.copy}
+    namespace = {**names, "_copy": helpers.copy}
     try:
         exec(compile(source, f"<{name}>", "exec"), namespace)
     except (SyntaxError, RecursionError, MemoryError):
@@ -131,7 +131,7 @@ def _define(name: str, lines: list[str], names: dict[str, Any]) -> Callable[[Any
     return function
 
 
-class _Generator:
+class _PythonGenerator:
     """Statements of one version of one algorithm."""
 
     def __init__(self, access: Accesses, self_name: str, exact: bool) -> None:

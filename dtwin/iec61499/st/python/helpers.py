@@ -13,10 +13,8 @@ from collections.abc import Callable, Iterator
 from typing import Any, Final, NoReturn
 
 from dtwin.errors import FunctionBlockError
+from dtwin.iec61499.st.semantics import ITERATION_LIMIT, integer_divide, integer_modulo
 from dtwin.iec61499.types import format_duration, parse_duration, round_to_real
-
-ITERATION_LIMIT: Final = 10_000_000
-"""Loop iterations of one call, all loops together; more is taken for a loop that never ends."""
 
 _INT64: Final = 1 << 63
 
@@ -107,21 +105,6 @@ def _nan_outside(function: Callable[[float], float]) -> Callable[[float], float]
             return math.nan
 
     return extended
-
-
-def integer_divide(a: int, b: int) -> int:
-    """Truncates toward zero; 0 when b is 0, as FORTE's DIV."""
-    if b == 0:
-        return 0
-    quotient = abs(a) // abs(b)
-    return quotient if (a < 0) == (b < 0) else -quotient
-
-
-def integer_modulo(a: int, b: int) -> int:
-    """Has the sign of a; 0 when b is 0, as FORTE's MOD."""
-    if b == 0:
-        return 0
-    return abs(a) % abs(b) if a >= 0 else -(-a % abs(b))
 
 
 def time_divide(a: int, b: int) -> int:

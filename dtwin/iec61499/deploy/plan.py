@@ -19,10 +19,17 @@ from dtwin.iec61499.deploy.border import BORDER, border_type, inner_name
 from dtwin.iec61499.deploy.lua_export import LuaType, export_type
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import Command
-from dtwin.iec61499.management.protocol import Action, Block, Link, Request, Subject, Type
+from dtwin.iec61499.management.protocol import (
+    ManagedBlock,
+    ManagedConnection,
+    ManagedType,
+    Request,
+    RequestAction,
+    Subject,
+)
 from dtwin.iec61499.runtime.generic import check_types, resolve
 from dtwin.iec61499.runtime.netlist import Node, Terminal, flatten
-from dtwin.iec61499.standard import find_standard
+from dtwin.iec61499.standard.catalogue import find_standard
 from dtwin.iec61499.standard.services import COMMUNICATION
 from dtwin.iec61499.types import BOOL, LREAL, REAL, DataType, format_literal, format_string
 
@@ -80,22 +87,26 @@ class _Plan:
         lua_types = [self._lua_type(node) for node in self._nodes]
         constants = self._constants()
         for lua_type in self._types.values():
-            self._add("", "CREATE", Type(lua_type.name, lua_type.text))
-        self._add("", "CREATE", Block(self._resource, RESOURCE_TYPE))
+            self._add("", "CREATE", ManagedType(lua_type.name, lua_type.text))
+        self._add("", "CREATE", ManagedBlock(self._resource, RESOURCE_TYPE))
         for node, lua in zip(self._nodes, lua_types, strict=True):
             if (node.name, _type(node).header.name) != ("START", "E_RESTART"):
                 kind = lua.name if lua is not None else _type(node).header.name
-                self._add(self._resource, "CREATE", Block(self._name(node), kind))
-        for link in (*self._events, *self._data.values()):
-            if link.destination not in constants:
-                self._add(self._resource, "CREATE", Link(self._place(link.source), self._place(link.destination)))
+                self._add(self._resource, "CREATE", ManagedBlock(self._name(node), kind))
+        for wire in (*self._events, *self._data.values()):
+            if wire.destination not in constants:
+                self._add(
+                    self._resource,
+                    "CREATE",
+                    ManagedConnection(self._place(wire.source), self._place(wire.destination)),
+                )
         for number, (node, lua) in enumerate(zip(self._nodes, lua_types, strict=True)):
             for port, literal in self._values(number, node, lua, constants):
-                self._add(self._resource, "WRITE", Link(literal, port))
+                self._add(self._resource, "WRITE", ManagedConnection(literal, port))
         self._add(self._resource, "START", None)
         return Deployment(self._resource, tuple(self._types.values()), tuple(self._commands))
 
-    def _add(self, resource: str, action: Action, subject: Subject | None) -> None:
+    def _add(self, resource: str, action: RequestAction, subject: Subject | None) -> None:
         self._commands.append(Command(resource, Request(str(len(self._commands) + 1), action, subject)))
 
     def _lua_type(self, node: Node) -> LuaType | None:
@@ -134,8 +145,8 @@ class _Plan:
                 if self._is_sampled(port) and port in self._data and port not in constants:
                     continue
                 value = constants.get(port, self._initial(node, variable))
-                for destination, link in self._data.items():
-                    if link.source == Terminal(number, variable.name, inner=True):
+                for destination, wire in self._data.items():
+                    if wire.source == Terminal(number, variable.name, inner=True):
                         constants[destination] = value
         return constants
 

@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 from dtwin.errors import FunctionBlockError, choices
-from dtwin.iec61499.model import Block, Connection, Device, FBNetwork, ResourceDeclaration, SubApplication, System
+from dtwin.iec61499.model import (
+    Block,
+    Connection,
+    DeviceDeclaration,
+    FBNetwork,
+    ResourceDeclaration,
+    SubApplication,
+    System,
+)
 
 
 def resource_network(system: System, name: str = "") -> FBNetwork:
@@ -26,7 +34,7 @@ def resource_network(system: System, name: str = "") -> FBNetwork:
     return _ResourceNetwork(system, f"{device.name}.{resource.name}", resource).build()
 
 
-def _find_resource(system: System, name: str) -> tuple[Device, ResourceDeclaration]:
+def _find_resource(system: System, name: str) -> tuple[DeviceDeclaration, ResourceDeclaration]:
     pairs = [(device, resource) for device in system.devices for resource in device.resources]
     names = [f"{device.name}.{resource.name}" for device, resource in pairs]
     if not pairs:

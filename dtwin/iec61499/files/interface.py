@@ -1,0 +1,115 @@
+"""Reads interface lists and variable declarations: events, data ports, internal variables and their types."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Final
+
+from dtwin.errors import FunctionBlockError, choices
+from dtwin.iec61499 import model
+from dtwin.iec61499.files.header import Named, check_unique, read_name
+from dtwin.iec61499.files.xml import XmlElement
+from dtwin.iec61499.types import ArrayType, elementary
+
+_PORT_GROUPS: Final = ("EventInputs", "EventOutputs", "InputVars", "OutputVars")
+_UNSUPPORTED_GROUPS: Final = {"Sockets": "adapter", "Plugs": "adapter", "InOutVars": "VAR_IN_OUT variable"}
+
+
+def read_interface(owner: XmlElement) -> model.Interface:
+    """The ports declared by the interface list of a type or subapplication; none without such a list."""
+    interface = owner.child("InterfaceList") or owner.child("SubAppInterfaceList")
+    if interface is None:
+        return model.Interface()
+    groups: dict[str, XmlElement] = {}
+    interface.expect_children([*_PORT_GROUPS, *_UNSUPPORTED_GROUPS, *(f"SubApp{group}" for group in _PORT_GROUPS)])
+    for group in interface.children():
+        first = next(group.children(), None)
+        if group.tag in _UNSUPPORTED_GROUPS and first is not None:
+            what = _UNSUPPORTED_GROUPS[group.tag]
+            raise first.error(f"{what} {first.get('Name')} is not supported: expected events and data only")
+        groups[group.tag.removeprefix("SubApp")] = group
+    inputs = read_variables(groups.get("InputVars"))
+    outputs = read_variables(groups.get("OutputVars"))
+    result = model.Interface(
+        _read_events(groups.get("EventInputs"), inputs, "input"),
+        _read_events(groups.get("EventOutputs"), outputs, "output"),
+        inputs,
+        outputs,
+    )
+    ports: list[Named] = [*result.event_inputs, *result.event_outputs, *result.inputs, *result.outputs]
+    check_unique(ports, "port", owner.file)
+    return result
+
+
+def _read_events(
+    group: XmlElement | None, variables: Sequence[model.Variable], direction: str
+) -> tuple[model.EventPort, ...]:
+    names = [variable.name for variable in variables]
+    events = []
+    if group is None:
+        return ()
+    group.expect_children(("Event", "SubAppEvent"))
+    for element in group.children():
+        element.expect_children(("With", "Attribute"))
+        if element.get("Type", "Event") not in ("Event", "EInit", ""):
+            raise element.error(f"event type {element.get('Type')} is not supported: expected Event")
+        with_variables = tuple(w.require("Var") for w in element.children("With"))
+        for with_element, name in zip(element.children("With"), with_variables, strict=True):
+            if name not in names:
+                valid = f"expected {choices(names)}" if names else f"the type has no {direction} variable"
+                raise with_element.error(
+                    f"unknown {direction} variable {name} in WITH of {element.get('Name')}: {valid}"
+                )
+        events.append(model.EventPort(read_name(element), with_variables, element.get("Comment"), element.line))
+    return tuple(events)
+
+
+def read_variables(group: XmlElement | None) -> tuple[model.Variable, ...]:
+    """The variable declarations of a group."""
+    variables = []
+    if group is None:
+        return ()
+    for block in group.children("FB"):
+        raise block.error(f"block {block.get('Name')} inside a basic block is not supported: expected variables only")
+    group.expect_children(("VarDeclaration",))
+    for element in group.children():
+        element.expect_children(("Attribute",))
+        name = read_name(element)
+        variable = model.Variable(
+            name, _variable_type(element), element.get("InitialValue"), element.get("Comment"), element.line
+        )
+        model.initial_value(variable, element.file)
+        variables.append(variable)
+    return tuple(variables)
+
+
+def _variable_type(element: XmlElement) -> model.VariableType:
+    name = element.require("Type")
+    if name.upper().startswith("ANY"):
+        if element.get("ArraySize"):
+            raise element.error(f"array of {name} is not supported: expected an elementary type")
+        if name.upper() not in model.GENERIC_TYPES:
+            raise element.error(f"unknown generic type {name}: expected {choices(model.GENERIC_TYPES)}")
+        return model.GenericType(name.upper())
+    try:
+        data_type = elementary(name)
+        return _array_type(element, data_type) if element.get("ArraySize") else data_type
+    except FunctionBlockError as error:
+        raise element.error(f"variable {element.get('Name')}: {error.message}") from None
+
+
+def _array_type(element: XmlElement, data_type: model.DataType) -> ArrayType:
+    """`4` is 0..3; `1..3`; several dimensions are separated by commas, the first is the outermost."""
+    for dimension in reversed(element.get("ArraySize").split(",")):
+        bounds = re.fullmatch(r"\s*(-?\d{1,9})\s*(?:\.\.\s*(-?\d{1,9})\s*)?", dimension)
+        if bounds is None:
+            raise element.error(f"array size {element.get('ArraySize')!r}: expected a number or bounds such as 1..3")
+        lower, upper = (0, int(bounds[1]) - 1) if bounds[2] is None else (int(bounds[1]), int(bounds[2]))
+        data_type = ArrayType(data_type, lower, upper)
+        if data_type.length > model.MAXIMUM_ARRAY_LENGTH:
+            raise element.error(
+                f"array of {data_type.length} elements: expected at most {model.MAXIMUM_ARRAY_LENGTH}"
+            )
+    assert isinstance(data_type, ArrayType)
+    return data_type
