@@ -3,6 +3,7 @@ draws the same."""
 
 import ast
 from collections import Counter
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,19 @@ FLOORS = [
 """From the ground up; rooms of one floor do not know each other."""
 ALONE = "dtwin.iec61499"
 """imports nothing of the project but the error base"""
+SUBROOMS = [
+    {f"{ALONE}.types"},
+    {f"{ALONE}.model", f"{ALONE}.st"},
+    {f"{ALONE}.mapping", f"{ALONE}.files"},
+    {f"{ALONE}.standard"},
+    {f"{ALONE}.library"},
+    {f"{ALONE}.runtime"},
+    {f"{ALONE}.net"},
+    {f"{ALONE}.management"},
+    {f"{ALONE}.deploy", f"{ALONE}.inspection"},
+    {f"{ALONE}.device"},
+]
+"""Inside the function blocks, from the ground up."""
 OWNERS = {"mujoco": "dtwin.emulation", "zenoh": "dtwin.bus", "rerun": "dtwin.view", "rerun_loader_mjcf": "dtwin.view"}
 MODULES = sorted([*ROOT.glob("dtwin/**/*.py"), *ROOT.glob("services/**/*.py")])
 LONGEST = 400
@@ -53,32 +67,51 @@ def within(name: str, room: str) -> bool:
     return name == room or name.startswith(f"{room}.")
 
 
-def room_of(name: str) -> str | None:
-    return next((room for floor in FLOORS for room in floor if within(name, room)), None)
+def place(name: str, floors: list[set[str]]) -> tuple[int, str] | None:
+    """The floor and the room that a module stands in."""
+    places = ((number, room) for number, floor in enumerate(floors) for room in floor if within(name, room))
+    return next(places, None)
 
 
-def floor_of(room: str) -> int:
-    return next(number for number, floor in enumerate(FLOORS) if room in floor)
+def check_imports(path: Path, floors: list[set[str]]) -> None:
+    """Every import of a room comes from the module's own room or from a lower floor."""
+    name = name_of(path)
+    own = place(name, floors)
+    assert own is not None, f"{name} stands in no room"
+    for imported in imports(path):
+        other = place(imported, floors)
+        assert other is None or other[1] == own[1] or other[0] < own[0], f"{name} imports {imported}"
+
+
+BLOCKS = [path for path in MODULES if within(name_of(path), ALONE)]
 
 
 @pytest.mark.parametrize("path", MODULES, ids=name_of)
 def test_rooms_import_from_below(path: Path) -> None:
-    name = name_of(path)
-    if name == "dtwin":
-        return
-    own = room_of(name)
-    assert own is not None, f"{name} stands in no room"
-    for imported in imports(path):
-        room = room_of(imported)
-        if room is not None and room != own:
-            assert floor_of(room) < floor_of(own), f"{name} imports {imported}"
+    if name_of(path) != "dtwin":
+        check_imports(path, FLOORS)
 
 
-@pytest.mark.parametrize("path", [path for path in MODULES if within(name_of(path), ALONE)], ids=name_of)
+@pytest.mark.parametrize("path", BLOCKS, ids=name_of)
 def test_function_blocks_stand_alone(path: Path) -> None:
     for imported in imports(path):
         if within(imported, "dtwin") or within(imported, "services"):
             assert within(imported, ALONE) or within(imported, "dtwin.errors"), f"{name_of(path)} imports {imported}"
+
+
+@pytest.mark.parametrize("path", BLOCKS, ids=name_of)
+def test_function_blocks_import_from_below(path: Path) -> None:
+    if name_of(path) != ALONE:
+        check_imports(path, SUBROOMS)
+
+
+def test_modules_import_in_no_circle() -> None:
+    modules = {name_of(path): path for path in MODULES}
+    graph = {}
+    for name, path in modules.items():
+        imported = imports(path)
+        graph[name] = {other if other in modules else other.rpartition(".")[0] for other in imported} & set(modules)
+    TopologicalSorter(graph).prepare()
 
 
 @pytest.mark.parametrize("path", MODULES, ids=name_of)

@@ -13,8 +13,8 @@ from dtwin.iec61499.files.block_types import read_type
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import load_boot_file
 from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.runtime.checked import BlockChecker
-from dtwin.iec61499.runtime.generic import check_types, resolve, unconnected
+from dtwin.iec61499.runtime.checker import BlockChecker
+from dtwin.iec61499.runtime.generic_ports import check_types, resolve, unconnected
 from dtwin.iec61499.runtime.netlist import Finder, flatten
 
 SUFFIXES: Final = (".fbt", ".sub", ".sys", ".fboot")
@@ -25,7 +25,7 @@ def inspect(file: Path, library: Library) -> list[FunctionBlockError]:
 
     Args:
         file: a block type (.fbt, .sub), system (.sys) or boot file (.fboot).
-        library: where the types that it uses are.
+        library: finds the block types that the file uses.
     """
     problems = _Problems()
     with problems.noted():

@@ -36,16 +36,16 @@ class Library:
                     raise FunctionBlockError(f"type {file.stem} is also in {other}: expected one file", str(file))
 
     def names(self) -> tuple[str, ...]:
-        """The types in the folders."""
+        """The names of the types in the folders."""
         return tuple(sorted(self._files))
 
     def find(self, name: str, file: str = "", line: int = 0) -> model.LibraryElement:
         """The type called name; a package in front (`events::E_SWITCH`) is ignored.
 
         Args:
-            name: of the type.
-            file: where it is used, for errors.
-            line: likewise.
+            name: the type's name.
+            file: the file that uses it, for errors.
+            line: the line that uses it, for errors.
 
         Raises:
             FunctionBlockError: there is no such type, or its file is wrong.

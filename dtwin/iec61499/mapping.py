@@ -1,4 +1,4 @@
-"""What runs on one resource of a system: its own blocks and the application blocks mapped to it."""
+"""The network of one resource of a system: its own blocks and the application blocks mapped to it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def resource_network(system: System, name: str = "") -> FBNetwork:
     resource may still use. The resource's E_RESTART block `START`, which 4diac does not write, is added.
 
     Args:
-        system: the configuration.
+        system: the system configuration.
         name: `DEVICE.RESOURCE`, or the resource's name alone; may be left out when there is only one.
 
     Raises:

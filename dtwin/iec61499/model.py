@@ -12,7 +12,7 @@ from typing import Any, Final, TypeAlias
 from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, parse_literal
 
 MAXIMUM_ARRAY_LENGTH: Final = 65_535
-"""elements, as in 4diac FORTE"""
+"""Most elements of an array, as in 4diac FORTE."""
 
 GENERIC_TYPES: Final = (
     *("ANY", "ANY_ELEMENTARY", "ANY_MAGNITUDE", "ANY_NUM", "ANY_REAL", "ANY_INT", "ANY_SIGNED", "ANY_UNSIGNED"),
@@ -135,7 +135,7 @@ class ECState:
 
 @dataclass(frozen=True, slots=True)
 class ECTransition:
-    """A transition; it fires on `event` ("": without one) when the Boolean expression `guard` ("": always) holds."""
+    """A transition of a chart; it fires on `event` ("": without one) if `guard` holds ("": always)."""
 
     source: str
     destination: str
@@ -160,7 +160,7 @@ class Version:
 
 @dataclass(frozen=True, slots=True)
 class TypeHeader:
-    """What every library element has."""
+    """Name, origin and documentation, which every library element has."""
 
     name: str
     file: str = ""
@@ -220,7 +220,7 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """From one port to another: `BLOCK.PORT`, or `PORT` of the enclosing type."""
+    """A connection between two ports, each `BLOCK.PORT` or, for a port of the enclosing type, `PORT`."""
 
     source: str
     destination: str
@@ -241,7 +241,7 @@ class FBNetwork:
 
 @dataclass(frozen=True, slots=True)
 class SubApplication:
-    """An instance of a subapplication: of the type `type_name`, or ("") with its own interface and network."""
+    """An instance of the subapplication type `type_name`, or ("") one with an interface and network of its own."""
 
     name: str
     type_name: str = ""
@@ -274,7 +274,7 @@ class SubApplicationType:
 
 @dataclass(frozen=True, slots=True)
 class ServiceInterfaceFBType:
-    """A block known by its interface only; what it does is the platform's business."""
+    """A block known by its interface only; what it does is up to the platform."""
 
     header: TypeHeader
     interface: Interface
@@ -354,7 +354,7 @@ def literal(text: str, data_type: DataType, file: str = "", line: int = 0) -> An
     """The value of a literal in a file; text for a STRING or WSTRING may lack quotes, as older tools write it.
 
     Raises:
-        FunctionBlockError: no literal of that type; names file and line.
+        FunctionBlockError: the text is no literal of that type; names file and line.
     """
     stripped = text.strip()
     if isinstance(data_type, ElementaryType) and data_type.kind == "string":

@@ -24,7 +24,7 @@ from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.wire import Signature
 from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.standard.declare import basic
+from dtwin.iec61499.standard.notation import basic
 from dtwin.iec61499.types import BOOL, DINT, LREAL, parse_literal
 from dtwin.parameters import ArmParameters
 from dtwin.run.cell import Cell, CellSettings

@@ -9,7 +9,7 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.files.block_types import split_condition
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.standard.declare import interface, variables
+from dtwin.iec61499.standard.notation import interface, variables
 
 
 class Types(Library):

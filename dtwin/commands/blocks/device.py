@@ -1,4 +1,4 @@
-"""`dtwin fb ...`: function blocks on a device."""
+"""`dtwin fb run`, `watch` and `stop`: function blocks on a device."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from dtwin.parameters import ROOT
 
 @dataclass(frozen=True)
 class FbRun:
-    """Serve function blocks as a device: 4diac IDE and `dtwin fb deploy` can build on it, and run FILE if given.
+    """Run function blocks in real time, as a device on which 4diac IDE and `dtwin fb deploy` can build.
 
-    Runs in real time until Ctrl-C or a polite kill. What peers do wrong is a line on standard error.
+    It begins with FILE if there is one, and goes on until Ctrl-C or SIGTERM. Errors of peers go to standard error.
     """
 
     file: Annotated[Path | None, tyro.conf.Positional] = None
     """System (.sys) or boot file (.fboot) to begin with."""
     listen: str = "127.0.0.1:61499"
-    """HOST:PORT for device management; whoever reaches it controls the device. Port 0 takes a free one."""
+    """HOST:PORT for device management. Whoever reaches it controls the device. Port 0 takes a free one."""
     blocks: Path | None = None
-    """Folder of the block types; that of FILE if not given, without FILE the project's own."""
+    """Folder of the block types; without it the folder of FILE, and without FILE the project's own library."""
 
     def execute(self) -> int:
         logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s")
@@ -71,7 +71,7 @@ class FbRun:
 
 @contextmanager
 def _ended_by_signals(reactor: Reactor) -> Iterator[None]:
-    """Lets Ctrl-C and a polite kill stop the reactor."""
+    """Lets Ctrl-C and SIGTERM stop the reactor."""
     numbers = (signal.SIGINT, signal.SIGTERM)
     previous = {number: signal.signal(number, lambda *_: reactor.stop()) for number in numbers}
     try:
@@ -83,16 +83,16 @@ def _ended_by_signals(reactor: Reactor) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class FbWatch:
-    """Read values of a running device, FORTE or `dtwin fb run`, again and again."""
+    """Print values of a running device (4diac FORTE or `dtwin fb run`) again and again."""
 
     address: tyro.conf.Positional[str]
-    """HOST:PORT of device management."""
+    """HOST:PORT of the device management."""
     names: tyro.conf.Positional[tuple[str, ...]]
-    """BLOCK.PORT, or RESOURCE.BLOCK.PORT where the device has several resources."""
+    """Ports to read: BLOCK.PORT, or RESOURCE.BLOCK.PORT if the device has several resources."""
     interval: float = 0.5
     """Time between two readings, s."""
     count: int = 0
-    """Readings to make; 0 goes on until Ctrl-C."""
+    """Number of readings; 0 goes on until Ctrl-C."""
 
     def execute(self) -> int:
         if not 0.001 <= self.interval < float("inf"):
@@ -112,10 +112,10 @@ class FbWatch:
 
 @dataclass(frozen=True)
 class FbStop:
-    """Stop everything that runs on a device, FORTE or `dtwin fb run`."""
+    """Stop everything that runs on a device (4diac FORTE or `dtwin fb run`)."""
 
     address: tyro.conf.Positional[str]
-    """HOST:PORT of device management."""
+    """HOST:PORT of the device management."""
 
     def execute(self) -> int:
         with ManagementClient(parse_address(self.address)) as client:
@@ -126,12 +126,16 @@ class FbStop:
 
 
 def _locate(client: ManagementClient, name: str) -> tuple[str, str]:
-    """The resource and the port within it."""
+    """The resource that a name means, and the port within it."""
     resources = [block.name for block in client.blocks("")]
     first, _, rest = name.partition(".")
     if first in resources and "." in rest:
         return first, rest
     if len(resources) != 1:
-        valid = choices([f"{resource}.{name}" for resource in resources]) if resources else "a resource first"
+        valid = (
+            choices([f"{resource}.{name}" for resource in resources])
+            if resources
+            else "a device on which something is built"
+        )
         raise ParameterError(f"{name}: {client.address} has {len(resources)} resources: expected {valid}")
     return resources[0], name

@@ -19,7 +19,7 @@ from dtwin.iec61499.management.bootfile import Command, print_boot_file
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.address import parse_address
-from dtwin.iec61499.runtime.generic import unconnected
+from dtwin.iec61499.runtime.generic_ports import unconnected
 from dtwin.parameters import ROOT
 from dtwin.run.recording import replacing
 
@@ -31,14 +31,13 @@ SYSTEM = BLOCKS / "dtwin.sys"
 class FbCheck:
     """Check function-block files: schema, types, connections, Structured Text.
 
-    Prints one line for every problem, FILE:LINE:COLUMN first; exits with 1 if there is one.
+    Prints one line for every problem, beginning with FILE:LINE:COLUMN. The exit status is 1 if there is a problem.
     """
 
     files: tyro.conf.Positional[tuple[Path, ...]] = (BLOCKS,)
-    """Types (.fbt, .sub), systems (.sys), boot files (.fboot), or folders of them; the project's own library if not
-    given."""
+    """Types (.fbt, .sub), systems (.sys), boot files (.fboot), or folders of them."""
     blocks: Path | None = None
-    """Folder of the block types that the files use; for every file its own folder if not given."""
+    """Folder of the block types that the files use; without it the folder of each file."""
 
     def execute(self) -> int:
         libraries: dict[Path, Library] = {}
@@ -61,16 +60,16 @@ class FbCheck:
 
 @dataclass(frozen=True)
 class FbExport:
-    """Write the block types as Lua, or the system as boot files for 4diac FORTE and `dtwin fb run`."""
+    """Write a system as boot files for 4diac FORTE and `dtwin fb run`, or its block types as Lua."""
 
     folder: tyro.conf.Positional[Path]
-    """To write to: TYPE.lua for every basic and simple block, or DEVICE.fboot for every device."""
+    """Folder to write to."""
     format: Literal["lua", "fboot"] = "fboot"
-    """What to write."""
+    """With fboot DEVICE.fboot for every device, with lua TYPE.lua for every basic and simple block type."""
     system: Path = SYSTEM
-    """System (.sys) of the boot files."""
+    """System (.sys) that the boot files build."""
     blocks: Path | None = None
-    """Folder of the block types; that of the system if not given."""
+    """Folder of the block types; without it the folder of the system."""
 
     def execute(self) -> int:
         library = Library([self.blocks or self.system.parent])
@@ -88,16 +87,16 @@ class FbExport:
 
 @dataclass(frozen=True)
 class FbDeploy:
-    """Build the system on a device, FORTE or `dtwin fb run`, in place of what it runs under the same name."""
+    """Build a system on a device (4diac FORTE or `dtwin fb run`) in place of the resources of the same names."""
 
     address: tyro.conf.Positional[str]
-    """HOST:PORT of device management."""
+    """HOST:PORT of the device management."""
     system: Path = SYSTEM
     """System (.sys) to build."""
     device: str = ""
-    """Device of the system; may be left out where there is only one."""
+    """Device of the system that shall be built; needed only if the system has several."""
     blocks: Path | None = None
-    """Folder of the block types; that of the system if not given."""
+    """Folder of the block types; without it the folder of the system."""
 
     def execute(self) -> int:
         library = Library([self.blocks or self.system.parent])
@@ -117,7 +116,7 @@ def _files(path: Path) -> list[Path]:
 
 
 def _plans(library: Library, system_file: Path) -> dict[str, list[Deployment]]:
-    """What every device of a system gets."""
+    """For every device of a system the deployments of its resources."""
     system = library.load_system(system_file)
     return {
         device.name: [

@@ -14,7 +14,7 @@ from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 
 BORDER: Final = "BORDER"
-"""Name of the block among those of the composite."""
+"""Name of the border among the composite's blocks."""
 _INNER: Final = "INNER_"
 
 
@@ -35,7 +35,7 @@ def border_type(composite: model.CompositeFBType) -> model.BasicFBType:
         if inner_name(name) in names:
             raise FunctionBlockError(
                 f"port {inner_name(name)} of {composite.header.name}: expected another name, "
-                f"as its border has it for the inside of {name}",
+                f"as its border takes this one for the inside of {name}",
                 composite.header.file,
                 composite.header.line,
             )

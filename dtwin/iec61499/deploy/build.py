@@ -34,7 +34,7 @@ def deploy(client: ManagementClient, deployment: Deployment) -> None:
 
 
 def remove(client: ManagementClient, resource: str) -> None:
-    """Stops and deletes a resource, if there is one of that name. Raises ManagementError when it cannot be."""
+    """Stops and deletes a resource, if there is one of that name. Raises ManagementError when that is refused."""
     if all(block.name != resource for block in client.blocks("")):
         return
     # what is not running refuses to stop and to be killed, and may be deleted
@@ -47,7 +47,7 @@ def remove(client: ManagementClient, resource: str) -> None:
 
 
 def _knows(client: ManagementClient, deployment: Deployment, command: Command) -> bool:
-    """Whether the device has the type already, which its name says it has with the same text."""
+    """Whether the device already has the type, with the same text, since the name ends with a digest of it."""
     assert isinstance(command.request.subject, ManagedType)
     reason = client.request("", "QUERY", ManagedType(command.request.subject.name)).reason
     if reason is not None and reason != "UNSUPPORTED_TYPE":
@@ -77,12 +77,13 @@ def _refusal(deployment: Deployment, request: Request, reason: Reason) -> str:
         needed = {
             "UNSUPPORTED_CMD": "the device takes no block types: expected dtwin fb run, or a 4diac FORTE built with "
             "FORTE_USE_LUATYPES",
-            "UNSUPPORTED_TYPE": "the device has no such block type or has it otherwise: expected the same library",
+            "UNSUPPORTED_TYPE": "the device has no such block type, or another one of that name: expected the "
+            "same library",
         }.get(reason, "the device cannot read it: expected a 4diac FORTE with Lua 5.1 or later")
         return f"refused type {subject.name} of block {user}: {reason}: {needed}"
     if isinstance(subject, ManagedBlock) and reason == "UNSUPPORTED_TYPE":
         return (
-            f"refused block {subject.name}: it has no type {subject.type_name}: "
+            f"refused block {subject.name}: the device has no type {subject.type_name}: "
             "expected a 4diac FORTE built with the module that holds it"
         )
     return f"refused {request} in resource {deployment.resource}: {reason}"

@@ -5,7 +5,7 @@ event after it has sampled the inputs. `fb[0]` is the chart's state, `fb[3355443
 `fb[67108864 + i]` output i, `fb[268435456 + i]` internal variable i, and `fb(i)` issues event output i. Each such
 access is a call into FORTE, so an algorithm loads what it reads into locals and stores what it wrote at its end.
 
-Initial values cannot be said in a chunk: every variable starts with the default of its type. FORTE keeps the code of
+A chunk cannot give initial values: every variable starts with the default of its type. FORTE keeps the code of
 a type it knows by name, so the name of an exported type ends with a digest of its text.
 """
 
@@ -20,7 +20,7 @@ from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.management.protocol import REQUEST_LIMIT, ManagedType, Request
 from dtwin.iec61499.runtime.chart import CHAIN_LIMIT
-from dtwin.iec61499.runtime.checked import BlockChecker
+from dtwin.iec61499.runtime.checker import BlockChecker
 from dtwin.iec61499.st import typed
 from dtwin.iec61499.st.dataflow import accesses
 from dtwin.iec61499.st.lua.helpers import lua_helpers
@@ -29,9 +29,9 @@ from dtwin.iec61499.types import ArrayType
 
 _INPUT, _OUTPUT, _INTERNAL = 1 << 25, 1 << 26, 1 << 28
 PORT_LIMIT: Final = 255
-"""events, inputs, outputs or internal variables of a type; FORTE ends its lists with 255"""
+"""Most events, inputs, outputs or internal variables of a type; FORTE ends its lists with 255."""
 LOCAL_LIMIT: Final = 180
-"""variables one algorithm may use; Lua has 200 locals a function, and loops need some"""
+"""Most variables that one algorithm may use; Lua has 200 locals a function, and loops need some."""
 _DIGITS: Final = 8
 
 
@@ -40,7 +40,7 @@ class LuaType:
     """A block type for a device.
 
     Attributes:
-        name: on the device: the type's own name, _ and a digest of the text.
+        name: the name on the device: the type's own name, _ and a digest of the text.
         text: the Lua chunk.
         block: what the chunk says: the type under that name, its variables without initial values.
     """
@@ -255,7 +255,7 @@ def _is_copy(statement: typed.Statement, checked: typed.CheckedAlgorithm) -> boo
 
 
 def _switch(selector: str, bodies: Mapping[int, str]) -> str:
-    """if selector==0 then ... elseif ... end; empty bodies are left out."""
+    """`if selector==0 then ... elseif ... end`; empty bodies are left out."""
     branches = [f"if {selector}=={number} then\n{body}" for number, body in bodies.items() if body]
     return "else".join(branches) + ("end\n" if branches else "")
 
@@ -278,7 +278,7 @@ def _can_run_on(transitions: Iterable[model.ECTransition]) -> bool:
 
 
 def _events(prefix: str, events: tuple[model.EventPort, ...], variables: Mapping[str, int]) -> str:
-    """`EIWith` has the variables of every event that has some, each list ended by 255; `EIWithIndexes` its place."""
+    """`EIWith` lists the variables of every event that has some, then 255; `EIWithIndexes` has where lists begin."""
     names, places = [], []
     listed: list[int] = []
     for event in events:

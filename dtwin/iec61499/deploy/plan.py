@@ -27,7 +27,7 @@ from dtwin.iec61499.management.protocol import (
     RequestAction,
     Subject,
 )
-from dtwin.iec61499.runtime.generic import check_types, resolve
+from dtwin.iec61499.runtime.generic_ports import check_types, resolve
 from dtwin.iec61499.runtime.netlist import Node, Terminal, flatten
 from dtwin.iec61499.standard.catalogue import find_standard
 from dtwin.iec61499.standard.services import COMMUNICATION
@@ -39,10 +39,10 @@ _PORT: Final = re.compile(r"(?<=:)\d+")
 
 @dataclass(frozen=True, slots=True)
 class Deployment:
-    """A resource as requests.
+    """The requests that build a resource.
 
     Attributes:
-        resource: its name.
+        resource: the resource's name.
         types: the block types that the device does not have by itself, each once.
         commands: all requests in order: types, the resource, its blocks, connections and values, START.
     """
@@ -58,10 +58,10 @@ def plan_deployment(
     """The requests that make a network run in a new resource.
 
     Args:
-        resource: its name.
+        resource: the new resource's name.
         network: what shall run, as `resource_network` gives it.
-        library: where its block types are.
-        ports: TCP or UDP ports to put in place of those that communication blocks have in their IDs.
+        library: finds the block types that the network uses.
+        ports: TCP or UDP ports, by the port that each replaces in the IDs of communication blocks.
 
     Raises:
         FunctionBlockError: the network or one of its types is wrong, or beyond what FORTE takes as Lua.
@@ -127,7 +127,9 @@ class _Plan:
         name = f"{node.name}.{BORDER}"
         if any(other.name == name for other in self._nodes):
             raise FunctionBlockError(
-                f"block {name}: expected another name, as the border of {node.name} has it", node.file, node.line
+                f"block {name}: expected another name, as the border of {node.name} takes this one",
+                node.file,
+                node.line,
             )
         return name
 
@@ -135,7 +137,7 @@ class _Plan:
         return f"{self._name(self._nodes[port.node])}.{inner_name(port.name) if port.inner else port.name}"
 
     def _constants(self) -> dict[Terminal, Any]:
-        """Values, by their destination, of links from composite inputs that never change."""
+        """For every destination of a composite input that never changes, the input's value."""
         constants: dict[Terminal, Any] = {}
         for number, node in enumerate(self._nodes):
             if not isinstance(node.type, model.CompositeFBType):
@@ -164,7 +166,7 @@ class _Plan:
     def _values(
         self, number: int, node: Node, lua: LuaType | None, constants: Mapping[Terminal, Any]
     ) -> Iterator[tuple[str, str]]:
-        """Ports and literals to write: parameters, constants, and initial values other than the type's default."""
+        """The ports and literals to write: parameters, constants, initial values other than the type's default."""
         block = _type(node)
         composite = isinstance(block, model.CompositeFBType)
         for variable in block.interface.inputs:

@@ -9,7 +9,7 @@ from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.border import border_type
 from dtwin.iec61499.deploy.lua_export import export_type, original_name
-from dtwin.iec61499.device.managed import ManagedResource
+from dtwin.iec61499.device.managed_resource import ManagedResource
 from dtwin.iec61499.device.runner import Runner
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import Command
@@ -29,7 +29,7 @@ from dtwin.iec61499.management.protocol import (
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.address import LOOPBACK, Address
 from dtwin.iec61499.net.reactor import Reactor
-from dtwin.iec61499.runtime.local import LocalTransport
+from dtwin.iec61499.runtime.local_transport import LocalTransport
 from dtwin.iec61499.standard.catalogue import standard_names
 
 log = logging.getLogger(__name__)
@@ -43,9 +43,9 @@ class EmbeddedDevice:
     """Holds the resources and answers management requests.
 
     Args:
-        reactor: that serves all sockets and timers.
-        library: the block types it has.
-        interface: address of the interface for multicast.
+        reactor: the event loop that serves all sockets and timers.
+        library: the block types that the device has.
+        interface: IPv4 address of the network interface for multicast.
     """
 
     def __init__(self, reactor: Reactor, library: Library, interface: str = LOOPBACK) -> None:
@@ -93,9 +93,9 @@ class EmbeddedDevice:
                 raise FunctionBlockError(message, file, command.line) from None
 
     def handle(self, resource: str, text: str) -> str:
-        """Answers a management request: XML to XML. What is refused is one line in the log.
+        """Answers a management request; both are XML. A refusal is one line in the log.
 
-        That the device lacks a command is for the client to know; it may have asked to find out.
+        A request that the device does not support is logged below warnings: a client may ask to find out.
         """
         try:
             return self.execute(resource, parse_request(text)).xml()
@@ -108,7 +108,7 @@ class EmbeddedDevice:
         """Carries out a request to a resource, or with "" to the device.
 
         Raises:
-            ManagementError: with the reason for the refusal.
+            ManagementError: the request is refused; carries the reason.
         """
         if not resource:
             return self._execute_here(request)
@@ -258,7 +258,7 @@ def _adopt(library: Library, subject: ManagedType, unknown: FunctionBlockError) 
     """Makes an exported type known: its text is Lua, which only a FORTE runs, so the library must have its original.
 
     Raises:
-        ManagementError: it has not, or its own export is another text.
+        ManagementError: the library does not have the original, or exports it as another text.
     """
     name = original_name(subject.name)
     try:

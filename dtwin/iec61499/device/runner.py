@@ -14,7 +14,7 @@ from dtwin.iec61499.library import Library
 from dtwin.iec61499.net.address import Address
 from dtwin.iec61499.net.reactor import Reactor, Timer
 from dtwin.iec61499.net.transport import NetworkTransport
-from dtwin.iec61499.runtime.local import LocalTransport
+from dtwin.iec61499.runtime.local_transport import LocalTransport
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.types import DataType
 
@@ -25,12 +25,12 @@ class Runner:
     """A resource on a reactor. An error inside a block ends it and is one line in the log, never an exception.
 
     Args:
-        name: of the resource, for the log.
-        reactor: that serves its sockets and timers.
+        name: the resource's name in the log.
+        reactor: the event loop that serves its sockets and timers.
         network: what runs.
-        library: where its block types are.
+        library: finds the block types that the network uses.
         local: connects blocks in process, also with those of other resources.
-        interface: address of the interface for multicast.
+        interface: IPv4 address of the network interface for multicast.
         ran: called after the resource has run.
         failed: called when an error has ended it.
 
@@ -64,7 +64,7 @@ class Runner:
 
     @property
     def addresses(self) -> dict[str, Address]:
-        """Where the open SERVER and SUBSCRIBE blocks listen, by dotted name."""
+        """Where the open SERVER and SUBSCRIBE blocks listen, by the block's dotted name."""
         return self._transport.addresses
 
     @property

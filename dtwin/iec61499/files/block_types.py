@@ -38,7 +38,7 @@ def read_type(path: Path) -> model.LibraryElement:
 
 
 def type_from_xml(root: XmlElement) -> model.LibraryElement:
-    """As `read_type`, from the root element."""
+    """Reads one library element, given its root element. Raises as `read_type` does."""
     if root.tag not in ("FBType", "SubAppType"):
         raise root.error(f"<{root.tag}> is not a block type: expected <FBType> or <SubAppType>")
     root.expect_children(_TYPE_PARTS)

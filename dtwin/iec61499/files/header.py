@@ -1,4 +1,4 @@
-"""Reads what all library elements have: names, comment, identification, versions and package."""
+"""Reads what all library elements have: name, comment, identification, versions and package."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ IDENTIFIER: Final = re.compile(r"(?!\w*__)[A-Za-z_][A-Za-z0-9_]*", re.ASCII)
 
 
 class Named(Protocol):
+    """Anything that a file declares under a name."""
+
     @property
     def name(self) -> str: ...
     @property
@@ -46,6 +48,7 @@ def read_header(root: XmlElement) -> model.TypeHeader:
 
 
 def read_name(element: XmlElement) -> str:
+    """The attribute Name. Raises FunctionBlockError when it is no identifier."""
     name = element.require("Name")
     if not IDENTIFIER.fullmatch(name):
         raise element.error(f"{name!r} is not an identifier: expected letters, digits and single _")

@@ -86,7 +86,7 @@ def _read_connections(group: XmlElement) -> tuple[model.Connection, ...]:
 
 
 def read_parameters(element: XmlElement) -> tuple[model.Parameter, ...]:
-    """The <Parameter> children; those without a value are left out, as 4diac does."""
+    """The parameters of a block; those without a value are left out, as 4diac does."""
     return tuple(
         model.Parameter(p.require("Name"), p.get("Value"), p.get("Comment"), p.line)
         for p in element.children("Parameter")

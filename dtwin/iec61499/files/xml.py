@@ -11,9 +11,9 @@ from lxml import etree
 from dtwin.errors import FunctionBlockError, choices
 
 MAXIMUM_SIZE: Final = 4 * 2**20
-"""bytes of a file"""
+"""Most bytes of a file."""
 MAXIMUM_DEPTH: Final = 64
-"""elements inside each other"""
+"""Most levels of elements inside one another."""
 
 
 class XmlElement:
@@ -68,7 +68,7 @@ class XmlElement:
         return value
 
     def number(self, name: str) -> float:
-        """An attribute as a number, 0 when it is missing or no number (a coordinate never stops a block)."""
+        """An attribute as a number, 0 when it is missing or no number (no coordinate keeps a block from running)."""
         try:
             return float(self.get(name, "0"))
         except ValueError:
@@ -95,9 +95,9 @@ def read_xml(path: Path) -> XmlElement:
 
 
 def parse_xml(data: bytes, file: str) -> XmlElement:
-    """As `read_xml`, from bytes; `file` is the name errors use."""
+    """The root element of a text; `file` names it in errors. Raises as `read_xml` does."""
     if len(data) > MAXIMUM_SIZE:
-        raise FunctionBlockError(f"larger than {MAXIMUM_SIZE} bytes", file)
+        raise FunctionBlockError(f"is larger than {MAXIMUM_SIZE} bytes", file)
     parser = etree.XMLParser(
         resolve_entities=False,
         no_network=True,
@@ -125,7 +125,9 @@ def _check_tree(root: Any, file: str) -> None:
     level, elements = 1, [root]
     while elements:
         if level > MAXIMUM_DEPTH:
-            raise FunctionBlockError(f"elements nested deeper than {MAXIMUM_DEPTH}", file, elements[0].sourceline)
+            raise FunctionBlockError(
+                f"elements are nested deeper than {MAXIMUM_DEPTH} levels", file, elements[0].sourceline
+            )
         for element in elements:
             if element.tag is etree.Entity:
                 raise FunctionBlockError("entity references are not accepted", file, element.sourceline)

@@ -16,7 +16,7 @@ _ENDS: Final = ("</Request>", "/>")
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A request to a resource ("": to the device) and the line it begins on, 0 when it comes from no file."""
+    """A request, the resource that gets it ("": the device), and the line it begins on (0: it comes from no file)."""
 
     resource: str
     request: Request
@@ -53,7 +53,7 @@ def load_boot_file(path: Path) -> list[Command]:
         with path.open("rb") as stream:
             data = stream.read(MAXIMUM_SIZE + 1)
         if len(data) > MAXIMUM_SIZE:
-            raise FunctionBlockError(f"larger than {MAXIMUM_SIZE} bytes", str(path))
+            raise FunctionBlockError(f"is larger than {MAXIMUM_SIZE} bytes", str(path))
         return parse_boot_file(data.decode(), str(path))
     except OSError as error:
         raise FunctionBlockError(f"cannot be read: {error.strerror}", str(path)) from None

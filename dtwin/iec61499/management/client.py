@@ -29,7 +29,7 @@ from dtwin.iec61499.net.client import BlockingClient
 
 _RESET: Final[tuple[RequestAction, ...]] = ("KILL", "RESET", "START")
 TIMEOUT: Final = 5.0
-"""s, for every request"""
+"""Longest time for a response, s."""
 
 
 class ManagementClient:
@@ -39,8 +39,8 @@ class ManagementClient:
     not answer in time, is not there, or the request is longer than a FORTE takes.
 
     Args:
-        address: of the device's management port, usually 61499.
-        timeout: s, for every request.
+        address: the address of device management; its port is usually 61499.
+        timeout: longest time for a response, s.
 
     Raises:
         CommunicationError: nobody answers at the address.
@@ -88,7 +88,9 @@ class ManagementClient:
         """The device's response, refusals included.
 
         Args:
-            resource: that is asked; "" for the device.
+            resource: the name of the resource that is asked; "" for the device.
+            action: what is asked for.
+            subject: what the action is done to; None for the resource or device itself.
 
         Raises:
             CommunicationError: no response, a malformed one, or the request is too long.
@@ -108,7 +110,7 @@ class ManagementClient:
         return response
 
     def demand(self, resource: str, action: RequestAction, subject: Subject | None = None) -> Response:
-        """The response to a request that must be fulfilled."""
+        """The response to a request that the device must fulfil. Raises ManagementError when it refuses."""
         response = self.request(resource, action, subject)
         if response.reason is not None:
             what = Request("", action, subject)
@@ -125,6 +127,7 @@ class ManagementClient:
         self.demand(resource, "CREATE", ManagedType(name, lua))
 
     def connect(self, resource: str, source: str, destination: str) -> None:
+        """Connects two ports, each `BLOCK.PORT`."""
         self.demand(resource, "CREATE", ManagedConnection(source, destination))
 
     def delete_block(self, resource: str, name: str) -> None:
@@ -132,6 +135,7 @@ class ManagementClient:
         self.demand(resource, "DELETE", ManagedBlock(name, ""))
 
     def write(self, resource: str, destination: str, literal: str) -> None:
+        """Gives a port, `BLOCK.PORT`, the value of a literal."""
         self.demand(resource, "WRITE", ManagedConnection(literal, destination))
 
     def read(self, resource: str, source: str) -> str:
@@ -151,7 +155,7 @@ class ManagementClient:
             self.demand(resource, action, ManagedBlock(name, ""))
 
     def watch(self, resource: str, source: str) -> None:
-        """Has a port among those that `watched` tells, for all clients."""
+        """Adds a port to those that `watched` reads, for all clients."""
         self.demand(resource, "CREATE", Watch(source))
 
     def watched(self, resource: str) -> dict[str, str]:

@@ -40,7 +40,7 @@ REQUEST_LIMIT: Final = 19_000
 """Bytes of a message that a FORTE with its standard settings takes; a longer one hangs the connection."""
 ANY: Final = "*"
 EVENT: Final = "$e"
-"""As the source of a WRITE: the event at the destination shall happen."""
+"""Source of a WRITE that triggers the event at its destination."""
 _ESCAPES: Final = str.maketrans(
     {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "'": "&apos;"}  # the five FORTE resolves
 )
@@ -50,7 +50,7 @@ class ManagementError(CommunicationError):
     """A device refused a request.
 
     Attributes:
-        reason: as the device names it.
+        reason: the device's reason for the refusal.
     """
 
     def __init__(self, reason: Reason, message: str) -> None:
@@ -82,7 +82,7 @@ class ManagedConnection:
 
 @dataclass(frozen=True, slots=True)
 class ManagedType:
-    """`<FBType Name>`, `<AdapterType Name>` or `<DataType Name>`: with the Lua text that defines it, for CREATE."""
+    """`<FBType Name>`, `<AdapterType Name>` or `<DataType Name>`: a type, for CREATE with its Lua text."""
 
     name: str
     text: str = ""
@@ -96,7 +96,7 @@ class ManagedType:
 
 @dataclass(frozen=True, slots=True)
 class Watch:
-    """`<Watch Source>`: a port to be watched or no longer; without a source `<Watches/>`: all of them, for READ."""
+    """`<Watch Source>`: a port that is watched; without a source `<Watches/>`: all watched ports, for READ."""
 
     source: str = ""
 
@@ -110,7 +110,7 @@ _TYPES: Final = ("FBType", "AdapterType", "DataType")
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a device or resource is asked to do; without a subject it is meant itself."""
+    """What a device or resource is asked to do; without a subject the action concerns it as a whole."""
 
     id: str
     action: RequestAction
@@ -142,7 +142,7 @@ class Response:
         blocks: what a QUERY of blocks has found.
         connections: what a QUERY of connections has found.
         names: what a QUERY of types has found.
-        watches: values of the watched ports by `BLOCK.PORT`.
+        watches: the values of the watched ports, by `BLOCK.PORT`.
     """
 
     id: str
@@ -183,8 +183,8 @@ def parse_request(text: str) -> Request:
     """Reads a request.
 
     Raises:
-        ManagementError: with the reason a FORTE gives: UNSUPPORTED_CMD for another element or action,
-            INVALID_OBJECT for a subject that does not belong to the action.
+        ManagementError: the text is no request; the reason is that of a FORTE: UNSUPPORTED_CMD for another element or
+            action, INVALID_OBJECT for a subject that does not belong to the action.
     """
     try:
         root = parse_xml(text.encode(), "request")
@@ -213,7 +213,7 @@ def parse_response(text: str) -> Response:
     """Reads a response.
 
     Raises:
-        CommunicationError: it is none.
+        CommunicationError: the text is no response.
     """
     try:
         root = parse_xml(text.encode(), "response")
@@ -249,7 +249,7 @@ def _watched(watches: XmlElement) -> Iterator[tuple[str, str]]:
 
 
 def _ports(watches: dict[str, str]) -> str:
-    """A block for every port, as FORTE writes one for all of a block's."""
+    """One <FB> for every port, where FORTE writes one for all ports of a block."""
     return "".join(
         f'<FB name="{_escape(block)}"><Port name="{_escape(port)}"><Data value="{_escape(value)}" forced="false"/>'
         "</Port></FB>"

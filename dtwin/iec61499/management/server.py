@@ -17,17 +17,17 @@ from dtwin.iec61499.net.wire import MessageReader
 log = logging.getLogger(__name__)
 
 CLIENTS: Final = 32
-"""At once; another one takes the place of one that has made no request yet, else of the one silent longest."""
+"""Most clients at once; one more takes the place of one without a request yet, else of the one silent longest."""
 
 RequestHandler = Callable[[str, str], str]
-"""The response to the resource's name and the request, as XML."""
+"""Takes the resource's name and the request as XML; returns the response as XML."""
 
 
 class ManagementServer:
     """Listens for management clients.
 
     Attributes:
-        address: bound.
+        address: where it listens, with the port that the system chose when 0 was asked for.
 
     Raises:
         CommunicationError: the port cannot be bound.

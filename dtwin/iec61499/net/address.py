@@ -1,4 +1,4 @@
-"""Where a communication block or a device is: `HOST:PORT`."""
+"""Addresses of communication blocks and devices: `HOST:PORT`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A blocking client of whatever speaks the wire format over TCP, with a deadline on every exchange."""
+"""A blocking TCP client that speaks the wire format, with a deadline on every exchange."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ class BlockingClient:
     """Sends a message, waits for the answer.
 
     Args:
-        address: of the server.
-        sends: signature of the requests.
-        receives: signature of the answers.
-        timeout: s, to connect and for every exchange.
+        address: the server's address.
+        sends: the requests' signature.
+        receives: the answers' signature.
+        timeout: longest time to connect, and for every exchange, s.
 
     Raises:
         CommunicationError: nobody answers at the address.
@@ -51,7 +51,8 @@ class BlockingClient:
         After an error the connection is closed: a late answer must not pass for that of the next request.
 
         Raises:
-            CommunicationError: the answer is late, the connection lost, or one of the two has another signature.
+            CommunicationError: the answer is late, the connection is lost, or request or answer does not fit its
+                signature.
         """
         try:
             return self._exchange(self._sends.encode(values))

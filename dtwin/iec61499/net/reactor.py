@@ -17,7 +17,7 @@ WRITE: Final = selectors.EVENT_WRITE
 
 
 class Timer:
-    """A call that is due at a time; `cancel` takes it back."""
+    """A call that is due at some time; `cancel` takes it back."""
 
     __slots__ = ("callback",)
 
@@ -40,10 +40,10 @@ class Reactor:
         self._timers: list[tuple[float, int, Timer]] = []
         self._order = itertools.count()
         self._stopping = False
-        self._bell, self._rope = socket.socketpair()
-        self._bell.setblocking(False)
-        self._rope.setblocking(False)
-        self.watch(self._bell, READ, self._silence)
+        self._wake_receiver, self._wake_sender = socket.socketpair()
+        self._wake_receiver.setblocking(False)
+        self._wake_sender.setblocking(False)
+        self.watch(self._wake_receiver, READ, self._drain)
 
     def __enter__(self) -> Reactor:
         return self
@@ -54,7 +54,7 @@ class Reactor:
         self.close()
 
     def now(self) -> float:
-        """s, of the monotonic clock that timers are on."""
+        """The time on the monotonic clock, which timers follow, s."""
         return time.monotonic()
 
     def watch(self, sock: socket.socket, events: int, callback: Callable[[int], None]) -> None:
@@ -71,7 +71,7 @@ class Reactor:
             self._selector.unregister(sock)
 
     def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
-        """Calls back once at a time of `now`; calls due at the same time keep the order they were asked for."""
+        """Calls back once, when `now` reaches `when`; calls due at one time keep the order they were asked for."""
         timer = Timer(callback)
         heapq.heappush(self._timers, (when, next(self._order), timer))
         return timer
@@ -98,16 +98,16 @@ class Reactor:
         self._stopping = True
         # a full pipe has woken the loop already
         with contextlib.suppress(BlockingIOError):
-            self._rope.send(b"\0")
+            self._wake_sender.send(b"\0")
 
     def close(self) -> None:
-        """Lets go of the loop's own resources; sockets under watch stay their owners'."""
+        """Closes the loop's own sockets; those under watch are closed by their owners."""
         self._selector.close()
-        self._bell.close()
-        self._rope.close()
+        self._wake_receiver.close()
+        self._wake_sender.close()
 
-    def _silence(self, events: int) -> None:
-        self._bell.recv(4096)
+    def _drain(self, events: int) -> None:
+        self._wake_receiver.recv(4096)
 
     def _until_next_timer(self) -> float | None:
         while self._timers and self._timers[0][2].callback is None:

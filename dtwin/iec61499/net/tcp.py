@@ -1,4 +1,4 @@
-"""TCP under the communication blocks SERVER and CLIENT: non-blocking sockets on one reactor, no threads.
+"""TCP for the communication blocks SERVER and CLIENT: non-blocking sockets on one reactor, no threads.
 
 A peer that breaks the wire format, reads too slowly or asks for a port in use costs one line in the log and its
 connection, never the loop.
@@ -42,10 +42,10 @@ class TcpConnection:
     """One connected peer.
 
     Args:
-        reactor: that serves it.
-        sock: connected; owned from here on.
-        peer: its name in the log.
-        received: gets the bytes as they come.
+        reactor: the event loop that serves the socket.
+        sock: a connected socket, which belongs to this object from here on.
+        peer: the peer's name in the log.
+        received: called with the bytes as they come.
         closed: called once when the peer has gone or was dropped, not after `close`.
     """
 
@@ -146,7 +146,7 @@ class TcpListener:
     """Accepts connections on a port.
 
     Attributes:
-        address: bound; with the port the system chose when 0 was asked for.
+        address: where it listens, with the port that the system chose when 0 was asked for.
 
     Raises:
         CommunicationError: the port cannot be bound.
@@ -183,7 +183,7 @@ class TcpListener:
 
 
 class TcpServer:
-    """What a SERVER block has below it: one client at a time, as 4diac FORTE does it.
+    """Carries the messages of a SERVER block: one client at a time, as in 4diac FORTE.
 
     Connections wait side by side until one has sent its first whole message; it becomes the client, the others
     are closed, and so is every connection that comes while it stays. So a peer that connects and says nothing
@@ -263,13 +263,13 @@ class TcpServer:
 
 
 class TcpClient:
-    """What a CLIENT block has below it: connects without waiting, then exchanges messages.
+    """Carries the messages of a CLIENT block: connects without waiting, then exchanges messages.
 
     Args:
         opened: called once with "" when connected, or with the reason why not.
         confirm: called with the values of every message.
-        lost: called with the reason when the connection ends, unless `close` ended it.
-        timeout: s, to connect.
+        lost: called when the connection ends, unless `close` ended it.
+        timeout: longest time to connect, s.
     """
 
     def __init__(

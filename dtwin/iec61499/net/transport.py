@@ -18,7 +18,7 @@ from dtwin.iec61499.net.tcp import TcpClient, TcpServer
 from dtwin.iec61499.net.udp import UdpPublisher, UdpSubscriber
 from dtwin.iec61499.net.wire import Message, Signature
 from dtwin.iec61499.runtime.communication import Channel, CommunicationPort
-from dtwin.iec61499.runtime.local import LocalTransport
+from dtwin.iec61499.runtime.local_transport import LocalTransport
 
 log = logging.getLogger(__name__)
 
@@ -26,16 +26,16 @@ Perform = Callable[[Callable[[], None]], None]
 
 
 class NetworkTransport:
-    """Opens channels on a reactor; says in the log why it cannot, for a block's STATUS has no room for that.
+    """Opens channels on a reactor; the log says why it cannot, since a block's STATUS has no room for that.
 
     Args:
-        reactor: that serves the sockets.
-        local: connects ports in process.
+        reactor: the event loop that serves the sockets.
+        local: the transport that connects ports in process.
         perform: does something to the resource and lets it run.
-        interface: address of the interface for multicast.
+        interface: IPv4 address of the network interface for multicast.
 
     Attributes:
-        addresses: bound by the open SERVER and SUBSCRIBE blocks, by dotted name.
+        addresses: where the open SERVER and SUBSCRIBE blocks listen, by the block's dotted name.
     """
 
     def __init__(self, reactor: Reactor, local: LocalTransport, perform: Perform, interface: str = LOOPBACK) -> None:

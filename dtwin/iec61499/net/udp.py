@@ -1,4 +1,4 @@
-"""UDP under the communication blocks PUBLISH and SUBSCRIBE: one datagram a message, to one host or a group."""
+"""UDP for the communication blocks PUBLISH and SUBSCRIBE: one datagram a message, to one host or a group."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ BURST: Final = 100
 
 
 class UdpPublisher:
-    """What a PUBLISH block has below it.
+    """Carries the messages of a PUBLISH block.
 
     Args:
-        address: of a host or of a multicast group.
-        interface: address of the interface that multicast leaves by; loopback keeps it on this machine.
+        address: the address of a host or of a multicast group.
+        interface: IPv4 address of the network interface that multicast leaves by; loopback keeps it on this machine.
     """
 
     def __init__(self, address: Address, sends: Signature, interface: str = LOOPBACK) -> None:
@@ -53,15 +53,15 @@ class UdpPublisher:
 
 
 class UdpSubscriber:
-    """What a SUBSCRIBE block has below it; a datagram that is no such message costs a line in the log.
+    """Carries the messages of a SUBSCRIBE block; a datagram that is no such message costs a line in the log.
 
     Args:
         address: the group to join, or the local address to listen on.
         indicate: called with the values of every message.
-        interface: address of the interface that multicast is taken from.
+        interface: IPv4 address of the network interface that multicast is taken from.
 
     Attributes:
-        address: bound; with the port the system chose when 0 was asked for.
+        address: where it listens, with the port that the system chose when 0 was asked for.
 
     Raises:
         CommunicationError: the port cannot be bound or the group cannot be joined.

@@ -69,8 +69,8 @@ class Signature:
     """The value types of a message, compiled once; encoding and decoding seven values takes 1 to 2 us each.
 
     Args:
-        types: of the values, in order; none for a message that only notifies.
-        string_limit: longest string accepted in `decode` and `MessageReader`, bytes or UTF-16 code units.
+        types: the values' types, in order; empty for a message that only notifies.
+        string_limit: longest string that `decode` and `MessageReader` accept, in bytes (WSTRING: UTF-16 code units).
 
     Raises:
         CommunicationError: a type has no encoding.
@@ -99,7 +99,7 @@ class Signature:
         """The values of one whole message, as a datagram holds it.
 
         Raises:
-            CommunicationError: the data are another message, a shorter or a longer one.
+            CommunicationError: the data are not exactly one message of this signature.
         """
         values = []
         at = 0
@@ -177,7 +177,7 @@ class MessageReader:
 
 
 class _Malformed(CommunicationError):
-    """Data that no longer message can repair."""
+    """Data that nothing which follows could make valid."""
 
     def __init__(self, offset: int, complaint: str) -> None:
         super().__init__(f"byte {offset}: {complaint}")

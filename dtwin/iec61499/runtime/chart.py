@@ -3,7 +3,7 @@
 A function is called with the block's instance after its inputs have been sampled. It does what IEC 61499-1, 5.2.2
 says: the transitions of the current state are tried in order, with the event, then again and again without it
 until none fires; entering a state runs its actions, each an algorithm followed by an output event. Chains of states
-are laid out in line; only chains that come back to a state go through a loop.
+are written out one inside the other; only chains that come back to a state go through a loop.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from typing import Final
 from dtwin.iec61499 import model
 
 MAXIMUM_ENTRIES: Final = 24
-"""states laid out in line in one function, before the rest goes through the loop"""
+"""Most states that one function writes out; the rest goes through the loop."""
 CHAIN_LIMIT: Final = 10_000
-"""event-less transitions one event may cause"""
+"""Most transitions without an event that one event may cause."""
 
 
 class ChartWriter:
     """Writes the functions of one block type.
 
     Args:
-        states: of the chart; the first is the initial one.
-        transitions: of the chart, in order.
-        guards: Python expressions over the instance `s`, by transition; those without a guard are missing.
-        actions: Python lines over the instance `s`, by state.
+        states: the chart's states; the first is the initial one.
+        transitions: the chart's transitions, in the order in which they are tried.
+        guards: the guard of every transition that has one, as a Python expression over the instance `s`.
+        actions: the actions of every state, by its name, as Python lines over the instance `s`.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class ChartWriter:
         return [t for t in self._transitions if t.source == state]
 
     def _leave(self, state: str, event: str, path: tuple[str, ...], depth: int, origin: str) -> None:
-        """Tries the transitions of a state; `path` has the states entered since the event, `state` the last."""
+        """Tries the transitions of a state; `path` holds the states entered since the event, `state` last."""
         indent = "    " * depth
         stay = [] if not path or state == origin else [f"s.state__ = {self._numbers[state]}"]
         keyword = "if"

@@ -24,10 +24,10 @@ _LOCAL: Final = {"PUBL": "PUBLISH", "SUBL": "SUBSCRIBE"}
 
 
 class Channel(Protocol):
-    """What a transport opens for a port.
+    """A port's way to its peers, which a transport opens.
 
     Attributes:
-        is_ready: usable at once; otherwise `Port.confirm_open` will be called.
+        is_ready: whether the channel is usable at once; if not, the transport calls `confirm_open` of the port later.
     """
 
     is_ready: bool
@@ -58,12 +58,12 @@ class CommunicationPort:
     """The outer side of one communication block.
 
     Attributes:
-        name: of the block, dotted.
+        name: the block's dotted name.
         kind: SERVER, CLIENT, PUBLISH or SUBSCRIBE.
-        sends: types of SD_1, ...
-        receives: types of RD_1, ...
-        id: the ID it was opened with, "" before; a bare one is completed to `fbdk[].ip[...]`, or `loc[...]` for PUBL
-            and SUBL.
+        sends: the types of SD_1, ...
+        receives: the types of RD_1, ...
+        id: the ID that the block was initialised with, "" before; an ID without a layer is completed to
+            `fbdk[].ip[...]`, or to `loc[...]` for PUBL and SUBL.
     """
 
     def __init__(self, instance: Any, block: model.ServiceInterfaceFBType) -> None:
@@ -93,7 +93,7 @@ class CommunicationPort:
         return self.id.startswith("loc[")
 
     def attach(self, send: Send) -> None:
-        """Lets `send` have what the block sends, in place of the transport, from the next initialisation on.
+        """Passes what the block sends to `send` in place of the transport, from the next initialisation on.
 
         A block that is open already changes over at once.
         """
@@ -209,8 +209,8 @@ def _assigner(count: int) -> Callable[[Any, Values], None]:
     return assign
 
 
-def service(block: model.ServiceInterfaceFBType) -> ServiceBehaviour | None:
-    """The behaviour of a communication block; None if the block is none."""
+def behaviour(block: model.ServiceInterfaceFBType) -> ServiceBehaviour | None:
+    """The behaviour of a communication block; None for any other block."""
     match = COMMUNICATION.fullmatch(block.header.name)
     if match is None:
         return None
@@ -254,7 +254,7 @@ class AttachedServer:
     """A client's view of a SERVER block in the same process: one exchange a call, without a transport.
 
     Args:
-        port: of the block.
+        port: the SERVER block's port.
         run: runs the resource until it is idle.
 
     Raises:
@@ -276,9 +276,9 @@ class AttachedServer:
         """Delivers values at RD_1, ... with IND, runs the resource, and returns what RSP sent from SD_1, ...
 
         Raises:
-            CommunicationError: the block is not initialised, the number of values is wrong, or RSP came not at all or
-                more than once.
-            FunctionBlockError: raised by a block.
+            CommunicationError: the block is not initialised, the number of values is wrong, or RSP did not come
+                exactly once.
+            FunctionBlockError: an error inside a block.
         """
         answers = self._answers
         answers.clear()

@@ -2,7 +2,7 @@
 
 An instance has an attribute for every variable, under its `python_name`. Beside them, with two underscores, which
 no IEC identifier contains: `state__`, the chart's state by number; `p__Q`, the value of output Q that the last
-event with Q in its WITH has published; `to__CNF`, the queue entries of what event output CNF is connected to;
+event with Q in its WITH has published; `to__CNF`, the queue entries of the event inputs that CNF is connected to;
 `extend__`, which appends them to the resource's queue; `name__`, the dotted name. An output that every algorithm
 publishes as soon as it has written it needs no `p__` copy.
 """
@@ -18,7 +18,7 @@ from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.runtime import communication, timers
 from dtwin.iec61499.runtime.chart import CHAIN_LIMIT, ChartWriter
-from dtwin.iec61499.runtime.checked import BlockChecker
+from dtwin.iec61499.runtime.checker import BlockChecker
 from dtwin.iec61499.runtime.service_interface import EventHandler, ServiceBehaviour
 from dtwin.iec61499.st import typed
 from dtwin.iec61499.st.python.expressions import python_name
@@ -33,13 +33,13 @@ class CompiledType:
 
     Attributes:
         block: the block type, without generic variables.
-        instance_class: its instances; attributes as the module says.
-        handlers: by event input; a composite has none.
-        published: attribute with the published value, by data output.
-        initial: the state's attributes and the values they start with.
+        instance_class: makes an instance, with the attributes that this module's docstring lists.
+        handlers: the handler of every event input; empty for a composite.
+        published: the attribute that holds the published value of every data output.
+        initial: the attributes that make up the state, with the values they start with.
         save: takes the state's values out of an instance; values are never changed in place.
-        load: puts them back.
-        service: what a service interface block does when it is made; None for others.
+        load: puts the state's values back into an instance.
+        behaviour: what a service interface block does; None for other types.
     """
 
     block: model.FBType
@@ -49,7 +49,7 @@ class CompiledType:
     initial: Mapping[str, Any]
     save: Callable[[Any], tuple[Any, ...]]
     load: Callable[[Any, tuple[Any, ...]], None]
-    service: ServiceBehaviour | None = None
+    behaviour: ServiceBehaviour | None = None
 
 
 @lru_cache(maxsize=1024)
@@ -64,20 +64,20 @@ def compile_type(block: model.FBType) -> CompiledType:
         return _Algorithmic(block).compile()
     if isinstance(block, model.CompositeFBType):
         return _assemble(block, {}, _immediate(block), {})
-    service = _service(block)
-    return _assemble(block, service.handlers, _immediate(block), service.state, service)
+    behaviour = _behaviour(block)
+    return _assemble(block, behaviour.handlers, _immediate(block), behaviour.state, behaviour)
 
 
-def _service(block: model.ServiceInterfaceFBType) -> ServiceBehaviour:
-    service = timers.SERVICES.get(block.header.name) or communication.service(block)
-    if service is None:
+def _behaviour(block: model.ServiceInterfaceFBType) -> ServiceBehaviour:
+    behaviour = timers.BEHAVIOURS.get(block.header.name) or communication.behaviour(block)
+    if behaviour is None:
         raise FunctionBlockError(
             f"block type {block.header.name} has an interface but no behaviour: expected <BasicFB>, <SimpleFB> or "
             "<FBNetwork>",
             block.header.file,
             block.header.line,
         )
-    return service
+    return behaviour
 
 
 def _immediate(block: model.FBType) -> dict[str, str]:
@@ -90,7 +90,7 @@ def _assemble(
     handlers: Mapping[str, EventHandler],
     published: Mapping[str, str],
     state: Mapping[str, Any],
-    service: ServiceBehaviour | None = None,
+    behaviour: ServiceBehaviour | None = None,
 ) -> CompiledType:
     interface = block.interface
     initial: dict[str, Any] = {}
@@ -100,11 +100,11 @@ def _assemble(
         initial[published.get(variable.name, python_name(variable.name))] = value
     initial |= state
     wiring = [f"to__{event.name}" for event in interface.event_outputs]
-    if service is not None:
-        wiring += service.wiring
+    if behaviour is not None:
+        wiring += behaviour.wiring
     slots = (*initial, *wiring, "extend__", "name__", "resource__")
     instance_class = type(block.header.name, (), {"__slots__": slots})
-    return CompiledType(block, instance_class, handlers, published, initial, *_memory(initial), service)
+    return CompiledType(block, instance_class, handlers, published, initial, *_memory(initial), behaviour)
 
 
 def _memory(
@@ -153,7 +153,7 @@ class _Algorithmic:
         return _assemble(block, handlers, published, state)
 
     def _published(self, checked: Mapping[str, typed.CheckedAlgorithm]) -> dict[str, str]:
-        """The attribute other blocks sample, by output: the output itself where it never differs when they do."""
+        """For every output the attribute that others sample: the output itself where it equals what is published."""
         delayed: set[str] = set()
         for state in self._block.states:
             for action in state.actions:

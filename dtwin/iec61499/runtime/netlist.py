@@ -1,4 +1,4 @@
-"""A network laid out flat: every block that runs, with its dotted name, and who is connected to whom.
+"""A network laid out flat: every block that runs, with its dotted name, and the connections between their ports.
 
 Subapplications disappear: what crosses their border is one connection. Composite blocks stay, as in 4diac FORTE: an
 event that enters or leaves one is an entry of the event queue, with which the composite samples its inputs or
@@ -15,15 +15,15 @@ from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
 
 MAXIMUM_DEPTH: Final = 32
-"""composites and subapplications inside each other"""
+"""Most levels of composites and subapplications inside one another."""
 
 Finder = Callable[[str, str, int], model.LibraryElement]
-"""Finds a type by name; the file and line that use it are for errors."""
+"""Finds a type by its name; the file and line that use it are for errors."""
 
 
 @dataclass(slots=True)
 class Node:
-    """A block that runs, a composite, or (until they are gone) a subapplication or the network itself."""
+    """A block that runs, a composite, or, until the network is flat, a subapplication."""
 
     name: str
     type: model.FBType | None
@@ -34,7 +34,7 @@ class Node:
 
     @property
     def is_junction(self) -> bool:
-        """Whether its ports are no more than a place on a connection."""
+        """Whether it is a subapplication, whose ports only pass connections on."""
         return self.type is None
 
 
@@ -49,7 +49,7 @@ class Terminal:
 
 @dataclass(frozen=True, slots=True)
 class Wire:
-    """A connection between ports and where it is written."""
+    """A connection between two ports, and the file and line that declare it."""
 
     source: Terminal
     destination: Terminal
@@ -59,7 +59,13 @@ class Wire:
 
 @dataclass(slots=True)
 class Netlist:
-    """The flat network: data links go to a port each, event links of one source are in order."""
+    """The flat network.
+
+    Attributes:
+        nodes: blocks and composites; a Terminal names a node by its place here.
+        events: event connections; those from one source keep the order in which they are declared.
+        data: for every connected data port the one connection that ends there.
+    """
 
     nodes: list[Node] = field(default_factory=list)
     events: list[Wire] = field(default_factory=list)
@@ -89,7 +95,7 @@ class _Builder:
         """Adds the blocks and connections of a network inside the node `owner`."""
         if depth > MAXIMUM_DEPTH:
             raise FunctionBlockError(
-                f"{prefix.rstrip('.')} contains itself, or is nested deeper than {MAXIMUM_DEPTH}", network.file
+                f"{prefix.rstrip('.')} contains itself, or is nested deeper than {MAXIMUM_DEPTH} levels", network.file
             )
         inside: dict[str, int] = {}
         for block in network.blocks:

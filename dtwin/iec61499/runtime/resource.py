@@ -1,4 +1,4 @@
-"""Executes a network: one queue of events, first in first out, and a clock that is told the time."""
+"""A resource that executes a network: one queue of events, first in first out, and a clock that is told the time."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime.communication import AttachedServer, CommunicationPort, Transport
 from dtwin.iec61499.runtime.compile import CompiledType, compile_type
-from dtwin.iec61499.runtime.generic import check_types, resolve
-from dtwin.iec61499.runtime.local import LocalTransport
+from dtwin.iec61499.runtime.generic_ports import check_types, resolve
+from dtwin.iec61499.runtime.local_transport import LocalTransport
 from dtwin.iec61499.runtime.netlist import Node, flatten
 from dtwin.iec61499.runtime.wiring import QueueEntry, checked_value, queue_entries
 from dtwin.iec61499.st.python.expressions import python_name
 from dtwin.iec61499.types import DataType
 
 ACTIVATION_LIMIT: Final = 100_000
-"""events that one cause may lead to; more is an endless loop"""
+"""Most events that may follow from one; more are taken for an endless loop."""
 
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """The state of a resource between events: values of every variable and chart, pending timers, time in ns."""
+    """The state of a resource between events: the values of all variables and charts, pending timers, time in ns."""
 
     time: int
     sequence: int
@@ -45,12 +45,12 @@ class Resource:
 
     Args:
         network: what runs, e.g. from `resource_network`.
-        library: where its block types are.
-        transport: for communication blocks that nothing is attached to; in process unless given.
+        library: finds the block types that the network uses.
+        transport: opens the channels of communication blocks that nothing is attached to; in process if not given.
 
     Attributes:
-        time: ns.
-        transport: as given.
+        time: the resource's time, ns.
+        transport: the transport in use.
 
     Raises:
         FunctionBlockError: the network or one of its types is wrong; names file and line.
@@ -78,8 +78,8 @@ class Resource:
         instance.name__ = node.name
         instance.resource__ = self
         instance.extend__ = self._queue.extend
-        if kind.service is not None and kind.service.prepare is not None:
-            kind.service.prepare(instance)
+        if kind.behaviour is not None and kind.behaviour.prepare is not None:
+            kind.behaviour.prepare(instance)
         return instance
 
     def reset(self) -> None:
@@ -161,10 +161,10 @@ class Resource:
             if fired > ACTIVATION_LIMIT:
                 raise FunctionBlockError(f"endless loop of events without delay at {self._instances[index].name__}")
             self.time = due
-            service = self._types[index].service
-            assert service is not None
-            assert service.fire is not None
-            service.fire(self._instances[index])
+            behaviour = self._types[index].behaviour
+            assert behaviour is not None
+            assert behaviour.fire is not None
+            behaviour.fire(self._instances[index])
             self.run_until_idle()
         self.time = target
 
@@ -173,14 +173,14 @@ class Resource:
         return self._timers[0][0] if self._timers else None
 
     def schedule(self, name: str, delay: int) -> int:
-        """For timed blocks: `fire` of the block's service is due in `delay` ns; returns that time."""
+        """Lets a timed block's behaviour fire in `delay` ns; returns the time at which it is due, ns."""
         due = self.time + delay
         heapq.heappush(self._timers, (due, self._sequence, self._index[name]))
         self._sequence += 1
         return due
 
     def cancel(self, name: str) -> None:
-        """For timed blocks: forgets what is due for the block."""
+        """Forgets what is due for a timed block."""
         index = self._index[name]
         self._timers[:] = [timer for timer in self._timers if timer[2] != index]
         heapq.heapify(self._timers)
@@ -229,7 +229,7 @@ class Resource:
         """
         index, variable = self._locate(name)
         if variable is None:
-            raise FunctionBlockError(f"{name} cannot be written")
+            raise FunctionBlockError(f"{name} is the state of a chart and cannot be written: expected a variable")
         try:
             checked = checked_value(value, _data_type(variable), name)
         except ValueError as error:
@@ -240,7 +240,7 @@ class Resource:
         """The type of a variable, `BLOCK.VARIABLE`. Raises FunctionBlockError as `read` does."""
         _, variable = self._locate(name)
         if variable is None:
-            raise FunctionBlockError(f"{name} has no elementary type")
+            raise FunctionBlockError(f"{name} is the state of a chart and has no data type: expected a variable")
         return _data_type(variable)
 
     def port(self, name: str) -> CommunicationPort:

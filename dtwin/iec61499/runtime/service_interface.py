@@ -1,4 +1,4 @@
-"""What service interface blocks do when the embedded runtime executes them."""
+"""What a service interface block does when the embedded runtime executes it (IEC 61499-1, clause 6)."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ class ServiceBehaviour:
     """Behaviour of a service interface block.
 
     Attributes:
-        handlers: by event input.
-        state: further attributes that belong to the block's state, and what they start with.
-        wiring: further attributes that do not.
+        handlers: the handler of every event input.
+        state: further attributes that belong to the instance's state, with the values they start with.
+        wiring: further attributes that are no part of its state.
         fire: called when the time comes that the block asked for with `resource__.schedule`.
         prepare: called once for every new instance.
     """

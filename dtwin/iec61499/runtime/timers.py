@@ -45,7 +45,7 @@ def _cycle(s: Any) -> None:
     s.extend__(s.to__EO)
 
 
-SERVICES: Final = {
+BEHAVIOURS: Final = {
     "E_RESTART": ServiceBehaviour(),
     "E_DELAY": ServiceBehaviour({"START": _start, "STOP": _stop}, {"due__": None}, fire=_elapsed),
     "E_RDELAY": ServiceBehaviour({"START": _restart, "STOP": _stop}, {"due__": None}, fire=_elapsed),

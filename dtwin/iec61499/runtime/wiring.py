@@ -5,7 +5,7 @@ connected to, and executes the block. Composites have entries for their outer ev
 entries inside) and for their inner event outputs (publish, then queue the entries outside).
 
 Before its first publication an output is seen with its initial value, as IEC 61499-1 has it (4diac FORTE 2.0 shows
-the default of the type instead). What is in the WITH of no event is never sampled or published, as in FORTE.
+the default of the type instead). A variable in the WITH of no event is never sampled or published, as in FORTE.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 
 from dtwin.iec61499 import model
 from dtwin.iec61499.runtime.compile import CompiledType
-from dtwin.iec61499.runtime.generic import variable_at
+from dtwin.iec61499.runtime.generic_ports import variable_at
 from dtwin.iec61499.runtime.netlist import Netlist, Node, Terminal
 from dtwin.iec61499.st.python.expressions import python_name
 from dtwin.iec61499.types import ArrayType, DataType, ElementaryType
@@ -28,12 +28,12 @@ QueueEntry = Callable[[], None]
 def queue_entries(
     netlist: Netlist, types: Sequence[CompiledType], instances: Sequence[Any], extend: Callable[[Any], None]
 ) -> dict[QueueEntry, str]:
-    """Connects the instances; gives the queue entries and the event each delivers (`BLOCK.EVENT`).
+    """Connects the instances; returns the queue entries, each with the event that it delivers (`BLOCK.EVENT`).
 
     Args:
-        netlist: without generic types; its connections fit.
-        types: of the nodes, in order.
-        instances: of the nodes, in order.
+        netlist: a network without generic types, whose connections fit.
+        types: the nodes' compiled types, in the order of the nodes.
+        instances: the nodes' instances, in the order of the nodes.
         extend: appends entries to the resource's queue.
     """
     return _Wiring(netlist, types, instances, extend).entries()

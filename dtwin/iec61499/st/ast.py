@@ -51,7 +51,7 @@ class Literal(SyntaxNode):
 
 @dataclass(frozen=True, slots=True)
 class VariableAccess(SyntaxNode):
-    """`X`, `A[I]`, `M[I, J]` (the same as `M[I][J]`)."""
+    """A variable or an element of it: `X`, `A[I]`, `M[I, J]` (the same as `M[I][J]`)."""
 
     name: str
     indices: tuple[Expression, ...] = ()
@@ -59,7 +59,7 @@ class VariableAccess(SyntaxNode):
 
 @dataclass(frozen=True, slots=True)
 class Unary(SyntaxNode):
-    """operator is `-`, `+` or `NOT`."""
+    """An operation on one operand; `operator` is `-`, `+` or `NOT`."""
 
     operator: str
     operand: Expression
@@ -67,7 +67,7 @@ class Unary(SyntaxNode):
 
 @dataclass(frozen=True, slots=True)
 class Binary(SyntaxNode):
-    """operator is one of `** * / MOD + - < > <= >= = <> AND XOR OR`."""
+    """An operation on two operands; `operator` is one of `** * / MOD + - < > <= >= = <> AND XOR OR`."""
 
     operator: str
     left: Expression
@@ -76,7 +76,7 @@ class Binary(SyntaxNode):
 
 @dataclass(frozen=True, slots=True)
 class Call(SyntaxNode):
-    """A function call; the name in upper case."""
+    """A function call; `function` is its name in upper case."""
 
     function: str
     arguments: tuple[Expression, ...]
@@ -93,7 +93,7 @@ class Assignment(SyntaxNode):
 
 @dataclass(frozen=True, slots=True)
 class Branch(SyntaxNode):
-    """`IF condition THEN body` or `ELSIF condition THEN body`."""
+    """One branch of IF: `IF condition THEN body` or `ELSIF condition THEN body`."""
 
     condition: Expression
     body: tuple[Statement, ...]
@@ -195,7 +195,7 @@ class Declaration(SyntaxNode):
 
 @dataclass(frozen=True, slots=True)
 class ParsedAlgorithm(SyntaxNode):
-    """name is "" when the text has no `ALGORITHM name ... END_ALGORITHM` around it."""
+    """An algorithm; its name is "" when the text has no `ALGORITHM name ... END_ALGORITHM` around it."""
 
     name: str
     declarations: tuple[Declaration, ...]

@@ -15,7 +15,7 @@ from dtwin.iec61499.types import BOOL, ArrayType, DataType, ElementaryType
 
 _MAXIMUM_DEPTH: Final = 60
 _MAXIMUM_LOOPS: Final = 15
-"""Python nests 20 blocks at most."""
+"""Most loops inside one another; Python nests 20 blocks at most."""
 
 
 def check_algorithm(
@@ -26,10 +26,10 @@ def check_algorithm(
     Args:
         algorithm: the syntax tree.
         scope: the block's variables, as declared; the text may write them in any case.
-        writable: those the algorithm may assign.
+        writable: the names of the variables that the algorithm may assign.
 
     Raises:
-        FunctionBlockError: with file, line, column and what would have been valid.
+        FunctionBlockError: the text is wrong; names file, line, column and what would have been valid.
     """
     checker = _AlgorithmChecker(scope, writable)
     initial = checker.declarations(algorithm.declarations)

@@ -13,8 +13,8 @@ class Accesses:
     """Variables of the block, in declaration order.
 
     Attributes:
-        reads: those whose value at the start matters: read before, or not on every path, assigned.
-        writes: those assigned anywhere.
+        reads: variables whose value at the start matters: read before they are assigned, or not always assigned.
+        writes: variables that are assigned anywhere.
         modified_arrays: arrays among the reads of which elements are assigned.
     """
 
@@ -41,7 +41,7 @@ def accesses(algorithm: typed.CheckedAlgorithm) -> Accesses:
 
 
 def needed_initialisations(stores: typed.Body, body: typed.Body) -> typed.Body:
-    """Those of the stores before the body whose value can be read."""
+    """The stores, of those before the body, whose value the body can read."""
     flow = _Flow()
     flow.body(body, frozenset())
     kept: list[typed.Statement] = []

@@ -70,7 +70,7 @@ OPERATOR_FUNCTIONS: Final = {
 }  # fmt: skip
 """Functions that mean an operator."""
 EXTENSIBLE: Final = {"ADD", "MUL", "AND", "OR", "XOR", "GT", "GE", "EQ", "LE", "LT"}
-"""Those of them that take more than two arguments."""
+"""The functions among them that take more than two arguments."""
 
 _CONVERSION: Final = re.compile(
     r"(?:TIME_IN_(?P<unit>S|MS|US|NS)|(?P<source>[A-Z]+))_(?P<how>TO|TRUNC)_(?P<target>[A-Z]+)"

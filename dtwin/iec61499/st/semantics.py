@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 ITERATION_LIMIT: Final = 10_000_000
-"""Loop iterations of one call, all loops together; more is taken for a loop that never ends."""
+"""Most loop iterations of one call, all loops together; more are taken for a loop that never ends."""
 
 
 def integer_divide(a: int, b: int) -> int:
-    """Truncates toward zero; 0 when b is 0, as FORTE's DIV."""
+    """The quotient truncated toward zero; 0 when b is 0, as FORTE's DIV."""
     if b == 0:
         return 0
     quotient = abs(a) // abs(b)
@@ -17,7 +17,7 @@ def integer_divide(a: int, b: int) -> int:
 
 
 def integer_modulo(a: int, b: int) -> int:
-    """Has the sign of a; 0 when b is 0, as FORTE's MOD."""
+    """The remainder, which has the sign of a; 0 when b is 0, as FORTE's MOD."""
     if b == 0:
         return 0
     return abs(a) % abs(b) if a >= 0 else -(-a % abs(b))

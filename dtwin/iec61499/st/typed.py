@@ -37,7 +37,7 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class Element:
-    """One element of the array `name`; arrays has the ArrayType each index applies to."""
+    """An element of the array `name`; `arrays` has the ArrayType that each index applies to."""
 
     at: Position
     type: DataType
@@ -48,7 +48,7 @@ class Element:
 
 @dataclass(frozen=True, slots=True)
 class Convert:
-    """Implicit widening: keeps the value."""
+    """An implicit widening, which keeps the value."""
 
     at: Position
     type: ElementaryType
@@ -57,7 +57,7 @@ class Convert:
 
 @dataclass(frozen=True, slots=True)
 class Cast:
-    """`X_TO_Y`, `X_TRUNC_Y`, `TRUNC`, and `TIME_IN_<unit>_TO_Y` with the unit as how."""
+    """A conversion by function: `X_TO_Y`, `X_TRUNC_Y`, `TRUNC`, or `TIME_IN_<unit>_TO_Y`, whose unit is `how`."""
 
     at: Position
     type: ElementaryType
@@ -67,7 +67,7 @@ class Cast:
 
 @dataclass(frozen=True, slots=True)
 class Unary:
-    """operator is `-` or `NOT`."""
+    """An operation on one operand; `operator` is `-` or `NOT`."""
 
     at: Position
     type: ElementaryType
@@ -99,7 +99,7 @@ Expression: TypeAlias = Const | Load | Element | Convert | Cast | Unary | Binary
 
 @dataclass(frozen=True, slots=True)
 class Store:
-    """Assignment to a variable, or with indices to one element of an array; type is the target's."""
+    """An assignment to a variable, or with indices to an element of an array; `type` is that of the target."""
 
     at: Position
     type: DataType
@@ -124,7 +124,7 @@ class If:
 
 @dataclass(frozen=True, slots=True)
 class CaseBranch:
-    """labels are inclusive (low, high) pairs."""
+    """One branch of CASE; its labels are pairs (low, high), both included."""
 
     labels: tuple[tuple[int, int], ...]
     body: Body
@@ -195,7 +195,7 @@ class CheckedAlgorithm:
         name: the algorithm's name, "" when the text had none.
         body: statements; the first ones initialise the temporaries that are read before they are assigned.
         variables: declared name and type of the block's variables that the body uses.
-        temporaries: the same for the algorithm's own variables.
+        temporaries: declared name and type of the algorithm's own variables.
     """
 
     name: str

@@ -1,7 +1,7 @@
 """Event function blocks of IEC 61499-1, annex A, with the ports of 4diac FORTE.
 
-A block issues an event only where the annex says so: E_SR for example only when Q changes. The timed ones that
-cannot be described by a chart are in `timers`.
+A block issues an event only where the annex says so: E_SR for example only when Q changes. The timed ones,
+which no chart can describe, are in `services`.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import Final
 
 from dtwin.iec61499 import model
-from dtwin.iec61499.standard.declare import basic, composite, interface
+from dtwin.iec61499.standard.notation import basic, composite, interface
 
 MAXIMUM_FAN: Final = 254
-"""events of one block, as in 4diac FORTE"""
+"""Most event inputs or outputs of one block, as in 4diac FORTE."""
 
 _BLOCKS: Final = (
     basic(
@@ -147,7 +147,7 @@ _BLOCKS: Final = (
     ),
 )
 FIXED: Final = {block.header.name: block for block in _BLOCKS}
-"""The blocks of one size."""
+"""The blocks whose name carries no size, by name."""
 
 
 def split(name: str, count: int) -> model.BasicFBType:

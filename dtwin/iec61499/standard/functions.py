@@ -7,7 +7,7 @@ from typing import Final
 
 from dtwin.iec61499 import model
 from dtwin.iec61499.st.functions import conversion
-from dtwin.iec61499.standard.declare import function
+from dtwin.iec61499.standard.notation import function
 
 _TWO: Final = {
     "F_SUB": ("ANY_MAGNITUDE", "IN1 - IN2"),
@@ -57,7 +57,7 @@ def _fixed() -> dict[str, model.SimpleFBType]:
 
 
 FIXED: Final = _fixed()
-"""The blocks of one size."""
+"""The blocks whose name carries no size, by name."""
 
 _OPERATORS: Final = {
     "F_ADD": ("+", "ANY_MAGNITUDE"),

@@ -6,10 +6,10 @@ import re
 from typing import Final
 
 from dtwin.iec61499 import model
-from dtwin.iec61499.standard.declare import interface
+from dtwin.iec61499.standard.notation import interface
 
 MAXIMUM_VALUES: Final = 100
-"""data inputs or outputs of a communication block"""
+"""Most data inputs or outputs of a communication block."""
 
 COMMUNICATION: Final = re.compile(r"(SERVER|CLIENT)_(\d{1,3})(?:_(\d{1,3}))?|(PUBLISH|SUBSCRIBE|PUBL|SUBL)_(\d{1,3})")
 

@@ -33,7 +33,7 @@ from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.address import LOOPBACK, Address
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.standard.declare import interface
+from dtwin.iec61499.standard.notation import interface
 from dtwin.parameters import ROOT
 from tests.support.networks import Types, chart, network
 
@@ -243,7 +243,7 @@ def test_border_names_that_are_taken_are_refused() -> None:
     body = network("BORDER: ADDER", "E -> BORDER.E")
     box = composite("BOX", "E -> DONE", "", body)
     with pytest.raises(
-        FunctionBlockError, match=r"block B\.BORDER: expected another name, as the border of B has it"
+        FunctionBlockError, match=r"block B\.BORDER: expected another name, as the border of B takes this one"
     ):
         plan_deployment("R", network("START: E_RESTART; B: BOX"), Types(adder(), box))
     box = composite("BOX", "E, INNER_E -> DONE", "", network(""))
@@ -346,7 +346,9 @@ def test_a_device_without_lua_keeps_what_it_runs() -> None:
 
 def test_a_standard_type_that_is_missing_is_named_and_nothing_is_left() -> None:
     with session(lambda request: 'Type="E_SWITCH"' in request, "UNSUPPORTED_TYPE") as client:
-        with pytest.raises(ManagementError, match=r"refused block TWIN\.MONITORING\.GATE: it has no type E_SWITCH"):
+        with pytest.raises(
+            ManagementError, match=r"refused block TWIN\.MONITORING\.GATE: the device has no type E_SWITCH"
+        ):
             deploy(client, cell_plan())
         assert client.blocks("") == ()
 

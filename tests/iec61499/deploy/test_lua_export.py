@@ -11,7 +11,7 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.lua_export import export_type, original_name
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.protocol import REQUEST_LIMIT
-from dtwin.iec61499.standard.declare import interface
+from dtwin.iec61499.standard.notation import interface
 from dtwin.iec61499.types import ElementaryType
 from dtwin.parameters import ROOT
 from tests.iec61499.runtime.test_chart import STATES, Interpreter, action_lists, transition_lists

@@ -21,7 +21,7 @@ import pytest
 from dtwin.controller.ports import EMULATOR
 from dtwin.errors import CommunicationError, FunctionBlockError
 from dtwin.iec61499.device.embedded import EmbeddedDevice
-from dtwin.iec61499.device.managed import WATCHES
+from dtwin.iec61499.device.managed_resource import WATCHES
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import parse_boot_file
 from dtwin.iec61499.management.client import ManagementClient

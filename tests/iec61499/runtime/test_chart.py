@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.standard.declare import interface
+from dtwin.iec61499.standard.notation import interface
 from tests.support.networks import Bench, Types, chart, network
 
 

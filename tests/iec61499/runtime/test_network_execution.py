@@ -11,7 +11,7 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime import resource as runtime
 from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.standard.declare import interface
+from dtwin.iec61499.standard.notation import interface
 from tests.support.networks import Types, chart, connections, network
 
 LOG = chart(

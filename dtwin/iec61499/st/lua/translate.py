@@ -35,12 +35,12 @@ def lua_source(checked: typed.CheckedAlgorithm, rename: Callable[[str], str]) ->
 
     Args:
         checked: the algorithm.
-        rename: from a variable of the block to the Lua expression to read and assign it. An array must be a Lua
+        rename: gives the Lua expression that reads and assigns a variable of the block. An array must be a Lua
             variable holding a table counted from 1. Names that begin with `_` belong to this code.
 
     Raises:
-        FunctionBlockError: with file, line and column of what Lua cannot do: 64-bit integers and TIME (numbers
-            hold 53 bit), and conversions between reals and bit strings.
+        FunctionBlockError: the algorithm needs what Lua cannot do: 64-bit integers and TIME (numbers hold 53 bit), or
+            conversions between reals and bit strings; names file, line and column.
     """
     generator = _LuaGenerator(checked, rename)
     return LuaSource(generator.algorithm(), frozenset(generator.expressions.used))

@@ -38,8 +38,8 @@ class PythonExpressions:
 
     Attributes:
         raises: whether some fast form can raise where the exact one gives an infinity or a NaN.
-        used: names of runtime functions the code calls.
-        known: bounds of variables that are narrower than their type's (loop counters).
+        used: the names of the helpers that the code calls.
+        known: the bounds of variables (loop counters) that are narrower than those of their types.
     """
 
     def __init__(self, variable: Callable[[str], str], exact: bool) -> None:

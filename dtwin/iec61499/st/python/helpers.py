@@ -69,7 +69,7 @@ def fast_power(a: float, b: float) -> float:
 
 
 def power(a: float, b: float) -> float:
-    """The same, with C's infinities and NaN."""
+    """C's pow as `fast_power` has it, with C's infinities and NaN."""
     try:
         return fast_power(a, b)
     except OverflowError:
@@ -123,7 +123,7 @@ def time_divide_real(a: int, b: float) -> int:
 
 
 def truncate(x: float, minimum: int, mask: int) -> int:
-    """Toward zero, then wrapped; what does not fit 64 bit (or is NaN) is -2^63 first, as on x86-64."""
+    """The number cut toward zero, then wrapped; what does not fit 64 bit, or is NaN, is -2^63 first, as on x86-64."""
     whole = int(x) if -9.3e18 < x < 1.85e19 else -_INT64
     if not -_INT64 <= whole < (_INT64 if minimum or mask < _INT64 else 2 * _INT64):
         whole = -_INT64
@@ -136,7 +136,7 @@ def round_half_away(x: float, minimum: int, mask: int) -> int:
 
 
 def shift_left(x: int, count: int, bits: int) -> int:
-    """Zeros move in; 0 for a negative count, as in FORTE, or one of all bits."""
+    """The bits moved to the left, zeros behind them; 0 for a negative count, as in FORTE, or for all bits."""
     return x << count & (1 << bits) - 1 if 0 <= count < bits else 0
 
 
@@ -145,7 +145,7 @@ def shift_right(x: int, count: int, bits: int) -> int:
 
 
 def rotate_left(x: int, count: int, bits: int) -> int:
-    """0 for a negative count, as in FORTE."""
+    """The bits rotated to the left; 0 for a negative count, as in FORTE."""
     if count < 0:
         return 0
     count %= bits
@@ -171,17 +171,17 @@ def right(text: str, length: int) -> str:
 
 
 def middle(text: str, length: int, position: int) -> str:
-    """length characters from the 1-based position; the text itself when either is not positive."""
+    """`length` characters from the 1-based position; the text itself when either is not positive."""
     return text[position - 1 : position - 1 + length] if length >= 0 and position > 0 else text
 
 
 def insert(text: str, addition: str, position: int) -> str:
-    """addition behind the position-th character; the text itself when there is no such."""
+    """The text with `addition` behind character `position`; the text itself when there is no such character."""
     return text[:position] + addition + text[position:] if 0 <= position <= len(text) else text
 
 
 def replace(text: str, new: str, length: int, position: int) -> str:
-    """new in place of length characters from the 1-based position; the text itself when they are not there."""
+    """The text with `new` in place of `length` characters from the 1-based position; itself if they are not there."""
     if length < 0 or position < 1 or position - 1 + length > len(text):
         return text
     return text[: position - 1] + new + text[position - 1 + length :]
@@ -307,4 +307,4 @@ COMMON: Final[dict[str, Any]] = {
     "_to_bits": to_bits,
     "_from_bits": from_bits,
 }
-"""Functions both versions share."""
+"""The functions that both versions share."""

@@ -34,9 +34,11 @@ class PythonCode:
     Attributes:
         lines: the fast version; with exact_lines it may raise ZeroDivisionError, OverflowError or ValueError.
         exact_lines: the version that never raises those; None when the fast one does not either.
-        reads: variables to load before, writes: those to store after (as declared).
-        modified_arrays: arrays to load as copies.
-        globals, exact_globals: what the lines call.
+        reads: names, as declared, of the variables to load before.
+        writes: names, as declared, of the variables to store after.
+        modified_arrays: names of the arrays to load as copies.
+        globals: what the lines call, by name.
+        exact_globals: what the exact lines call, by name.
         returns: whether the lines contain `return`, with the stores before it.
     """
 
@@ -51,7 +53,7 @@ class PythonCode:
 
 
 def python_source(checked: typed.CheckedAlgorithm, self_name: str = "s") -> PythonCode:
-    """Generates the body; self_name is the instance that a RETURN stores to."""
+    """Generates the body; `self_name` names the instance that a RETURN stores to."""
     access = accesses(checked)
     fast = _PythonGenerator(access, self_name, exact=False)
     lines = fast.algorithm(checked.body)
@@ -71,11 +73,12 @@ def python_source(checked: typed.CheckedAlgorithm, self_name: str = "s") -> Pyth
 def compile_algorithm(checked: typed.CheckedAlgorithm, name: str) -> Callable[[Any], None]:
     """A function that runs the algorithm on an instance whose attributes (`python_name`) are the variables.
 
-    name is what tracebacks and profiles show, such as `TYPE.ALGORITHM`.
-    Arrays are replaced, never changed in place.
+    The name, such as `TYPE.ALGORITHM`, is what tracebacks and profiles show. Arrays are replaced, never changed in
+    place.
 
     Raises:
-        FunctionBlockError: at the call, for a loop beyond `ITERATION_LIMIT` iterations or an index out of range.
+        FunctionBlockError: the call of the function meets an index out of range, or a loop goes beyond
+            `ITERATION_LIMIT` iterations.
     """
     code = python_source(checked, "_s")
     loads = [f"{python_name(n)} = {_load(f'_s.{python_name(n)}', n in code.modified_arrays)}" for n in code.reads]

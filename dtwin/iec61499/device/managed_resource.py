@@ -31,9 +31,9 @@ _MOVES: Final[dict[RequestAction, tuple[tuple[ResourceState, ...], ResourceState
     "KILL": (("RUNNING",), "KILLED"),
     "RESET": (("STOPPED", "KILLED"), "IDLE"),
 }
-"""From which states to which each command leads."""
+"""For every action the states that it is possible in, and the state that it leads to."""
 WATCHES: Final = 256
-"""ports of a resource that may be watched at once"""
+"""Most ports of a resource that are watched at once."""
 
 
 class Running(Protocol):
@@ -64,8 +64,12 @@ class ManagedResource:
     """One resource; every method raises ManagementError with FORTE's reason when it cannot do what it is asked.
 
     Args:
+        name: the resource's name.
+        type_name: the resource's type, which a QUERY tells.
+        library: finds the block types that requests name.
         launch: makes a network run; raises FunctionBlockError or CommunicationError when it cannot.
-        network: from a file; it can be started, stopped, read and written, but not changed.
+        network: a network from a file, which can be started, stopped, read and written, but not changed; None for one
+            that requests put together.
     """
 
     def __init__(
@@ -188,7 +192,7 @@ class ManagedResource:
         return _printed(_value(text, variable.type) if text else variable.type.default, variable.type)
 
     def watch(self, name: str) -> None:
-        """Has a port among those that `watched` tells."""
+        """Adds a port to those that `watched` reads."""
         self.read(name)
         if len(self._watched) >= WATCHES and name not in self._watched:
             raise ManagementError("OVERFLOW", f"{self.name} watches {WATCHES} ports already")

@@ -11,7 +11,7 @@ from dtwin.iec61499.files.block_types import split_condition
 from dtwin.iec61499.types import ArrayType, elementary
 
 Row = tuple[str, str, str]
-"""Condition on an event, Structured Text to run, event outputs to issue (separated by blanks)."""
+"""Transition condition, Structured Text to run, and event outputs to issue (separated by blanks)."""
 
 _EVENT: Final = re.compile(r"(\w+)(?:\(([^)]*)\))?")
 

@@ -13,18 +13,20 @@ from dtwin.iec61499.st.functions import common_type, widens
 from dtwin.iec61499.types import BOOL, DINT, ELEMENTARY, LREAL, STRING, TIME, WSTRING, DataType, ElementaryType
 
 PortGroup = tuple[int, str]
-"""A node and the generic type, or for service blocks the variable, whose ports take one type together."""
+"""A node's number, and the name of the generic type (for service interface blocks of the port) that is replaced."""
 
 
 def resolve(netlist: Netlist) -> None:
-    """Replaces every generic type of the netlist by the type its connections, else its literals, ask for.
+    """Replaces every generic type of the netlist by the type that its connections, else its literals, ask for.
 
-    The generic inputs and outputs of one name (ANY_NUM, say) of a block take one type together: that of the connected
-    sources, widened to their common type; else that of a connected destination; else that of a literal. Values of a
-    communication block each have their own. What nothing is connected to becomes a LREAL, DINT, BOOL, ...
+    A block's ports of one generic type (such as ANY_NUM) take one type together: that of the connected sources,
+    widened to their common type; else that of a connected destination; else that of a literal. Each value of a
+    communication block takes a type of its own. A port that nothing is connected to takes the first of DINT, LREAL,
+    BOOL, STRING and TIME that its generic type admits.
 
     Raises:
-        FunctionBlockError: types that cannot meet, or a generic type where there can be none; names file and line.
+        FunctionBlockError: connected types have no common type, or a composite has a generic port; names file
+            and line.
     """
     groups = _Groups(netlist)
     while groups.settle(netlist.data.values()):
@@ -91,7 +93,7 @@ class _Groups:
         return number, variable.name if own else str(variable.type)
 
     def type_at(self, port: Terminal) -> tuple[DataType | None, PortGroup | None]:
-        """The type of a port as far as known, and the group it belongs to if it is generic."""
+        """The port's type, None while it is unknown, and the group of a generic port, None for other ports."""
         variable = variable_at(self._nodes[port.node], port.name)
         if isinstance(variable.type, model.GenericType):
             group = self._group(port.node, variable)
@@ -99,7 +101,7 @@ class _Groups:
         return variable.type, None
 
     def settle(self, wires: Iterable[Wire]) -> bool:
-        """One pass over the links; whether a type became known or wider."""
+        """Makes one pass over the wires; returns whether a type became known or wider."""
         changed = False
         for wire in wires:
             source, source_group = self.type_at(wire.source)
@@ -119,7 +121,9 @@ class _Groups:
             return False
         if known is not None:
             if not (isinstance(known, ElementaryType) and isinstance(offered, ElementaryType)):
-                raise FunctionBlockError(f"{offered} cannot meet {known} there", wire.file, wire.line)
+                raise FunctionBlockError(
+                    f"{known} and {offered} at ports of one generic type: expected one type", wire.file, wire.line
+                )
             common = common_type(known, offered)
             if common is None:
                 raise FunctionBlockError(
@@ -145,7 +149,7 @@ class _Groups:
                     self._known[group] = literal_type(parameter.value, variable.type)
 
     def settle_by_meaning(self, wires: Iterable[Wire]) -> bool:
-        """Gives a type to the first link between two groups that nothing else reaches; whether there was one."""
+        """Gives a type to the first wire between two groups that have none; returns whether there was one."""
         for wire in wires:
             (_, source), (known, group) = self.type_at(wire.source), self.type_at(wire.destination)
             if source is not None and group is not None and known is None:

@@ -11,7 +11,7 @@ from dtwin.iec61499.types import DataType
 
 
 class BlockChecker:
-    """Knows the variables of a basic or simple block, whose types must not be generic."""
+    """Checks the text of one basic or simple block, none of whose variables may have a generic type."""
 
     def __init__(self, block: model.BasicFBType | model.SimpleFBType) -> None:
         self._file = block.header.file

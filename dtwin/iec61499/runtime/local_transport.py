@@ -36,12 +36,12 @@ class LocalTransport:
         return tuple(peer for peer in self._ports.get((_LISTENERS[port.kind], port.id), ()) if peer.is_open)
 
     def forget(self, port: CommunicationPort) -> None:
-        """Takes a port out."""
+        """Removes a port: its peers reach it no longer."""
         self._ports[port.kind, port.id].remove(port)
 
 
 class LocalChannel:
-    """A port's access to the transport."""
+    """One port's channel to its peers in process."""
 
     is_ready = True
 
