@@ -166,7 +166,7 @@ def _open(configuration: zenoh.Config) -> zenoh.Session:
         raise CommunicationError(f"cannot open a Zenoh session: {_line(error)}") from None
 
 
-class Publisher:
+class TopicPublisher:
     """Publishes the messages it is called with, and signs them if the cell has a key."""
 
     def __init__(self, publisher: zenoh.Publisher, signer: Signer | None) -> None:
@@ -261,7 +261,7 @@ class Bus:
         """Shows the service's token while the session lives."""
         self._declared.append(self._session.liveliness().declare_token(self.key(ALIVE, service)))
 
-    def publisher(self, topic: Topic, part: str = "*", *, lossless: bool = False) -> Publisher:
+    def publisher(self, topic: Topic, part: str = "*", *, lossless: bool = False) -> TopicPublisher:
         """Publishes messages of a topic, at once and before all other traffic.
 
         Args:
@@ -275,7 +275,7 @@ class Bus:
             priority=zenoh.Priority.REAL_TIME,
             express=True,
         )
-        return Publisher(publisher, Signer(self._key) if self._key else None)
+        return TopicPublisher(publisher, Signer(self._key) if self._key else None)
 
     def subscribe(self, topic: Topic, message: type[M], receive: Callable[[M], Any], part: str = "*") -> Subscription:
         """Calls `receive` with every valid message, on a thread of Zenoh's; it must return at once and not raise.

@@ -128,7 +128,7 @@ class Condition:
 
 
 @dataclass(frozen=True, slots=True)
-class Transition:
+class ConditionChange:
     """A condition that holds from a time (s) on; texts say which faults began and ended; slips: the box is lost."""
 
     time: float
@@ -137,7 +137,7 @@ class Transition:
     slips: bool
 
 
-def schedule(parameters: ArmParameters, faults: Iterable[Fault]) -> list[Transition]:
+def schedule(parameters: ArmParameters, faults: Iterable[Fault]) -> list[ConditionChange]:
     """All changes of condition, in order of time.
 
     Raises:
@@ -151,7 +151,7 @@ def schedule(parameters: ArmParameters, faults: Iterable[Fault]) -> list[Transit
         ended = [fault for fault in ordered if fault.end == time]
         condition = _compose(parameters, [fault for fault in ordered if fault.start <= time < fault.end])
         texts = (*(f"{fault} ended" for fault in ended), *(f"{fault} began" for fault in began))
-        transitions.append(Transition(time, condition, texts, any(fault.target == _SLIP for fault in began)))
+        transitions.append(ConditionChange(time, condition, texts, any(fault.target == _SLIP for fault in began)))
     return transitions
 
 

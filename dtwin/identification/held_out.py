@@ -15,7 +15,7 @@ from dtwin.parameters import ArmParameters
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Comparison:
+class HeldOutFit:
     """Measured and predicted angles of the same motion, (N, 3), rad, and their fit a joint."""
 
     measured: Array
@@ -23,7 +23,7 @@ class Comparison:
     fit: Array
 
 
-def compare(experiments: Sequence[Experiment], arm: ArmParameters, offset: Array) -> Comparison:
+def compare(experiments: Sequence[Experiment], arm: ArmParameters, offset: Array) -> HeldOutFit:
     """Predicts experiments with a model.
 
     Where the start of an experiment is not known, its initial state alone is estimated from it.
@@ -39,7 +39,7 @@ def compare(experiments: Sequence[Experiment], arm: ArmParameters, offset: Array
     predicted = [predict(experiment, arm, offset) for experiment in experiments]
     measured = np.concatenate([experiment.measured for experiment in experiments])
     together = np.concatenate(predicted)
-    return Comparison(measured, together, fit(measured, together))
+    return HeldOutFit(measured, together, fit(measured, together))
 
 
 def predict(experiment: Experiment, arm: ArmParameters, offset: Array) -> Array:

@@ -19,7 +19,7 @@ _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class StoredModel:
     """A stored model's name, revision from 1 on, and file."""
 
     name: str
@@ -40,7 +40,7 @@ class ModelStore:
     def __init__(self, folder: Path = STORE) -> None:
         self.folder = folder
 
-    def save(self, model: IdentifiedModel, name: str) -> Entry:
+    def save(self, model: IdentifiedModel, name: str) -> StoredModel:
         """Stores a model as the next revision of a name; two savers at once get two revisions.
 
         Raises:
@@ -69,12 +69,14 @@ class ModelStore:
             return []
         return sorted(path.name for path in self.folder.iterdir() if self.history(path.name))
 
-    def history(self, name: str) -> list[Entry]:
+    def history(self, name: str) -> list[StoredModel]:
         """All revisions of a name, oldest first; empty for an unknown name."""
         files = (self.folder / name).glob("[0-9]*.json")
-        return sorted((Entry(name, int(f.stem), f) for f in files if f.stem.isdigit()), key=lambda e: e.revision)
+        return sorted(
+            (StoredModel(name, int(f.stem), f) for f in files if f.stem.isdigit()), key=lambda e: e.revision
+        )
 
-    def find(self, reference: str) -> Entry:
+    def find(self, reference: str) -> StoredModel:
         """The model called NAME (its newest revision) or NAME@REVISION.
 
         Raises:
@@ -102,8 +104,8 @@ class ModelStore:
         """
         return read_model(self.find(reference).path)
 
-    def _entry(self, name: str, revision: int) -> Entry:
-        return Entry(name, revision, self.folder / name / f"{revision:04d}.json")
+    def _entry(self, name: str, revision: int) -> StoredModel:
+        return StoredModel(name, revision, self.folder / name / f"{revision:04d}.json")
 
 
 def check_name(name: str) -> None:

@@ -2,7 +2,7 @@
 
     sensors = plant.read(); voltages = controller.step(sensors); plant.apply(voltages); plant.advance(period)
 
-Nothing downstream re-enters the tick. Plant time comes from the plant; only `Pacer` knows the wall clock.
+Nothing downstream re-enters the tick. ControlledPlant time comes from the plant; only `Pacer` knows the wall clock.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ CHUNK = 100
 """ticks between two calls of `between`: one second of plant time"""
 
 
-class Plant(Protocol):
+class ControlledPlant(Protocol):
     """What is controlled; the emulation, or any other machine with the same signals."""
 
     def read(self) -> Sensors: ...
@@ -70,7 +70,7 @@ def tick_count(duration: float, period: float = PERIOD) -> int:
 
 
 def run(
-    plant: Plant,
+    plant: ControlledPlant,
     controller: Controller,
     ticks: int,
     *,

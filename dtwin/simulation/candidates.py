@@ -18,14 +18,14 @@ from typing import Any, Final, cast
 from dtwin.controller.settings import LAWS
 from dtwin.errors import ParameterError, choices
 from dtwin.parameters import PARAMETER_NAMES, Gains, Triple
-from dtwin.simulation.whatif import Case
+from dtwin.simulation.whatif import WhatIfCase
 
 _GAIN: Final = re.compile(r"(kp|ki|kd)([123]?)")
 _NUMBERS: Final = ("T", "box", "payload", "noise")
 KEYS: Final = ("T", "kp", "ki", "kd", "kp1 ... kd3", "law", "box", "payload", "noise", "K1 ... mu3")
 
 
-def vary(case: Case, text: str) -> Case:
+def vary(case: WhatIfCase, text: str) -> WhatIfCase:
     """The case with the changes that a text names, separated by blanks.
 
     Raises:
@@ -39,7 +39,7 @@ def vary(case: Case, text: str) -> Case:
     return case
 
 
-def _changed(case: Case, name: str, value: str) -> Case:
+def _changed(case: WhatIfCase, name: str, value: str) -> WhatIfCase:
     settings = case.settings
     if match := _GAIN.fullmatch(name):
         return replace(case, settings=replace(settings, gains=_gains(settings.gains, match[1], match[2], value)))

@@ -17,7 +17,7 @@ from dtwin.parameters import PARAMETER_NAMES, PLACES, ArmParameters, Triple
 from dtwin.simulation.figures import Figures, triple
 from dtwin.simulation.places import angles_of
 from dtwin.simulation.stability import spectral_radius
-from dtwin.simulation.whatif import Case, Simulator
+from dtwin.simulation.whatif import Simulator, WhatIfCase
 
 HIGHEST_GAINS: Final = {"kp": 1e5, "ki": 1e5, "kd": 1e3}
 """1/s^2, 1/s^3 and 1/s: a hundred times what is of use; a typing error more often than a wish"""
@@ -47,7 +47,7 @@ class Refused(ParameterError):
     """Settings that must not be uploaded; the message is the reason."""
 
 
-class Motion(NamedTuple):
+class CellMotion(NamedTuple):
     """One of the cell's motions: names of its places and whether a box is carried."""
 
     start: str
@@ -56,7 +56,9 @@ class Motion(NamedTuple):
 
 
 MOTIONS: Final = tuple(
-    motion for place in PLACES for motion in (Motion(PICKUP_NAME, place, True), Motion(place, PICKUP_NAME, False))
+    motion
+    for place in PLACES
+    for motion in (CellMotion(PICKUP_NAME, place, True), CellMotion(place, PICKUP_NAME, False))
 )
 
 
@@ -77,7 +79,7 @@ class Prediction:
     rms: float
     peak_volts: Triple
     saturated: float
-    worst: Motion
+    worst: CellMotion
     spectral_radius: float
 
 
@@ -96,7 +98,9 @@ class Checker:
         # Loads the compiled twin now: an upload shall not have to wait for it.
         self.check(ControlSettings(), ArmParameters(), MOTIONS[:1])
 
-    def check(self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion] = MOTIONS) -> Prediction:
+    def check(
+        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[CellMotion] = MOTIONS
+    ) -> Prediction:
         """What to expect of settings on an arm.
 
         Args:
@@ -123,7 +127,7 @@ class Checker:
         return replace(prediction, spectral_radius=radius)
 
     def predict(
-        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion] = MOTIONS
+        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[CellMotion] = MOTIONS
     ) -> Prediction:
         """What to expect of settings on an arm, good or bad; stability at rest is not looked at.
 
@@ -144,7 +148,7 @@ class Checker:
         return Prediction(triple(tracking.max(axis=0)), rms, triple(volts), saturated, worst, 0.0)
 
     def simulate(
-        self, settings: ControlSettings, arm: ArmParameters, box: float, motions: Sequence[Motion] = MOTIONS
+        self, settings: ControlSettings, arm: ArmParameters, box: float, motions: Sequence[CellMotion] = MOTIONS
     ) -> list[Figures]:
         """The figures of motions, with boxes of a mass (kg) where they carry one.
 
@@ -153,7 +157,7 @@ class Checker:
         """
         return [self._simulator.run(_case(motion, settings, arm, box)).figures for motion in motions]
 
-    def _stability(self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion]) -> float:
+    def _stability(self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[CellMotion]) -> float:
         worst = 0.0
         for motion in motions:
             payload = settings.payload if motion.carries else 0.0
@@ -168,8 +172,8 @@ class Checker:
         return worst
 
 
-def _case(motion: Motion, settings: ControlSettings, arm: ArmParameters, box: float) -> Case:
-    return Case(
+def _case(motion: CellMotion, settings: ControlSettings, arm: ArmParameters, box: float) -> WhatIfCase:
+    return WhatIfCase(
         motion.goal,
         settings,
         angles_of(motion.start),

@@ -15,7 +15,7 @@ from dtwin.errors import ParameterError, RecordingError
 from dtwin.parameters import PERIOD, ArmParameters, Triple
 from dtwin.run.recording import Log
 from dtwin.simulation.figures import SAME_ANGLE, Array, Figures, figures, fit
-from dtwin.simulation.whatif import Case, Outcome, Simulator
+from dtwin.simulation.whatif import SimulatedMotion, Simulator, WhatIfCase
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class Comparison:
     path: Array
     volts: Array
     figures: Figures
-    predicted: Outcome
+    predicted: SimulatedMotion
     fit: Triple
 
 
@@ -114,7 +114,7 @@ def compare(
     measured, path = log.stack("measured")[rows], log.stack("target")[rows]
     volts = log.stack("volts")[rows, :3]
     first, second, third = measured[0].tolist()
-    case = Case(
+    case = WhatIfCase(
         motion.goal,
         replace(settings, target_time=motion.target_time),
         (first, second, third),

@@ -16,11 +16,11 @@ from dtwin.controller.ports import BLOCKS
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import DivergenceError, ParameterError, choices
 from dtwin.parameters import ArmParameters, Gains
-from dtwin.simulation.checks import STABLE, Motion
+from dtwin.simulation.checks import STABLE, CellMotion
 from dtwin.simulation.figures import Array, Figures
 from dtwin.simulation.places import angles_of
 from dtwin.simulation.stability import spectral_radius
-from dtwin.simulation.whatif import Case, Simulator
+from dtwin.simulation.whatif import Simulator, WhatIfCase
 
 TERMS: Final = ("time", "tracking", "energy", "voltage")
 """settling time s, largest distance from the path rad, energy J a motion, peak voltage V"""
@@ -63,7 +63,7 @@ class Scenario:
         noise: rad, standard deviation of the encoder noise; a noisy motion is not asked to settle.
     """
 
-    motion: Motion
+    motion: CellMotion
     arm: ArmParameters
     payload: float
     noise: float = 0.0
@@ -104,7 +104,7 @@ class Objective:
             raise ParameterError("scenarios: expected at least one motion")
 
 
-class Score(msgspec.Struct, frozen=True):
+class Evaluation(msgspec.Struct, frozen=True):
     """How good settings are.
 
     Attributes:
@@ -124,7 +124,7 @@ class Score(msgspec.Struct, frozen=True):
     motions: int
 
 
-def score(objective: Objective, target_time: float, gains: Gains) -> Score:
+def evaluate(objective: Objective, target_time: float, gains: Gains) -> Evaluation:
     """Simulates the scenarios until one breaks a limit.
 
     Raises:
@@ -136,28 +136,28 @@ def score(objective: Objective, target_time: float, gains: Gains) -> Score:
         theta = angles_of(scenario.motion.goal)
         radius = spectral_radius(simulator.controller, settings, scenario.arm, scenario.payload, theta)
         if not radius < STABLE:
-            return Score(target_time, gains, {}, "stability", UNUSABLE * (_UNSTABLE + radius), 0)
+            return Evaluation(target_time, gains, {}, "stability", UNUSABLE * (_UNSTABLE + radius), 0)
     found: list[tuple[Scenario, Figures]] = []
     for done, scenario in enumerate(objective.scenarios, 1):
         try:
             outcome = simulator.run(_case(scenario, settings)).figures
         except DivergenceError:
-            return Score(target_time, gains, {}, "divergence", UNUSABLE * _UNSTABLE, done)
+            return Evaluation(target_time, gains, {}, "divergence", UNUSABLE * _UNSTABLE, done)
         broken, excess = _broken(outcome, objective.limits, must_settle=not scenario.noise)
         if broken:
             # The later the scenario that fails, the nearer the settings are to keeping all limits.
             left = 1.0 - (done - 1) / len(objective.scenarios)
-            return Score(target_time, gains, {}, broken, UNUSABLE * (1.0 + left + min(excess, _BAD)), done)
+            return Evaluation(target_time, gains, {}, broken, UNUSABLE * (1.0 + left + min(excess, _BAD)), done)
         found.append((scenario, outcome))
     terms = _terms(found, target_time)
     reference = objective.reference or terms
     total = sum(objective.weights.values())
     cost = sum(weight * terms[name] / reference[name] for name, weight in objective.weights.items()) / total
-    return Score(target_time, gains, terms, "", cost, len(found))
+    return Evaluation(target_time, gains, terms, "", cost, len(found))
 
 
 def scenarios_for(
-    motions: Sequence[Motion],
+    motions: Sequence[CellMotion],
     arm: ArmParameters,
     boxes: tuple[float, float],
     others: Sequence[ArmParameters] = (),
@@ -216,9 +216,9 @@ def _simulator(blocks: Path) -> Simulator:
     return Simulator(blocks)
 
 
-def _case(scenario: Scenario, settings: ControlSettings) -> Case:
+def _case(scenario: Scenario, settings: ControlSettings) -> WhatIfCase:
     motion = scenario.motion
-    return Case(
+    return WhatIfCase(
         motion.goal,
         settings,
         angles_of(motion.start),

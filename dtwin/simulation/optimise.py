@@ -25,7 +25,7 @@ from scipy.stats import qmc
 from dtwin.errors import ParameterError
 from dtwin.parameters import Gains
 from dtwin.simulation.figures import Array, triple
-from dtwin.simulation.objective import UNLIMITED, Objective, Score, score
+from dtwin.simulation.objective import UNLIMITED, Evaluation, Objective, evaluate
 
 POPULATION: Final = 40
 """candidates a generation, four a variable"""
@@ -46,9 +46,9 @@ class Optimum:
         seconds: wall time of the search, without starting the processes.
     """
 
-    best: Score
-    reference: Score
-    scores: tuple[Score, ...]
+    best: Evaluation
+    reference: Evaluation
+    scores: tuple[Evaluation, ...]
     seconds: float
 
     @property
@@ -56,7 +56,7 @@ class Optimum:
         """Simulated in all."""
         return sum(found.motions for found in self.scores)
 
-    def front(self, *terms: str) -> list[Score]:
+    def front(self, *terms: str) -> list[Evaluation]:
         """The usable candidates that no other beats in all of the terms (Pareto), by the first of them."""
         usable = [found for found in self.scores if not found.broken]
         values = np.array([[found.terms[term] for term in terms] for found in usable])
@@ -94,13 +94,13 @@ def optimise(
     check_search(target_times, candidates, processes)
     low, high = target_times
     base = objective.base
-    reference = score(replace(objective, limits=UNLIMITED), base.target_time, base.gains)
+    reference = evaluate(replace(objective, limits=UNLIMITED), base.target_time, base.gains)
     if reference.broken:
         raise ParameterError(f"the settings in use cannot be compared with: {reference.broken}")
     objective = replace(objective, reference=reference.terms)
     lower = np.log([low, *(value for value in LOWEST for _ in range(3))])
     upper = np.log([high, *(value for value in HIGHEST for _ in range(3))])
-    scores: list[Score] = []
+    scores: list[Evaluation] = []
 
     def judge(pool: Executor | None, _: Any, rows: Iterable[Array]) -> list[float]:
         points = [tuple(row.tolist()) for row in np.atleast_2d(np.array(list(rows)))]
@@ -157,9 +157,9 @@ def _first_generation(lower: Array, upper: Array, target_time: float, gains: Gai
     return np.clip(rows, lower, upper)
 
 
-def _judge(objective: Objective, point: Sequence[float]) -> Score:
+def _judge(objective: Objective, point: Sequence[float]) -> Evaluation:
     target_time, *gains = (math.exp(value) for value in point)
-    return score(objective, target_time, Gains(triple(gains[:3]), triple(gains[3:6]), triple(gains[6:])))
+    return evaluate(objective, target_time, Gains(triple(gains[:3]), triple(gains[3:6]), triple(gains[6:])))
 
 
 def _unused(_: Array) -> float:

@@ -8,7 +8,7 @@ from typing import Final, Literal
 from dtwin.parameters import Triple
 from dtwin.simulation.figures import SAME_ANGLE, triple
 
-Verdict = Literal["running", "passed", "failed"]
+TrialState = Literal["running", "passed", "failed"]
 
 
 INTERIM: Final = 3.0
@@ -66,7 +66,7 @@ class Trial:
         self._counts = False
         self._seen = self._calm = self._beyond = 0
 
-    def observe(self, time: float, path: Triple, measured: Triple) -> Verdict:
+    def observe(self, time: float, path: Triple, measured: Triple) -> TrialState:
         """Judges a sample: plant time s, path and measured angles rad.
 
         A path starts where the arm is measured to be, which tells its first sample from all others.

@@ -32,7 +32,7 @@ LONGEST: Final = 600.0
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class WhatIfCase:
     """One motion to try.
 
     Attributes:
@@ -81,7 +81,7 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Outcome:
+class SimulatedMotion:
     """A simulated motion; sample k is at k times 10 ms.
 
     Attributes:
@@ -94,7 +94,7 @@ class Outcome:
         figures: what it came to.
     """
 
-    case: Case
+    case: WhatIfCase
     target: Triple
     states: Array
     measured: Array
@@ -134,7 +134,7 @@ class TwinArm:
         ticks: how many the motion has.
     """
 
-    def __init__(self, case: Case, ticks: int) -> None:
+    def __init__(self, case: WhatIfCase, ticks: int) -> None:
         self.states = np.empty((ticks + 1, 6))
         self.states[0] = (*case.theta, *case.omega)
         self._vector = np.array(case.arm.vector())
@@ -167,7 +167,7 @@ class Simulator:
     def __init__(self, blocks: Path = BLOCKS) -> None:
         self.controller = MotionController(blocks)
 
-    def run(self, case: Case, arm_of: Callable[[Case, int], Arm] = TwinArm) -> Outcome:
+    def run(self, case: WhatIfCase, arm_of: Callable[[WhatIfCase, int], Arm] = TwinArm) -> SimulatedMotion:
         """Simulates a motion.
 
         Args:
@@ -199,7 +199,7 @@ class Simulator:
         states, target = arm.states, controller.target()
         desired, applied = np.array(path), np.array(commands)
         came_to = figures(states[:, :3], states[:, 3:], desired, applied, target, case.arm.voltage_constant)
-        return Outcome(case, target, states, np.array(samples), desired, applied, came_to)
+        return SimulatedMotion(case, target, states, np.array(samples), desired, applied, came_to)
 
 
 def _measure(encoders: Encoders, theta: Triple) -> Triple:

@@ -26,7 +26,7 @@ class Waiting:
 
 
 @dataclass(frozen=True, slots=True)
-class Transport:
+class Grasp:
     """The arm holds a box in the ticks `start` to `end` - 1; `end` is None when the log ends before."""
 
     start: int
@@ -51,7 +51,7 @@ def waiting(log: Log) -> list[Waiting]:
     return [Waiting(int(tick), str(colours[tick])) for tick in (0, *changes)]
 
 
-def transports(log: Log) -> list[Transport]:
+def grasps(log: Log) -> list[Grasp]:
     """The boxes carried, in order.
 
     A box is held while the grip is commanded and there is a payload: the command alone may miss the box, a payload
@@ -64,17 +64,17 @@ def transports(log: Log) -> list[Transport]:
     for start, end in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True):
         last_seen = int(seen[max(int(start) - 1, 0)])
         colour = str(log.columns["box_colour"][last_seen]) if last_seen >= 0 else NO_COLOUR
-        found.append(Transport(int(start), int(end) if end < len(log) else None, colour))
+        found.append(Grasp(int(start), int(end) if end < len(log) else None, colour))
     return found
 
 
-def placements(carried: Sequence[Transport], released_at: NDArray[np.float64]) -> list[Placed]:
-    """Where the finished transports ended.
+def placements(carried: Sequence[Grasp], released_at: NDArray[np.float64]) -> list[Placed]:
+    """Where the finished grasps ended.
 
     Args:
-        released_at: position of the tip at the end of every finished transport, shape (finished, 3), m.
+        released_at: position of the tip at the end of every finished grasp, shape (finished, 3), m.
     """
-    finished = [(transport.end, transport.colour) for transport in carried if transport.end is not None]
+    finished = [(grasp.end, grasp.colour) for grasp in carried if grasp.end is not None]
     return [
         Placed(tick, colour, position, _place_at(position))
         for (tick, colour), position in zip(finished, released_at, strict=True)

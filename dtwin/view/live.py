@@ -13,7 +13,7 @@ import rerun as rr
 
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log, concatenate, ensure_writable
-from dtwin.view.boxes import transports, waiting
+from dtwin.view.boxes import grasps, waiting
 from dtwin.view.layout import live_blueprint
 from dtwin.view.monitoring import (
     Opinion,
@@ -98,7 +98,7 @@ class LiveView:
             return
         before = [] if self._states is None else [self._states]
         self._states = concatenate([*before, changes], {})
-        waits, carried = waiting(self._states), transports(self._states)
+        waits, carried = waiting(self._states), grasps(self._states)
         self._scene.log_boxes(self._stream, self._states, waits, carried)
         log_states(self._stream, self._states, waits, carried)
 

@@ -19,7 +19,7 @@ from dtwin.parameters import PLACES, ArmParameters
 from dtwin.run.recording import Log
 from dtwin.signals import NO_COLOUR
 from dtwin.view import style
-from dtwin.view.boxes import Placed, Transport, Waiting, placements
+from dtwin.view.boxes import Grasp, Placed, Waiting, placements
 from dtwin.view.kinematics import Pose, body_poses
 from dtwin.view.series import TIMELINE, time_column
 
@@ -92,21 +92,21 @@ class Scene:
         stream.send_columns(TRAIL, indexes=[times], columns=positions)
 
     def log_boxes(
-        self, stream: rr.RecordingStream, log: Log, waiting: Sequence[Waiting], transports: Sequence[Transport]
+        self, stream: rr.RecordingStream, log: Log, waiting: Sequence[Waiting], grasps: Sequence[Grasp]
     ) -> None:
         """Sends the boxes that wait, that are held and that were placed last, and how many each place got."""
         t = log.columns["t"]
         centre = np.zeros(3)
 
         held: list[tuple[int, list[_Spot]]] = [(0, [])]
-        for transport in transports:
-            held.append((transport.start, [(transport.colour, centre)]))
-            if transport.end is not None:
-                held.append((transport.end, []))
+        for grasp in grasps:
+            held.append((grasp.start, [(grasp.colour, centre)]))
+            if grasp.end is not None:
+                held.append((grasp.end, []))
         waits = [(w.tick, [(w.colour, centre)] if w.colour != NO_COLOUR else []) for w in waiting]
 
-        ends = [transport.end for transport in transports if transport.end is not None]
-        placed = placements(transports, self._poses(log, ends)[self._tip].position)
+        ends = [grasp.end for grasp in grasps if grasp.end is not None]
+        placed = placements(grasps, self._poses(log, ends)[self._tip].position)
 
         self._send_boxes(stream, "waiting", t, waits, self._pickup)
         self._send_boxes(stream, "held", t, held, self._tip)

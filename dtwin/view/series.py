@@ -14,7 +14,7 @@ from dtwin.parameters import PLACES, VOLTAGE_LIMIT
 from dtwin.run.recording import Log
 from dtwin.signals import NO_COLOUR, Event
 from dtwin.view import style
-from dtwin.view.boxes import Transport, Waiting
+from dtwin.view.boxes import Grasp, Waiting
 
 TIMELINE: Final = "plant_time"
 ANGLES: Final = "angles"
@@ -107,15 +107,13 @@ def log_plots(stream: rr.RecordingStream, log: Log) -> None:
         stream.send_columns(plot.entity, indexes=[times], columns=rr.Scalars.columns(scalars=plot.values(log)))
 
 
-def log_states(
-    stream: rr.RecordingStream, log: Log, waiting: Sequence[Waiting], transports: Sequence[Transport]
-) -> None:
+def log_states(stream: rr.RecordingStream, log: Log, waiting: Sequence[Waiting], grasps: Sequence[Grasp]) -> None:
     """Sends which box waits and which is held, as lanes of colours over time."""
     held = [(0, NO_COLOUR)]
-    for transport in transports:
-        held.append((transport.start, transport.colour))
-        if transport.end is not None:
-            held.append((transport.end, NO_COLOUR))
+    for grasp in grasps:
+        held.append((grasp.start, grasp.colour))
+        if grasp.end is not None:
+            held.append((grasp.end, NO_COLOUR))
     lanes = {"waiting": [(change.tick, change.colour) for change in waiting], "held": held}
     for name, changes in lanes.items():
         entity = f"{STATES}/{name}"

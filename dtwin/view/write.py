@@ -12,7 +12,7 @@ import rerun as rr
 from dtwin.errors import RecordingError
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import COLUMNS, Log, replacing
-from dtwin.view.boxes import transports, waiting
+from dtwin.view.boxes import grasps, waiting
 from dtwin.view.layout import blueprint
 from dtwin.view.scene import Scene
 from dtwin.view.series import log_events, log_limits, log_plots, log_states, log_styles
@@ -47,7 +47,7 @@ def write_recording(log: Log, model_file: Path, path: Path, arm: ArmParameters =
 
 def log_run(stream: rr.RecordingStream, scene: Scene, log: Log) -> None:
     """Sends everything there is to see of a log."""
-    waits, carried = waiting(log), transports(log)
+    waits, carried = waiting(log), grasps(log)
     scene.log_geometry(stream, float(log.columns["t"][0]))
     log_styles(stream)
     log_limits(stream, log)

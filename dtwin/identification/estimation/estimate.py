@@ -47,7 +47,7 @@ _UNEQUAL: Final = 1.2
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class EstimationSettings:
     """How to estimate.
 
     Attributes:
@@ -136,7 +136,7 @@ class Estimate:
         return float(count * np.sum(np.log(variances)) + len(self.x) * math.log(3 * count))
 
 
-def identify(experiments: Sequence[Experiment], settings: Settings) -> Estimate:
+def identify(experiments: Sequence[Experiment], settings: EstimationSettings) -> Estimate:
     """Estimates parameters, offsets and unknown initial states from experiments, together.
 
     Raises:
@@ -213,7 +213,7 @@ class _Found(NamedTuple):
     shape: float = 2.0
 
 
-def _best_start(problem: Problem, settings: Settings) -> tuple[_Found, int]:
+def _best_start(problem: Problem, settings: EstimationSettings) -> tuple[_Found, int]:
     """The lowest minimum over starting points, until its residuals are white or several starts agree on it."""
     generator = np.random.default_rng(settings.seed)
     level = max(EXACT, *(float(quality.noise(experiment.measured).mean()) for experiment in problem.experiments))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from dtwin.identification.data import Experiment
-from dtwin.identification.estimation.estimate import Estimate, Settings, identify
+from dtwin.identification.estimation.estimate import Estimate, EstimationSettings, identify
 from dtwin.identification.estimation.problem import symbol
 
 Friction = Literal["viscous", "coulomb", "both"]
@@ -38,7 +38,7 @@ class Choice:
         return min(candidates, key=lambda name: candidates[name].bic)
 
 
-def with_friction(settings: Settings, friction: Friction) -> Settings:
+def with_friction(settings: EstimationSettings, friction: Friction) -> EstimationSettings:
     """The settings with a friction law's coefficients free and the other law's absent."""
     wanted = _SYMBOLS[friction]
     others = tuple(name for name in settings.free if symbol(name) not in ("D", "mu"))
@@ -54,7 +54,7 @@ def with_friction(settings: Settings, friction: Friction) -> Settings:
     )
 
 
-def choose(experiments: Sequence[Experiment], settings: Settings) -> Choice:
+def choose(experiments: Sequence[Experiment], settings: EstimationSettings) -> Choice:
     """Fits every friction law.
 
     Raises:

@@ -13,7 +13,7 @@ from dtwin.errors import DivergenceError, IdentificationError
 from dtwin.identification.estimation.estimate import covariance
 from dtwin.identification.estimation.identifiability import Identifiability, analyse
 from dtwin.identification.estimation.problem import Problem
-from dtwin.identification.excitation.signal import Excitation, Plan, Ticks
+from dtwin.identification.excitation.plan import Excitation, Plan, Ticks
 from dtwin.parameters import ArmParameters, Triple, scaled
 
 UNITS: Final = (2, 45)
@@ -29,7 +29,7 @@ _EXPLORED: Final = 0.4
 
 
 @dataclass(frozen=True, slots=True)
-class Prediction:
+class CramerRaoBounds:
     """The Cramer-Rao bound of experiments under Gaussian noise, encoder offsets unknown.
 
     Attributes:
@@ -51,7 +51,7 @@ class Prediction:
         return math.inf if any(map(math.isnan, values)) else max(values, default=0.0)
 
 
-def predict(plans: Sequence[Plan], free: tuple[str, ...], arm: ArmParameters, deviation: float) -> Prediction:
+def predict(plans: Sequence[Plan], free: tuple[str, ...], arm: ArmParameters, deviation: float) -> CramerRaoBounds:
     """The bounds on the free parameters from all planned experiments together, if the arm is `arm`.
 
     Args:
@@ -71,7 +71,7 @@ def predict(plans: Sequence[Plan], free: tuple[str, ...], arm: ArmParameters, de
     bounds = dict(zip(problem.shared, errors.tolist(), strict=True))
     first, second, third = np.max(motions, axis=0).tolist()
     relative = {name: bounds[name] / arm.get(name) if arm.get(name) else bounds[name] for name in free}
-    return Prediction(bounds, relative, identifiability, (first, second, third))
+    return CramerRaoBounds(bounds, relative, identifiability, (first, second, third))
 
 
 def optimise(

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dtwin.controller.excitation import ExcitationController
 from dtwin.emulation.encoders import Encoders, NoiseKind
 from dtwin.emulation.plant import Plant
 from dtwin.identification.data import Experiment
-from dtwin.identification.excitation.blocks import SignalBlocks
-from dtwin.identification.excitation.signal import Plan
+from dtwin.identification.excitation.plan import Plan
 from dtwin.parameters import PERIOD, ArmParameters
 
 
@@ -35,13 +35,13 @@ class Rig:
         """Standard deviation of the encoder noise, rad."""
         return self.noise * {"none": 0.0, "gaussian": 1.0, "uniform": 12**-0.5}[self.noise_kind]
 
-    def measure(self, plan: Plan, blocks: SignalBlocks, generator: np.random.Generator) -> Experiment:
+    def measure(self, plan: Plan, controller: ExcitationController, generator: np.random.Generator) -> Experiment:
         """Makes the experiment on the emulated arm under the function blocks' signal.
 
         Args:
-            plan: of the experiment.
-            blocks: the control application.
-            generator: of the noise.
+            plan: the experiment to make.
+            controller: the control application, which plays the signal.
+            generator: source of the encoder noise.
 
         Raises:
             ParameterError: a number is out of range. DivergenceError: the arm left the finite numbers.
@@ -54,11 +54,12 @@ class Rig:
         else:
             plant.set_payload(load)
         encoders = Encoders(self.noise_kind, self.noise, generator)
-        blocks.begin(plan.signal, plan.samples)
+        signal = plan.signal
+        controller.begin(signal.amplitude, signal.unit, signal.delay, plan.samples)
         measured, volts = np.empty((plan.samples, 3)), np.empty((plan.samples, 3))
         for k in range(plan.samples):
             first, second, third, gripper = encoders.measure(plant.angles, plant.time)
-            command = blocks.step((first, second, third), gripper)
+            command = controller.step((first, second, third), gripper)
             measured[k], volts[k] = (first, second, third), command[:3]
             plant.apply(command)
             plant.advance(PERIOD)

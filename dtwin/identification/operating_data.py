@@ -14,7 +14,7 @@ import numpy as np
 from dtwin.bus.pairs import WAITING, Pairs
 from dtwin.errors import IdentificationError
 from dtwin.identification.data import Experiment
-from dtwin.identification.estimation.estimate import Estimate, Settings, identify
+from dtwin.identification.estimation.estimate import Estimate, EstimationSettings, identify
 from dtwin.identification.estimation.problem import Prior
 from dtwin.identification.held_out import compare
 from dtwin.identification.model import IdentifiedModel, from_estimate
@@ -31,7 +31,7 @@ MOVED: Final = 0.1
 """rad that a joint must move in a piece: an arm at rest says nothing of friction"""
 
 
-class Passing:
+class OperatingData:
     """The last ticks of a running cell: samples with the commands that answer them."""
 
     def __init__(self) -> None:
@@ -73,7 +73,9 @@ class Passing:
         return found
 
 
-def renewed(known: ArmParameters, errors: dict[str, float], free: Sequence[str], anew: Sequence[str]) -> Settings:
+def renewed(
+    known: ArmParameters, errors: dict[str, float], free: Sequence[str], anew: Sequence[str]
+) -> EstimationSettings:
     """Settings that estimate some parameters of a known arm anew.
 
     Args:
@@ -89,10 +91,12 @@ def renewed(known: ArmParameters, errors: dict[str, float], free: Sequence[str],
     if strangers := [name for name in unknown if name not in free]:
         raise IdentificationError(f"--anew {strangers[0]}: expected some of the free parameters, {', '.join(free)}")
     priors = {name: Prior(known.get(name), errors[name]) for name in free if name not in unknown and name in errors}
-    return Settings(tuple(name for name in free if name in unknown or name in priors), known, priors=priors)
+    return EstimationSettings(tuple(name for name in free if name in unknown or name in priors), known, priors=priors)
 
 
-def estimate_from(pieces: Sequence[Experiment], settings: Settings, source: str) -> tuple[Estimate, IdentifiedModel]:
+def estimate_from(
+    pieces: Sequence[Experiment], settings: EstimationSettings, source: str
+) -> tuple[Estimate, IdentifiedModel]:
     """Estimates from all pieces but the last, which judges the model.
 
     Raises:

@@ -7,7 +7,7 @@ from typing import Final
 
 from dtwin.errors import IdentificationError
 from dtwin.identification.data import Experiment
-from dtwin.identification.excitation.signal import Excitation
+from dtwin.identification.excitation.plan import Excitation
 from dtwin.parameters import PERIOD, Triple
 from dtwin.signals import Sensors, Voltages
 
@@ -18,7 +18,7 @@ _MOST_HELD: Final = 0.1
 
 
 @dataclass
-class Collector:
+class SignalCollector:
     """Pairs samples with the commands that answer them, from the first command of the signal to its last.
 
     Attributes:

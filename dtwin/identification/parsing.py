@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from dtwin.errors import ParameterError
-from dtwin.identification.estimation.estimate import Loss, Settings
+from dtwin.identification.estimation.estimate import EstimationSettings, Loss
 from dtwin.identification.estimation.friction import START_COULOMB
 from dtwin.identification.estimation.problem import START, Prior, symbol
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
@@ -57,7 +57,7 @@ def settings_for(
     priors: Sequence[str] = (),
     loss: Loss = "adaptive",
     seed: int = 0,
-) -> Settings:
+) -> EstimationSettings:
     """Settings that estimate what `free` says from the usual start values.
 
     Args:
@@ -73,4 +73,4 @@ def settings_for(
     names = free_names(free)
     starts = {name: START_COULOMB if symbol(name) == "mu" else START.get(name) for name in names}
     arm = (known or ArmParameters()).with_values(starts)
-    return Settings(names, arm, priors=dict(map(prior, priors)), loss=loss, seed=seed)
+    return EstimationSettings(names, arm, priors=dict(map(prior, priors)), loss=loss, seed=seed)
