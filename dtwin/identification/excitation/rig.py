@@ -1,4 +1,4 @@
-"""A simulated experiment: the emulated arm, at rest, moved by the signal of the function blocks."""
+"""A simulated experiment: the emulated arm starts at rest and is moved by the signal of the function blocks."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from dtwin.parameters import PERIOD, ArmParameters
 
 @dataclass(frozen=True, slots=True)
 class Rig:
-    """The arm an experiment is made on, and what the plan does not know of it.
+    """The test rig of an experiment: an emulated arm with properties that the plan does not know.
 
     Attributes:
-        arm: the true arm.
+        arm: true parameters of the arm.
         noise: magnitude N of the encoder noise, rad.
-        noise_kind: "uniform" (of mean N/2), "gaussian" (standard deviation N) or "none".
-        excess_payload: by how much the load is heavier than planned, kg.
+        noise_kind: "uniform" (mean N/2), "gaussian" (standard deviation N) or "none".
+        excess_payload: mass by which the load is heavier than planned, kg.
     """
 
     arm: ArmParameters = field(default_factory=ArmParameters)
@@ -36,15 +36,16 @@ class Rig:
         return self.noise * {"none": 0.0, "gaussian": 1.0, "uniform": 12**-0.5}[self.noise_kind]
 
     def measure(self, plan: Plan, controller: ExcitationController, generator: np.random.Generator) -> Experiment:
-        """Makes the experiment on the emulated arm under the function blocks' signal.
+        """Makes a planned experiment on the emulated arm.
 
         Args:
-            plan: the experiment to make.
-            controller: the control application, which plays the signal.
-            generator: source of the encoder noise.
+            plan: plan of the experiment.
+            controller: control application, which plays the signal.
+            generator: random generator of the encoder noise.
 
         Raises:
-            ParameterError: a number is out of range. DivergenceError: the arm left the finite numbers.
+            ParameterError: a number is out of range.
+            DivergenceError: the state of the arm is no longer finite.
         """
         plant = Plant(self.arm)
         plant.reset(plan.start.theta, plan.start.omega)
