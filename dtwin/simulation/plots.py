@@ -1,4 +1,4 @@
-"""Pictures of motions, as PNG."""
+"""Pictures of motions as PNG files."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ MEASURED: Final = "#444444"
 
 
 def draw_motions(outcomes: Mapping[str, SimulatedMotion], path: Path, comparison: Comparison | None = None) -> None:
-    """Draws angles with their planned path, distance from the path and volts, a column a joint.
+    """Draws angles with their planned path, distances from the path and voltages, one column for each joint.
 
     Args:
-        outcomes: by name.
-        path: of the PNG.
-        comparison: a measured motion to draw beneath.
+        outcomes: simulated motions by name.
+        path: path of the PNG file.
+        comparison: a measured motion to draw beneath the simulated ones, or None.
 
     Raises:
         RecordingError: the path cannot be written.
@@ -66,7 +66,7 @@ def _one(angle: Axes, error: Axes, volts: Axes, joint: int, name: str, outcome: 
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Writes a figure as PNG, whole or not at all, equal bytes for equal figures.
+    """Writes a figure as a PNG file, which appears complete or not at all; equal figures give equal bytes.
 
     Raises:
         RecordingError: the path cannot be written.

@@ -17,7 +17,7 @@ import numpy as np
 
 from dtwin.errors import DivergenceError, ParameterError, choices
 from dtwin.identification.data import Array, Experiment
-from dtwin.identification.estimation.solver import Normal
+from dtwin.identification.estimation.solver import NormalEquations
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
 from dtwin.twin.rollout import rollout
 from dtwin.twin.sensitivity import STATE_NAMES, sensitivities
@@ -48,7 +48,7 @@ class Prior:
         deviation: standard deviation, SI units.
 
     Raises:
-        ParameterError: the mean is not finite, or the deviation is not finite and above 0.
+        ParameterError: the mean is not finite, or the deviation is not above 0.
     """
 
     mean: float
@@ -206,7 +206,7 @@ class Problem:
             total += float(np.vdot(residual, residual))
         return total
 
-    def normal(self, x: Array, weights: Sequence[Array]) -> Normal | None:
+    def normal(self, x: Array, weights: Sequence[Array]) -> NormalEquations | None:
         """Weighted sum of squares with gradient and Gauss-Newton matrix; None where the twin diverges."""
         try:
             derivatives = self.derivatives(x)
@@ -224,13 +224,13 @@ class Problem:
             gradient += weighted.T @ residual
             hessian += weighted.T @ weighted
             residuals += residual.size
-        return Normal(cost, gradient, hessian, residuals)
+        return NormalEquations(cost, gradient, hessian, residuals)
 
     def sensitivity(self, x: Array, weights: Sequence[Array]) -> Array:
         """Weighted derivatives (R, n) by the shared unknowns, projected off the unknown initial states.
 
-        With this matrix S, S^T S is the Fisher information of the shared unknowns; working with S itself keeps twice as
-        many digits. Priors add rows.
+        With this matrix S, S^T S is the Fisher information of the shared unknowns; working with S itself keeps twice
+        as many digits. Priors add rows.
         """
         shared = len(self.shared)
         blocks = [np.diag(self.prior(x)[1][:shared])[: len(self.free)]] if self.priors else []

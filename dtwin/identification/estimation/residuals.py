@@ -68,9 +68,9 @@ def fit(measured: Array, predicted: Array) -> Array:
 def shape(residuals: Array) -> float:
     """Exponent p of the exponential-power density exp(-|r|^p) that has the kurtosis of the residuals.
 
-    The exponent is 2 (Gaussian noise) unless the kurtosis is significantly below that of Gaussian noise. Uniform noise,
-    which has no finite exponent, gives the largest one allowed, 6 (Box and Tiao, Bayesian Inference in Statistical
-    Analysis, 1973, ch. 3).
+    The exponent is 2 (Gaussian noise) unless the kurtosis is significantly below that of Gaussian noise. Uniform
+    noise, which has no finite exponent, gives the largest one allowed, 6 (Box and Tiao, Bayesian Inference in
+    Statistical Analysis, 1973, ch. 3).
     """
     centred = residuals - residuals.mean()
     kurtosis = float(np.mean(centred**4) / np.mean(centred**2) ** 2)

@@ -30,7 +30,7 @@ _ROUNDING: Final = 1e-28
 
 
 @dataclass(frozen=True, slots=True)
-class Normal:
+class NormalEquations:
     """A sum of squares at a point, with the matrices of the normal equations.
 
     Attributes:
@@ -58,13 +58,13 @@ class Minimum:
     """
 
     x: Array
-    normal: Normal
+    normal: NormalEquations
     converged: bool
     iterations: int
 
 
 def minimise(
-    linearise: Callable[[Array], Normal | None],
+    linearise: Callable[[Array], NormalEquations | None],
     cost: Callable[[Array], float],
     start: Array,
     lower: Array,
@@ -118,7 +118,7 @@ def minimise(
     return Minimum(x, normal, False, iterations)
 
 
-def _step(normal: Normal, damping: Array, loose: NDArray[np.intp]) -> Array:
+def _step(normal: NormalEquations, damping: Array, loose: NDArray[np.intp]) -> Array:
     """The step -(J^T J + diag(damping))^-1 J^T r of the unknowns that no bound holds, and 0 for the others."""
     step = np.zeros_like(normal.gradient)
     if loose.size:
@@ -127,6 +127,6 @@ def _step(normal: Normal, damping: Array, loose: NDArray[np.intp]) -> Array:
     return step
 
 
-def _small(decrease: float, normal: Normal, power: float) -> bool:
+def _small(decrease: float, normal: NormalEquations, power: float) -> bool:
     freedom = max(1, normal.residuals - len(normal.gradient))
     return decrease <= max(_STATISTICAL * normal.cost / freedom, _ROUNDING * power)
