@@ -40,7 +40,15 @@ _NO_BOX: Final = "none"
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """Lines of one entity: a name and colour each, one width, and their values, shape (ticks, lines)."""
+    """The lines of one entity.
+
+    Attributes:
+        entity: path of the entity.
+        names: names of the lines.
+        colours: colours of the lines.
+        width: width of all lines, in points of the user interface.
+        values: returns the values of the lines for a log, shape (ticks, lines).
+    """
 
     entity: str
     names: Sequence[str]
@@ -82,7 +90,7 @@ LIMITS: Final = Plot(
 
 
 def time_column(t: ArrayLike) -> rr.TimeColumn:
-    """Plant times in s on the recording's time line, rounded to whole nanoseconds."""
+    """Plant times (s) on the time line of the recording, rounded to whole nanoseconds."""
     nanoseconds = np.round(np.asarray(t, dtype=np.float64) * 1e9)
     return rr.TimeColumn(TIMELINE, duration=nanoseconds.astype("timedelta64[ns]"))
 
@@ -95,7 +103,7 @@ def log_styles(stream: rr.RecordingStream) -> None:
 
 
 def log_limits(stream: rr.RecordingStream, log: Log) -> None:
-    """Sends the limits of the voltages as lines from end to end of a log."""
+    """Sends the limits of the voltages as lines from the start to the end of a log."""
     times = time_column(log.columns["t"][[0, -1]])
     stream.send_columns(LIMITS.entity, indexes=[times], columns=rr.Scalars.columns(scalars=LIMITS.values(log)))
 
@@ -149,6 +157,6 @@ def log_events(stream: rr.RecordingStream, events: Sequence[Event]) -> None:
 
 
 def _told(event: Event) -> str:
-    """What an event says; what the monitor says needs its kind with it."""
+    """The text of an event; that of an event of the monitor starts with its kind."""
     by, _, kind = event.kind.partition("_")
     return f"monitor: {kind}: {event.text}" if by == "monitor" else event.text
