@@ -1,8 +1,9 @@
-"""The bus that joins the services: a Zenoh session with typed topics. Nothing else in the project knows Zenoh.
+"""The bus that joins the services: a Zenoh session with typed topics. Nothing else in the project uses Zenoh.
 
-Without a configuration file the sessions are peers on the loopback interface and need no broker: whoever comes first
-listens at the rendezvous and receives the others, who then know and join each other directly. When the first one goes
-the others stay joined, and the next one to come takes its place. Nobody looks for others by multicast.
+Without a configuration file the sessions are peers on the loopback interface and need no broker. The first session
+listens at the rendezvous endpoint and accepts the others, which then learn of each other and connect directly. When
+the first one ends, the others stay connected and the next new session listens in its place. There is no discovery by
+multicast.
 """
 
 from __future__ import annotations
