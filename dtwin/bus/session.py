@@ -168,7 +168,7 @@ def _open(configuration: zenoh.Config) -> zenoh.Session:
         raise CommunicationError(f"cannot open a Zenoh session: {_line(error)}") from None
 
 
-class TopicPublisher:
+class Publisher:
     """Publishes messages of one topic: called with a message, it sends it, signed if the cell has a key."""
 
     def __init__(self, publisher: zenoh.Publisher, signer: Signer | None) -> None:
@@ -263,7 +263,7 @@ class Bus:
         """Declares the liveliness token of a service, which lasts as long as the session."""
         self._declared.append(self._session.liveliness().declare_token(self.key(ALIVE, service)))
 
-    def publisher(self, topic: Topic, part: str = "*", *, lossless: bool = False) -> TopicPublisher:
+    def publisher(self, topic: Topic, part: str = "*", *, lossless: bool = False) -> Publisher:
         """A publisher of a topic, whose messages go out at once and before all other traffic.
 
         Args:
@@ -279,7 +279,7 @@ class Bus:
             priority=zenoh.Priority.REAL_TIME,
             express=True,
         )
-        return TopicPublisher(publisher, Signer(self._key) if self._key else None)
+        return Publisher(publisher, Signer(self._key) if self._key else None)
 
     def subscribe(self, topic: Topic, message: type[M], receive: Callable[[M], Any], part: str = "*") -> Subscription:
         """Calls `receive` with every valid message of a topic.

@@ -15,7 +15,7 @@ from dtwin.parameters import ArmParameters
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HeldOutFit:
+class Comparison:
     """How well a model predicts held-out data.
 
     Attributes:
@@ -29,7 +29,7 @@ class HeldOutFit:
     fit: Array
 
 
-def compare(experiments: Sequence[Experiment], arm: ArmParameters, offset: Array) -> HeldOutFit:
+def compare(experiments: Sequence[Experiment], arm: ArmParameters, offset: Array) -> Comparison:
     """Compares held-out experiments with the predictions of a model.
 
     Where the initial state of an experiment is unknown, it alone is estimated from the experiment.
@@ -46,7 +46,7 @@ def compare(experiments: Sequence[Experiment], arm: ArmParameters, offset: Array
     predicted = [predict(experiment, arm, offset) for experiment in experiments]
     measured = np.concatenate([experiment.measured for experiment in experiments])
     together = np.concatenate(predicted)
-    return HeldOutFit(measured, together, fit(measured, together))
+    return Comparison(measured, together, fit(measured, together))
 
 
 def predict(experiment: Experiment, arm: ArmParameters, offset: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from dtwin.identification.data import Array
 from dtwin.identification.estimation.estimate import NINETY_FIVE, Estimate
-from dtwin.identification.held_out import HeldOutFit
+from dtwin.identification.held_out import Comparison
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.run.recording import replacing
 
@@ -25,7 +25,7 @@ _SHOWN: Final = 1000
 
 
 def draw(
-    estimate: Estimate, old: HeldOutFit, new: HeldOutFit, truth: ArmParameters | None, path: Path, title: str
+    estimate: Estimate, old: Comparison, new: Comparison, truth: ArmParameters | None, path: Path, title: str
 ) -> None:
     """Draws a held-out motion beside the predictions of two models, the confidence intervals and the correlation.
 
@@ -64,7 +64,7 @@ def save(figure: Figure, path: Path) -> None:
         figure.savefig(temporary, format="png", dpi=110, metadata={"Software": None})
 
 
-def _motion(axis: Axes, joint: int, old: HeldOutFit, new: HeldOutFit) -> None:
+def _motion(axis: Axes, joint: int, old: Comparison, new: Comparison) -> None:
     time = np.arange(len(new.measured))[:_SHOWN] * PERIOD
     lines: tuple[tuple[Array, str, str], ...] = (
         (new.measured, MEASURED, "measured"),

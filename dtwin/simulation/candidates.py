@@ -18,14 +18,14 @@ from typing import Any, Final, cast
 from dtwin.controller.settings import LAWS
 from dtwin.errors import ParameterError, choices
 from dtwin.parameters import PARAMETER_NAMES, Gains, Triple
-from dtwin.simulation.whatif import WhatIfCase
+from dtwin.simulation.whatif import MotionCase
 
 _GAIN: Final = re.compile(r"(kp|ki|kd)([123]?)")
 _NUMBERS: Final = ("T", "box", "payload", "noise")
 KEYS: Final = ("T", "kp", "ki", "kd", "kp1 ... kd3", "law", "box", "payload", "noise", "K1 ... mu3")
 
 
-def vary(case: WhatIfCase, text: str) -> WhatIfCase:
+def vary(case: MotionCase, text: str) -> MotionCase:
     """A case with the changes in a text, which are separated by blanks.
 
     Raises:
@@ -39,7 +39,7 @@ def vary(case: WhatIfCase, text: str) -> WhatIfCase:
     return case
 
 
-def _changed(case: WhatIfCase, name: str, value: str) -> WhatIfCase:
+def _changed(case: MotionCase, name: str, value: str) -> MotionCase:
     settings = case.settings
     if match := _GAIN.fullmatch(name):
         return replace(case, settings=replace(settings, gains=_gains(settings.gains, match[1], match[2], value)))

@@ -17,7 +17,7 @@ from dtwin.parameters import PARAMETER_NAMES, PLACES, ArmParameters, Triple
 from dtwin.simulation.figures import Figures, triple
 from dtwin.simulation.places import angles_of
 from dtwin.simulation.stability import spectral_radius
-from dtwin.simulation.whatif import Simulator, WhatIfCase
+from dtwin.simulation.whatif import MotionCase, Simulator
 
 HIGHEST_GAINS: Final = {"kp": 1e5, "ki": 1e5, "kd": 1e3}
 """Largest gains in 1/s^2, 1/s^3 and 1/s: a hundred times the useful ones, so that a larger one is a typing error."""
@@ -47,7 +47,7 @@ class Refused(ParameterError):
     """Reports settings that must not be uploaded; the message is the reason."""
 
 
-class CellMotion(NamedTuple):
+class Motion(NamedTuple):
     """One of the motions of the cell: the names of its start and goal, and whether a box is carried."""
 
     start: str
@@ -56,14 +56,12 @@ class CellMotion(NamedTuple):
 
 
 MOTIONS: Final = tuple(
-    motion
-    for place in PLACES
-    for motion in (CellMotion(PICKUP_NAME, place, True), CellMotion(place, PICKUP_NAME, False))
+    motion for place in PLACES for motion in (Motion(PICKUP_NAME, place, True), Motion(place, PICKUP_NAME, False))
 )
 
 
 @dataclass(frozen=True, slots=True)
-class Prediction:
+class ExpectedTracking:
     """Performance that the twin predicts for settings.
 
     Attributes:
@@ -79,7 +77,7 @@ class Prediction:
     rms: float
     peak_volts: Triple
     saturated: float
-    worst: CellMotion
+    worst: Motion
     spectral_radius: float
 
 
@@ -99,8 +97,8 @@ class Checker:
         self.check(ControlSettings(), ArmParameters(), MOTIONS[:1])
 
     def check(
-        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[CellMotion] = MOTIONS
-    ) -> Prediction:
+        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion] = MOTIONS
+    ) -> ExpectedTracking:
         """Predicts the performance of settings on an arm and refuses bad ones.
 
         Args:
@@ -128,8 +126,8 @@ class Checker:
         return replace(prediction, spectral_radius=radius)
 
     def predict(
-        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[CellMotion] = MOTIONS
-    ) -> Prediction:
+        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion] = MOTIONS
+    ) -> ExpectedTracking:
         """Predicts the performance of settings on an arm, good or bad; stability at rest is not checked.
 
         Motions with a box are simulated with a box of the mass that the controller assumes and with a heavier one:
@@ -146,10 +144,10 @@ class Checker:
         volts = np.max([figures.peak_volts for figures in found], axis=0)
         saturated = max(figures.saturated for figures in found)
         rms = float(np.sqrt(np.mean([np.square(figures.tracking_rms) for figures in found])))
-        return Prediction(triple(tracking.max(axis=0)), rms, triple(volts), saturated, worst, 0.0)
+        return ExpectedTracking(triple(tracking.max(axis=0)), rms, triple(volts), saturated, worst, 0.0)
 
     def simulate(
-        self, settings: ControlSettings, arm: ArmParameters, box: float, motions: Sequence[CellMotion] = MOTIONS
+        self, settings: ControlSettings, arm: ArmParameters, box: float, motions: Sequence[Motion] = MOTIONS
     ) -> list[Figures]:
         """Simulates motions, with a box of a mass (kg) where one is carried, and returns the figures of each.
 
@@ -158,7 +156,7 @@ class Checker:
         """
         return [self._simulator.run(_case(motion, settings, arm, box)).figures for motion in motions]
 
-    def _stability(self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[CellMotion]) -> float:
+    def _stability(self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion]) -> float:
         worst = 0.0
         for motion in motions:
             payload = settings.payload if motion.carries else 0.0
@@ -173,8 +171,8 @@ class Checker:
         return worst
 
 
-def _case(motion: CellMotion, settings: ControlSettings, arm: ArmParameters, box: float) -> WhatIfCase:
-    return WhatIfCase(
+def _case(motion: Motion, settings: ControlSettings, arm: ArmParameters, box: float) -> MotionCase:
+    return MotionCase(
         motion.goal,
         settings,
         angles_of(motion.start),

@@ -15,7 +15,7 @@ from dtwin.errors import ParameterError, RecordingError
 from dtwin.parameters import PERIOD, ArmParameters, Triple
 from dtwin.run.recording import Log
 from dtwin.simulation.figures import SAME_ANGLE, Array, Figures, figures, fit
-from dtwin.simulation.whatif import SimulatedMotion, Simulator, WhatIfCase
+from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class Measured:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Comparison:
+class MotionComparison:
     """A measured motion and its prediction by the twin.
 
     Attributes:
@@ -61,7 +61,7 @@ class Comparison:
     path: Array
     volts: Array
     figures: Figures
-    predicted: SimulatedMotion
+    predicted: Outcome
     fit: Triple
 
 
@@ -99,7 +99,7 @@ def settings_of(log: Log) -> ControlSettings:
 
 def compare(
     log: Log, motion: Measured, settings: ControlSettings, arm: ArmParameters, payload: float, simulator: Simulator
-) -> Comparison:
+) -> MotionComparison:
     """Compares a measured motion with the prediction from its first sample alone.
 
     Args:
@@ -114,7 +114,7 @@ def compare(
     measured, path = log.stack("measured")[rows], log.stack("target")[rows]
     volts = log.stack("volts")[rows, :3]
     first, second, third = measured[0].tolist()
-    case = WhatIfCase(
+    case = MotionCase(
         motion.goal,
         replace(settings, target_time=motion.target_time),
         (first, second, third),
@@ -127,7 +127,7 @@ def compare(
     angles = np.vstack((measured, measured[-1:]))
     speeds = np.gradient(angles, PERIOD, axis=0)
     came_to = figures(angles, speeds, path, volts, motion.goal, arm.voltage_constant)
-    return Comparison(motion, measured, path, volts, came_to, predicted, fit(measured, predicted.theta))
+    return MotionComparison(motion, measured, path, volts, came_to, predicted, fit(measured, predicted.theta))
 
 
 def find(log: Log, time: float) -> Measured:

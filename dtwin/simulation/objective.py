@@ -16,11 +16,11 @@ from dtwin.controller.ports import BLOCKS
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import DivergenceError, ParameterError, choices
 from dtwin.parameters import ArmParameters, Gains
-from dtwin.simulation.checks import STABLE, CellMotion
+from dtwin.simulation.checks import STABLE, Motion
 from dtwin.simulation.figures import Array, Figures
 from dtwin.simulation.places import angles_of
 from dtwin.simulation.stability import spectral_radius
-from dtwin.simulation.whatif import Simulator, WhatIfCase
+from dtwin.simulation.whatif import MotionCase, Simulator
 
 TERMS: Final = ("time", "tracking", "energy", "voltage")
 """Terms of the cost: settling time (s), largest distance from the path (rad), energy (J) and peak voltage (V)."""
@@ -63,7 +63,7 @@ class Scenario:
         noise: standard deviation of the encoder noise, rad; a motion with noise need not settle.
     """
 
-    motion: CellMotion
+    motion: Motion
     arm: ArmParameters
     payload: float
     noise: float = 0.0
@@ -104,7 +104,7 @@ class Objective:
             raise ParameterError("scenarios: expected at least one motion")
 
 
-class Evaluation(msgspec.Struct, frozen=True):
+class CandidateScore(msgspec.Struct, frozen=True):
     """The evaluation of one candidate.
 
     Attributes:
@@ -124,7 +124,7 @@ class Evaluation(msgspec.Struct, frozen=True):
     motions: int
 
 
-def evaluate(objective: Objective, target_time: float, gains: Gains) -> Evaluation:
+def score(objective: Objective, target_time: float, gains: Gains) -> CandidateScore:
     """Evaluates a candidate: simulates the scenarios until one breaks a limit.
 
     Raises:
@@ -136,28 +136,28 @@ def evaluate(objective: Objective, target_time: float, gains: Gains) -> Evaluati
         theta = angles_of(scenario.motion.goal)
         radius = spectral_radius(simulator.controller, settings, scenario.arm, scenario.payload, theta)
         if not radius < STABLE:
-            return Evaluation(target_time, gains, {}, "stability", UNUSABLE * (_UNSTABLE + radius), 0)
+            return CandidateScore(target_time, gains, {}, "stability", UNUSABLE * (_UNSTABLE + radius), 0)
     found: list[tuple[Scenario, Figures]] = []
     for done, scenario in enumerate(objective.scenarios, 1):
         try:
             outcome = simulator.run(_case(scenario, settings)).figures
         except DivergenceError:
-            return Evaluation(target_time, gains, {}, "divergence", UNUSABLE * _UNSTABLE, done)
+            return CandidateScore(target_time, gains, {}, "divergence", UNUSABLE * _UNSTABLE, done)
         broken, excess = _broken(outcome, objective.limits, must_settle=not scenario.noise)
         if broken:
             # The later the scenario that fails, the nearer the settings are to keeping all limits.
             left = 1.0 - (done - 1) / len(objective.scenarios)
-            return Evaluation(target_time, gains, {}, broken, UNUSABLE * (1.0 + left + min(excess, _BAD)), done)
+            return CandidateScore(target_time, gains, {}, broken, UNUSABLE * (1.0 + left + min(excess, _BAD)), done)
         found.append((scenario, outcome))
     terms = _terms(found, target_time)
     reference = objective.reference or terms
     total = sum(objective.weights.values())
     cost = sum(weight * terms[name] / reference[name] for name, weight in objective.weights.items()) / total
-    return Evaluation(target_time, gains, terms, "", cost, len(found))
+    return CandidateScore(target_time, gains, terms, "", cost, len(found))
 
 
 def scenarios_for(
-    motions: Sequence[CellMotion],
+    motions: Sequence[Motion],
     arm: ArmParameters,
     boxes: tuple[float, float],
     others: Sequence[ArmParameters] = (),
@@ -216,9 +216,9 @@ def _simulator(blocks: Path) -> Simulator:
     return Simulator(blocks)
 
 
-def _case(scenario: Scenario, settings: ControlSettings) -> WhatIfCase:
+def _case(scenario: Scenario, settings: ControlSettings) -> MotionCase:
     motion = scenario.motion
-    return WhatIfCase(
+    return MotionCase(
         motion.goal,
         settings,
         angles_of(motion.start),

@@ -26,7 +26,7 @@ from scipy.stats import qmc
 from dtwin.errors import ParameterError
 from dtwin.parameters import Gains
 from dtwin.simulation.figures import Array, triple
-from dtwin.simulation.objective import UNLIMITED, Evaluation, Objective, evaluate
+from dtwin.simulation.objective import UNLIMITED, CandidateScore, Objective, score
 
 POPULATION: Final = 40
 """Number of candidates in a generation, four per variable."""
@@ -47,9 +47,9 @@ class Optimum:
         seconds: wall time of the search without the start of the processes, s.
     """
 
-    best: Evaluation
-    reference: Evaluation
-    scores: tuple[Evaluation, ...]
+    best: CandidateScore
+    reference: CandidateScore
+    scores: tuple[CandidateScore, ...]
     seconds: float
 
     @property
@@ -57,7 +57,7 @@ class Optimum:
         """Number of motions simulated in all."""
         return sum(found.motions for found in self.scores)
 
-    def front(self, *terms: str) -> list[Evaluation]:
+    def front(self, *terms: str) -> list[CandidateScore]:
         """The Pareto front of the usable candidates in the given terms, ordered by the first term."""
         usable = [found for found in self.scores if not found.broken]
         values = np.array([[found.terms[term] for term in terms] for found in usable])
@@ -95,13 +95,13 @@ def optimise(
     check_search(target_times, candidates, processes)
     low, high = target_times
     base = objective.base
-    reference = evaluate(replace(objective, limits=UNLIMITED), base.target_time, base.gains)
+    reference = score(replace(objective, limits=UNLIMITED), base.target_time, base.gains)
     if reference.broken:
         raise ParameterError(f"the settings in use cannot be compared with: {reference.broken}")
     objective = replace(objective, reference=reference.terms)
     lower = np.log([low, *(value for value in LOWEST for _ in range(3))])
     upper = np.log([high, *(value for value in HIGHEST for _ in range(3))])
-    scores: list[Evaluation] = []
+    scores: list[CandidateScore] = []
 
     def judge(pool: Executor | None, _: Any, rows: Iterable[Array]) -> list[float]:
         points = [tuple(row.tolist()) for row in np.atleast_2d(np.array(list(rows)))]
@@ -165,9 +165,9 @@ def _first_generation(lower: Array, upper: Array, target_time: float, gains: Gai
     return np.clip(rows, lower, upper)
 
 
-def _judge(objective: Objective, point: Sequence[float]) -> Evaluation:
+def _judge(objective: Objective, point: Sequence[float]) -> CandidateScore:
     target_time, *gains = (math.exp(value) for value in point)
-    return evaluate(objective, target_time, Gains(triple(gains[:3]), triple(gains[3:6]), triple(gains[6:])))
+    return score(objective, target_time, Gains(triple(gains[:3]), triple(gains[3:6]), triple(gains[6:])))
 
 
 def _unused(_: Array) -> float:

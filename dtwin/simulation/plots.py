@@ -10,8 +10,8 @@ import numpy as np
 
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT
 from dtwin.run.recording import replacing
-from dtwin.simulation.measured import Comparison
-from dtwin.simulation.whatif import SimulatedMotion
+from dtwin.simulation.measured import MotionComparison
+from dtwin.simulation.whatif import Outcome
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +21,7 @@ COLOURS: Final = ("#4c72b0", "#dd8452", "#55a868", "#8172b3", "#937860", "#da8bc
 MEASURED: Final = "#444444"
 
 
-def draw_motions(outcomes: Mapping[str, SimulatedMotion], path: Path, comparison: Comparison | None = None) -> None:
+def draw_motions(outcomes: Mapping[str, Outcome], path: Path, comparison: MotionComparison | None = None) -> None:
     """Draws angles with their planned path, distances from the path and voltages, one column for each joint.
 
     Args:
@@ -57,7 +57,7 @@ def draw_motions(outcomes: Mapping[str, SimulatedMotion], path: Path, comparison
     save(figure, path)
 
 
-def _one(angle: Axes, error: Axes, volts: Axes, joint: int, name: str, outcome: SimulatedMotion, colour: str) -> None:
+def _one(angle: Axes, error: Axes, volts: Axes, joint: int, name: str, outcome: Outcome, colour: str) -> None:
     time = outcome.time
     angle.plot(time, outcome.theta[:, joint], color=colour, lw=1.5, label=name)
     angle.plot(time, outcome.path[:, joint], color=colour, lw=1.0, ls=":", label=f"{name}, path")

@@ -33,7 +33,7 @@ LONGEST: Final = 600.0
 
 
 @dataclass(frozen=True, slots=True)
-class WhatIfCase:
+class MotionCase:
     """One motion to simulate.
 
     Attributes:
@@ -83,7 +83,7 @@ class WhatIfCase:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SimulatedMotion:
+class Outcome:
     """A simulated motion; sample k is at k times 10 ms.
 
     Attributes:
@@ -96,7 +96,7 @@ class SimulatedMotion:
         figures: performance figures of the motion.
     """
 
-    case: WhatIfCase
+    case: MotionCase
     target: Triple
     states: Array
     measured: Array
@@ -136,7 +136,7 @@ class TwinArm:
         ticks: number of ticks of the motion.
     """
 
-    def __init__(self, case: WhatIfCase, ticks: int) -> None:
+    def __init__(self, case: MotionCase, ticks: int) -> None:
         self.states = np.empty((ticks + 1, 6))
         self.states[0] = (*case.theta, *case.omega)
         self._vector = np.array(case.arm.vector())
@@ -173,7 +173,7 @@ class Simulator:
     def __init__(self, blocks: Path = BLOCKS) -> None:
         self.controller = MotionController(blocks)
 
-    def run(self, case: WhatIfCase, arm_of: Callable[[WhatIfCase, int], Arm] = TwinArm) -> SimulatedMotion:
+    def run(self, case: MotionCase, arm_of: Callable[[MotionCase, int], Arm] = TwinArm) -> Outcome:
         """Simulates a motion.
 
         Args:
@@ -206,7 +206,7 @@ class Simulator:
         states, target = arm.states, controller.target()
         desired, applied = np.array(path), np.array(commands)
         came_to = figures(states[:, :3], states[:, 3:], desired, applied, target, case.arm.voltage_constant)
-        return SimulatedMotion(case, target, states, np.array(samples), desired, applied, came_to)
+        return Outcome(case, target, states, np.array(samples), desired, applied, came_to)
 
 
 def _measure(encoders: Encoders, theta: Triple) -> Triple:

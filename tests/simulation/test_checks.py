@@ -8,9 +8,9 @@ import pytest
 
 from dtwin.controller.settings import ControlSettings
 from dtwin.parameters import ArmParameters, Gains, scaled
-from dtwin.simulation.checks import HEAVIER, MOTIONS, CellMotion, Checker, Refused
+from dtwin.simulation.checks import HEAVIER, MOTIONS, Checker, Motion, Refused
 from dtwin.simulation.places import angles_of
-from dtwin.simulation.whatif import Simulator, WhatIfCase
+from dtwin.simulation.whatif import MotionCase, Simulator
 
 USUAL = ControlSettings()
 
@@ -20,7 +20,7 @@ def test_prediction_is_the_worst_of_the_motions(checker: Checker, simulator: Sim
     loads = [(m, 0.2 if m.carries else 0.0) for m in MOTIONS] + [(m, 0.2 + HEAVIER) for m in MOTIONS if m.carries]
     found = [
         simulator.run(
-            WhatIfCase(m.goal, USUAL, angles_of(m.start), payload=load, carries=m.carries, duration=2.5)
+            MotionCase(m.goal, USUAL, angles_of(m.start), payload=load, carries=m.carries, duration=2.5)
         ).figures
         for m, load in loads
     ]
@@ -65,4 +65,4 @@ def test_only_the_motions_that_are_asked_for_count(checker: Checker) -> None:
     fast = replace(USUAL, target_time=1.0)
     with pytest.raises(Refused, match="green"):
         checker.check(fast, ArmParameters())
-    assert checker.check(fast, ArmParameters(), [CellMotion("pickup", "red", True)]).worst.goal == "red"
+    assert checker.check(fast, ArmParameters(), [Motion("pickup", "red", True)]).worst.goal == "red"

@@ -12,12 +12,20 @@ from hypothesis import strategies as st
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters, Gains
-from dtwin.simulation.checks import MOTIONS, CellMotion
-from dtwin.simulation.objective import UNUSABLE, Evaluation, Limits, Objective, evaluate, possible_arms, scenarios_for
+from dtwin.simulation.checks import MOTIONS, Motion
+from dtwin.simulation.objective import (
+    UNUSABLE,
+    CandidateScore,
+    Limits,
+    Objective,
+    possible_arms,
+    scenarios_for,
+    score,
+)
 from dtwin.simulation.optimise import POPULATION, Optimum, optimise
 
 ARM = ArmParameters()
-RED = (CellMotion("pickup", "red", True), CellMotion("red", "pickup", False))
+RED = (Motion("pickup", "red", True), Motion("red", "pickup", False))
 SMALL = Objective(ControlSettings(), scenarios_for(RED[1:], ARM, (0.2, 0.2)))
 
 
@@ -61,9 +69,9 @@ def test_a_fixed_target_time_stays() -> None:
 
 @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=30))
 def test_the_front_is_what_nothing_beats(points: list[tuple[int, int]]) -> None:
-    scores = tuple(Evaluation(1.0, Gains(), {"time": a, "energy": b}, "", 1.0, 1) for a, b in points)
+    scores = tuple(CandidateScore(1.0, Gains(), {"time": a, "energy": b}, "", 1.0, 1) for a, b in points)
     front = Optimum(
-        Evaluation(1.0, Gains(), {}, "", 1.0, 1), Evaluation(1.0, Gains(), {}, "", 1.0, 1), scores, 1.0
+        CandidateScore(1.0, Gains(), {}, "", 1.0, 1), CandidateScore(1.0, Gains(), {}, "", 1.0, 1), scores, 1.0
     ).front("time", "energy")
     kept = [(each.terms["time"], each.terms["energy"]) for each in front]
     beaten = {p for p in points if any(q != p and q[0] <= p[0] and q[1] <= p[1] for q in points)}
@@ -73,13 +81,13 @@ def test_the_front_is_what_nothing_beats(points: list[tuple[int, int]]) -> None:
 
 
 def test_weights_choose_what_counts() -> None:
-    slow, fast = (evaluate(SMALL, target_time, Gains()) for target_time in (3.0, 1.5))
+    slow, fast = (score(SMALL, target_time, Gains()) for target_time in (3.0, 1.5))
     assert fast.cost == pytest.approx(1.0)  # its own reference
     by_time = replace(SMALL, reference=slow.terms)
-    assert evaluate(by_time, 1.5, Gains()).cost == pytest.approx(fast.terms["time"] / slow.terms["time"])
+    assert score(by_time, 1.5, Gains()).cost == pytest.approx(fast.terms["time"] / slow.terms["time"])
     both = replace(by_time, weights={"time": 1.0, "tracking": 3.0})
     expected = (fast.terms["time"] / slow.terms["time"] + 3 * fast.terms["tracking"] / slow.terms["tracking"]) / 4
-    assert evaluate(both, 1.5, Gains()).cost == pytest.approx(expected)
+    assert score(both, 1.5, Gains()).cost == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(
@@ -93,7 +101,7 @@ def test_weights_choose_what_counts() -> None:
     ],
 )
 def test_broken_limits_are_named(limits: Limits, gains: Gains, target_time: float, broken: str) -> None:
-    assert evaluate(replace(SMALL, limits=limits), target_time, gains).broken == broken
+    assert score(replace(SMALL, limits=limits), target_time, gains).broken == broken
 
 
 def test_possible_arms_spread_as_the_covariance_says() -> None:

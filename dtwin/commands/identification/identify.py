@@ -22,7 +22,7 @@ from dtwin.identification.estimation.friction import FRICTIONS, Friction, choose
 from dtwin.identification.excitation.design import optimise
 from dtwin.identification.excitation.plan import HELD_OUT, PLAIN, Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.held_out import HeldOutFit, compare
+from dtwin.identification.held_out import Comparison, compare
 from dtwin.identification.model import from_estimate
 from dtwin.identification.parsing import settings_for
 from dtwin.identification.store import STORE, ModelStore, check_name
@@ -160,7 +160,7 @@ class Identify:
     def _loads(self) -> list[float]:
         return self.payload or [0.2]
 
-    def _draw(self, estimate: Estimate, old: HeldOutFit, new: HeldOutFit, truth: ArmParameters | None) -> None:
+    def _draw(self, estimate: Estimate, old: Comparison, new: Comparison, truth: ArmParameters | None) -> None:
         if self.plot is not None:
             from dtwin.identification.plots import draw
 
@@ -187,7 +187,7 @@ def _truth(log: Log) -> ArmParameters | None:
 
 def _report(
     estimate: Estimate,
-    new: HeldOutFit,
+    new: Comparison,
     truth: ArmParameters | None,
     criteria: dict[Friction, float] | None,
     seconds: float,

@@ -19,7 +19,7 @@ from dtwin.identification.model import IdentifiedModel
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import ArmParameters, Gains, Law, Triple
 from dtwin.run.recording import ensure_writable, replacing
-from dtwin.simulation.checks import MOTIONS, CellMotion
+from dtwin.simulation.checks import MOTIONS, Motion
 from dtwin.simulation.objective import Limits, Objective, possible_arms, scenarios_for
 from dtwin.simulation.optimise import Optimum, check_search, optimise
 from dtwin.simulation.places import angles_of
@@ -144,12 +144,12 @@ def _weight(text: str) -> tuple[str, float]:
         raise ParameterError(f"--cost {text}: expected TERM=WEIGHT, e.g. tracking=2") from None
 
 
-def _motion(text: str) -> CellMotion:
+def _motion(text: str) -> Motion:
     start, colon, goal = text.partition(":")
     if not colon:
         raise ParameterError(f"--motion {text}: expected FROM:TO, e.g. pickup:red")
     angles_of(start), angles_of(goal)
-    return CellMotion(start, goal, start == "pickup")
+    return Motion(start, goal, start == "pickup")
 
 
 def _progress(quiet: bool) -> Progress:

@@ -24,7 +24,7 @@ from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.parameters import PERIOD, PICKUP, ArmParameters, Triple
 from dtwin.simulation.figures import fit
-from dtwin.simulation.whatif import SimulatedMotion, Simulator, WhatIfCase
+from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
 
 TARGET_TIMES: Final = (1.0, 2.0, 4.0, 6.0, 8.0)
 """s"""
@@ -54,8 +54,8 @@ class Pair:
 
     target_time: float
     payload: float
-    arm: SimulatedMotion
-    twin: SimulatedMotion
+    arm: Outcome
+    twin: Outcome
     samples: int
     fit: Triple
     difference: Triple
@@ -111,13 +111,13 @@ def accuracy(
     for payload in payloads:
         for target_time in target_times:
             settings = ControlSettings(target_time, model=model, payload=payload)
-            case = WhatIfCase("red", settings, PICKUP.theta, arm=model, payload=payload, duration=target_time + _LOOK)
+            case = MotionCase("red", settings, PICKUP.theta, arm=model, payload=payload, duration=target_time + _LOOK)
             pairs.append(_pair(case, true or ArmParameters(), simulator))
             progress(len(pairs), number)
     return pairs
 
 
-def _pair(case: WhatIfCase, true: ArmParameters, simulator: Simulator) -> Pair:
+def _pair(case: MotionCase, true: ArmParameters, simulator: Simulator) -> Pair:
     arm = simulator.run(case, partial(EmulatedArm, true))
     twin = simulator.run(case)
     times = (arm.figures.settling_time, twin.figures.settling_time)
