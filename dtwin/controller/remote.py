@@ -19,8 +19,11 @@ TIMEOUT: Final = 1.0
 class Shadow(Protocol):
     """The same control application in this process, stepped with the same samples."""
 
-    def step(self, sensors: Sensors) -> Voltages: ...
-    def target(self) -> Triple: ...
+    def step(self, sensors: Sensors) -> Voltages:
+        """The command that answers a sample."""
+
+    def target(self) -> Triple:
+        """Desired angles of the path at the last step, rad."""
 
 
 class RemoteController:
@@ -54,6 +57,7 @@ class RemoteController:
         self.close()
 
     def close(self) -> None:
+        """Closes the connection."""
         self._client.close()
 
     def step(self, sensors: Sensors) -> Voltages:

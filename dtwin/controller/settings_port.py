@@ -17,9 +17,14 @@ from dtwin.parameters import ArmParameters, Gains
 class SettingsPort(Protocol):
     """A running controller whose settings can be changed and read back."""
 
-    def send_gains(self, gains: Gains, target_time: float) -> None: ...
-    def send_model(self, model: ArmParameters) -> None: ...
-    def read_back(self) -> ControlSettings: ...
+    def send_gains(self, gains: Gains, target_time: float) -> None:
+        """Puts gains into force from the next tick, the target time (s) from the next motion."""
+
+    def send_model(self, model: ArmParameters) -> None:
+        """Puts an arm model into force from the next tick."""
+
+    def read_back(self) -> ControlSettings:
+        """The settings in the blocks of the controller."""
 
 
 class EmbeddedPort:

@@ -22,16 +22,25 @@ CHUNK = 100
 class ControlledPlant(Protocol):
     """A plant that the loop can run: the emulation, or any other machine with the same signals."""
 
-    def read(self) -> Sensors: ...
-    def truth(self) -> Truth: ...
-    def apply(self, voltages: Voltages) -> None: ...
-    def advance(self, period: float) -> None: ...
+    def read(self) -> Sensors:
+        """The sample that the sensors give now."""
+
+    def truth(self) -> Truth:
+        """The true state of the plant."""
+
+    def apply(self, voltages: Voltages) -> None:
+        """Sets the voltages until the next command."""
+
+    def advance(self, period: float) -> None:
+        """Lets the plant run for a period (s)."""
 
 
 class Controller(Protocol):
     """A controller: it answers every sample with a command."""
 
-    def step(self, sensors: Sensors) -> Voltages: ...
+    def step(self, sensors: Sensors) -> Voltages:
+        """The command that answers a sample."""
+
     def target(self) -> Triple:
         """Desired angles of the path at the last step, rad."""
 
