@@ -18,20 +18,20 @@ from dtwin.errors import ModelError, ParameterError, choices
 
 Triple = tuple[float, float, float]
 PayloadModel = Literal["point", "weight"]
-"""How a held box enters the equations: as a point mass at the tip, or by its weight alone."""
+"""How a payload enters the equations: as a point mass at the tip, or by its weight alone."""
 Law = Literal["default", "row_sum"]
-"""How the controller feeds back: through the mass matrix, or through its row sums and without damping term."""
+"""How the control law feeds back: through the mass matrix, or through its row sums without the damping term."""
 
 GRAVITY: Final = 9.81
-"""m/s^2"""
+"""Acceleration of gravity, m/s^2."""
 VOLTAGE_LIMIT: Final = 8.0
-"""V, of every motor"""
+"""Largest voltage of every motor, V."""
 PERIOD: Final = 0.010
-"""s, controller and sensor period"""
+"""Period of controller and sensors, s."""
 PHYSICS_STEP: Final = 0.0025
-"""s, integration step of the emulation"""
+"""Integration step of the emulation, s."""
 COULOMB_WIDTH: Final = 0.1
-"""rad/s, over which Coulomb friction mu tanh(q'/width) changes sign: both physics integrate the same smooth law"""
+"""Velocity over which Coulomb friction mu tanh(q'/width) changes sign, rad/s; the same in emulation and twin."""
 ROOT: Final = Path(__file__).resolve().parent.parent
 
 _SYMBOLS: Final = {
@@ -44,21 +44,21 @@ _SYMBOLS: Final = {
     "mu": "coulomb",
 }
 PARAMETER_NAMES: Final = tuple(f"{symbol}{joint}" for symbol in _SYMBOLS for joint in (1, 2, 3))
-"""K1, K2, K3, m1, ..., D3, mu1, mu2, mu3: the order of `ArmParameters.vector`."""
+"""The names K1, K2, K3, m1, ..., D3, mu1, mu2, mu3, in the order of `ArmParameters.vector`."""
 
 
 @dataclass(frozen=True, slots=True)
 class ArmParameters:
-    """The three links, one value a link.
+    """Parameters of the three links, one value per link.
 
     Attributes:
-        voltage_constant: K, N m/V.
-        mass: m, kg.
-        inertia: I, about the centre of mass, kg m^2.
-        length: l, m.
-        com: c, centre of mass from the joint along the link, m.
-        damping: D, viscous, N m s/rad.
-        coulomb: mu, Coulomb friction, N m.
+        voltage_constant: motor torque per volt K, N m/V.
+        mass: mass m, kg.
+        inertia: moment of inertia I about the centre of mass, kg m^2.
+        length: length l, m.
+        com: distance c of the centre of mass from the joint, along the link, m.
+        damping: viscous damping D, N m s/rad.
+        coulomb: Coulomb friction mu, N m.
 
     Raises:
         ParameterError: a value is not finite, or negative, or a mass, inertia, length or K is zero.
@@ -89,18 +89,30 @@ class ArmParameters:
 
     @classmethod
     def from_vector(cls, values: tuple[float, ...]) -> ArmParameters:
-        """Inverse of `vector`."""
+        """The arm with 21 values in the order of PARAMETER_NAMES: the inverse of `vector`.
+
+        Raises:
+            ParameterError: there are not 21 values, or one is out of range.
+        """
         if len(values) != len(PARAMETER_NAMES):
             raise ParameterError(f"expected {len(PARAMETER_NAMES)} values, got {len(values)}")
         triples = (tuple(float(v) for v in values[i : i + 3]) for i in range(0, len(values), 3))
         return cls(*triples)  # type: ignore[arg-type]
 
     def get(self, name: str) -> float:
-        """The value called e.g. `K2`."""
+        """The value of one parameter by its name, such as `K2`.
+
+        Raises:
+            ParameterError: there is no such parameter.
+        """
         return self.vector()[_index(name)]
 
     def with_values(self, values: Mapping[str, float]) -> ArmParameters:
-        """A copy with the named values (`{"K2": 0.1}`) replaced."""
+        """A copy in which the named values (`{"K2": 0.1}`) are replaced.
+
+        Raises:
+            ParameterError: there is no such parameter, or a value is out of range.
+        """
         vector = list(self.vector())
         for name, value in values.items():
             vector[_index(name)] = float(value)
@@ -116,9 +128,15 @@ def _index(name: str) -> int:
 
 @dataclass(frozen=True, slots=True)
 class GripperParameters:
-    """One hinge between hard stops, decoupled from the arm.
+    """Parameters of the gripper: one hinge between hard stops, decoupled from the arm.
 
-    Attributes: inertia kg m^2, voltage_constant N m/V, damping N m s/rad, closed and opened rad, volts V.
+    Attributes:
+        inertia: moment of inertia about the hinge, kg m^2.
+        voltage_constant: motor torque per volt, N m/V.
+        damping: viscous damping, N m s/rad.
+        closed: angle of the closed stop, rad.
+        opened: angle of the open stop, rad.
+        volts: voltage that opens the gripper, and with the opposite sign closes it, V.
     """
 
     inertia: float = 0.1
@@ -131,7 +149,7 @@ class GripperParameters:
 
 @dataclass(frozen=True, slots=True)
 class Gains:
-    """Gains of the computed-torque law, one a joint: kp 1/s^2, ki 1/s^3, kd 1/s.
+    """Gains of the computed-torque law, one value per joint: kp in 1/s^2, ki in 1/s^3, kd in 1/s.
 
     Raises:
         ParameterError: a gain is negative or not finite.
@@ -150,7 +168,7 @@ class Gains:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A point the arm serves: coordinates from joint 1 in m, and the joint angles the planner moves to in rad."""
+    """A place of the task: coordinates from joint 1 (m) and the joint angles that the planner moves to (rad)."""
 
     x: float
     y: float
@@ -168,7 +186,7 @@ HANGING: Final[Triple] = (-math.pi / 2, 0.0, 0.0)
 
 
 def assignment(text: str) -> tuple[str, float]:
-    """Reads `NAME=NUMBER`, e.g. `m1=0.15`; the name is checked where it is used.
+    """Reads `NAME=NUMBER`, such as `m1=0.15`; the name is checked where it is used.
 
     Raises:
         ParameterError: the text has another form.
@@ -196,7 +214,11 @@ def load_arm(path: Path) -> ArmParameters:
 
 
 def scaled(parameters: ArmParameters, symbol: str, factor: float) -> ArmParameters:
-    """A copy with the three values of one symbol (K, m, I, l, c, D, mu) multiplied."""
+    """A copy in which the three values of one symbol (K, m, I, l, c, D, mu) are multiplied by a factor.
+
+    Raises:
+        ParameterError: there is no such symbol, or a value is out of range.
+    """
     if symbol not in _SYMBOLS:
         raise ParameterError(f"unknown symbol {symbol!r}: expected {choices(_SYMBOLS)}")
     name = _SYMBOLS[symbol]

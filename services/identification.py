@@ -31,14 +31,14 @@ from dtwin.bus.messages import (
 )
 from dtwin.bus.twin_messages import Estimated, IdentificationDecision, IdentificationRequest, IdentificationState
 from dtwin.errors import DtwinError, IdentificationError
+from dtwin.identification.collector import SignalCollector, divided
 from dtwin.identification.data import Experiment
-from dtwin.identification.estimation.estimate import Estimate, Settings, identify, load_kernels
-from dtwin.identification.excitation.signal import Excitation
+from dtwin.identification.estimation.estimate import Estimate, EstimationSettings, identify, load_kernels
+from dtwin.identification.excitation.plan import Excitation
 from dtwin.identification.held_out import compare
-from dtwin.identification.live import Collector, divided
 from dtwin.identification.model import IdentifiedModel, from_estimate, read_model
-from dtwin.identification.options import free_names, settings_for
-from dtwin.identification.passing import PIECES, Passing, estimate_from, renewed
+from dtwin.identification.operating_data import PIECES, OperatingData, estimate_from, renewed
+from dtwin.identification.parsing import free_names, settings_for
 from dtwin.identification.store import STORE, ModelStore
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.signals import Event, Sensors, Voltages
@@ -80,12 +80,12 @@ class Identification:
         self._store = store
         self._known = ArmParameters() if known is None else known.arm
         self._errors = {} if known is None else known.standard_errors
-        self._passing = Passing()
+        self._operating = OperatingData()
         self._time = 0.0
         self._measuring = False
         self._phase = ""
         self._state = IdentificationState("idle", "ready")
-        self._collector: Collector | None = None
+        self._collector: SignalCollector | None = None
         self._request = IdentificationRequest()
         self._deadline = 0.0
         self._model: IdentifiedModel | None = None
@@ -147,7 +147,7 @@ class Identification:
         if isinstance(item, IdentificationRequest):
             self._begin(item)
         elif item is not None:
-            self._passing.take(item)
+            self._operating.take(item)
             if isinstance(item, Sensors):
                 self._time = item.time
             if self._collector is not None:
@@ -167,12 +167,12 @@ class Identification:
         bus = self._service.bus
         signal = bus.ask(SIGNAL, None, IdentificationSignal)
         excitation = Excitation(signal.amplitude, signal.unit, signal.delay)
-        self._collector = Collector(excitation, signal.samples, request.box_mass)
+        self._collector = SignalCollector(excitation, signal.samples, request.box_mass)
         self._deadline = time.monotonic() + signal.samples * PERIOD + PATIENCE
         bus.ask(SIGNAL, SignalRequest(True), IdentificationSignal)
         self._enter(IdentificationState("measuring", "the arm is excited", 0, signal.samples))
 
-    def _collect(self, collector: Collector, item: Sensors | Voltages) -> None:
+    def _collect(self, collector: SignalCollector, item: Sensors | Voltages) -> None:
         """Finds the signal among what passes."""
         if isinstance(item, Voltages):
             collector.command(item)
@@ -187,7 +187,7 @@ class Identification:
 
     def _look_at_motions(self) -> None:
         """Estimates from what has passed once that is enough."""
-        pieces = self._passing.pieces(self._request.since)
+        pieces = self._operating.pieces(self._request.since)
         seen = len(pieces)
         if seen < PIECES:
             if (seen, PIECES) != (self._state.samples, self._state.of):
@@ -197,7 +197,7 @@ class Identification:
         self._enter(IdentificationState("estimating", "the model is fitted", seen, PIECES))
         self._propose(*estimate_from(pieces, self._renewed(self._request), "motions of the running cell"))
 
-    def _renewed(self, request: IdentificationRequest) -> Settings:
+    def _renewed(self, request: IdentificationRequest) -> EstimationSettings:
         anew = free_names(request.anew) if request.anew else ()
         return renewed(self._known, self._errors, free_names(request.free), anew)
 

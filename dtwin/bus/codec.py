@@ -10,13 +10,13 @@ from dtwin.errors import CommunicationError
 from dtwin.signals import SCHEMA
 
 SIZE_LIMIT: Final = 65536
-"""bytes: longer messages are refused before they are looked at"""
+"""Length of the longest message, bytes; longer ones are refused before they are decoded."""
 
 M = TypeVar("M", bound=msgspec.Struct)
 
 
 class MessageError(CommunicationError):
-    """A message is refused; `reason` is the short name under which refusals are counted."""
+    """Reports that a message is refused; `reason` is the short name under which refusals are counted."""
 
     def __init__(self, reason: str, detail: str) -> None:
         super().__init__(f"{reason}: {detail}")
@@ -24,14 +24,14 @@ class MessageError(CommunicationError):
 
 
 class _Unversioned(msgspec.Struct, frozen=True, tag_field="schema", tag=0):
-    """Version 0 never was; in a union with it, msgspec asks every message for its version."""
+    """A message of schema version 0, which was never used: in a union with it, msgspec demands a version."""
 
 
 class Reader(Generic[M]):
-    """Decodes and checks one kind of message.
+    """Decodes and checks messages of one type.
 
     Args:
-        message: its type.
+        message: type of the messages.
     """
 
     def __init__(self, message: type[M]) -> None:
@@ -39,10 +39,10 @@ class Reader(Generic[M]):
         self._decode = msgspec.json.Decoder(message | _Unversioned).decode
 
     def __call__(self, payload: bytes) -> M:
-        """The message.
+        """Decodes one message.
 
         Raises:
-            MessageError: it is too long, no JSON, of another version, or a field is missing or out of range.
+            MessageError: it is too long, no JSON or of another version, or a field is missing or out of range.
         """
         if len(payload) > SIZE_LIMIT:
             raise MessageError("too long", f"expected at most {SIZE_LIMIT} bytes, got {len(payload)}")
@@ -61,4 +61,4 @@ class Reader(Generic[M]):
 
 
 encode: Final = msgspec.json.Encoder().encode
-"""The bytes of a message."""
+"""Encodes a message as bytes."""

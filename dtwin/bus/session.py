@@ -1,8 +1,9 @@
-"""The bus that joins the services: a Zenoh session with typed topics. Nothing else in the project knows Zenoh.
+"""The bus that joins the services: a Zenoh session with typed topics. Nothing else in the project uses Zenoh.
 
-Without a configuration file the sessions are peers on the loopback interface and need no broker: whoever comes first
-listens at the rendezvous and receives the others, who then know and join each other directly. When the first one goes
-the others stay joined, and the next one to come takes its place. Nobody looks for others by multicast.
+Without a configuration file the sessions are peers on the loopback interface and need no broker. The first session
+listens at the rendezvous endpoint and accepts the others, which then learn of each other and connect directly. When
+the first one ends, the others stay connected and the next new session listens in its place. There is no discovery by
+multicast.
 """
 
 from __future__ import annotations
@@ -31,15 +32,15 @@ from dtwin.errors import CommunicationError, DtwinError
 log = logging.getLogger(__name__)
 
 RENDEZVOUS: Final = "tcp/127.0.0.1:7461"
-"""Where services meet that nobody told otherwise."""
+"""Endpoint at which services meet unless they are told another one."""
 TIMEOUT: Final = 5.0
-"""s, for the answer to a query"""
+"""Longest wait for the answer to a query, s."""
 EXPLAIN: Final = 2.0
-"""s that joining may take before it is said why"""
+"""Time that joining may take before its error is logged, s."""
 _TRANSPORT_LIMIT: Final = 1 << 20
-"""bytes: what a session takes from a peer before it is put together to one message"""
+"""Largest message that a session reassembles from the fragments of a peer, bytes."""
 _LOG: Final = "error,zenoh::net::protocol::gossip=off,zenoh::api::session=off"
-"""Those two say for every message on its way to a session that has just closed that it is not there."""
+"""Log levels of Zenoh: the two that are off report every message that was on its way to a session just closed."""
 _RETRY: Final = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
 _TLS_FILES: Final = tuple(
     f"transport/link/tls/{name}"
@@ -53,14 +54,14 @@ _TLS_FILES: Final = tuple(
 )
 _JSON: Final = zenoh.Encoding.APPLICATION_JSON
 _SAID: Final = 3
-"""Refusals of one kind that are logged one by one; after that they are only counted."""
+"""Number of refusals for one reason that are logged one by one; further ones are only counted."""
 
 
 def open_peer(rendezvous: str = RENDEZVOUS) -> zenoh.Session:
-    """A session without a file: a peer that meets others at an endpoint such as tcp/HOST:PORT.
+    """Opens a session without a file: a peer that meets others at an endpoint such as tcp/HOST:PORT.
 
     Raises:
-        CommunicationError: that is no endpoint of this machine.
+        CommunicationError: the text is no endpoint of this machine.
     """
     taken = _taken(rendezvous)
     spoke = _peer([f"{rendezvous.rpartition(':')[0]}:0"], [rendezvous])
@@ -69,14 +70,14 @@ def open_peer(rendezvous: str = RENDEZVOUS) -> zenoh.Session:
     try:
         return _open(_peer([rendezvous], []))
     except CommunicationError:
-        # somebody was faster
+        # Another session has bound the endpoint in the meantime.
         if not _taken(rendezvous):
             raise
         return _open(spoke)
 
 
 def _taken(endpoint: str) -> bool:
-    """Whether somebody listens at a TCP endpoint."""
+    """Whether a TCP endpoint is in use already."""
     match = re.fullmatch(r"tcp/(\d+(?:\.\d+){3}):(\d{1,5})", endpoint)
     if match is None or not 0 < int(match[2]) < 65536:
         raise CommunicationError(f"{endpoint!r}: expected an endpoint such as {RENDEZVOUS}")
@@ -92,12 +93,13 @@ def _taken(endpoint: str) -> bool:
 
 
 def open_configured(path: Path, name: str) -> zenoh.Session:
-    """A session after a Zenoh configuration file, or after `NAME.json5` or else `service.json5` of a folder.
+    """Opens a session with a Zenoh configuration file.
 
-    Paths of certificates and keys are relative to the file.
+    In a folder the file is `NAME.json5`, or `service.json5` where that is missing. Paths of certificates and keys are
+    relative to the file.
 
     Raises:
-        CommunicationError: the file is missing or no Zenoh configuration, or the session cannot be opened.
+        CommunicationError: the file is missing or is no Zenoh configuration, or the session cannot be opened.
     """
     file = path
     if path.is_dir():
@@ -107,7 +109,7 @@ def open_configured(path: Path, name: str) -> zenoh.Session:
     opened = threading.Event()
 
     def explain() -> None:
-        """Zenoh tries for ever without a word; a session that gives up says what is wrong."""
+        """Logs why joining fails: Zenoh retries silently, a session that gives up names the error."""
         while not opened.wait(EXPLAIN):
             hasty = _configuration(file)
             hasty.insert_json5("connect/exit_on_failure", "true")
@@ -167,7 +169,7 @@ def _open(configuration: zenoh.Config) -> zenoh.Session:
 
 
 class Publisher:
-    """Publishes the messages it is called with, and signs them if the cell has a key."""
+    """Publishes messages of one topic: called with a message, it sends it, signed if the cell has a key."""
 
     def __init__(self, publisher: zenoh.Publisher, signer: Signer | None) -> None:
         self._publisher = publisher
@@ -181,12 +183,12 @@ class Publisher:
         if self._signer is None:
             self._put(payload)
             return
-        with self._lock:  # numbers leave in order
+        with self._lock:  # The sequence numbers must leave in order.
             self._put(payload, attachment=self._signer(self._expression, payload))
 
     @property
     def wanted(self) -> bool:
-        """Whether anybody subscribes."""
+        """Whether at least one session subscribes to the topic."""
         return _matching(self._publisher.matching_status)
 
 
@@ -197,23 +199,23 @@ class Subscription:
         self._end = subscriber.undeclare
 
     def end(self) -> None:
-        """Nothing is received any more, and the publisher learns that it is not wanted; once only."""
+        """Ends the subscription; its publishers learn that they have one subscriber less. May be called once."""
         self._end()
 
 
 class Bus:
-    """One session, under the keys of one arm.
+    """One Zenoh session and the typed topics of one arm.
 
     Args:
-        session: The session; this object closes it.
-        cell: The cell's name in the keys.
-        arm: The arm's name in the keys.
-        key: The secret of the cell's services. With it, everything that is published is signed, and only what
-            is signed with it is received; without it, everything is received.
+        session: the session; the bus closes it.
+        cell: name of the cell in the keys.
+        arm: name of the arm in the keys.
+        key: secret of the cell's services. With it, everything that is published is signed, and only what is signed
+            with it is received; without it, everything is received.
 
     Attributes:
-        refused: messages refused since the start, by reason; read and written from several threads.
-        last_refusal: the last one in words.
+        refused: number of messages refused since the start, by reason; read and written from several threads.
+        last_refusal: the last refusal in words.
     """
 
     def __init__(
@@ -236,11 +238,11 @@ class Bus:
         self.close()
 
     def close(self) -> None:
-        """Ends the session; tokens and subscriptions end with it."""
+        """Closes the session; its liveliness tokens and subscriptions end with it."""
         self._session.close()
 
     def peers(self) -> int:
-        """How many other sessions this one is joined to."""
+        """Number of other sessions that this one is connected to."""
         return len(self._session.info.peers_zid()) + len(self._session.info.routers_zid())
 
     def key(self, topic: Topic, part: str = "*") -> str:
@@ -248,7 +250,7 @@ class Bus:
         return self._prefix + topic.name.replace("*", part)
 
     def refuse(self, reason: str, detail: str) -> None:
-        """Counts a message that is not used and says why."""
+        """Counts a message that is refused and logs the reason."""
         with self._lock:
             self.refused[reason] += 1
             count = self.refused[reason]
@@ -258,14 +260,16 @@ class Bus:
             log.warning("refused %s%s", self.last_refusal, rest)
 
     def announce(self, service: str) -> None:
-        """Shows the service's token while the session lives."""
+        """Declares the liveliness token of a service, which lasts as long as the session."""
         self._declared.append(self._session.liveliness().declare_token(self.key(ALIVE, service)))
 
     def publisher(self, topic: Topic, part: str = "*", *, lossless: bool = False) -> Publisher:
-        """Publishes messages of a topic, at once and before all other traffic.
+        """A publisher of a topic, whose messages go out at once and before all other traffic.
 
         Args:
-            lossless: wait for slow subscribers; otherwise messages that they cannot take are lost to them.
+            topic: topic to publish on.
+            part: what takes the place of the `*` in the topic's key.
+            lossless: whether to wait for slow subscribers; otherwise they lose messages they cannot take in time.
         """
         control = zenoh.CongestionControl
         publisher = self._session.declare_publisher(
@@ -278,16 +282,20 @@ class Bus:
         return Publisher(publisher, Signer(self._key) if self._key else None)
 
     def subscribe(self, topic: Topic, message: type[M], receive: Callable[[M], Any], part: str = "*") -> Subscription:
-        """Calls `receive` with every valid message, on a thread of Zenoh's; it must return at once and not raise.
+        """Calls `receive` with every valid message of a topic.
 
-        It ends with the session, or before that by what is returned.
+        `receive` runs on a thread of Zenoh; it must return at once and not raise. The subscription lasts as long as
+        the session, unless it is ended before.
         """
         return self.subscribe_senders(topic, message, lambda found, sender: receive(found), part)
 
     def subscribe_senders(
         self, topic: Topic, message: type[M], receive: Callable[[M, bytes], Any], part: str = "*"
     ) -> Subscription:
-        """The same, with the sender of each message: one publisher's name for itself, b"" in a cell without key."""
+        """Calls `receive` with every valid message of a topic and its sender.
+
+        The sender is the name that the publisher chose for itself, or b"" in a cell without key.
+        """
         reader = Reader(message)
         verify = Verifier(self._key) if self._key else None
 
@@ -305,7 +313,7 @@ class Bus:
         return Subscription(self._declare(self._session.declare_subscriber, self.key(topic, part), take))
 
     def watch_raw(self, expression: str, receive: Callable[[str, bytes], Any]) -> None:
-        """Calls `receive` with key and payload of everything published under the arm's keys that matches."""
+        """Calls `receive` with key and payload of all messages of the arm whose key matches an expression."""
 
         def take(sample: zenoh.Sample) -> None:
             receive(str(sample.key_expr), _bytes(sample.payload))
@@ -313,7 +321,7 @@ class Bus:
         self._declare(self._session.declare_subscriber, self._prefix + expression, take)
 
     def watch_alive(self, receive: Callable[[str, bool], Any]) -> None:
-        """Calls `receive` with a service's name and whether its token is there, now and at every change."""
+        """Calls `receive` with the name of a service and whether its liveliness token exists, now and on changes."""
 
         def take(sample: zenoh.Sample) -> None:
             receive(str(sample.key_expr).rpartition("/")[2], sample.kind == zenoh.SampleKind.PUT)
@@ -324,10 +332,13 @@ class Bus:
         self._declare(declare, self.key(ALIVE), take)
 
     def answer(self, topic: Topic, message: type[M], handle: Callable[[M | None], Any]) -> None:
-        """Answers queries with what `handle` returns for their message, or for None when they carry none.
+        """Answers the queries of a topic.
 
         Args:
-            handle: called on a thread of Zenoh's; a DtwinError it raises is the asker's answer.
+            topic: topic of the queries.
+            message: type of the message that a query may carry.
+            handle: returns the answer to a message, or to None for a query without one; it runs on a thread of
+                its own, and the text of a DtwinError that it raises is sent as the answer.
         """
         reader = Reader(message)
 
@@ -347,10 +358,16 @@ class Bus:
         self._declared.append(self._session.declare_queryable(self.key(topic), handler))
 
     def ask(self, topic: Topic, message: msgspec.Struct | None, reply: type[M], timeout: float = TIMEOUT) -> M:
-        """The answer to a query.
+        """Sends a query and returns its answer.
+
+        Args:
+            topic: topic of the query.
+            message: message that the query carries, or None.
+            reply: type of the answer.
+            timeout: longest wait for the answer, s.
 
         Raises:
-            CommunicationError: nobody answers in time, or the answer is a refusal or no valid message.
+            CommunicationError: no answer comes in time, or it is a refusal or no valid message.
         """
         key = self.key(topic)
         nobody = (
@@ -365,7 +382,7 @@ class Bus:
 
         listener = querier.declare_matching_listener(Callback(note, lambda: None))
         try:
-            # whoever has just joined does not know the others yet
+            # A session that has just joined does not know the others yet.
             if not (_matching(querier.matching_status) or there.wait(timeout)):
                 raise CommunicationError(nobody)
             for answer in querier.get(payload=b"" if message is None else encode(message), encoding=_JSON):
@@ -386,7 +403,7 @@ class Bus:
 
 
 def _matching(status: Any) -> bool:
-    """Zenoh's stubs call the status a bool, which it is not."""
+    """Whether a matching status reports a match; Zenoh's type stubs wrongly call the status a bool."""
     return bool(status.matching)
 
 
@@ -395,5 +412,5 @@ def _bytes(payload: zenoh.ZBytes) -> bytes:
 
 
 def _line(error: Exception) -> str:
-    """Zenoh's words without the places in its source."""
+    """The text of an error of Zenoh without the lines of its source code."""
     return " ".join(re.sub(r" at /\S+", "", str(error)).split())

@@ -1,7 +1,7 @@
 """The control application on a device (4diac FORTE or the embedded runtime), through its TCP ports.
 
-Where its blocks listen is read over device management from their ID inputs; a device that does not tell has them
-where the library puts them.
+The ports at which its blocks listen are read over device management from their ID inputs. A device that does not
+answer this has them at the ports of the library.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.signals import ARM_STATES, STOPS, ArmState, Sensors, Stop, Voltages
 
 TIMEOUT: Final = 1.0
-"""s, for every answer"""
+"""Longest wait for every answer, s."""
 _READ_BACK: Final = 0.2
-"""s after which a setting that was acknowledged must show"""
+"""Longest time from the acknowledgement of a setting until it can be read back, s."""
 
 
 class PlayedSignal(NamedTuple):
-    """The 3-2-1-1 signal of the blocks.
+    """The 3-2-1-1 signal that the blocks play.
 
     Attributes:
-        amplitude: V, of joints 1 to 3.
-        unit: of time, ticks.
-        delay: by which a joint starts later, ticks.
-        samples: length, ticks.
+        amplitude: amplitudes of joints 1 to 3, V.
+        unit: length of one unit of time, ticks.
+        delay: ticks at 0 V before the signal of joints 1 to 3 starts.
+        samples: length of the signal, ticks.
     """
 
     amplitude: Triple
@@ -61,10 +61,10 @@ class PlayedSignal(NamedTuple):
 class Application:
     """A management session with the device, and the addresses of its blocks.
 
-    Threads may share it, and should: a FORTE serves one management client at a time.
+    Threads share one session, because a FORTE serves one management client at a time.
 
     Args:
-        address: of device management.
+        address: address of device management.
 
     Raises:
         CommunicationError: the device does not answer, or the application is not there.
@@ -89,10 +89,10 @@ class Application:
         return self._management.lost
 
     def read(self, names: Sequence[str]) -> list[float]:
-        """Values of numeric or BOOL ports.
+        """Values of numeric or BOOL ports of the blocks.
 
         Raises:
-            CommunicationError: no answer, or no number.
+            CommunicationError: the device does not answer, or a value is no number.
         """
         texts = {}
         for name in names:
@@ -101,13 +101,17 @@ class Application:
         return self._numbers(names, texts)
 
     def watch(self, names: Sequence[str]) -> None:
-        """Has ports among those that `watched` reads at once."""
+        """Adds ports to those that `watched` reads in one request."""
         with self._lock:
             for name in names:
                 self._management.watch(self._resource, name)
 
     def watched(self, names: Sequence[str]) -> list[float]:
-        """Values of watched ports, as `read`, but in one request."""
+        """Values of watched ports in one request.
+
+        Raises:
+            CommunicationError: the device does not answer, or a value is no number.
+        """
         with self._lock:
             texts = self._management.watched(self._resource)
         return self._numbers(names, texts)
@@ -119,7 +123,11 @@ class Application:
             raise CommunicationError(f"{self._address}: expected numbers at {names}, got {texts}") from None
 
     def connect(self, port: Port) -> BlockingClient:
-        """A connection to a block that listens."""
+        """Connects to a SERVER block.
+
+        Raises:
+            CommunicationError: the block does not accept the connection.
+        """
         try:
             with self._lock:
                 number = parse_block_id(self._management.read(self._resource, f"{port.block}.ID")).port
@@ -128,14 +136,14 @@ class Application:
         return BlockingClient(Address(self._address.host, number), port.receives, port.sends, TIMEOUT)
 
     def reopen(self, port: Port) -> None:
-        """Closes a block that listens and opens it again, on a FORTE; no sample may be on its way meanwhile.
+        """On a FORTE, closes the port of a SERVER block and opens it again; no sample may be on its way meanwhile.
 
-        Half a message that a client left behind there would be taken for the beginning of the next one, whoever sends
-        it. The embedded device keeps clients apart; it cannot trigger events, which tells it from a FORTE. A FORTE
+        A FORTE takes half a message that a client left behind for the beginning of the next message, whoever sends
+        that. The embedded device keeps clients apart; it is told from a FORTE by refusing to trigger events. A FORTE
         that closes a port while another one is in use crashes now and then.
 
         Raises:
-            CommunicationError: it does not open.
+            CommunicationError: the port does not open again.
         """
         name = port.block
         with self._lock:
@@ -163,14 +171,14 @@ class Application:
 
 
 class ControlLoop:
-    """The application as a controller: a sample in, a command out.
+    """The application as a controller: it answers samples with commands.
 
     Args:
-        address: of device management.
+        address: address of device management.
 
     Attributes:
-        settings: of the same application, over the same management session; for another thread if need be.
-        safe_stop: of the same application, in the same way.
+        settings: settings of the same application over the same management session; another thread may use them.
+        safe_stop: safe stop of the same application over the same management session; another thread may use it.
 
     Raises:
         CommunicationError: the device does not answer, or the application is not there.
@@ -191,23 +199,23 @@ class ControlLoop:
 
     @property
     def lost(self) -> bool:
-        """Whether one of the connections has ended, so that all of them should be made anew."""
+        """Whether a connection has ended, so that a new ControlLoop is needed."""
         return self._cell.lost or self._application.lost or self.settings.lost
 
     def answer(self, sensors: Sensors) -> Voltages:
         """The application's answer to a sample.
 
         Raises:
-            CommunicationError: it is late, lost, or not finite.
+            CommunicationError: the answer is late, lost, or not finite.
         """
         return received_voltages(sensors, self._cell.exchange(sensor_values(sensors)), self._cell.address)
 
     def restart(self, sensors: Sensors) -> None:
-        """Lets the application plan its path from a sample, at rest and without integrals of the past.
+        """Makes the application plan its path anew from a sample, for an arm at rest and with empty integrals.
 
-        An identification request that is taken back at once hands the arm over and back: the path planner starts
-        from the measured state. The repeated sample is that of an arm at rest. The next `answer` to the same sample
-        is the controller's again.
+        It requests the identification signal and takes the request back at once, after which the path planner starts
+        from the measured state. The sample is sent twice, which the blocks see as an arm at rest. The next `answer`
+        to the same sample comes from the control law again.
         """
         with self._requests() as request:
             request.exchange([True])
@@ -222,7 +230,7 @@ class ControlLoop:
         return PlayedSignal((first, second, third), unit, (delay_1, delay_2, delay_3), samples)
 
     def request_signal(self, run: bool) -> None:
-        """Lets the blocks play the identification signal from the next sample on, or end it."""
+        """Makes the blocks play the identification signal from the next sample on, or stop playing it."""
         with self._requests() as request:
             request.exchange([run])
 
@@ -233,17 +241,17 @@ class ControlLoop:
             yield request
 
     def path(self) -> Triple:
-        """The path's angles (rad) in the last answer."""
+        """Desired angles of the path in the last answer, rad."""
         theta_1, theta_2, theta_3 = self._application.watched(PATH)
         return theta_1, theta_2, theta_3
 
 
 class Settings:
-    """What is in force in the running application, and changes of it; used from one thread at a time.
+    """Reads and changes the settings of the running application; used from one thread at a time.
 
-    Its connections to the ports are there from the beginning: a FORTE serves one client, so nobody else can get in.
-    All methods raise CommunicationError when the device does not answer or does not take over a value, and
-    ParameterError when it has values that are none.
+    Its connections to the ports are made at once and kept: a FORTE serves one client per port, so no other client can
+    connect. All methods raise CommunicationError when the device does not answer or does not take over a value, and
+    ParameterError when the device has values that are out of range.
     """
 
     def __init__(self, application: Application) -> None:
@@ -264,16 +272,16 @@ class Settings:
         return any(port.lost for port in self._ports.values())
 
     def in_force(self) -> ControlSettings:
-        """Everything; the controller knows no Coulomb friction."""
+        """All settings in force; the Coulomb friction in them is 0, since the controller does not compensate it."""
         return ControlSettings.from_inputs(self._read(tuple(ControlSettings().inputs())))
 
     def tuning(self) -> tuple[Gains, float]:
-        """Gains in force, and the target time of the next motion, s."""
+        """The gains in force and the target time of the next motion (s)."""
         settings = _settings(self._read(TUNING))
         return settings.gains, settings.target_time
 
     def model(self) -> ArmParameters:
-        """The arm as the controller believes it to be."""
+        """The arm model of the controller."""
         return _settings(self._read(MODEL)).model
 
     def set_tuning(self, gains: Gains | None, target_time: float | None) -> tuple[Gains, float]:
@@ -292,7 +300,7 @@ class Settings:
         return dict(zip(names, self._application.read(names), strict=True))
 
     def _change(self, names: tuple[str, ...], settings: ControlSettings) -> dict[str, float]:
-        """Sends inputs; what is in force, once it is that: the blocks may run after they have acknowledged."""
+        """Sends inputs and reads them back until they are in force: the blocks may act after they acknowledge."""
         inputs = settings.inputs()
         wanted = {name: inputs[name] for name in names}
         self._ports[names].exchange(list(wanted.values()))
@@ -308,11 +316,11 @@ class Settings:
 
 
 class SafeStop:
-    """The stop that the blocks decide on; used from one thread at a time.
+    """The safe stop that the blocks decide on; used from one thread at a time.
 
-    It stays connected from its first use on: a FORTE refuses a client that comes when another has just gone.
-
-    All methods return the stop that is in force then, and raise CommunicationError when the device does not answer.
+    The connection stays open from its first use on, because a FORTE refuses a client that connects just after another
+    one has left. All methods return the stop in force after the call. They raise CommunicationError when the device
+    does not answer.
     """
 
     def __init__(self, application: Application) -> None:
@@ -322,22 +330,22 @@ class SafeStop:
         self._lock = threading.Lock()
 
     def close(self) -> None:
-        """Ends the connection, also from another thread than the one that uses it."""
+        """Ends the connection; any thread may call it."""
         with self._lock:
             self._closed = True
             if self._client is not None:
                 self._client.close()
 
     def now(self) -> Stop:
-        """The one in force."""
+        """The stop in force."""
         return self.judge("nominal", 0.0)
 
     def judge(self, state: ArmState, confidence: float) -> Stop:
-        """Tells a verdict on the arm and its probability; what is not a sure failure changes nothing."""
+        """Sends a verdict on the arm and its probability; only a sure failure changes the stop in force."""
         return self._tell(state, confidence, False)
 
     def release(self) -> Stop:
-        """An operator's release; it counts unless the arm still brakes."""
+        """Sends an operator's release; it takes effect unless the arm still brakes."""
         return self._tell("nominal", 0.0, True)
 
     def _tell(self, state: ArmState, confidence: float, release: bool) -> Stop:
@@ -360,7 +368,7 @@ class SafeStop:
 
 
 def _settings(values: Mapping[str, float]) -> ControlSettings:
-    """Settings of which only the inputs in `values` mean something."""
+    """Settings with the given inputs; all other inputs have default values."""
     return ControlSettings.from_inputs({**ControlSettings().inputs(), **values})
 
 

@@ -1,4 +1,4 @@
-"""The control application in process; the control law itself is in the blocks alone."""
+"""The control application run in this process; the control law itself is in the function blocks alone."""
 
 from __future__ import annotations
 
@@ -14,10 +14,14 @@ from dtwin.signals import Sensors, Voltages
 
 
 class EmbeddedController:
-    """The control application of `blocks` in the embedded runtime, stepped by calls.
+    """The control application in the embedded runtime, stepped by calls.
+
+    Args:
+        settings: values for the inputs of the blocks; the default settings when None.
+        blocks: folder of the function-block library.
 
     Attributes:
-        resource: the running application, for reading and writing block variables between steps.
+        resource: the running application, whose block variables can be read and written between steps.
 
     Raises:
         FunctionBlockError: the library or its application cannot be used.
@@ -34,7 +38,7 @@ class EmbeddedController:
         self._target = self.resource.reader(PATH)
 
     def step(self, sensors: Sensors) -> Voltages:
-        """The application's answer to a sample: one IND of its server block, run until idle.
+        """The application's answer to a sample: one IND event of its SERVER block, run until nothing is left to do.
 
         Raises:
             FunctionBlockError: a block failed. CommunicationError: the application did not answer.
@@ -42,6 +46,6 @@ class EmbeddedController:
         return voltages(sensors, self._exchange(sensor_values(sensors)))
 
     def target(self) -> Triple:
-        """The path's angles (rad) of the last step."""
+        """Desired angles of the path at the last step, rad."""
         theta_1, theta_2, theta_3 = self._target()
         return (theta_1, theta_2, theta_3)

@@ -1,6 +1,6 @@
-"""Path and control of a single motion: the planner and controller blocks without the cell's sequence.
+"""Path and control of a single motion: the planner and controller blocks without the sequence of the cell.
 
-What runs is `motion.sys` of the function-block library; a what-if simulation closes its loop over the analytic twin.
+The blocks are those of the system `motion.sys`; the what-if simulation closes the loop with the analytic twin.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from dtwin.parameters import PERIOD, PLACES, Triple
 
 PICKUP_NAME: Final = "pickup"
 NAMES: Final = (PICKUP_NAME, *PLACES)
-"""Destinations that the planner block knows."""
+"""Names of the places that the planner block knows."""
 STILL: Final[Triple] = (0.0, 0.0, 0.0)
 
 Goal = str | Triple
-"""A place's name, or joint angles in rad."""
+"""Goal of a motion: the name of a place, or joint angles in rad."""
 
 
 class MotionController:
@@ -32,7 +32,7 @@ class MotionController:
         blocks: folder of the function-block library.
 
     Attributes:
-        resource: the running blocks, for reading and writing their variables between steps.
+        resource: the running blocks, whose variables can be read and written between steps.
 
     Raises:
         FunctionBlockError: the library or its system cannot be used.
@@ -53,20 +53,20 @@ class MotionController:
     def begin(
         self, theta: Triple, goal: Goal, settings: ControlSettings, *, carries: bool = False, omega: Triple = STILL
     ) -> Triple:
-        """Starts a path with its first sample; the blocks remember nothing of motions before.
+        """Starts a path with its first sample; the blocks keep no state of earlier motions.
 
         Args:
             theta: measured angles, rad.
-            goal: where to.
-            settings: of the blocks.
+            goal: place or joint angles at which the motion ends.
+            settings: values for the inputs of the blocks.
             carries: whether the controller counts on a box in the gripper.
-            omega: velocities (rad/s) that the samples before this one showed.
+            omega: velocities at the start, from which the samples before this one are made up, rad/s.
 
         Returns:
-            the volts of joints 1 to 3.
+            The voltages of joints 1 to 3, V.
 
         Raises:
-            ParameterError: the goal's name is unknown.
+            ParameterError: there is no place of the goal's name.
         """
         resource = self.resource
         if settings != self._settings:
@@ -90,22 +90,22 @@ class MotionController:
         return (v_1, v_2, v_3)
 
     def step(self, theta: Triple) -> Triple:
-        """The volts of joints 1 to 3 for the next sample of the angles, rad."""
+        """Voltages of joints 1 to 3 (V) that answer the next sample of the angles (rad)."""
         v_1, v_2, v_3 = self._exchange((*theta, False, self._carries))
         return (v_1, v_2, v_3)
 
     def path(self) -> Triple:
-        """The path's angles (rad) of the last step."""
+        """Desired angles of the path at the last step, rad."""
         theta_1, theta_2, theta_3 = self._path()
         return (theta_1, theta_2, theta_3)
 
     def target(self) -> Triple:
-        """Where the path ends, rad."""
+        """Angles at which the path ends, rad."""
         theta_1, theta_2, theta_3 = self._target()
         return (theta_1, theta_2, theta_3)
 
     def _remember(self, theta: Triple, omega: Triple) -> None:
-        """Gives the controller the two samples that its difference quotient takes a velocity from."""
+        """Gives the controller the two earlier samples from which its difference quotient computes a velocity."""
         self.resource.write("CONTROLLER.RUNNING", True)
         for joint, (angle, speed) in enumerate(zip(theta, omega, strict=True), 1):
             self.resource.write(f"CONTROLLER.Y1{joint}", angle - speed * PERIOD)

@@ -1,6 +1,6 @@
-"""The one table of the controller's blocks, ports and messages, and the one conversion of samples and commands.
+"""Table of the blocks, ports and messages of the control application, and the conversion of samples and commands.
 
-Block names are those of fb/dtwin.sys, the layouts those of its SERVER blocks. The wire format is in
+Block names are those of fb/dtwin.sys, message layouts those of its SERVER blocks. The wire format is in
 `dtwin.iec61499.net.wire`.
 """
 
@@ -20,39 +20,39 @@ from dtwin.signals import Sensors, Voltages
 BLOCKS: Final = ROOT / "fb"
 """Folder of the function-block library."""
 SYSTEM: Final = "dtwin.sys"
-"""The system in that folder which holds the application."""
+"""File of the system with the control application, in the folder BLOCKS."""
 MOTION_SYSTEM: Final = "motion.sys"
-"""The system in that folder which holds planner and controller alone."""
+"""File of the system with path planner and controller alone, in the folder BLOCKS."""
 _JOINTS: Final = (1, 2, 3)
 
 TUNING: Final = (*(f"CONTROLLER.{kind}{joint}" for kind in ("KP", "KI", "KD") for joint in _JOINTS), "PLANNER.T")
-"""Inputs that one message changes together: gains and target time, in the order of the message."""
+"""Inputs with gains and target time, which one message sets together, in the order of the message."""
 MODEL: Final = tuple(f"CONTROLLER.{kind}{joint}" for kind in "KMILCD" for joint in _JOINTS)
-"""Inputs that another message changes together: the model, in the order of the message."""
+"""Inputs with the arm model, which one message sets together, in the order of the message."""
 PATH: Final = tuple(f"PLANNER.THETA_D{joint}" for joint in _JOINTS)
-"""Outputs with the angles (rad) of the path."""
+"""Outputs with the desired angles of the path, rad."""
 PATH_END: Final = tuple(f"PLANNER.THETA_T{joint}" for joint in _JOINTS)
-"""Inputs with the angles (rad) at which the path ends."""
+"""Inputs with the angles at which the path ends, rad."""
 TWIN: Final = "TWIN"
-"""Block DIGITAL_TWIN of the application."""
+"""Name of the block of type DIGITAL_TWIN."""
 STOP: Final = f"{TWIN}.STOP"
 """Output with the number of the safe stop in force."""
 SIGNAL: Final = tuple(
     f"{TWIN}.IDENTIFICATION.BLOCK.SIGNAL.{name}"
     for name in ("AMPLITUDE1", "AMPLITUDE2", "AMPLITUDE3", "UNIT", "DELAY1", "DELAY2", "DELAY3", "LENGTH")
 )
-"""Inputs of the block that plays the identification signal: V, then counts of ticks."""
+"""Inputs of the block that plays the identification signal: amplitudes in V, all others in ticks."""
 
 
 @dataclass(frozen=True, slots=True)
 class Port:
-    """A SERVER block of the application.
+    """A SERVER block of the application (IEC 61499-1, Annex F).
 
     Attributes:
-        block: its dotted name in the resource.
-        number: TCP port at which the library lets it listen.
+        block: dotted name of the block in the resource.
+        number: TCP port at which the block listens in the library.
         receives: layout of the messages to the block.
-        sends: layout of its answers.
+        sends: layout of the answers of the block.
     """
 
     block: str
@@ -68,33 +68,36 @@ EMULATOR: Final = Port(
     Signature([LREAL, LREAL, LREAL, LREAL, BOOL, STRING]),
     Signature([LREAL, LREAL, LREAL, LREAL, BOOL]),
 )
-"""A sample in, a command out: see `sensor_values` and `voltages`."""
+"""Receives samples and answers with commands; see `sensor_values` and `voltages`."""
 REQUEST: Final = Port(f"{TWIN}.IDENTIFICATION.REQUEST", 61501, Signature([BOOL]), _NOTHING)
-"""Whether the identification signal shall be played."""
+"""Receives whether the identification signal is to be played."""
 GAINS: Final = Port(f"{TWIN}.SIMULATION.GAIN_PORT", 61504, Signature([LREAL] * len(TUNING)), _NOTHING)
-"""The inputs TUNING."""
+"""Receives the values of the inputs TUNING."""
 ARM_MODEL: Final = Port(f"{TWIN}.SIMULATION.MODEL_PORT", 61505, Signature([LREAL] * len(MODEL)), _NOTHING)
-"""The inputs MODEL."""
+"""Receives the values of the inputs MODEL."""
 VERDICT: Final = Port(f"{TWIN}.MONITORING.VERDICT", 61506, Signature([DINT, LREAL, BOOL]), Signature([DINT]))
-"""Number of the arm's state, its probability, whether to release the arm; answered by the number of the stop."""
+"""Receives the number of the arm's state, its probability and whether to release the arm.
+
+It answers with the number of the stop in force.
+"""
 
 
 def sensor_values(sensors: Sensors) -> tuple[Any, ...]:
-    """A sample in the order of the message to EMULATOR."""
+    """The values of a sample in the order of the message to EMULATOR."""
     return (*sensors.theta, sensors.gripper, sensors.box_present, sensors.box_colour)
 
 
 def voltages(sensors: Sensors, answer: Sequence[Any]) -> Voltages:
-    """The command that an answer of EMULATOR to a sample stands for."""
+    """The command in an answer of EMULATOR to a sample."""
     v_1, v_2, v_3, v_gripper, gripped = answer
     return Voltages(sensors.sequence, sensors.time, (v_1, v_2, v_3, v_gripper), gripped)
 
 
 def received_voltages(sensors: Sensors, answer: Sequence[Any], sender: object) -> Voltages:
-    """The same for an answer from outside this process.
+    """The command in an answer from outside this process, checked to be finite.
 
     Raises:
-        CommunicationError: a voltage is not finite; names the sender.
+        CommunicationError: a voltage is not finite; the message names the sender.
     """
     command = voltages(sensors, answer)
     if not all(map(math.isfinite, command.volts)):

@@ -1,4 +1,4 @@
-"""What can be set of the controller, and the inputs of the blocks that it becomes."""
+"""Settings of the controller and the block inputs that hold them."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from dtwin.errors import ParameterError, choices
 from dtwin.parameters import ArmParameters, Gains, Law, PayloadModel, Triple
 
 DIGITS: Final = 1e-14
-"""Relative difference of a number and what a FORTE writes of it."""
+"""Relative difference between a number and the 15 digits of it that a FORTE writes."""
 LAWS: Final[tuple[Law, ...]] = get_args(Law)
-"""In the order of the input LAW of the controller block."""
+"""Names of the control laws; the index is the value of the input LAW of the controller block."""
 _NEEDED: Final[dict[Law, PayloadModel]] = {"default": "point", "row_sum": "weight"}
 
 
@@ -22,13 +22,13 @@ class ControlSettings:
     """Values for the data inputs of the control application.
 
     Attributes:
-        target_time: T, duration of every motion, s.
-        gains: of the computed-torque law.
-        law: "default" feeds back through the mass matrix, "row_sum" through its row sums, without damping term.
-        model: the arm as the controller believes it to be; its Coulomb friction is not compensated.
-        payload: assumed mass of a box, kg.
-        payload_model: how a held box counts; if not given, as the law needs it to hold a box everywhere: as a
-            point mass for the default law, by its weight alone for the row-sum law.
+        target_time: duration T of every motion, s.
+        gains: gains of the computed-torque law.
+        law: "default" feeds back through the mass matrix, "row_sum" through its row sums without the damping term.
+        model: arm model of the controller; its Coulomb friction is not compensated.
+        payload: mass of a box that the controller assumes, kg.
+        payload_model: how a held box counts in the model; None takes what the law needs to hold a box everywhere:
+            a point mass for the default law, the weight alone for the row-sum law.
 
     Raises:
         ParameterError: a value is out of range.
@@ -55,11 +55,11 @@ class ControlSettings:
 
     @property
     def box_counts(self) -> PayloadModel:
-        """How a held box counts."""
+        """How a held box counts in the model of the controller."""
         return self.payload_model or _NEEDED[self.law]
 
     def inputs(self) -> dict[str, float | int]:
-        """The values by the name of the block's input, `BLOCK.INPUT`."""
+        """The values by the names of the block inputs, `BLOCK.INPUT`."""
         gains, model = self.gains, self.model
         by_name: dict[str, Triple] = {
             "KP": gains.kp,
@@ -85,7 +85,7 @@ class ControlSettings:
 
     @classmethod
     def from_inputs(cls, values: Mapping[str, float]) -> ControlSettings:
-        """The settings of blocks whose inputs have these values: the inverse of `inputs`.
+        """The settings that given block inputs hold: the inverse of `inputs`.
 
         Raises:
             ParameterError: a value is out of range.
@@ -108,6 +108,6 @@ class ControlSettings:
         )
 
     def differing(self, other: ControlSettings) -> set[str]:
-        """Names of the inputs in which a controller can tell two settings apart: a FORTE writes 15 digits."""
+        """Names of the inputs whose values differ by more than the 15 digits that a FORTE writes."""
         mine, its = self.inputs(), other.inputs()
         return {name for name in mine if not math.isclose(mine[name], its[name], rel_tol=DIGITS)}

@@ -1,7 +1,7 @@
-"""How settings reach a running controller: through the blocks of SYSTEM_SIMULATION.
+"""The port through which settings reach a running controller: the block SYSTEM_SIMULATION.
 
-A message carries all gains and the target time, or all model parameters, and arrives as one event between two ticks:
-the controller has all of it or nothing.
+A message carries all gains and the target time, or all model parameters. It arrives as one event between two ticks,
+so that the controller has either all of its values or none.
 """
 
 from __future__ import annotations
@@ -15,21 +15,26 @@ from dtwin.parameters import ArmParameters, Gains
 
 
 class SettingsPort(Protocol):
-    """A running controller as uploads see it."""
+    """A running controller whose settings can be changed and read back."""
 
-    def send_gains(self, gains: Gains, target_time: float) -> None: ...
-    def send_model(self, model: ArmParameters) -> None: ...
-    def read_back(self) -> ControlSettings: ...
+    def send_gains(self, gains: Gains, target_time: float) -> None:
+        """Puts gains into force from the next tick, the target time (s) from the next motion."""
+
+    def send_model(self, model: ArmParameters) -> None:
+        """Puts an arm model into force from the next tick."""
+
+    def read_back(self) -> ControlSettings:
+        """The settings in the blocks of the controller."""
 
 
 class EmbeddedPort:
-    """A controller in this process; to be used between its steps.
+    """The settings port of a controller in this process; used between the steps of the controller.
 
     Args:
-        controller: whose application has the block SYSTEM_SIMULATION.
+        controller: controller whose application has the block SYSTEM_SIMULATION.
 
     Raises:
-        FunctionBlockError: it has not.
+        FunctionBlockError: the application has no such block.
     """
 
     def __init__(self, controller: EmbeddedController) -> None:
@@ -38,16 +43,16 @@ class EmbeddedPort:
         self._model = self._resource.server(ARM_MODEL.block)
 
     def send_gains(self, gains: Gains, target_time: float) -> None:
-        """Puts gains and target time into force from the next tick; the time from the next motion."""
+        """Puts gains into force from the next tick, the target time (s) from the next motion."""
         values = ControlSettings(target_time, gains).inputs()
         self._gains.exchange([values[name] for name in TUNING])
 
     def send_model(self, model: ArmParameters) -> None:
-        """Puts a model into force from the next tick."""
+        """Puts an arm model into force from the next tick."""
         values = ControlSettings(model=model).inputs()
         self._model.exchange([values[name] for name in MODEL])
 
     def read_back(self) -> ControlSettings:
-        """The settings as the controller's blocks have them."""
+        """The settings in the blocks of the controller."""
         read = self._resource.read
         return ControlSettings.from_inputs({name: read(name) for name in ControlSettings().inputs()})

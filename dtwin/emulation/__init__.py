@@ -1,4 +1,4 @@
-"""The physical counterpart: MuJoCo plant, encoders, boxes and faults behind the seam read, apply, advance."""
+"""The emulated cell: MuJoCo plant, encoders, boxes and faults behind one interface: read, apply, advance."""
 
 from dtwin.emulation.boxes import Score
 from dtwin.emulation.emulation import Emulation

@@ -13,15 +13,15 @@ from dtwin.parameters import PICKUP, PLACES, GripperParameters, Place
 from dtwin.signals import Event
 
 REACH: Final = 0.020
-"""m: how far from the pickup point or a place the tip may be to grip or deliver"""
+"""Largest distance between the tip and the pickup point or a place at which a box is gripped or delivered, m."""
 GRIP_TOLERANCE: Final = 0.05
-"""rad: how far from its closed stop the gripper still holds a box"""
+"""Largest angle between the gripper and its closed stop at which it grips a box, rad."""
 
 Point = tuple[float, float]
 
 
 class Box(msgspec.Struct, frozen=True, gc=False):
-    """A box: mass kg, colour one of the places' names."""
+    """A box: its mass (kg) and its colour, which is the name of the place it belongs to."""
 
     mass: float
     colour: str
@@ -49,8 +49,8 @@ class Boxes:
     stream does not depend on what the arm does.
 
     Args:
-        generator: source of times, masses and colours, used for nothing else.
-        gripper: tells when the gripper is closed.
+        generator: random generator of arrival times, masses and colours, used for nothing else.
+        gripper: parameters of the gripper, which say at what angle it is closed.
     """
 
     def __init__(self, generator: np.random.Generator, gripper: GripperParameters) -> None:
@@ -64,16 +64,16 @@ class Boxes:
 
     @property
     def next_arrival(self) -> float:
-        """When the next box comes, s."""
+        """Plant time at which the next box arrives, s."""
         return self._arrival
 
     @property
     def score(self) -> Score:
-        """So far."""
+        """What became of the boxes so far."""
         return Score(**self._counts, placement_errors_mm=tuple(self._errors))
 
     def arrive(self, time: float) -> Event:
-        """The next box comes; it is dropped when another waits."""
+        """Lets the next box arrive at a plant time (s); it is turned away when another one waits."""
         box = self._coming
         self._arrival, self._coming = next(self._stream)
         if self.waiting:
@@ -83,7 +83,7 @@ class Boxes:
         return self._count(time, "arrived", "arrived", f"a {box.colour} box of {1000 * box.mass:.1f} g arrived")
 
     def grip(self, time: float, tip: Point, gripper: float) -> Event:
-        """The command to hold a box was given with the tip there (m) and the gripper at that angle (rad)."""
+        """Tries to pick the waiting box with the tip at (x, y) in m and the gripper at an angle in rad."""
         distance = _distance(tip, PICKUP)
         if self.waiting is None:
             missed = "no box is waiting"
@@ -98,7 +98,7 @@ class Boxes:
         return Event(time, "grip_missed", f"nothing gripped: {missed}")
 
     def release(self, time: float, tip: Point) -> Event | None:
-        """The command to let go was given with the tip there (m); None when nothing was held."""
+        """Lets go of the held box with the tip at (x, y) in m; None when no box was held."""
         box, self.held = self.held, None
         if box is None:
             return None
@@ -110,7 +110,7 @@ class Boxes:
         return self._count(time, "delivered", "delivered", f"the {box.colour} box was delivered, {millimetres}")
 
     def slip(self, time: float) -> Event | None:
-        """The gripper loses its box, which counts as misplaced; None when nothing was held."""
+        """Makes the gripper lose its box, which counts as misplaced; None when no box was held."""
         box, self.held = self.held, None
         if box is None:
             return None
@@ -122,9 +122,10 @@ class Boxes:
 
 
 def _stream(generator: np.random.Generator) -> Iterator[tuple[float, Box]]:
-    """Arrival times (s, in hundredths, so counted in whole ones) and boxes.
+    """Arrival times (s) and boxes; times are counted in whole hundredths, so that their sum stays exact.
 
-    The first comes at round(15 u, 2) + 0.5 s, each next one round(30 u, 2) s later, of mass 0.190 + 0.020 u kg.
+    With u uniform in [0, 1), the first box arrives at round(15 u, 2) + 0.5 s and every further one round(30 u, 2) s
+    after the one before. A box has a mass of 0.190 + 0.020 u kg.
     """
     colours = tuple(PLACES)
     hundredths = round(1500 * generator.random()) + 50

@@ -1,4 +1,4 @@
-"""The emulated cell behind one seam: read a sample, apply a command, advance."""
+"""The emulated cell behind one interface: read a sample, apply a command, advance."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from dtwin.signals import NO_COLOUR, Event, Sensors, Truth, Voltages
 
 _NEVER = 2**62
 _ROUNDING = 1e-6
-"""steps: a change due at 45 s takes place at 45 s however the step is rounded"""
+"""Tolerance of due times, in steps: a change due at 45 s happens at 45 s however the sum of steps is rounded."""
 
 
 class Emulation:
@@ -29,18 +29,19 @@ class Emulation:
     arguments, given equal commands, are equal to the bit; noise and faults do not alter the boxes.
 
     Args:
-        parameters: of the arm.
-        gripper: of the gripper.
+        parameters: parameters of the healthy arm; those of the data sheet when None.
+        gripper: parameters of the gripper; those of the data sheet when None.
         noise: magnitude N of the encoder noise, rad.
-        noise_kind: "uniform" (of mean N/2), "gaussian" (standard deviation N) or "none".
-        seed: of boxes and noise.
-        faults: scheduled changes.
+        noise_kind: "uniform" (mean N/2), "gaussian" (standard deviation N) or "none".
+        seed: number of the random generators of boxes and noise.
+        faults: changes that happen at their times.
         theta: joint angles at the start, rad.
-        model_file: MJCF of the plant.
+        model_file: MJCF file of the plant.
         step: integration step, s.
 
     Raises:
-        ModelError: the model file cannot be used. ParameterError: an argument is out of range.
+        ModelError: the model file cannot be used.
+        ParameterError: an argument is out of range.
     """
 
     def __init__(
@@ -84,22 +85,22 @@ class Emulation:
         return self._boxes.score
 
     def check_period(self, period: float) -> None:
-        """Checks that the cell can be advanced by a period, s.
+        """Checks that the cell can be advanced by a period (s).
 
         Raises:
-            ParameterError: it is not a whole multiple of the integration step.
+            ParameterError: the period is not a whole multiple of the integration step.
         """
         self._plant.whole_steps(period)
 
     def read(self) -> Sensors:
-        """What the encoders and the box sensor say now."""
+        """The sample that encoders and box sensor give now."""
         return self._sensors
 
     def apply(self, voltages: Voltages) -> None:
-        """Sets the voltages until the next command, and grips or lets go a box when box_gripped changes.
+        """Sets the voltages until the next command; a change of box_gripped picks a box or lets it go.
 
         Raises:
-            DivergenceError: a voltage is not a usable number.
+            DivergenceError: a voltage is not finite or far beyond all limits.
         """
         volts = voltages.volts
         if self._condition.cut:
@@ -111,11 +112,11 @@ class Emulation:
             self._change_grip()
 
     def advance(self, period: float) -> None:
-        """Lets the cell run for a period, s.
+        """Lets the cell run for a period (s).
 
         Raises:
             ParameterError: the period is not a whole multiple of the integration step.
-            DivergenceError: the state left the finite numbers.
+            DivergenceError: the state is no longer finite.
         """
         self._plant.advance(period)
         self._sequence += 1
@@ -124,12 +125,12 @@ class Emulation:
         self._sample()
 
     def truth(self) -> Truth:
-        """The plant's state, which no sensor tells."""
+        """The true state of the plant, as opposed to what the sensors say."""
         plant = self._plant
         return Truth(plant.time, plant.theta, plant.omega, plant.gripper, plant.payload)
 
     def drain_events(self) -> list[Event]:
-        """What happened since the last call, in order of time."""
+        """The events since the last call, in order of time."""
         events, self._events = self._events, []
         return events
 
@@ -137,10 +138,10 @@ class Emulation:
         """Adds faults to a running cell; those that would begin in the past begin in the next tick.
 
         Returns:
-            the faults with the times they really have.
+            The faults with the times at which they begin and end.
 
         Raises:
-            FaultError: a fault is over already, or with the others makes a parameter or the payload impossible.
+            FaultError: a fault has ended already, or the faults together make a parameter or the payload impossible.
         """
         plant = self._plant
         earliest = round(plant.time + plant.step, 9)
@@ -165,7 +166,7 @@ class Emulation:
         )
 
     def _change_due(self) -> None:
-        """Carries out all changes whose time has come and finds when the next is due."""
+        """Carries out all changes whose time has come and finds the step at which the next one is due."""
         steps = self._plant.steps
         while self._transitions and self._steps_to(self._transitions[-1].time) <= steps:
             transition = self._transitions.pop()

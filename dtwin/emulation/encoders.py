@@ -16,14 +16,14 @@ NoiseKind = Literal["none", "uniform", "gaussian"]
 NOISE_KINDS: Final[tuple[str, ...]] = get_args(NoiseKind)
 
 _BLOCK: Final = 4096
-"""samples drawn at once: one at a time costs more than the rest of the tick"""
+"""Number of samples drawn at once: one at a time would cost more than the rest of the tick."""
 
 
 @dataclass(frozen=True, slots=True)
 class EncoderFaults:
-    """Additive errors offset + rate t of the three joint encoders, and which of them (1 to 3) have stopped.
+    """Faults of the three joint encoders: the additive errors offset + rate t, and which have stopped.
 
-    offset in rad, rate in rad/s, t the plant's time in s.
+    The offset is in rad, the rate in rad/s, t is the plant time in s; the numbers of stopped encoders are 1 to 3.
     """
 
     offset: Triple = (0.0, 0.0, 0.0)
@@ -38,9 +38,10 @@ class Encoders:
     """Measures the joints and the gripper.
 
     Args:
-        kind: "none"; "uniform": theta + N u, u uniform in [0, 1), so of mean N/2; "gaussian": standard deviation N.
+        kind: "none"; "uniform" adds N u with u uniform in [0, 1), which has the mean N/2; "gaussian" adds normal
+            noise of mean 0 and standard deviation N.
         magnitude: N, rad.
-        generator: source of the noise, used for nothing else.
+        generator: random generator of the noise, used for nothing else.
 
     Raises:
         ParameterError: the kind is unknown, or N is negative or not finite.
@@ -58,12 +59,12 @@ class Encoders:
         self._last: list[float] = []
 
     def set_faults(self, faults: EncoderFaults) -> None:
-        """What is wrong from the next measurement on."""
+        """Sets the faults that hold from the next measurement on."""
         self._faults = faults
         self._faulty = faults != HEALTHY
 
     def measure(self, angles: list[float], time: float) -> list[float]:
-        """Readings of joints 1 to 3 and the gripper (rad) for the true angles (4 values, rad) at a time (s)."""
+        """Readings (rad) for the true angles of joints 1 to 3 and the gripper (rad) at a plant time (s)."""
         if self._noisy:
             angles = [angle + noise for angle, noise in zip(angles, next(self._noise), strict=True)]
         if self._faulty:
@@ -83,7 +84,7 @@ class Encoders:
 
 
 def _noise(kind: NoiseKind, magnitude: float, generator: np.random.Generator) -> Iterator[list[float]]:
-    """One list of four errors a sample."""
+    """For every sample a list of the four errors, rad."""
     draw = generator.random if kind == "uniform" else generator.standard_normal
     while True:
         yield from (magnitude * draw((_BLOCK, 4))).tolist()

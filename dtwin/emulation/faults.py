@@ -1,13 +1,13 @@
 """Faults of the cell as scheduled changes: `K2*=0.1@45`, `bias1+=0.02@30-60`, `lock2@30-35`, `slip@30`.
 
-    fault  = change "@" start [ "-" end ]                     seconds of plant time; without an end, for good
+    fault  = change "@" start [ "-" end ]                     seconds of plant time; without an end it stays
     change = parameter ("*=" | "+=" | "=") number             K, m, I, l, c, D or mu of joint 1, 2 or 3
-           | "payload" ("*=" | "+=" | "=") number             kg, of any box while it is held
-           | ("bias" | "drift") joint "+=" number             rad, rad/s: added to what the encoder reads
+           | "payload" ("*=" | "+=" | "=") number             mass of any box while it is held, kg
+           | ("bias" | "drift") joint "+=" number             error added to the encoder's reading, rad or rad/s
            | ("freeze" | "lock" | "cut") joint                encoder stops; joint is held; voltage does not arrive
            | "slip"                                           the held box is lost
 
-Faults that overlap compose in the order of their starts; at its end a fault is undone and the others stay.
+Faults that overlap apply in the order of their starts; at its end a fault is undone and the others stay.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _PATTERN: Final = re.compile(
     rf"\s*@\s*(?P<start>{_NUMBER})\s*(?:-\s*(?P<end>{_NUMBER}))?\s*"
 )
 _LIGHTEST_BOX: Final = 0.190
-"""kg"""
+"""Mass of the lightest box, kg."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,13 +52,13 @@ class Fault:
 
     Attributes:
         target: one of TARGETS.
-        operation: "*=", "+=" or "=", "" for the targets that take no number.
+        operation: "*=", "+=" or "="; "" for the targets that take no number.
         value: the number; 0 for the targets that take none.
-        start: s, from when it holds.
-        end: s, from when it does not; infinite by default.
+        start: plant time from which the fault holds, s.
+        end: plant time from which it holds no longer, s; infinite by default.
 
     Raises:
-        FaultError: the target is unknown, takes another operation, or a number or time is out of range.
+        FaultError: the target is unknown or takes another operation, or a number or time is out of range.
     """
 
     target: str
@@ -94,7 +94,7 @@ def parse_fault(text: str) -> Fault:
     """Reads one fault; the inverse of `str(fault)`.
 
     Raises:
-        FaultError: the text does not follow the grammar above.
+        FaultError: the text does not follow the grammar of this module.
     """
     match = _PATTERN.fullmatch(text)
     if match is None:
@@ -105,12 +105,13 @@ def parse_fault(text: str) -> Fault:
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """What the faults of a moment amount to.
+    """The effect of all faults that hold at one time.
 
     Attributes:
-        parameters: of the arm as it is now.
-        payload_factor, payload_offset: the held mass is factor x mass + offset, kg.
-        encoders: their errors.
+        parameters: parameters of the arm under the faults.
+        payload_factor: factor of the mass of a held box.
+        payload_offset: mass added to a held box after the factor, kg.
+        encoders: faults of the encoders.
         locked: joints (1 to 3) that do not move.
         cut: joints (1 to 3) without voltage.
     """
@@ -123,13 +124,20 @@ class Condition:
     cut: frozenset[int] = frozenset()
 
     def payload(self, mass: float) -> float:
-        """What a held box of that mass weighs on the arm, kg."""
+        """Mass at the tip while a box of a mass (kg) is held, kg."""
         return self.payload_factor * mass + self.payload_offset
 
 
 @dataclass(frozen=True, slots=True)
-class Transition:
-    """A condition that holds from a time (s) on; texts say which faults began and ended; slips: the box is lost."""
+class ConditionChange:
+    """A condition that holds from a plant time on.
+
+    Attributes:
+        time: plant time, s.
+        condition: effect of all faults from then on.
+        texts: which faults began and ended.
+        slips: whether the held box is lost.
+    """
 
     time: float
     condition: Condition
@@ -137,8 +145,8 @@ class Transition:
     slips: bool
 
 
-def schedule(parameters: ArmParameters, faults: Iterable[Fault]) -> list[Transition]:
-    """All changes of condition, in order of time.
+def schedule(parameters: ArmParameters, faults: Iterable[Fault]) -> list[ConditionChange]:
+    """All changes of the condition, in order of time.
 
     Raises:
         FaultError: the faults make a parameter or the payload impossible at some time.
@@ -151,7 +159,7 @@ def schedule(parameters: ArmParameters, faults: Iterable[Fault]) -> list[Transit
         ended = [fault for fault in ordered if fault.end == time]
         condition = _compose(parameters, [fault for fault in ordered if fault.start <= time < fault.end])
         texts = (*(f"{fault} ended" for fault in ended), *(f"{fault} began" for fault in began))
-        transitions.append(Transition(time, condition, texts, any(fault.target == _SLIP for fault in began)))
+        transitions.append(ConditionChange(time, condition, texts, any(fault.target == _SLIP for fault in began)))
     return transitions
 
 
@@ -191,7 +199,7 @@ def _compose(parameters: ArmParameters, active: Sequence[Fault]) -> Condition:
 
 
 def _operate(fault: Fault, factor: float, extra: float) -> tuple[float, float]:
-    """The change applied to factor x quantity + extra."""
+    """The factor and the offset of a quantity after a fault has changed factor x quantity + offset."""
     if fault.operation == "*=":
         return factor * fault.value, extra * fault.value
     if fault.operation == "+=":

@@ -1,8 +1,9 @@
-"""MuJoCo's own identification toolbox, mujoco.sysid, at its best settings: the peer that benchmarks compare with.
+"""MuJoCo's own identification toolbox, mujoco.sysid, at its best settings, for comparison in benchmarks.
 
-Its defaults lose digits on this task, so: predicted sensors, which it stamps one model step late, are moved back by a
-step; commands, which it would interpolate, are given at every model step; residuals are not normalised; unknowns are
-scaled by the Jacobian. It needs the packages of `pip install 'mujoco[sysid]'`.
+Its default settings lose digits on this task, so four of them are changed. Predicted sensor values are moved back by
+one model step, because mujoco.sysid stamps them one step late. Commands are given at every model step, because it
+would interpolate them. Residuals are not normalised. Unknowns are scaled by the Jacobian. The toolbox needs the
+packages of `pip install 'mujoco[sysid]'`.
 """
 
 from __future__ import annotations
@@ -27,12 +28,12 @@ Array = NDArray[np.float64]
 
 SENSORS: Final = ("theta_1", "theta_2", "theta_3")
 _FEATHER: Final = 1e-9
-"""kg of the tip, on which negative gravity compensation makes the load: a weight without inertia"""
+"""Mass of the tip, kg; negative gravity compensation on it makes the load, a weight without inertia."""
 
 
 @dataclass(frozen=True, slots=True)
 class PeerFit:
-    """What mujoco.sysid found: values by name, SI units, and how long it took, s."""
+    """Result of mujoco.sysid: estimated values by name in SI units, and the duration of the fit in s."""
 
     values: Mapping[str, float]
     seconds: float
@@ -59,12 +60,12 @@ def fit(
     """Least squares by mujoco.sysid over parameters and three encoder biases.
 
     Args:
-        measured: (N, 3), rad, at the controller's period.
-        volts: (N, 3), V, held over a period.
-        theta: (3,), rad, known start at rest.
-        weight: kg at the tip whose inertia does not act.
-        start: values of all parameters; those in bounds are estimated.
-        bounds: lower and upper by name (K, I, c, D of a joint), SI units.
+        measured: (N, 3), measured angles at the controller's period, rad.
+        volts: (N, 3), voltages held over a period, V.
+        theta: (3,), known angles at the start, where the arm is at rest, rad.
+        weight: mass of the load at the tip, whose inertia does not act, kg.
+        start: values of all parameters; the search starts there, and those without bounds keep them.
+        bounds: lower and upper bound of every estimated parameter by name (K, I, c, D of a joint), SI units.
 
     Raises:
         DtwinError: mujoco.sysid cannot be imported.
@@ -116,7 +117,7 @@ def fit(
 
 
 def _spec(arm: ArmParameters, weight: float) -> Any:
-    """The moving part of the cell with an arm's parameters and a weight at its tip."""
+    """The moving part of the cell with the parameters of an arm and a load (kg) at its tip."""
     spec = mujoco.MjSpec.from_file(str(MODEL_FILE))
     for element in (*spec.geoms, *spec.cameras, *spec.lights, *spec.keys, *spec.sites):
         spec.delete(element)

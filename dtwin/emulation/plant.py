@@ -32,11 +32,11 @@ SITES: Final = ("tip", "pickup", "blue", "red", "green")
 _GRIPPER: Final = 3
 _UP: Final = 2
 _SUM_LIMIT: Final = 1e6
-"""rad and rad/s: a state whose values sum to more has diverged, long before the numbers overflow"""
+"""Sum of the absolute state values (rad, rad/s) above which the state has diverged, long before an overflow."""
 _COMMAND_LIMIT: Final = 1e9
-"""V: MuJoCo replaces commands from 1e10 on by zero; they are refused here instead"""
+"""Largest command, V: MuJoCo would replace commands from 1e10 on by zero, so they are refused here."""
 _LOCK_ARMATURE: Final = 1e9
-"""kg m^2 added to a locked joint: 2 N m turn it by 1e-5 rad in 100 s"""
+"""Inertia added to a locked joint, kg m^2: 2 N m turn it by 1e-5 rad in 100 s."""
 
 _log = logging.getLogger(__name__)
 
@@ -49,20 +49,21 @@ class Plant:
     `GripperParameters.closed` and `opened`, checked once an `advance`.
 
     Args:
-        parameters: the three links; they replace the file's values.
-        gripper: likewise.
-        model_file: MJCF with the names of models/arm.xml.
+        parameters: parameters of the arm, which replace the values of the file.
+        gripper: parameters of the gripper, which replace the values of the file.
+        model_file: MJCF file with the names of models/arm.xml.
         step: integration step, s.
 
     Attributes:
         model: the compiled mjModel (nq = nv = nu = 4), to be read only.
         data: its mjData, to be read only.
-        steps: integration steps since the last `reset`.
+        steps: number of integration steps since the last `reset`.
         payload: mass at the tip, kg.
-        angles: of joints 1 to 3 and the gripper, rad.
+        angles: angles of joints 1 to 3 and of the gripper, rad.
 
     Raises:
-        ModelError: the file is missing, malformed, or lacks a name. ParameterError: the step is not above 0.
+        ModelError: the file is missing, malformed, or lacks a name.
+        ParameterError: the step is not above 0.
     """
 
     def __init__(
@@ -103,7 +104,7 @@ class Plant:
         self.reset((0.0, 0.0, 0.0))
 
     def set_parameters(self, parameters: ArmParameters) -> None:
-        """Changes the links from now on; state, payload and locks stay."""
+        """Sets the parameters of the arm from now on; state, payload and locks stay."""
         model = self.model
         outward = (*self._links[1:], self._tip)
         for i, (link, next_body) in enumerate(zip(self._links, outward, strict=True)):
@@ -128,14 +129,14 @@ class Plant:
     def set_weight(self, mass: float) -> None:
         """Hangs a load (kg) on the tip whose weight acts on the arm but whose inertia does not.
 
-        A constant-force spring does; boxes are for `set_payload`. `reset` takes it off.
+        A constant-force spring is such a load; a box is set by `set_payload`. `reset` removes the load.
         """
         if not (math.isfinite(mass) and mass >= 0):
             raise ParameterError(f"weight: expected a finite mass of at least 0 kg, got {mass}")
         self.data.xfrc_applied[self._tip, _UP] = -GRAVITY * mass
 
     def set_locked(self, joints: Collection[int]) -> None:
-        """Holds the given joints (1 to 3) where they are and frees the others."""
+        """Locks the given joints (1 to 3) where they are and frees the others."""
         for i in range(3):
             locked = i + 1 in joints
             self.model.dof_armature[i] = _LOCK_ARMATURE if locked else 0.0
@@ -144,7 +145,7 @@ class Plant:
         mujoco.mj_setConst(self.model, self._scratch)
 
     def reset(self, theta: Triple, omega: Triple = (0.0, 0.0, 0.0)) -> None:
-        """Starts anew at time 0 from angles (rad) and speeds (rad/s), gripper open, all voltages 0."""
+        """Starts again at time 0 from angles (rad) and velocities (rad/s), gripper open, all voltages 0."""
         mujoco.mj_resetData(self.model, self.data)
         self._qpos[:] = (*theta, self._opened)
         self._qvel[:] = (*omega, 0.0)
@@ -152,10 +153,10 @@ class Plant:
         self._read()
 
     def apply(self, volts: Quad) -> None:
-        """Sets the voltages of motors 1 to 3 and the gripper until the next call, V.
+        """Sets the voltages (V) of motors 1 to 3 and of the gripper until the next call.
 
         Raises:
-            DivergenceError: a voltage is not a usable number.
+            DivergenceError: a voltage is not finite or far beyond all limits.
         """
         v1, v2, v3, v4 = volts
         if not abs(v1) + abs(v2) + abs(v3) + abs(v4) < _COMMAND_LIMIT:
@@ -167,11 +168,11 @@ class Plant:
         ctrl[3] = v4
 
     def advance(self, period: float) -> None:
-        """Integrates over a period, s.
+        """Integrates over a period (s).
 
         Raises:
             ParameterError: the period is not a whole multiple of the step.
-            DivergenceError: the state left the finite numbers.
+            DivergenceError: the state is no longer finite.
         """
         if period != self._period:
             self._period_steps = self.whole_steps(period)
@@ -193,7 +194,11 @@ class Plant:
             self._qvel[_GRIPPER] = self._speeds[3] = 0.0
 
     def whole_steps(self, period: float) -> int:
-        """Number of integration steps in a period, s. Raises ParameterError if it is not a whole number."""
+        """Number of integration steps in a period (s).
+
+        Raises:
+            ParameterError: the period is not a whole multiple of the step.
+        """
         steps = round(period / self._step) if math.isfinite(period) else 0
         if steps < 1 or not math.isclose(steps * self._step, period, rel_tol=1e-9):
             raise ParameterError(
@@ -203,7 +208,7 @@ class Plant:
 
     @property
     def time(self) -> float:
-        """s since the last `reset`."""
+        """Time since the last `reset`, s."""
         return self.steps / self._rate
 
     @property
@@ -218,7 +223,7 @@ class Plant:
 
     @property
     def omega(self) -> Triple:
-        """Joint speeds, rad/s."""
+        """Joint velocities, rad/s."""
         return self._speeds[0], self._speeds[1], self._speeds[2]
 
     @property
@@ -227,13 +232,16 @@ class Plant:
         return self.angles[_GRIPPER]
 
     def tip(self) -> tuple[float, float]:
-        """Where the tip is: x and height from joint 1, m."""
+        """Position (x, y) of the tip relative to joint 1, m; y points up."""
         mujoco.mj_kinematics(self.model, self.data)
         x, _, z = self.data.xpos[self._tip].tolist()
         return x, z
 
     def acceleration(self, theta: Triple, omega: Triple, volts: Quad) -> Triple:
-        """Joint accelerations (rad/s^2) in a state (rad, rad/s) under voltages (V); the plant's own state stays."""
+        """Joint accelerations (rad/s^2) for given angles (rad), velocities (rad/s) and voltages (V).
+
+        The state of the plant does not change.
+        """
         data = self._scratch
         mujoco.mj_resetData(self.model, data)
         data.qpos[:] = (*theta, self._opened)
@@ -246,7 +254,7 @@ class Plant:
 
     @contextmanager
     def _friction(self) -> Iterator[None]:
-        """Adds Coulomb friction to whatever MuJoCo evaluates inside: its callback is global, so unset afterwards."""
+        """Adds Coulomb friction to what MuJoCo evaluates inside; its global callback is unset afterwards."""
         mu1, mu2, mu3 = self._coulomb
 
         def passive(_: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -268,7 +276,7 @@ class Plant:
 
 
 def _compile(file: Path) -> mujoco.MjModel:
-    """The part of the MJCF that moves, with all the names this module relies on."""
+    """The compiled model of the parts that move, checked for all the names that this module uses."""
     try:
         spec = mujoco.MjSpec.from_file(str(file))
         _require(file, "body", spec.bodies, (*LINKS, "jaw", "tip"))

@@ -1,4 +1,4 @@
-"""MuJoCo alone: the yardsticks that the closed loop is measured by."""
+"""MuJoCo alone, without the closed loop around it: the reference speeds of the benchmark."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from dtwin.parameters import PERIOD
 
 
 def raw_file_ticks(model_file: Path = MODEL_FILE) -> Callable[[int], None]:
-    """A function that steps the MJCF file as it stands for a number of 10 ms ticks, with nothing around it."""
+    """A function that steps the unchanged model of an MJCF file for a number of 10 ms ticks."""
     return _stepping(mujoco.MjModel.from_xml_path(str(model_file)))
 
 
 def raw_plant_ticks() -> Callable[[int], None]:
-    """The same for the plant's model, which leaves out what does not move."""
+    """A function that steps the plant's model, without the parts that do not move, for a number of 10 ms ticks."""
     return _stepping(Plant().model)
 
 

@@ -1,4 +1,4 @@
-"""What an identification experiment measured: frozen, validated, with a fingerprint."""
+"""Data of identification experiments: frozen, validated, with a fingerprint."""
 
 from __future__ import annotations
 
@@ -17,12 +17,18 @@ from dtwin.twin.rollout import checked_payload
 Array = NDArray[np.float64]
 
 _LAST_SAMPLES = 12
-"""at the end of a log that no segment is made of: too short to tell a speed from noise"""
+"""Number of samples at the end of a log that make no segment: too few to tell a velocity from noise."""
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """The state at the first sample: theta rad, omega rad/s; not known means that the fit estimates all six."""
+    """The state at the first sample of an experiment.
+
+    Attributes:
+        theta: joint angles, rad.
+        omega: joint velocities, rad/s.
+        known: whether the state is known; otherwise the fit estimates all six values.
+    """
 
     theta: Triple = HOME
     omega: Triple = (0.0, 0.0, 0.0)
@@ -35,15 +41,16 @@ class Experiment:
 
     Attributes:
         measured: (N, 3), joint angles as the encoders say, rad.
-        volts: (N, 3), V; row k is held from sample k to sample k + 1, so the last row moves nothing.
-        payload: (N,) kg, held like the volts; a number stands for all.
-        start: the state at sample 0.
-        period: s, between samples.
+        volts: (N, 3), voltages, V; row k is held from sample k to sample k + 1, so the last row has no effect.
+        payload: (N,), mass at the tip, kg, held like the voltages; a number stands for all samples.
+        start: state at sample 0.
+        period: time between samples, s.
         payload_model: "point" for a gripped box, "weight" for a load whose inertia does not act on the arm.
         fingerprint: SHA-256 of all of the above.
 
     Raises:
-        ParameterError: shapes do not agree. IdentificationError: a number is not finite.
+        ParameterError: the shapes do not agree.
+        IdentificationError: a number is not finite.
     """
 
     measured: Array
@@ -88,28 +95,28 @@ class Experiment:
         return len(self.measured)
 
     def head(self, samples: int) -> Experiment:
-        """The first samples of it, at most all."""
+        """The experiment made of the first samples, at most all."""
         measured, volts, payload = self.measured[:samples], self.volts[:samples], self.payload[:samples]
         return Experiment(measured, volts, payload, self.start, self.period, self.payload_model)
 
 
 def from_log(log: Log, box_mass: float | None = None, segment: float = 1.0) -> tuple[Experiment, ...]:
-    """A log of the running cell as consecutive experiments, each from an initial state to be estimated.
+    """Divides the log of a run into consecutive experiments, each with an unknown initial state.
 
-    Open loop, the arm is unstable where it stands upright: a simulation of minutes would depend on its initial state
-    beyond any precision, one of a second does not.
+    Without control the arm is unstable where it stands upright. A simulation over minutes would depend too strongly
+    on its initial state; one over a second does not.
 
     Args:
-        log: of a run; of its truth only the load is used, and only without a box_mass.
-        box_mass: kg, taken for every gripped box; None takes the boxes as weighed, which is what the log says.
-        segment: s, length of an experiment.
+        log: log of a run; of its true values only the payload is used, and only if box_mass is None.
+        box_mass: mass assumed for every gripped box, kg; None takes the true payload of the log.
+        segment: length of an experiment, s.
 
     Raises:
         IdentificationError: the log is shorter than a segment.
     """
     measured, volts = log.stack("measured"), log.stack("volts")[:, :3]
     if box_mass is None:
-        # A row holds the load before its command; what the command grips moves the arm until the next row.
+        # A row holds the payload before its command; what the command grips acts on the arm until the next row.
         payload = np.append(log.columns["payload_mass"][1:], log.columns["payload_mass"][-1:])
     else:
         payload = np.where(log.columns["box_gripped"], box_mass, 0.0)
@@ -122,7 +129,7 @@ def from_log(log: Log, box_mass: float | None = None, segment: float = 1.0) -> t
 
 
 def fingerprint(experiments: Sequence[Experiment]) -> str:
-    """SHA-256 over several experiments, in order."""
+    """SHA-256 of several experiments, in order."""
     return hashlib.sha256("".join(e.fingerprint for e in experiments).encode()).hexdigest()
 
 

@@ -1,4 +1,4 @@
-"""A model judged by motion it was not fitted to."""
+"""Judges a model by motion that it was not fitted to (held-out data)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,13 @@ from dtwin.parameters import ArmParameters
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """Measured and predicted angles of the same motion, (N, 3), rad, and their fit a joint."""
+    """How well a model predicts held-out data.
+
+    Attributes:
+        measured: (N, 3), measured angles, rad.
+        predicted: (N, 3), predicted angles of the same motion, rad.
+        fit: (3,), fit of every joint; 1 is perfect.
+    """
 
     measured: Array
     predicted: Array
@@ -24,17 +30,18 @@ class Comparison:
 
 
 def compare(experiments: Sequence[Experiment], arm: ArmParameters, offset: Array) -> Comparison:
-    """Predicts experiments with a model.
+    """Compares held-out experiments with the predictions of a model.
 
-    Where the start of an experiment is not known, its initial state alone is estimated from it.
+    Where the initial state of an experiment is unknown, it alone is estimated from the experiment.
 
     Args:
-        experiments: their motions, one after the other.
-        arm: the model's parameters.
-        offset: (3,), of the encoders, rad.
+        experiments: experiments that the model was not fitted to; their motions are joined in order.
+        arm: parameters of the model.
+        offset: (3,), offsets of the encoders, rad.
 
     Raises:
-        DivergenceError: the model makes the twin diverge. IdentificationError: no initial state can be found.
+        DivergenceError: the twin diverges with this model.
+        IdentificationError: no initial state can be found.
     """
     predicted = [predict(experiment, arm, offset) for experiment in experiments]
     measured = np.concatenate([experiment.measured for experiment in experiments])
@@ -43,7 +50,7 @@ def compare(experiments: Sequence[Experiment], arm: ArmParameters, offset: Array
 
 
 def predict(experiment: Experiment, arm: ArmParameters, offset: Array) -> Array:
-    """What the encoders would say, (N, 3), rad."""
+    """Predicted readings of the encoders without noise, (N, 3), rad."""
     true = Experiment(
         experiment.measured - offset,
         experiment.volts,

@@ -1,4 +1,4 @@
-"""An MJCF of the cell with identified values in place of the data sheet's."""
+"""Writes the MJCF file of the cell with identified values in place of those of the data sheet."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from dtwin.run.recording import replacing
 
 MODEL_FILE: Final = ROOT / "models" / "arm.xml"
 _AXIAL_INERTIA: Final = 0.1
-"""inertia about a link's own axis relative to the one in the plane of motion, which alone matters"""
+"""Moment of inertia about a link's own axis relative to that about its joint axis, which alone matters."""
 
 
 def export_mjcf(arm: ArmParameters, path: Path, template: Path = MODEL_FILE) -> None:
     """Writes the template with the arm's masses, inertias, lengths, damping and motor constants.
 
-    MuJoCo's own `frictionloss` stands for Coulomb friction, the nearest that an MJCF can say.
+    Coulomb friction is written as MuJoCo's `frictionloss`, the nearest term that MJCF has.
 
     Raises:
-        ModelError: the template lacks a name. RecordingError: the path cannot be written.
+        ModelError: the template lacks a name.
+        RecordingError: the path cannot be written.
     """
     try:
         tree = etree.parse(template, etree.XMLParser(resolve_entities=False, no_network=True))

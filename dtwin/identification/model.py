@@ -1,4 +1,4 @@
-"""Identified models as files: JSON, validated on load, with everything that says how far to trust them."""
+"""Identified models as JSON files, validated on load, with all figures that say how far to trust them."""
 
 from __future__ import annotations
 
@@ -24,21 +24,29 @@ SCHEMA: Final = "dtwin identified model 1"
 
 
 class PriorRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Mean and standard deviation a parameter was expected to have, SI units."""
+    """Mean and standard deviation of a parameter before the identification, SI units."""
 
     mean: float
     deviation: float
 
 
 class Covariance(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Of the estimates, SI units: rows and columns in the order of the names."""
+    """Covariance matrix of the estimates, SI units; rows and columns are in the order of the names."""
 
     names: list[str]
     matrix: list[list[float]]
 
 
 class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the model was made from: SHA-256 of the samples, their number an experiment, the largest load of each."""
+    """The data that a model was made from.
+
+    Attributes:
+        fingerprint: SHA-256 of all experiments.
+        source: description of the data in words.
+        samples: number of samples of every experiment.
+        payload_kg: largest load of every experiment, kg.
+        payload_model: how the load acts on the arm, "point" or "weight".
+    """
 
     fingerprint: str
     source: str
@@ -48,11 +56,11 @@ class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Validity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How well the model explains the arm.
+    """How well a model explains the arm.
 
-    fit is 1 - ||y - yhat|| / ||y - mean(y)|| a joint on motion it was not fitted to; noise is the standard deviation
-    of the residuals, rad, noise_shape the exponent of their density; whiteness_p the probabilities of the
-    autocorrelation test a joint.
+    Per joint, fit is 1 - ||y - yhat|| / ||y - mean(y)|| on motion that the model was not fitted to, noise the
+    standard deviation of the residuals (rad) and whiteness_p the p-value of the autocorrelation test. noise_shape is
+    the exponent of the density of the residuals.
     """
 
     converged: bool
@@ -69,18 +77,19 @@ class IdentifiedModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """An identified model.
 
     Attributes:
-        schema: SCHEMA.
-        parameters: all 21 by name, SI units; those in `unidentifiable` are one choice among many that fit.
-        free: names that were estimated; the others were fixed.
-        unidentifiable: free names that the data do not determine.
-        identifiability: the same in words.
-        standard_errors: by name of what was estimated and is identifiable, SI units.
-        covariance: of the same.
+        schema: name and version of the file format, SCHEMA.
+        parameters: values of all 21 parameters by name, SI units; those in `unidentifiable` are one choice among
+            many that fit.
+        free: names of the estimated parameters; the others were fixed.
+        unidentifiable: names of the free parameters that the data do not determine.
+        identifiability: which parameters the data determine, in words.
+        standard_errors: standard errors by the names of the identifiable estimates, SI units.
+        covariance: covariance of the identifiable estimates.
         offsets: encoder offsets, rad.
-        priors: by name.
-        data: what it was made from.
-        validity: how well it fits.
-        versions: of what made it.
+        priors: prior knowledge by the names of the parameters.
+        data: data that the model was made from.
+        validity: how well the model fits.
+        versions: versions of the software that made the model.
     """
 
     schema: str
@@ -98,17 +107,17 @@ class IdentifiedModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def arm(self) -> ArmParameters:
-        """The parameters as the rest of the system takes them."""
+        """The parameters as `ArmParameters`."""
         return ArmParameters.from_vector(tuple(self.parameters[name] for name in PARAMETER_NAMES))
 
 
 def from_estimate(estimate: Estimate, fit: Array, source: str) -> IdentifiedModel:
-    """The model file of an estimate.
+    """Makes the model of an estimate.
 
     Args:
-        estimate: the outcome of an identification.
-        fit: (3,), on held-out data.
-        source: what the data were, for people.
+        estimate: result of an identification.
+        fit: (3,), fit of every joint on held-out data.
+        source: description of the data in words.
     """
     problem = estimate.problem
     hidden = estimate.identifiability.unidentifiable
@@ -147,12 +156,12 @@ def from_estimate(estimate: Estimate, fit: Array, source: str) -> IdentifiedMode
 
 
 def encode(model: IdentifiedModel) -> bytes:
-    """The file's content; equal models give equal bytes."""
+    """The bytes of a model file; equal models give equal bytes."""
     return msgspec.json.format(msgspec.json.encode(model), indent=2) + b"\n"
 
 
 def write_model(model: IdentifiedModel, path: Path) -> None:
-    """Writes the file whole or not at all.
+    """Writes a model file; the file appears complete or not at all.
 
     Raises:
         RecordingError: the path cannot be written.
@@ -165,7 +174,7 @@ def read_model(path: Path) -> IdentifiedModel:
     """Reads and validates a model file.
 
     Raises:
-        ModelError: the file is missing, no such JSON, or a value in it is impossible; the message names which.
+        ModelError: the file is missing or no model, or a value in it is impossible; the message names the value.
     """
     try:
         content = path.read_bytes()

@@ -1,4 +1,4 @@
-"""Pictures of an identification, as PNG."""
+"""Pictures of an identification as PNG files."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ MEASURED: Final = "#444444"
 OLD: Final = "#c44e52"
 NEW: Final = "#4c72b0"
 _SHOWN: Final = 1000
-"""samples of a motion that a picture can show"""
+"""Largest number of samples of a motion that a picture shows."""
 
 
 def draw(
     estimate: Estimate, old: Comparison, new: Comparison, truth: ArmParameters | None, path: Path, title: str
 ) -> None:
-    """Draws measured against old and new model a joint, parameter intervals and the correlation of the estimates.
+    """Draws a held-out motion beside the predictions of two models, the confidence intervals and the correlation.
 
     Args:
-        estimate: the outcome.
-        old: held-out motion and what the model before predicts of it.
-        new: the same with the identified model.
-        truth: drawn beside the intervals where it is known.
-        path: of the PNG.
-        title: above all.
+        estimate: result of the identification.
+        old: held-out motion and the prediction of the model before the identification.
+        new: held-out motion and the prediction of the identified model.
+        truth: true parameters, drawn beside the intervals; None where they are not known.
+        path: path of the PNG file.
+        title: title of the picture.
 
     Raises:
         RecordingError: the path cannot be written.
@@ -55,7 +55,7 @@ def draw(
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Writes a figure as PNG, equal bytes for equal figures.
+    """Writes a figure as a PNG file; equal figures give equal bytes.
 
     Raises:
         RecordingError: the path cannot be written.

@@ -1,4 +1,4 @@
-"""A folder of identified models under names, every save a new revision: NAME/0001.json, NAME/0002.json, ..."""
+"""A folder of identified models by name; every save makes a new revision: NAME/0001.json, NAME/0002.json, ..."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from dtwin.errors import ModelError, choices
 from dtwin.identification.model import IdentifiedModel, encode, read_model
 
 STORE: Final = Path("identified")
-"""default folder, in the working directory"""
+"""Default folder of the models, in the working directory."""
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
-    """A stored model's name, revision from 1 on, and file."""
+class StoredModel:
+    """A stored model: its name, its revision (from 1 on) and its file."""
 
     name: str
     revision: int
@@ -31,20 +31,20 @@ class Entry:
 
 
 class ModelStore:
-    """Names and history of models; what is stored is never changed.
+    """Stores models under names with all their revisions; a stored model never changes.
 
     Args:
-        folder: made when the first model is saved.
+        folder: folder of the models, which is made when the first model is saved.
     """
 
     def __init__(self, folder: Path = STORE) -> None:
         self.folder = folder
 
-    def save(self, model: IdentifiedModel, name: str) -> Entry:
-        """Stores a model as the next revision of a name; two savers at once get two revisions.
+    def save(self, model: IdentifiedModel, name: str) -> StoredModel:
+        """Stores a model as the next revision of a name; concurrent calls get different revisions.
 
         Raises:
-            ModelError: the name cannot be one of a file, or the folder cannot be written.
+            ModelError: the name cannot be the name of a file, or the folder cannot be written.
         """
         check_name(name)
         folder = self.folder / name
@@ -64,21 +64,23 @@ class ModelStore:
             raise ModelError(f"{folder}: cannot be written: {error.strerror}") from None
 
     def names(self) -> list[str]:
-        """Of all stored models, in order."""
+        """Names of all stored models in alphabetical order."""
         if not self.folder.is_dir():
             return []
         return sorted(path.name for path in self.folder.iterdir() if self.history(path.name))
 
-    def history(self, name: str) -> list[Entry]:
+    def history(self, name: str) -> list[StoredModel]:
         """All revisions of a name, oldest first; empty for an unknown name."""
         files = (self.folder / name).glob("[0-9]*.json")
-        return sorted((Entry(name, int(f.stem), f) for f in files if f.stem.isdigit()), key=lambda e: e.revision)
+        return sorted(
+            (StoredModel(name, int(f.stem), f) for f in files if f.stem.isdigit()), key=lambda e: e.revision
+        )
 
-    def find(self, reference: str) -> Entry:
-        """The model called NAME (its newest revision) or NAME@REVISION.
+    def find(self, reference: str) -> StoredModel:
+        """Finds the model NAME (its newest revision) or NAME@REVISION.
 
         Raises:
-            ModelError: there is none; the message lists what there is.
+            ModelError: there is no such model; the message lists those there are.
         """
         name, at, revision = reference.partition("@")
         history = self.history(name) if _NAME.fullmatch(name) else []
@@ -95,27 +97,31 @@ class ModelStore:
         raise ModelError(f"no revision {revision!r} of model {name}: expected {known}")
 
     def load(self, reference: str) -> IdentifiedModel:
-        """The model called NAME or NAME@REVISION.
+        """Reads the model NAME (its newest revision) or NAME@REVISION.
 
         Raises:
-            ModelError: there is none, or its file is damaged.
+            ModelError: there is no such model, or its file is damaged.
         """
         return read_model(self.find(reference).path)
 
-    def _entry(self, name: str, revision: int) -> Entry:
-        return Entry(name, revision, self.folder / name / f"{revision:04d}.json")
+    def _entry(self, name: str, revision: int) -> StoredModel:
+        return StoredModel(name, revision, self.folder / name / f"{revision:04d}.json")
 
 
 def check_name(name: str) -> None:
-    """Raises ModelError unless the name can be one of a folder."""
+    """Checks that a name can be the name of a folder.
+
+    Raises:
+        ModelError: it cannot.
+    """
     if not _NAME.fullmatch(name):
         raise ModelError(f"model name {name!r}: expected letters, digits, '_', '-' and '.', first a letter or digit")
 
 
 def open_model(reference: str, store: ModelStore) -> IdentifiedModel:
-    """A model by the path of its file (ends in .json) or by NAME or NAME@REVISION in a store.
+    """Reads a model by the path of its file, which ends in .json, or by NAME or NAME@REVISION in a store.
 
     Raises:
-        ModelError: there is none, or its file is damaged.
+        ModelError: there is no such model, or its file is damaged.
     """
     return read_model(Path(reference)) if reference.endswith(".json") else store.load(reference)

@@ -1,4 +1,4 @@
-"""The cell as a whole: emulation, boxes and function-block controller run together, and what came of it."""
+"""A run of the whole cell: emulation, boxes and function-block controller together, and the summary of the run."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from dtwin.run.recording import Log, RunLog
 
 @dataclass(frozen=True, slots=True)
 class CellSettings:
-    """What defines a run; equal settings give equal logs, byte by byte.
+    """The settings of a run; equal settings give equal logs, byte by byte.
 
     Attributes:
-        duration: plant time, s.
-        seed: of the boxes and, independently, of the noise.
-        noise: rad, amplitude (uniform) or standard deviation (gaussian) of the encoders.
-        arm: the plant's parameters; the controller keeps its own model.
-        step: s, of the physics; the controller period must be a whole multiple.
+        duration: plant time of the run, s.
+        seed: number of the random generators of boxes and noise, which are independent of each other.
+        noise: amplitude (uniform) or standard deviation (gaussian) of the encoder noise, rad.
+        arm: parameters of the plant; the controller keeps its own model.
+        step: integration step of the physics, s; the controller period must be a whole multiple of it.
     """
 
     duration: float = 120.0
@@ -67,7 +67,7 @@ class PerJoint(msgspec.Struct, frozen=True):
 
 
 class Summary(msgspec.Struct, frozen=True):
-    """What a run came to.
+    """The summary of a run.
 
     duration is the plant time run, s; tracking errors are path minus true angle, rad; events counts them by kind.
     """
@@ -106,7 +106,11 @@ class Cell:
     """One run of the cell. `log` holds what was recorded so far, also after an error or an interruption."""
 
     def __init__(self, settings: CellSettings, controller: Controller | None = None) -> None:
-        """Args: controller: another controller than the embedded function blocks.
+        """Prepares the run.
+
+        Args:
+            settings: settings of the run.
+            controller: another controller than the embedded function blocks.
 
         Raises:
             DtwinError: a setting, the model file or the function blocks cannot be used.
@@ -119,10 +123,14 @@ class Cell:
         self._wall = 0.0
 
     def run(self, between: Callable[[int], bool] | None = None, realtime: bool = False) -> None:
-        """Runs to the end, or until `between`, told the ticks done every second of plant time, returns False.
+        """Runs to the end, or until `between` returns False.
+
+        Args:
+            between: called with the number of ticks done after every second of plant time.
+            realtime: whether to run no faster than real time.
 
         Raises:
-            DtwinError: plant or controller cannot go on.
+            DtwinError: plant or controller failed.
         """
 
         def gather(done: int) -> bool:
@@ -138,7 +146,7 @@ class Cell:
             self.log.add_events(self.emulation.drain_events())
 
     def summary(self, log: Log) -> Summary:
-        """Figures of the run from its frozen log and the boxes' score."""
+        """The summary of the run from its frozen log and the score of the boxes."""
         score = self.emulation.score
         errors = np.array(score.placement_errors_mm or [0.0])
         duration = len(log) * PERIOD
@@ -165,7 +173,7 @@ class Cell:
 
 
 def metadata(settings: CellSettings) -> dict[str, Any]:
-    """What a run's log says about how it was made."""
+    """The metadata of a log: the settings that the run was made with."""
     return {
         "version": __version__,
         "seed": settings.seed,

@@ -2,7 +2,7 @@
 
     sensors = plant.read(); voltages = controller.step(sensors); plant.apply(voltages); plant.advance(period)
 
-Nothing downstream re-enters the tick. Plant time comes from the plant; only `Pacer` knows the wall clock.
+What uses the records never acts back on the tick. Time is that of the plant; only `Pacer` reads the wall clock.
 """
 
 from __future__ import annotations
@@ -16,30 +16,39 @@ from dtwin.parameters import PERIOD, Triple
 from dtwin.signals import Sensors, StepRecord, Truth, Voltages
 
 CHUNK = 100
-"""ticks between two calls of `between`: one second of plant time"""
+"""Number of ticks between two calls of `between`: one second of plant time."""
 
 
-class Plant(Protocol):
-    """What is controlled; the emulation, or any other machine with the same signals."""
+class ControlledPlant(Protocol):
+    """A plant that the loop can run: the emulation, or any other machine with the same signals."""
 
-    def read(self) -> Sensors: ...
-    def truth(self) -> Truth: ...
-    def apply(self, voltages: Voltages) -> None: ...
-    def advance(self, period: float) -> None: ...
+    def read(self) -> Sensors:
+        """The sample that the sensors give now."""
+
+    def truth(self) -> Truth:
+        """The true state of the plant."""
+
+    def apply(self, voltages: Voltages) -> None:
+        """Sets the voltages until the next command."""
+
+    def advance(self, period: float) -> None:
+        """Lets the plant run for a period (s)."""
 
 
 class Controller(Protocol):
-    """What answers a sample with a command."""
+    """A controller: it answers every sample with a command."""
 
-    def step(self, sensors: Sensors) -> Voltages: ...
+    def step(self, sensors: Sensors) -> Voltages:
+        """The command that answers a sample."""
+
     def target(self) -> Triple:
-        """The path's angles (rad) of the last step."""
+        """Desired angles of the path at the last step, rad."""
 
 
 class Pacer:
-    """Keeps a run from being faster than the wall clock.
+    """Keeps a run from being faster than real time.
 
-    A late tick is not made up for by a burst: the schedule moves on from it.
+    After a late tick the later ones are not hurried: the schedule shifts by the delay.
     """
 
     def __init__(self, period: float) -> None:
@@ -48,7 +57,7 @@ class Pacer:
         self.late = 0
 
     def wait(self) -> None:
-        """Returns when the next tick is due."""
+        """Waits until the next tick is due."""
         self._due += self._period
         remaining = self._due - time.monotonic()
         if remaining > 0:
@@ -59,7 +68,7 @@ class Pacer:
 
 
 def tick_count(duration: float, period: float = PERIOD) -> int:
-    """Number of whole ticks in a duration in s.
+    """Number of whole ticks in a duration (s).
 
     Raises:
         ParameterError: the duration is not finite, or shorter than one tick.
@@ -70,7 +79,7 @@ def tick_count(duration: float, period: float = PERIOD) -> int:
 
 
 def run(
-    plant: Plant,
+    plant: ControlledPlant,
     controller: Controller,
     ticks: int,
     *,
@@ -82,17 +91,19 @@ def run(
     """Runs the closed loop.
 
     Args:
-        ticks: how many to run.
-        record: receives every tick's record.
+        plant: the plant to control.
+        controller: the controller to step.
+        ticks: number of ticks to run.
+        record: called with the record of every tick.
         between: called with the number of ticks done every `CHUNK` ticks and at the end; False ends the run.
-        pacer: makes the run no faster than real time.
-        period: s, of the controller.
+        pacer: keeps the run from being faster than real time; None for as fast as possible.
+        period: period of the controller, s.
 
     Returns:
-        the number of ticks done.
+        The number of ticks done.
 
     Raises:
-        DtwinError: what plant and controller raise; all earlier ticks are recorded.
+        DtwinError: plant or controller failed; all ticks before are recorded.
     """
     done = 0
     while done < ticks:

@@ -31,9 +31,13 @@ NUMBERS: Final = (
     "gripper",
     "payload_mass",
 )
-"""The float64 columns: s; true angles rad and speeds rad/s, measured and path angles rad; V; rad as sensed; kg."""
+"""The float64 columns.
+
+They are time (s), true angles (rad) and velocities (rad/s), measured angles and path (rad), voltages (V), gripper
+angle as sensed (rad) and true payload (kg).
+"""
 COLUMNS: Final = (*NUMBERS, "box_present", "box_colour", "box_gripped")
-"""All columns in the order of the file."""
+"""Names of all columns in the order of the file."""
 
 _COLOUR_TYPE: Final = pa.dictionary(pa.int32(), pa.string())
 _SCHEMA: Final = pa.schema(
@@ -60,10 +64,10 @@ class Log:
     """A finished run in columns.
 
     Attributes:
-        columns: by the names of COLUMNS, each of shape (ticks,), read-only; colours as fixed-width strings, "" for
-            no box.
-        events: in order of time.
-        metadata: what the run was made with (seed, parameters, ...): JSON values by name.
+        columns: the columns by the names of COLUMNS, each of shape (ticks,), read-only; colours are fixed-width
+            strings, "" where there is no box.
+        events: events in order of time.
+        metadata: what the run was made with, such as seed and parameters: JSON values by name.
     """
 
     columns: Mapping[str, NDArray[Any]]
@@ -78,12 +82,12 @@ class Log:
         return np.column_stack([self.columns[column] for column in NUMBERS if column.rpartition("_")[0] == name])
 
     def part(self, start: int, stop: int) -> Log:
-        """The ticks start to stop - 1, without copying, with all events."""
+        """The ticks from start to stop - 1, without copying, and all events."""
         columns = {name: column[start:stop] for name, column in self.columns.items()}
         return Log(MappingProxyType(columns), self.events, self.metadata)
 
     def table(self) -> pa.Table:
-        """The log as an Arrow table with events and metadata as JSON in the schema's metadata."""
+        """The log as an Arrow table; events and metadata are JSON in the metadata of the schema."""
         arrays = {name: pa.array(self.columns[name]) for name in COLUMNS}
         arrays["box_colour"] = arrays["box_colour"].dictionary_encode()
         notes = {
@@ -105,12 +109,16 @@ class Log:
 
 
 class RunLog:
-    """Collects ticks and events of a running cell; 155 bytes and less than a microsecond a tick."""
+    """Collects ticks and events of a running cell; a tick takes 155 bytes and less than a microsecond."""
 
     __slots__ = ("_codes", "_events", "_rows", "metadata")
 
     def __init__(self, metadata: Mapping[str, Any] | None = None) -> None:
-        """Args: metadata: JSON values to keep with the log, such as seed and parameters."""
+        """Starts an empty log.
+
+        Args:
+            metadata: JSON values to keep with the log, such as seed and parameters.
+        """
         self.metadata: Mapping[str, Any] = dict(metadata or {})
         self._rows = bytearray()
         self._codes: dict[str, int] = {NO_COLOUR: 0}
@@ -140,11 +148,11 @@ class RunLog:
         )
 
     def add_events(self, events: Iterable[Event]) -> None:
-        """Adds events in the order they happened."""
+        """Adds events, which must come in order of time."""
         self._events.extend(events)
 
     def freeze(self) -> Log:
-        """What has been collected so far, as an independent copy."""
+        """An independent copy of what has been collected so far."""
         rows = np.frombuffer(self._rows, dtype=_ROW_DTYPE)
         columns = {name: rows[name].copy() for name in COLUMNS}
         columns["box_colour"] = np.array(list(self._codes))[columns["box_colour"]]
@@ -152,7 +160,7 @@ class RunLog:
 
 
 def concatenate(logs: Sequence[Log], metadata: Mapping[str, Any]) -> Log:
-    """Logs that follow each other, at least one, as one log."""
+    """Joins at least one log, each of which follows the one before in time, to one log with the given metadata."""
     columns = {name: np.concatenate([log.columns[name] for log in logs]) for name in COLUMNS}
     events = tuple(event for log in logs for event in log.events)
     return Log(_read_only(columns), events, metadata)
@@ -162,8 +170,8 @@ def read_log(path: Path) -> Log:
     """Reads what `Log.write_parquet` wrote.
 
     Raises:
-        RecordingError: the file is missing, no Parquet, or a column is missing, of another type, has gaps, or time
-            does not increase.
+        RecordingError: the file is missing or no Parquet file, a column is missing, of another type or has gaps, or
+            time does not increase.
     """
     try:
         with path.open("rb") as file:
@@ -187,7 +195,7 @@ def read_log(path: Path) -> Log:
 
 
 def ensure_writable(path: Path) -> None:
-    """Checks that a file can be made at `path`, so that a long run does not fail at its end.
+    """Checks that a file can be written at `path`, so that a long run does not fail at its end.
 
     Raises:
         RecordingError: the folder is missing or read-only, or the path is not a regular file.
@@ -197,15 +205,15 @@ def ensure_writable(path: Path) -> None:
 
 
 class _Checked(Exception):
-    """Leaves `replacing` without replacing."""
+    """Leaves the block of `replacing` without replacing the file."""
 
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Gives a temporary path beside `path` to write to; it takes the place of `path` when the block succeeds.
+    """Gives a temporary path beside `path` to write to; the file replaces `path` when the block succeeds.
 
     Raises:
-        RecordingError: the file system refuses.
+        RecordingError: `path` is no path of a file, or it cannot be written.
     """
     target = path.resolve()
     if target.exists() and not target.is_file():
@@ -224,12 +232,12 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def _reason(error: OSError) -> str:
-    """The operating system's words; Arrow's own text names temporary files."""
+    """The operating system's text of an error; the text of Arrow would name temporary files."""
     return os.strerror(error.errno) if error.errno else str(error).splitlines()[0]
 
 
 def _column(path: Path, table: pa.Table, expected: pa.Field) -> NDArray[Any]:
-    """One column of a file as numpy, checked against the schema."""
+    """One column of a file as a numpy array, checked against the schema."""
     found = table.schema.get_field_index(expected.name)
     if found < 0:
         raise RecordingError(f"{path}: column {expected.name} is missing: expected {', '.join(COLUMNS)}")

@@ -1,5 +1,6 @@
-"""The third module of the twin: try settings on the twin, choose the best, upload them, watch them, take them back.
+"""The simulation module of the twin: try, choose, upload, watch and roll back settings of the controller.
 
-`whatif` closes the loop of the analytic twin and the real function blocks for one motion, `optimise` searches
-settings, `checks` refuses bad ones, `upload` applies them to a running controller between two ticks.
+`whatif` simulates one motion in closed loop with the analytic twin and the real function blocks, `optimise` searches
+settings, `checks` refuses bad ones, `upload` applies them to a running controller between two ticks, and `trial`
+judges them afterwards.
 """

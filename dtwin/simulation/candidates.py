@@ -1,12 +1,12 @@
-"""Candidates for a what-if in words: `T=1.5 kp=300,600,400 kd2=5 law=row_sum D2=0.1 payload=0.25`.
+"""Reads candidates for a what-if simulation: `T=1.5 kp=300,600,400 kd2=5 law=row_sum D2=0.1 payload=0.25`.
 
 T                       target time, s
-kp ki kd                gains of all joints (one number) or of each (three); kp1 ... kd3 of one joint
-law                     of the controller
-box                     mass that the controller counts on when it carries, kg
-payload                 mass at the simulated tip, kg
-noise                   of the simulated encoders, rad
-K1 ... mu3              a parameter of the simulated arm
+kp ki kd                gains of all joints (one number) or of each (three); kp1 ... kd3 for one joint
+law                     control law, default or row_sum
+box                     mass of a carried box that the controller assumes, kg
+payload                 mass at the tip of the simulated arm, kg
+noise                   noise of the simulated encoders, rad
+K1 ... mu3              parameter of the simulated arm, SI units
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from typing import Any, Final, cast
 from dtwin.controller.settings import LAWS
 from dtwin.errors import ParameterError, choices
 from dtwin.parameters import PARAMETER_NAMES, Gains, Triple
-from dtwin.simulation.whatif import Case
+from dtwin.simulation.whatif import MotionCase
 
 _GAIN: Final = re.compile(r"(kp|ki|kd)([123]?)")
 _NUMBERS: Final = ("T", "box", "payload", "noise")
 KEYS: Final = ("T", "kp", "ki", "kd", "kp1 ... kd3", "law", "box", "payload", "noise", "K1 ... mu3")
 
 
-def vary(case: Case, text: str) -> Case:
-    """The case with the changes that a text names, separated by blanks.
+def vary(case: MotionCase, text: str) -> MotionCase:
+    """A case with the changes in a text, which are separated by blanks.
 
     Raises:
-        ParameterError: a name is unknown, or a value is not of its kind or out of range.
+        ParameterError: a name is unknown, or a value is of the wrong kind or out of range.
     """
     for word in text.split():
         name, equals, value = word.partition("=")
@@ -39,7 +39,7 @@ def vary(case: Case, text: str) -> Case:
     return case
 
 
-def _changed(case: Case, name: str, value: str) -> Case:
+def _changed(case: MotionCase, name: str, value: str) -> MotionCase:
     settings = case.settings
     if match := _GAIN.fullmatch(name):
         return replace(case, settings=replace(settings, gains=_gains(settings.gains, match[1], match[2], value)))

@@ -1,4 +1,4 @@
-"""Refuses settings before they reach a controller: bounds, stability at rest, and the cell's motions on the twin."""
+"""Checks settings before an upload: their bounds, stability at rest, and the motions of the cell on the twin."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from dtwin.parameters import PARAMETER_NAMES, PLACES, ArmParameters, Triple
 from dtwin.simulation.figures import Figures, triple
 from dtwin.simulation.places import angles_of
 from dtwin.simulation.stability import spectral_radius
-from dtwin.simulation.whatif import Case, Simulator
+from dtwin.simulation.whatif import MotionCase, Simulator
 
 HIGHEST_GAINS: Final = {"kp": 1e5, "ki": 1e5, "kd": 1e3}
-"""1/s^2, 1/s^3 and 1/s: a hundred times what is of use; a typing error more often than a wish"""
+"""Largest gains in 1/s^2, 1/s^3 and 1/s: a hundred times the useful ones, so that a larger one is a typing error."""
 MODEL_RANGES: Final = {
     "K": (1e-2, 1.0),
     "m": (1e-3, 1.0),
@@ -30,25 +30,25 @@ MODEL_RANGES: Final = {
     "D": (0.0, 5.0),
     "mu": (0.0, 5.0),
 }
-"""by symbol, SI units: what an arm of this kind can be"""
+"""Least and largest value of the parameters of an arm of this kind by symbol, SI units."""
 TARGET_TIMES: Final = (0.1, 60.0)
-"""s"""
+"""Least and largest target time, s."""
 TAIL: Final = 0.5
-"""s after the end of a path that a checked motion is looked at"""
+"""Time after the end of a path for which a checked motion is simulated, s."""
 WORST_TRACKING: Final = 0.3
-"""rad from the path, in any motion of the cell"""
+"""Largest distance from the path in any motion of the cell, rad."""
 HEAVIER: Final = 0.01
-"""kg by which a box may be heavier than the controller counts on: what it says of a box is the middle of a range"""
+"""Mass by which a box may be heavier than the controller assumes, kg: it assumes the middle of the range."""
 STABLE: Final = 1.0 - 1e-6
-"""spectral radius from which the closed loop counts as not stable: errors would take hours to halve"""
+"""Spectral radius from which the closed loop counts as not stable: errors would take hours to halve."""
 
 
 class Refused(ParameterError):
-    """Settings that must not be uploaded; the message is the reason."""
+    """Reports settings that must not be uploaded; the message is the reason."""
 
 
 class Motion(NamedTuple):
-    """One of the cell's motions: names of its places and whether a box is carried."""
+    """One of the motions of the cell: the names of its start and goal, and whether a box is carried."""
 
     start: str
     goal: str
@@ -61,16 +61,16 @@ MOTIONS: Final = tuple(
 
 
 @dataclass(frozen=True, slots=True)
-class Prediction:
-    """What the twin expects of settings.
+class ExpectedTracking:
+    """Performance that the twin predicts for settings.
 
     Attributes:
-        tracking: largest distance of each joint from its path over the cell's motions, rad.
+        tracking: largest distance of each joint from its path over the motions of the cell, rad.
         rms: root mean square of the distance over all motions and joints, rad.
         peak_volts: largest voltage of each joint, V.
         saturated: largest share of the samples of a motion with a voltage at its limit.
-        worst: the motion with the largest distance from the path.
-        spectral_radius: of the closed loop at rest, the largest over the places, with and without a box.
+        worst: motion with the largest distance from the path.
+        spectral_radius: largest spectral radius of the closed loop at rest over the places, with and without a box.
     """
 
     tracking: Triple
@@ -93,19 +93,22 @@ class Checker:
 
     def __init__(self, blocks: Path = BLOCKS) -> None:
         self._simulator = Simulator(blocks)
-        # Loads the compiled twin now: an upload shall not have to wait for it.
+        # The compiled twin is loaded now, so that no upload has to wait for it.
         self.check(ControlSettings(), ArmParameters(), MOTIONS[:1])
 
-    def check(self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion] = MOTIONS) -> Prediction:
-        """What to expect of settings on an arm.
+    def check(
+        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion] = MOTIONS
+    ) -> ExpectedTracking:
+        """Predicts the performance of settings on an arm and refuses bad ones.
 
         Args:
-            settings: to be uploaded.
-            arm: as the twin knows it; it takes the place of the plant.
-            motions: that must go well.
+            settings: settings to be uploaded.
+            arm: model of the arm, which takes the place of the plant.
+            motions: motions that must keep to their paths.
 
         Raises:
-            Refused: a value is out of bounds, the loop is not stable, or a motion goes wrong; names which and why.
+            Refused: a value is out of bounds, the loop is not stable, or a motion leaves its path; the message says
+                which and why.
         """
         check_bounds(settings)
         radius = self._stability(settings, arm, motions)
@@ -124,14 +127,14 @@ class Checker:
 
     def predict(
         self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion] = MOTIONS
-    ) -> Prediction:
-        """What to expect of settings on an arm, good or bad; stability at rest is not looked at.
+    ) -> ExpectedTracking:
+        """Predicts the performance of settings on an arm, good or bad; stability at rest is not checked.
 
-        Motions with a box are tried with one as the controller expects it and with a heavier one, too: near the
-        voltage limit a few grams decide whether an arm can follow its path.
+        Motions with a box are simulated with a box of the mass that the controller assumes and with a heavier one:
+        near the voltage limit a few grams decide whether an arm can follow its path.
 
         Raises:
-            DivergenceError: the arm left the finite numbers.
+            DivergenceError: the state of the arm is no longer finite.
         """
         loaded = [motion for motion in motions if motion.carries]
         found = self.simulate(settings, arm, settings.payload, motions)
@@ -141,15 +144,15 @@ class Checker:
         volts = np.max([figures.peak_volts for figures in found], axis=0)
         saturated = max(figures.saturated for figures in found)
         rms = float(np.sqrt(np.mean([np.square(figures.tracking_rms) for figures in found])))
-        return Prediction(triple(tracking.max(axis=0)), rms, triple(volts), saturated, worst, 0.0)
+        return ExpectedTracking(triple(tracking.max(axis=0)), rms, triple(volts), saturated, worst, 0.0)
 
     def simulate(
         self, settings: ControlSettings, arm: ArmParameters, box: float, motions: Sequence[Motion] = MOTIONS
     ) -> list[Figures]:
-        """The figures of motions, with boxes of a mass (kg) where they carry one.
+        """Simulates motions, with a box of a mass (kg) where one is carried, and returns the figures of each.
 
         Raises:
-            DivergenceError: the arm left the finite numbers.
+            DivergenceError: the state of the arm is no longer finite.
         """
         return [self._simulator.run(_case(motion, settings, arm, box)).figures for motion in motions]
 
@@ -168,8 +171,8 @@ class Checker:
         return worst
 
 
-def _case(motion: Motion, settings: ControlSettings, arm: ArmParameters, box: float) -> Case:
-    return Case(
+def _case(motion: Motion, settings: ControlSettings, arm: ArmParameters, box: float) -> MotionCase:
+    return MotionCase(
         motion.goal,
         settings,
         angles_of(motion.start),
@@ -181,7 +184,11 @@ def _case(motion: Motion, settings: ControlSettings, arm: ArmParameters, box: fl
 
 
 def check_bounds(settings: ControlSettings) -> None:
-    """Raises Refused when a value is out of the range that such an arm can have."""
+    """Checks that all values of settings are in the range that such an arm can have.
+
+    Raises:
+        Refused: a value is out of its range.
+    """
     low, high = TARGET_TIMES
     if not low <= settings.target_time <= high:
         raise Refused(f"target time: expected {low:g} to {high:g} s, got {settings.target_time:g}")

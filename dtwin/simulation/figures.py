@@ -1,4 +1,4 @@
-"""What a motion came to, in figures that are the same for a predicted and a measured one."""
+"""Performance figures of a motion, computed in the same way for predicted and measured motions."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, Triple
 Array = NDArray[np.float64]
 
 SETTLED_SHARE: Final = 0.02
-"""of the way of a joint: the band around the target that a settled joint stays in (2 % settling time)"""
+"""Half width of the settling band around the target as a share of a joint's way (2 % settling time)."""
 SETTLED_BAND: Final = 1e-3
-"""rad, the narrowest such band, for joints that hardly move"""
+"""Least half width of the settling band, for joints that hardly move, rad."""
 SETTLED_SPEED: Final = 0.01
-"""rad/s, the most a settled joint moves with"""
+"""Largest velocity of a settled joint, rad/s."""
 
 SAME_ANGLE: Final = 1e-12
-"""rad: two readings of one number, of which one may have come as the 15 digits that a FORTE writes"""
+"""Largest difference of two readings of one angle, rad: a FORTE writes 15 digits of it."""
 
 
 class Figures(msgspec.Struct, frozen=True):
-    """One motion.
+    """Performance figures of one motion.
 
     Attributes:
         tracking_max: largest distance of each joint from its path, rad.
-        tracking_rms: root of its mean square, rad.
-        settling_time: from the start until all joints stay within 2 % of their way from the target, slower than
-            0.01 rad/s, s; None when they do not settle while the motion is looked at.
-        overshoot: how far each joint goes beyond its target, rad.
+        tracking_rms: root mean square of the distance of each joint from its path, rad.
+        settling_time: time from the start until all joints stay within 2 % of their way from the target, slower than
+            0.01 rad/s, s; None when they do not settle within the motion's samples.
+        overshoot: largest distance of each joint beyond its target, rad.
         final_error: distance of each joint from its target at the end, rad.
         peak_volts: largest voltage of each joint, V.
         saturated: share of the samples with a voltage at its limit.
-        energy: work that the motors put in, J; what the load gives back does not count.
+        energy: work that the motors put in, J; energy that the load returns does not count.
     """
 
     tracking_max: Triple
@@ -50,14 +50,14 @@ class Figures(msgspec.Struct, frozen=True):
 
 
 def figures(theta: Array, omega: Array, path: Array, volts: Array, target: Triple, constants: Triple) -> Figures:
-    """The figures of a motion sampled every 10 ms.
+    """Computes the figures of a motion sampled every 10 ms.
 
     Args:
-        theta: (N + 1, 3), rad; row 0 is the start.
-        omega: (N + 1, 3), rad/s.
+        theta: (N + 1, 3), angles, rad; row 0 is the start.
+        omega: (N + 1, 3), velocities, rad/s.
         path: (N, 3), desired angles, rad.
-        volts: (N, 3), V, held from each sample to the next.
-        target: where the path ends, rad.
+        volts: (N, 3), voltages, V, held from each sample to the next.
+        target: angles at which the path ends, rad.
         constants: voltage constants of the motors, N m/V.
     """
     error = path - theta[:-1]
@@ -66,7 +66,7 @@ def figures(theta: Array, omega: Array, path: Array, volts: Array, target: Tripl
     band = np.maximum(SETTLED_SHARE * np.abs(way), SETTLED_BAND)
     moving = ((np.abs(theta - goal) > band) | (np.abs(omega) > SETTLED_SPEED)).any(axis=1)
     last = int(np.flatnonzero(moving)[-1]) if moving.any() else -1
-    # The torque is constant between samples, so this is the work exactly.
+    # The torque is constant between samples, so this sum is the exact work.
     work = np.array(constants) * volts * np.diff(theta, axis=0)
     return Figures(
         tracking_max=triple(np.abs(error).max(axis=0)),
@@ -81,17 +81,17 @@ def figures(theta: Array, omega: Array, path: Array, volts: Array, target: Tripl
 
 
 def fit(measured: Array, predicted: Array) -> Triple:
-    """1 - ||y - yhat|| / ||y - mean(y)|| of each joint: 1 is perfect, 0 is no better than the mean.
+    """Fit 1 - ||y - yhat|| / ||y - mean(y)|| of each joint: 1 is perfect, 0 is no better than the mean.
 
     Args:
-        measured: y, (N, 3).
-        predicted: yhat, (N, 3).
+        measured: (N, 3), y.
+        predicted: (N, 3), yhat.
     """
     spread = np.linalg.norm(measured - measured.mean(axis=0), axis=0)
     return triple(1.0 - np.linalg.norm(measured - predicted, axis=0) / np.maximum(spread, np.finfo(float).tiny))
 
 
 def triple(values: Iterable[float]) -> Triple:
-    """Three numbers, of a row for example."""
+    """Three numbers, such as a row of an array, as a tuple."""
     first, second, third = map(float, values)
     return (first, second, third)

@@ -1,7 +1,8 @@
-"""The history of a controller's settings: one JSON line for everything that was done to them, only ever appended.
+"""The history of a controller's settings: a file to which every change appends one JSON line.
 
-The last line says what is in force, so there is no second file that could disagree. A line is written in one call and
-forced to disk before the next step; a line that a crash cut off is no line, and is cut away before the next one.
+The last line holds the settings in force, so there is no second file that could disagree. A line is written in one
+call and forced to disk before the next step. A line that a crash cut off does not count and is removed before the
+next one is written.
 """
 
 from __future__ import annotations
@@ -21,26 +22,26 @@ from dtwin.parameters import Triple
 from dtwin.signals import Count, Line, Seconds, Word
 
 HISTORY: Final = Path("uploads.jsonl")
-"""default file, in the working directory"""
+"""Default file, in the working directory."""
 
 Action = Literal["start", "upload", "refuse", "confirm", "roll back"]
-"""start: found in force; confirm: the trial period went as predicted."""
+"""Kinds of entries; "start" means found in force, "confirm" that the trial went as predicted."""
 
 
 class Entry(msgspec.Struct, frozen=True, tag_field="schema", tag=1):
-    """Something that was done.
+    """An entry of the history: one action on the settings.
 
     Attributes:
-        version: of the settings in force afterwards; counts up with every change.
+        version: version of the settings in force afterwards, which counts up with every change.
         time: plant time, s.
-        action: what.
-        who: wanted it.
-        why: in their words.
+        action: what was done.
+        who: who wanted it.
+        why: reason in the words of that person.
         kind: what was to change: gains, target or model.
-        settings: in force afterwards.
-        text: what came of it: the reason of a refusal, how the trial went.
-        predicted: largest distance of each joint from its path that the twin expects, rad.
-        measured: the same, as the trial showed it, rad.
+        settings: settings in force afterwards.
+        text: result in words, such as the reason of a refusal or the outcome of the trial.
+        predicted: largest distance of each joint from its path that the twin predicted, rad.
+        measured: largest distance of each joint from its path in the trial, rad.
     """
 
     version: Count
@@ -59,10 +60,10 @@ _decode: Final = msgspec.json.Decoder(Entry).decode
 
 
 class History:
-    """The entries in a file; several processes may append to it.
+    """The entries of a history file; several processes may append to it.
 
     Args:
-        path: of the file, made with the first entry.
+        path: path of the file, which is made with the first entry.
     """
 
     def __init__(self, path: Path) -> None:
@@ -72,7 +73,7 @@ class History:
         """All entries, oldest first; none when there is no file.
 
         Raises:
-            RecordingError: the file cannot be read, or a line of it is no entry.
+            RecordingError: the file cannot be read, or one of its lines is no entry.
         """
         try:
             content = self.path.read_bytes()
@@ -90,16 +91,16 @@ class History:
         return found
 
     def last(self) -> Entry | None:
-        """The newest entry; None when there is none.
+        """The newest entry, or None when there is no entry.
 
         Raises:
-            RecordingError: as `entries`.
+            RecordingError: the file cannot be read, or one of its lines is no entry.
         """
         found = self.entries()
         return found[-1] if found else None
 
     def append(self, entry: Entry) -> None:
-        """Adds an entry; it is on disk when this returns.
+        """Appends an entry, which is on disk when the call returns.
 
         Raises:
             RecordingError: the file cannot be written.
@@ -113,7 +114,7 @@ class History:
 
     @contextmanager
     def _locked(self) -> Iterator[int]:
-        """The file, ours alone and ending with a whole line."""
+        """Opens the file locked for this process, without a last line that a crash cut off."""
         file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
         try:
             fcntl.flock(file, fcntl.LOCK_EX)
@@ -127,4 +128,4 @@ class History:
 
 
 _LONGEST: Final = 1 << 16
-"""bytes; an entry has about a thousand"""
+"""Length of the longest line, bytes; an entry has about a thousand."""

@@ -15,18 +15,18 @@ from dtwin.errors import ParameterError, RecordingError
 from dtwin.parameters import PERIOD, ArmParameters, Triple
 from dtwin.run.recording import Log
 from dtwin.simulation.figures import SAME_ANGLE, Array, Figures, figures, fit
-from dtwin.simulation.whatif import Case, Outcome, Simulator
+from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """A motion in a log, as sensors and commands show it.
+    """A motion in a log, found from sensors and commands.
 
     Attributes:
-        start: tick at which its path starts.
-        stop: tick after the last one, before the next motion starts.
-        target_time: s that the path takes.
-        goal: where the path ends, rad.
+        start: tick at which the path starts.
+        stop: tick after the last one of the motion.
+        target_time: duration of the path, s.
+        goal: angles at which the path ends, rad.
         carries: whether a box is held.
     """
 
@@ -38,22 +38,22 @@ class Measured:
 
     @property
     def time(self) -> float:
-        """When it starts, s."""
+        """Time at which the motion starts, s."""
         return self.start * PERIOD
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Comparison:
-    """A measured motion and what the twin predicts of it.
+class MotionComparison:
+    """A measured motion and its prediction by the twin.
 
     Attributes:
-        motion: where it is in the log.
-        measured: (N, 3), what the encoders said, rad.
+        motion: place of the motion in the log.
+        measured: (N, 3), angles that the encoders measured, rad.
         path: (N, 3), desired angles, rad.
-        volts: (N, 3), applied, V.
-        figures: of what was measured.
-        predicted: of the twin, from the first sample on.
-        fit: of each joint, 1 is perfect.
+        volts: (N, 3), voltages applied, V.
+        figures: figures of the measured motion.
+        predicted: motion that the twin predicts from the first sample.
+        fit: fit of each joint; 1 is perfect.
     """
 
     motion: Measured
@@ -66,9 +66,9 @@ class Comparison:
 
 
 def motions(log: Log) -> Iterator[Measured]:
-    """The motions of a log, in order; one whose path does not end in the log is left out.
+    """Finds the motions of a log, in order; a motion whose path does not end in the log is left out.
 
-    A path starts where the desired angles of all joints are the measured ones and move on from there.
+    A path starts at a tick at which the desired angles of all joints equal the measured ones and then change.
     """
     path, measured = log.stack("target"), log.stack("measured")
     moves = np.append((path[1:] != path[:-1]).any(axis=1), False)
@@ -85,10 +85,10 @@ def motions(log: Log) -> Iterator[Measured]:
 
 
 def settings_of(log: Log) -> ControlSettings:
-    """The controller's settings that a run was started with.
+    """The settings of the controller that a run was started with.
 
     Raises:
-        RecordingError: the log does not tell them.
+        RecordingError: the metadata of the log has no usable settings.
     """
     noted: Any = log.metadata.get("control")
     try:
@@ -99,22 +99,22 @@ def settings_of(log: Log) -> ControlSettings:
 
 def compare(
     log: Log, motion: Measured, settings: ControlSettings, arm: ArmParameters, payload: float, simulator: Simulator
-) -> Comparison:
-    """Predicts a measured motion from its first sample; the prediction sees nothing of the rest.
+) -> MotionComparison:
+    """Compares a measured motion with the prediction from its first sample alone.
 
     Args:
-        log: that has the motion.
-        motion: of `motions(log)`.
-        settings: that were in force; the target time is the motion's own.
-        arm: as the twin knows it.
-        payload: kg, of a held box.
-        simulator: that predicts.
+        log: log with the motion.
+        motion: one of the motions that `motions(log)` finds.
+        settings: settings that were in force; the target time is taken from the motion.
+        arm: model of the arm.
+        payload: mass of a held box, kg.
+        simulator: simulator that predicts the motion.
     """
     rows = slice(motion.start, motion.stop)
     measured, path = log.stack("measured")[rows], log.stack("target")[rows]
     volts = log.stack("volts")[rows, :3]
     first, second, third = measured[0].tolist()
-    case = Case(
+    case = MotionCase(
         motion.goal,
         replace(settings, target_time=motion.target_time),
         (first, second, third),
@@ -127,14 +127,14 @@ def compare(
     angles = np.vstack((measured, measured[-1:]))
     speeds = np.gradient(angles, PERIOD, axis=0)
     came_to = figures(angles, speeds, path, volts, motion.goal, arm.voltage_constant)
-    return Comparison(motion, measured, path, volts, came_to, predicted, fit(measured, predicted.theta))
+    return MotionComparison(motion, measured, path, volts, came_to, predicted, fit(measured, predicted.theta))
 
 
 def find(log: Log, time: float) -> Measured:
-    """The first motion of a log that starts at or after a time, s.
+    """The first motion of a log that starts at or after a time (s).
 
     Raises:
-        RecordingError: there is none.
+        RecordingError: there is no such motion.
     """
     starts = []
     for motion in motions(log):

@@ -1,4 +1,4 @@
-"""What makes settings good, and what makes them unusable: the cost and the limits of an optimisation."""
+"""The cost function and the limits of an optimisation of settings."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from dtwin.simulation.checks import STABLE, Motion
 from dtwin.simulation.figures import Array, Figures
 from dtwin.simulation.places import angles_of
 from dtwin.simulation.stability import spectral_radius
-from dtwin.simulation.whatif import Case, Simulator
+from dtwin.simulation.whatif import MotionCase, Simulator
 
 TERMS: Final = ("time", "tracking", "energy", "voltage")
-"""settling time s, largest distance from the path rad, energy J a motion, peak voltage V"""
+"""Terms of the cost: settling time (s), largest distance from the path (rad), energy (J) and peak voltage (V)."""
 SETTLING: Final = 1.0
-"""s after the end of the path in which a motion has to settle"""
+"""Time after the end of the path in which a motion has to settle, s."""
 UNUSABLE: Final = 1e3
-"""cost of settings that break a limit, and more the more they do: above that of all that keep the limits"""
+"""Least cost of settings that break a limit, above that of all that keep the limits; it grows with the excess."""
 _UNSTABLE: Final = 100.0
 _BAD: Final = 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What settings must keep in every scenario.
+    """Limits that settings must keep in every scenario.
 
     Attributes:
         saturated: largest share of the samples of a motion with a voltage at its limit.
-        overshoot: beyond the target, rad.
-        tracking: from the path, rad.
-        voltage: V.
+        overshoot: largest distance beyond the target, rad.
+        tracking: largest distance from the path, rad.
+        voltage: largest voltage, V.
     """
 
     saturated: float = 0.02
@@ -54,13 +54,13 @@ UNLIMITED: Final = Limits(1.0, math.inf, math.inf, math.inf)
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """A motion under one assumption about the arm.
+    """A motion under one assumption about arm, box and noise.
 
     Attributes:
-        motion: from where to where.
-        arm: that is simulated; the controller uses the objective's model.
-        payload: kg.
-        noise: rad, standard deviation of the encoder noise; a noisy motion is not asked to settle.
+        motion: motion of the cell.
+        arm: simulated arm; the controller uses the model of the objective.
+        payload: mass at the tip, kg.
+        noise: standard deviation of the encoder noise, rad; a motion with noise need not settle.
     """
 
     motion: Motion
@@ -71,18 +71,18 @@ class Scenario:
 
 @dataclass(frozen=True, slots=True)
 class Objective:
-    """What to minimise; picklable, so that processes can share the work.
+    """The objective of an optimisation; picklable, so that processes can share the work.
 
     Attributes:
         base: settings whose law, model and payload stay.
-        scenarios: all must keep the limits; the worst of them counts, of the energy the mean.
-        weights: of the TERMS, by name.
-        limits: to keep.
-        reference: the terms of the settings in use, that cost 1 a weight; the terms themselves when empty.
+        scenarios: scenarios that must keep the limits; a term is the largest over them, the energy their mean.
+        weights: weights of the TERMS by name.
+        limits: limits to keep.
+        reference: terms of the settings in use, by which the terms are divided; empty for no division.
         blocks: folder of the function-block library.
 
     Raises:
-        ParameterError: a weight's name is unknown, it is negative, or none is above 0.
+        ParameterError: a weight has an unknown name or is negative, no weight is above 0, or there is no scenario.
     """
 
     base: ControlSettings
@@ -104,16 +104,16 @@ class Objective:
             raise ParameterError("scenarios: expected at least one motion")
 
 
-class Score(msgspec.Struct, frozen=True):
-    """How good settings are.
+class CandidateScore(msgspec.Struct, frozen=True):
+    """The evaluation of one candidate.
 
     Attributes:
-        target_time: s.
-        gains: of the controller.
-        terms: by name; empty when a limit is broken.
-        broken: the limit that is broken, "" when none is.
-        cost: to be minimised.
-        motions: simulated to find out.
+        target_time: target time of the candidate, s.
+        gains: gains of the candidate.
+        terms: terms of the cost by name; empty when a limit is broken.
+        broken: name of the limit that is broken; "" when none is.
+        cost: cost to be minimised.
+        motions: number of motions that were simulated.
     """
 
     target_time: float
@@ -124,8 +124,8 @@ class Score(msgspec.Struct, frozen=True):
     motions: int
 
 
-def score(objective: Objective, target_time: float, gains: Gains) -> Score:
-    """Simulates the scenarios until one breaks a limit.
+def score(objective: Objective, target_time: float, gains: Gains) -> CandidateScore:
+    """Evaluates a candidate: simulates the scenarios until one breaks a limit.
 
     Raises:
         ParameterError: the target time or a scenario is out of range.
@@ -136,24 +136,24 @@ def score(objective: Objective, target_time: float, gains: Gains) -> Score:
         theta = angles_of(scenario.motion.goal)
         radius = spectral_radius(simulator.controller, settings, scenario.arm, scenario.payload, theta)
         if not radius < STABLE:
-            return Score(target_time, gains, {}, "stability", UNUSABLE * (_UNSTABLE + radius), 0)
+            return CandidateScore(target_time, gains, {}, "stability", UNUSABLE * (_UNSTABLE + radius), 0)
     found: list[tuple[Scenario, Figures]] = []
     for done, scenario in enumerate(objective.scenarios, 1):
         try:
             outcome = simulator.run(_case(scenario, settings)).figures
         except DivergenceError:
-            return Score(target_time, gains, {}, "divergence", UNUSABLE * _UNSTABLE, done)
+            return CandidateScore(target_time, gains, {}, "divergence", UNUSABLE * _UNSTABLE, done)
         broken, excess = _broken(outcome, objective.limits, must_settle=not scenario.noise)
         if broken:
             # The later the scenario that fails, the nearer the settings are to keeping all limits.
             left = 1.0 - (done - 1) / len(objective.scenarios)
-            return Score(target_time, gains, {}, broken, UNUSABLE * (1.0 + left + min(excess, _BAD)), done)
+            return CandidateScore(target_time, gains, {}, broken, UNUSABLE * (1.0 + left + min(excess, _BAD)), done)
         found.append((scenario, outcome))
     terms = _terms(found, target_time)
     reference = objective.reference or terms
     total = sum(objective.weights.values())
     cost = sum(weight * terms[name] / reference[name] for name, weight in objective.weights.items()) / total
-    return Score(target_time, gains, terms, "", cost, len(found))
+    return CandidateScore(target_time, gains, terms, "", cost, len(found))
 
 
 def scenarios_for(
@@ -163,14 +163,14 @@ def scenarios_for(
     others: Sequence[ArmParameters] = (),
     noise: float = 0.0,
 ) -> tuple[Scenario, ...]:
-    """Every motion as expected, then with noise, then with the other arms and the lightest and heaviest boxes.
+    """Scenarios of every motion: with the expected arm, with noise, with other arms, with the extreme boxes.
 
     Args:
-        motions: to be made.
-        arm: as expected.
+        motions: motions of the cell.
+        arm: expected arm.
         boxes: least and largest mass of a box, kg.
-        others: arms that are possible as well.
-        noise: rad, standard deviation; 0 leaves the noisy scenarios out.
+        others: other possible arms.
+        noise: standard deviation of the encoder noise, rad; 0 leaves the noisy scenarios out.
 
     Raises:
         ParameterError: the masses are out of order.
@@ -192,14 +192,14 @@ def scenarios_for(
 def possible_arms(
     arm: ArmParameters, names: Sequence[str], covariance: Array, count: int, generator: np.random.Generator
 ) -> tuple[ArmParameters, ...]:
-    """Arms as probable as the identified one allows: normal, with its covariance, none of the values below a tenth.
+    """Draws arms from the normal distribution of an identified one; no value falls below a tenth of the estimate.
 
     Args:
-        arm: the identified one.
-        names: of the covariance's rows; those of encoder offsets are left out.
-        covariance: SI units.
-        count: of arms.
-        generator: source of the randomness.
+        arm: identified arm.
+        names: names of the rows of the covariance; encoder offsets are left out.
+        covariance: covariance of the estimates, SI units.
+        count: number of arms to draw.
+        generator: random generator of the arms.
     """
     kept = [k for k, name in enumerate(names) if not name.startswith("offset")]
     if not kept or not count:
@@ -212,13 +212,13 @@ def possible_arms(
 
 @functools.cache
 def _simulator(blocks: Path) -> Simulator:
-    """One for every process: making the blocks takes longer than using them."""
+    """The simulator of this process, made once: making the blocks takes longer than using them."""
     return Simulator(blocks)
 
 
-def _case(scenario: Scenario, settings: ControlSettings) -> Case:
+def _case(scenario: Scenario, settings: ControlSettings) -> MotionCase:
     motion = scenario.motion
-    return Case(
+    return MotionCase(
         motion.goal,
         settings,
         angles_of(motion.start),
@@ -232,12 +232,12 @@ def _case(scenario: Scenario, settings: ControlSettings) -> Case:
 
 
 def _resting_points(scenarios: Sequence[Scenario]) -> list[Scenario]:
-    """A scenario for every goal, with and without a box."""
+    """One scenario for every goal, with and without a box, at which stability is checked."""
     return list({(s.motion.goal, s.motion.carries): s for s in scenarios}.values())
 
 
 def _broken(figures: Figures, limits: Limits, must_settle: bool) -> tuple[str, float]:
-    """The limit that is broken most, "" for none, and its relative excess."""
+    """Name of the limit with the largest relative excess, and that excess; the name is "" when none is broken."""
     share = 1e-3
     excesses = {
         "saturation": (figures.saturated - limits.saturated) / max(limits.saturated, share),

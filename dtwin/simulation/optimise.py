@@ -1,8 +1,9 @@
-"""Finds gains and target time of least cost under limits, by differential evolution over real-block simulations.
+"""Searches gains and target time of least cost under limits by differential evolution.
 
-Differential evolution (Storn and Price 1997; scipy's) needs no derivatives, which limits and the voltages' clip would
-break, and judges a whole generation at once, which keeps all cores busy. Equal seeds give equal results, whatever the
-number of processes.
+Every candidate is simulated with the real function blocks. Differential evolution (Storn and Price, J. Global
+Optimization 11, 1997; the implementation is scipy's) needs no derivatives, which do not exist at the limits and where
+voltages are clipped. It evaluates a whole generation at once, which keeps all cores busy. Equal seeds give equal
+results, whatever the number of processes.
 """
 
 from __future__ import annotations
@@ -25,39 +26,39 @@ from scipy.stats import qmc
 from dtwin.errors import ParameterError
 from dtwin.parameters import Gains
 from dtwin.simulation.figures import Array, triple
-from dtwin.simulation.objective import UNLIMITED, Objective, Score, score
+from dtwin.simulation.objective import UNLIMITED, CandidateScore, Objective, score
 
 POPULATION: Final = 40
-"""candidates a generation, four a variable"""
+"""Number of candidates in a generation, four per variable."""
 LOWEST: Final = (50.0, 10.0, 0.5)
-"""kp, ki and kd from which to search"""
+"""Lower bounds of kp, ki and kd in the search."""
 HIGHEST: Final = (2000.0, 2000.0, 100.0)
-"""kp, ki and kd to which to search"""
+"""Upper bounds of kp, ki and kd in the search."""
 
 
 @dataclass(frozen=True, slots=True)
 class Optimum:
-    """The outcome of an optimisation.
+    """The result of an optimisation.
 
     Attributes:
-        best: of least cost.
-        reference: the settings in use.
-        scores: of all candidates in the order of their generations.
-        seconds: wall time of the search, without starting the processes.
+        best: evaluation of the candidate of least cost.
+        reference: evaluation of the settings in use.
+        scores: evaluations of all candidates in the order of their generations.
+        seconds: wall time of the search without the start of the processes, s.
     """
 
-    best: Score
-    reference: Score
-    scores: tuple[Score, ...]
+    best: CandidateScore
+    reference: CandidateScore
+    scores: tuple[CandidateScore, ...]
     seconds: float
 
     @property
     def motions(self) -> int:
-        """Simulated in all."""
+        """Number of motions simulated in all."""
         return sum(found.motions for found in self.scores)
 
-    def front(self, *terms: str) -> list[Score]:
-        """The usable candidates that no other beats in all of the terms (Pareto), by the first of them."""
+    def front(self, *terms: str) -> list[CandidateScore]:
+        """The Pareto front of the usable candidates in the given terms, ordered by the first term."""
         usable = [found for found in self.scores if not found.broken]
         values = np.array([[found.terms[term] for term in terms] for found in usable])
         kept = []
@@ -81,15 +82,15 @@ def optimise(
     """Searches gains and target time.
 
     Args:
-        objective: what to minimise; its reference is taken from its base settings.
-        target_times: between which to search, s; equal ones fix it.
-        candidates: to be judged, rounded to whole generations.
-        processes: that share the work; None is one a core, 1 does it here.
-        seed: of the search.
-        between: told the number of candidates judged and the least cost after every generation.
+        objective: objective to minimise; its reference is computed from its base settings.
+        target_times: least and largest target time of the search, s; equal ones fix the target time.
+        candidates: number of candidates to evaluate, rounded to whole generations.
+        processes: number of processes that share the work; None for one per core, 1 for this process alone.
+        seed: number of the random generator of the search.
+        between: called after every generation with the number of candidates evaluated and the least cost.
 
     Raises:
-        ParameterError: a bound is out of order, or the settings in use cannot be judged.
+        ParameterError: a bound is out of order, or the settings in use cannot be evaluated.
     """
     check_search(target_times, candidates, processes)
     low, high = target_times
@@ -100,7 +101,7 @@ def optimise(
     objective = replace(objective, reference=reference.terms)
     lower = np.log([low, *(value for value in LOWEST for _ in range(3))])
     upper = np.log([high, *(value for value in HIGHEST for _ in range(3))])
-    scores: list[Score] = []
+    scores: list[CandidateScore] = []
 
     def judge(pool: Executor | None, _: Any, rows: Iterable[Array]) -> list[float]:
         points = [tuple(row.tolist()) for row in np.atleast_2d(np.array(list(rows)))]
@@ -131,7 +132,11 @@ def optimise(
 
 
 def check_search(target_times: tuple[float, float], candidates: int, processes: int | None) -> None:
-    """Raises ParameterError when a bound is out of order or a number too small."""
+    """Checks the numbers of a search.
+
+    Raises:
+        ParameterError: a bound is out of order, or a number is too small.
+    """
     low, high = target_times
     if not 0 < low <= high < math.inf:
         raise ParameterError(f"target times: expected a range above 0 s, got {low:g} to {high:g}")
@@ -142,12 +147,15 @@ def check_search(target_times: tuple[float, float], candidates: int, processes: 
 
 
 def cores() -> int:
-    """That this process may use."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0))
 
 
 def _first_generation(lower: Array, upper: Array, target_time: float, gains: Gains, seed: int) -> Array:
-    """(POPULATION, 10): settings in use, then half within a factor of two of them, half over the bounds."""
+    """The first generation, (POPULATION, 10), starting with the settings in use.
+
+    One half of the others lies within a factor of two of these settings, the other half anywhere within the bounds.
+    """
     spread = qmc.LatinHypercube(len(lower), rng=seed).random(POPULATION)
     rows: Array = lower + spread * (upper - lower)
     present = np.log(np.maximum([target_time, *gains.kp, *gains.ki, *gains.kd], np.exp(lower)))
@@ -157,7 +165,7 @@ def _first_generation(lower: Array, upper: Array, target_time: float, gains: Gai
     return np.clip(rows, lower, upper)
 
 
-def _judge(objective: Objective, point: Sequence[float]) -> Score:
+def _judge(objective: Objective, point: Sequence[float]) -> CandidateScore:
     target_time, *gains = (math.exp(value) for value in point)
     return score(objective, target_time, Gains(triple(gains[:3]), triple(gains[3:6]), triple(gains[6:])))
 
@@ -169,5 +177,5 @@ def _unused(_: Array) -> float:
 def _pool(processes: int | None) -> Any:
     if processes == 1:
         return nullcontext()
-    # Not by fork: a progress bar's thread may hold a lock that the child would wait for.
+    # Processes are not forked: the thread of a progress bar may hold a lock that the child would wait for.
     return ProcessPoolExecutor(processes or cores(), multiprocessing.get_context("spawn"))

@@ -1,4 +1,4 @@
-"""Picture of an optimisation: every candidate that keeps the limits, and the fronts that none of them beats."""
+"""Picture of an optimisation: all candidates that keep the limits, and their Pareto fronts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _PAIRS: Final = (("time", "tracking"), ("time", "energy"), ("time", "voltage"))
 
 
 def draw_front(found: Optimum, path: Path) -> None:
-    """Draws settling time against tracking, energy and peak voltage.
+    """Draws the settling time against tracking, energy and peak voltage as a PNG file.
 
     Raises:
         RecordingError: the path cannot be written.

@@ -1,4 +1,4 @@
-"""Where a motion starts and ends: a place's name, coordinates, or joint angles."""
+"""Reads where a motion starts and ends: the name of a place, coordinates, or joint angles."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def angles_of(place: str) -> Triple:
     """The joint angles (rad) of a named place.
 
     Raises:
-        ParameterError: the name is unknown.
+        ParameterError: there is no place of that name.
     """
     if place == PICKUP_NAME:
         return PICKUP.theta
@@ -37,7 +37,8 @@ def parse_start(text: str, arm: ArmParameters) -> Triple:
     """The joint angles (rad) that a text stands for.
 
     Raises:
-        ParameterError: it is none of the forms. UnreachableError: coordinates out of reach.
+        ParameterError: the text has none of the forms.
+        UnreachableError: the coordinates are out of reach.
     """
     found = _read(text)
     if isinstance(found, str):
@@ -46,12 +47,13 @@ def parse_start(text: str, arm: ArmParameters) -> Triple:
 
 
 def parse_goal(text: str, arm: ArmParameters, start: Triple) -> Goal:
-    """The goal that a text stands for; a place that the planner block knows stays a name.
+    """The goal that a text stands for; a place that the planner block knows is given by its name.
 
-    Coordinates are reached with link 3 parallel to x, by the joint angles nearest to those of the start.
+    Coordinates are reached with link 3 parallel to x, with the joint angles nearest to those of the start.
 
     Raises:
-        ParameterError: it is none of the forms. UnreachableError: coordinates out of reach.
+        ParameterError: the text has none of the forms.
+        UnreachableError: the coordinates are out of reach.
     """
     found = _read(text)
     if isinstance(found, str):
@@ -60,7 +62,7 @@ def parse_goal(text: str, arm: ArmParameters, start: Triple) -> Goal:
 
 
 def nearest(x: float, y: float, arm: ArmParameters, near: Triple) -> Triple:
-    """The joint angles that put the tip at (x, y) m with link 3 parallel to x, in the least way from `near`.
+    """The joint angles nearest to `near` at which the tip is at (x, y) in m and link 3 is parallel to x.
 
     Raises:
         UnreachableError: the point is out of reach.
@@ -79,7 +81,7 @@ def nearest(x: float, y: float, arm: ArmParameters, near: Triple) -> Triple:
 
 
 def _read(text: str) -> str | tuple[float, ...]:
-    """A name, two coordinates or three angles."""
+    """The name, the two coordinates (m) or the three angles (rad) in a text."""
     parts = text.split(",")
     if len(parts) == 1:
         return text.strip()

@@ -1,4 +1,4 @@
-"""Pictures of motions, as PNG."""
+"""Pictures of motions as PNG files."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT
 from dtwin.run.recording import replacing
-from dtwin.simulation.measured import Comparison
+from dtwin.simulation.measured import MotionComparison
 from dtwin.simulation.whatif import Outcome
 
 if TYPE_CHECKING:
@@ -21,13 +21,13 @@ COLOURS: Final = ("#4c72b0", "#dd8452", "#55a868", "#8172b3", "#937860", "#da8bc
 MEASURED: Final = "#444444"
 
 
-def draw_motions(outcomes: Mapping[str, Outcome], path: Path, comparison: Comparison | None = None) -> None:
-    """Draws angles with their planned path, distance from the path and volts, a column a joint.
+def draw_motions(outcomes: Mapping[str, Outcome], path: Path, comparison: MotionComparison | None = None) -> None:
+    """Draws angles with their planned path, distances from the path and voltages, one column for each joint.
 
     Args:
-        outcomes: by name.
-        path: of the PNG.
-        comparison: a measured motion to draw beneath.
+        outcomes: simulated motions by name.
+        path: path of the PNG file.
+        comparison: a measured motion to draw beneath the simulated ones, or None.
 
     Raises:
         RecordingError: the path cannot be written.
@@ -66,7 +66,7 @@ def _one(angle: Axes, error: Axes, volts: Axes, joint: int, name: str, outcome: 
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Writes a figure as PNG, whole or not at all, equal bytes for equal figures.
+    """Writes a figure as a PNG file, which appears complete or not at all; equal figures give equal bytes.
 
     Raises:
         RecordingError: the path cannot be written.

@@ -1,9 +1,10 @@
-"""Is the closed loop of blocks and arm stable where the arm rests? The eigenvalues of one tick tell.
+"""Stability of the closed loop of function blocks and arm where the arm rests, by the eigenvalues of one tick.
 
-The state between two ticks is theta and omega of the arm and, in the controller block, the two samples before and
-the sums of the errors. One tick of the real blocks and of the twin maps it to the next; that map, linearised about
-rest, is stable when all its eigenvalues lie inside the unit circle (Franklin, Powell and Workman, Digital Control of
-Dynamic Systems, ch. 4). Coulomb friction is left out: it would hide a slow instability.
+The state between two ticks consists of theta and omega of the arm and, in the controller block, of the two samples
+before and the sums of the errors. One tick of the real blocks and of the twin maps this state to the next one. The
+map, linearised about rest, is stable when all its eigenvalues lie inside the unit circle (Franklin, Powell and
+Workman, Digital Control of Dynamic Systems, ch. 4). Coulomb friction is left out, because it would hide a slow
+instability.
 """
 
 from __future__ import annotations
@@ -21,7 +22,10 @@ from dtwin.simulation.whatif import SUBSTEPS
 from dtwin.twin.dynamics import gravity, integrate
 
 _STEP: Final = 1e-5
-"""of the difference quotients, rad, rad/s, rad s or V: their error is its square, rounding is 1e-16 over it"""
+"""Step of the difference quotients in rad, rad/s, rad s or V.
+
+Their truncation error is of the order of its square, their rounding error of 1e-16 divided by it.
+"""
 _MEMORY: Final = ("Y1", "Y2", "SUM")
 _JOINTS: Final = (1, 2, 3)
 
@@ -29,16 +33,16 @@ _JOINTS: Final = (1, 2, 3)
 def spectral_radius(
     controller: MotionController, settings: ControlSettings, arm: ArmParameters, payload: float, theta: Triple
 ) -> float:
-    """Largest absolute eigenvalue of one tick of the closed loop at rest; below 1 is stable.
+    """Largest absolute eigenvalue of one tick of the closed loop at rest; the loop is stable below 1.
 
-    Error sums that no gain uses are not counted: they grow without an effect.
+    Error sums that no gain uses are left out: they grow without an effect.
 
     Args:
-        controller: whose blocks are used; a motion it is in is given up.
-        settings: of the blocks.
-        arm: that is controlled.
-        payload: held, kg.
-        theta: where the arm rests, rad.
+        controller: controller whose blocks are used; its current motion ends.
+        settings: settings of the blocks.
+        arm: arm that is controlled.
+        payload: mass of the held box, kg.
+        theta: angles at which the arm rests, rad.
     """
     plant = _plant(arm, payload, theta)
     sums, law = _law(controller, settings, payload, theta)
@@ -57,7 +61,7 @@ def spectral_radius(
 
 
 def _plant(arm: ArmParameters, payload: float, theta: Triple) -> Array:
-    """(6, 9): the arm's state after a tick, by theta, omega and volts."""
+    """Derivatives (6, 9) of the arm's state after a tick by theta, omega and volts."""
     vector = np.array(scaled(arm, "mu", 0.0).vector())
     load = np.array([payload])
     hold = gravity(np.array(theta), vector, payload, False) / np.array(arm.voltage_constant)
@@ -74,7 +78,7 @@ def _plant(arm: ArmParameters, payload: float, theta: Triple) -> Array:
 def _law(
     controller: MotionController, settings: ControlSettings, payload: float, theta: Triple
 ) -> tuple[Array, Array]:
-    """(3, 12) twice: the next error sums, and the volts, by theta, y[k-1], y[k-2] and the error sums."""
+    """Derivatives of the next error sums and of the volts by theta, y[k-1], y[k-2] and error sums, each (3, 12)."""
     controller.begin(theta, theta, settings, carries=payload > 0)
     resource = controller.resource
     rest = resource.snapshot()
@@ -94,7 +98,7 @@ def _law(
 
 
 def _differences(function: Callable[[Array], Array], point: Array) -> Array:
-    """Jacobian by central differences."""
+    """Jacobian of a function at a point by central differences."""
     columns = []
     for k in range(len(point)):
         offset = np.zeros(len(point))

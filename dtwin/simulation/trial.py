@@ -1,4 +1,4 @@
-"""The time after an upload in which the arm has to track its path as well as the twin predicted."""
+"""The trial after an upload, in which the arm has to track its path as well as the twin predicted."""
 
 from __future__ import annotations
 
@@ -8,26 +8,30 @@ from typing import Final, Literal
 from dtwin.parameters import Triple
 from dtwin.simulation.figures import SAME_ANGLE, triple
 
-Verdict = Literal["running", "passed", "failed"]
+TrialState = Literal["running", "passed", "failed"]
 
 
 INTERIM: Final = 3.0
-"""times the bounds, before the first motion that starts with the new settings: the twin predicts whole motions, and
-in what remains of the old one the integrals still fit the old settings"""
+"""Factor of the bounds until the first motion that starts with the new settings.
+
+The twin predicts whole motions, and in the rest of the old motion the integrals still fit the old settings.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class TrialRules:
     """When tracking counts as worse than predicted.
 
+    The bound of a joint's distance from the path is factor times the predicted distance plus the allowance.
+
     Attributes:
-        duration: of the trial, s, at least; it also takes a whole motion to judge by.
-        longest: s after which it ends without one.
-        factor: by which the distance from the path may be larger than predicted,
-        allowance: and further for noise and what the twin does not know, rad.
-        samples: in a row beyond that make a failure: one may be an outlier.
-        grace: s in which a distance that was there before may go down.
-        calm: samples in a row within the bounds that show that it has.
+        duration: least duration of the trial, s; it also lasts until a whole motion has been judged.
+        longest: duration after which the trial ends without a whole motion, s.
+        factor: factor of the predicted distance from the path.
+        allowance: distance added for noise and for what the twin does not know, rad.
+        samples: number of consecutive samples beyond the bound that make a failure, since one may be an outlier.
+        grace: time in which a distance from before the upload may fall below the bound, s.
+        calm: number of consecutive samples within the bounds that show that it has.
     """
 
     duration: float = 10.0
@@ -40,18 +44,18 @@ class TrialRules:
 
 
 class Trial:
-    """One trial, told every sample.
+    """A trial, which judges every sample.
 
     Args:
-        rules: to judge by.
-        began: plant time, s.
-        predicted: largest distance of each joint from its path, rad.
+        rules: rules of the trial.
+        began: plant time at which the trial began, s.
+        predicted: largest distance of each joint from its path that the twin predicted, rad.
 
     Attributes:
-        measured: the largest distance of each joint that counted, rad.
-        bounds: that count from the next motion on, rad.
-        offender: joint (1 to 3) that failed, 0 for none.
-        judged_motion: whether a motion that began with the new settings has come to its end.
+        measured: largest distance of each joint that counted so far, rad.
+        bounds: bounds of the distance of each joint from the next motion on, rad.
+        offender: joint (1 to 3) that failed, or 0 for none.
+        judged_motion: whether a motion that began with the new settings has ended.
     """
 
     def __init__(self, rules: TrialRules, began: float, predicted: Triple) -> None:
@@ -66,10 +70,10 @@ class Trial:
         self._counts = False
         self._seen = self._calm = self._beyond = 0
 
-    def observe(self, time: float, path: Triple, measured: Triple) -> Verdict:
-        """Judges a sample: plant time s, path and measured angles rad.
+    def observe(self, time: float, path: Triple, measured: Triple) -> TrialState:
+        """Judges a sample by its plant time (s), the desired angles of the path (rad) and the measured ones (rad).
 
-        A path starts where the arm is measured to be, which tells its first sample from all others.
+        A path starts at the measured angles, which tells its first sample from all others.
         """
         away = triple(abs(wanted - found) for wanted, found in zip(path, measured, strict=True))
         self._moved = self._moved or max(away) <= SAME_ANGLE

@@ -1,4 +1,4 @@
-"""Uploads settings to a running controller: checked, acknowledged, on trial, taken back when they disappoint."""
+"""Uploads settings to a running controller: checked, acknowledged, tried, and rolled back when the trial fails."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from dtwin.simulation.trial import Trial, TrialRules
 
 Kind = Literal["gains", "target", "model", ""]
 SELF: Final = "dtwin"
-"""who it is that confirms and rolls back"""
+"""Name under which the uploader itself confirms and rolls back."""
 
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """New settings: gains and target time, one of them, or a model.
+    """Proposes new settings: gains, a target time or both, or a model.
 
     Attributes:
-        who: wants it.
-        why: in their words.
-        based_on: version of the settings that they have seen.
-        gains: new gains.
-        target_time: new target time, s.
-        model: new model of the arm.
+        who: who wants the new settings.
+        why: reason in the words of that person.
+        based_on: version of the settings that this person has seen.
+        gains: new gains, or None.
+        target_time: new target time, s, or None.
+        model: new model of the arm, or None.
 
     Raises:
-        ParameterError: there is nothing new, or a model together with something else: they are two messages and could
-            not come into force at once.
+        ParameterError: there is nothing new, or a model together with something else, which would be two messages
+            that could not come into force at once.
     """
 
     who: str
@@ -51,20 +51,20 @@ class Proposal:
 
     @property
     def kind(self) -> Kind:
-        """What is to change, by the name of the command."""
+        """What is to change, by the name of its command."""
         if self.model is not None:
             return "model"
         return "gains" if self.gains is not None else "target"
 
     def applied(self, settings: ControlSettings) -> ControlSettings:
-        """The settings as they will be."""
+        """The given settings with the proposed changes."""
         return changed(settings, self.gains, self.target_time, self.model)
 
 
 def changed(
     settings: ControlSettings, gains: Gains | None, target_time: float | None, model: ArmParameters | None
 ) -> ControlSettings:
-    """The settings with what is not None in place of theirs."""
+    """The given settings in which every value that is not None is replaced."""
     return replace(
         settings,
         gains=settings.gains if gains is None else gains,
@@ -74,21 +74,22 @@ def changed(
 
 
 class Uploader:
-    """The one who changes a controller's settings, and answers for it.
+    """Changes the settings of a controller and watches them on trial.
 
     Args:
-        port: to the controller.
-        history: of its settings; what it says to be in force is compared with what is.
-        checker: that must agree to new settings.
-        rules: of the trial.
+        port: port through which settings reach the controller.
+        history: history of the settings, which is compared with the settings in force.
+        checker: checker that new settings must pass.
+        rules: rules of the trial.
         time: plant time, s.
 
     Attributes:
-        last: newest entry of the history; its settings are in force.
-        trial: that is running; None when there is none.
+        last: newest entry of the history, whose settings are in force.
+        trial: trial that is running, or None.
 
     Raises:
-        CommunicationError: the controller does not answer. RecordingError: the history cannot be used.
+        CommunicationError: the controller does not answer.
+        RecordingError: the history cannot be used.
     """
 
     def __init__(
@@ -116,16 +117,16 @@ class Uploader:
 
     @property
     def settings(self) -> ControlSettings:
-        """In force."""
+        """The settings in force."""
         return self.last.settings
 
     @property
     def version(self) -> int:
-        """Of the settings in force."""
+        """The version of the settings in force."""
         return self.last.version
 
     def look_again(self, time: float) -> None:
-        """Notices settings that somebody else has given the controller; they end a trial.
+        """Finds settings that something else has given the controller, and records them; they end a trial.
 
         Raises:
             CommunicationError: the controller does not answer.
@@ -139,16 +140,16 @@ class Uploader:
         """Puts new settings into force, on trial.
 
         Args:
-            proposal: what to change, by whom and why.
+            proposal: new settings.
             time: plant time, s.
-            arm: as the twin knows it; the controller's model, as proposed, when None.
+            arm: model of the arm for the checks; the controller's model with the proposed changes when None.
 
         Returns:
-            the entry of the history, after the controller has shown that it has the settings.
+            The entry of the history, after the settings have been read back from the controller.
 
         Raises:
-            Refused: there is a reason not to; it is in the history.
-            CommunicationError: the controller does not answer, or has not taken what it was sent.
+            Refused: the settings must not be uploaded; the refusal is in the history.
+            CommunicationError: the controller does not answer, or has not taken over the settings.
         """
         settings = proposal.applied(self.settings)
         try:
@@ -159,7 +160,7 @@ class Uploader:
             raise
         self._before, self._tried = self.settings, proposal
         self.trial = Trial(self._rules, time, prediction.tracking)
-        # in the history first: should this process end now, the next one watches them or finds the old ones
+        # The history comes first: if this process ends now, the next one watches the settings or finds the old ones.
         entry = self._record("upload", proposal, settings, time, predicted=prediction.tracking)
         try:
             self._send(settings, proposal.kind)
@@ -170,19 +171,19 @@ class Uploader:
         return entry
 
     def observe(self, time: float, path: Triple, measured: Triple) -> Entry | None:
-        """Judges a sample, while a trial runs.
+        """Judges a sample while a trial runs.
 
         Args:
             time: plant time, s.
             path: desired angles, rad.
-            measured: angles, rad.
+            measured: measured angles, rad.
 
         Returns:
-            the entry that ends the trial, when this sample does: the settings are confirmed or rolled back, or others
-            are found in force.
+            The entry of the history if this sample ends the trial, otherwise None. The settings are then confirmed or
+            rolled back, or other settings were found in force.
 
         Raises:
-            CommunicationError: the controller does not answer, or does not take the settings back.
+            CommunicationError: the controller does not answer, or does not take over the old settings.
         """
         trial = self.trial
         if trial is None:
@@ -203,11 +204,11 @@ class Uploader:
         return self._record("confirm", self._tried, self.settings, time, text, measured=trial.measured)
 
     def earlier(self, version: int, who: str, why: str, based_on: int) -> Proposal:
-        """What would put the settings of an earlier version into force again; they need the checks of any upload.
+        """A proposal that puts the settings of an earlier version into force again; it is checked like any other.
 
         Raises:
-            ParameterError: the history has no such version, it is in force, or one message cannot change all that
-                differs.
+            ParameterError: the history has no such version, its settings are in force, or one message cannot change
+                all values that differ.
         """
         found = {entry.version: entry.settings for entry in self._history.entries()}
         if version not in found:
@@ -226,10 +227,11 @@ class Uploader:
         )
 
     def roll_back(self, who: str, why: str, time: float) -> Entry:
-        """Puts the settings before those on trial into force again; they need no check, they were in force.
+        """Puts the settings before those on trial into force again, without checks, since they were in force.
 
         Raises:
-            Refused: nothing is on trial. CommunicationError: the controller does not take them.
+            Refused: no settings are on trial.
+            CommunicationError: the controller does not take over the settings.
         """
         trial, before = self.trial, self._before
         if trial is None or before is None:
@@ -281,7 +283,7 @@ class Uploader:
         return entry
 
     def _resume_trial(self, entries: list[Entry], time: float) -> None:
-        """Takes up a trial that the end of a process cut short."""
+        """Continues a trial that the end of an earlier process interrupted."""
         acts = [entry for entry in entries if entry.action != "refuse"]
         if len(acts) > 1 and acts[-1].action == "upload" and acts[-1].predicted is not None:
             self._before = acts[-2].settings

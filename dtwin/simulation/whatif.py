@@ -1,6 +1,7 @@
-"""What if the arm moved there, with these settings: analytic twin and real function blocks in one loop.
+"""What-if simulation of one motion: the analytic twin and the real function blocks in closed loop.
 
-The tick is that of the cell: sample, blocks, volts held for 10 ms, four RK4 steps. Equal cases give equal outcomes.
+The tick is that of the cell: a sample, a step of the blocks, and four RK4 steps with the voltages held for 10 ms.
+Equal cases give equal motions.
 """
 
 from __future__ import annotations
@@ -24,29 +25,30 @@ from dtwin.twin.dynamics import integrate
 from dtwin.twin.rollout import is_weight_only
 
 SUBSTEPS: Final = 4
-"""RK4 steps of 2.5 ms a tick, as in the emulation"""
+"""Number of RK4 steps per tick, each of 2.5 ms as in the emulation."""
 HOLD: Final = 2.0
-"""s that a motion is looked at after its path has ended"""
+"""Time for which a motion is simulated after its path has ended, s."""
 LONGEST: Final = 600.0
-"""s"""
+"""Longest duration of a simulated motion, s."""
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
-    """One motion to try.
+class MotionCase:
+    """One motion to simulate.
 
     Attributes:
-        goal: where to; a name that the planner block knows, or joint angles in rad.
-        settings: of the function blocks.
-        theta: where from, joint angles, rad.
-        omega: velocities at the start, rad/s.
-        arm: the simulated arm; the controller keeps its own model.
-        payload: kg at the tip.
-        carries: whether the controller counts on a box (of settings.payload); None means when payload is not 0.
-        payload_model: "point" is a point mass at the tip, "weight" its weight without inertia.
-        noise: rad, of the encoders: amplitude (uniform) or standard deviation (gaussian).
-        seed: of the noise.
-        duration: s; None is the target time and 2 s more.
+        goal: place that the planner block knows, or joint angles in rad, at which the motion ends.
+        settings: settings of the function blocks.
+        theta: joint angles at the start, rad.
+        omega: joint velocities at the start, rad/s.
+        arm: simulated arm; the controller keeps its own model.
+        payload: mass at the tip, kg.
+        carries: whether the controller counts on a box of mass settings.payload; None for when payload is not 0.
+        payload_model: "point" for a point mass at the tip, "weight" for its weight without inertia.
+        noise: amplitude (uniform) or standard deviation (gaussian) of the encoder noise, rad.
+        noise_kind: "uniform", "gaussian" or "none".
+        seed: number of the random generator of the noise.
+        duration: duration of the simulation, s; None for the target time and 2 s more.
 
     Raises:
         ParameterError: a number is out of range.
@@ -76,7 +78,7 @@ class Case:
 
     @property
     def seconds(self) -> float:
-        """How long the motion is looked at, s."""
+        """Duration of the simulation, s."""
         return self.settings.target_time + HOLD if self.duration is None else self.duration
 
 
@@ -85,16 +87,16 @@ class Outcome:
     """A simulated motion; sample k is at k times 10 ms.
 
     Attributes:
-        case: what was simulated.
-        target: where the path ends, rad.
-        states: (N + 1, 6), true angles (rad) and velocities (rad/s).
-        measured: (N, 3), what the encoders say, rad.
+        case: case that was simulated.
+        target: angles at which the path ends, rad.
+        states: (N + 1, 6), true angles (rad), then velocities (rad/s).
+        measured: (N, 3), angles that the encoders measure, rad.
         path: (N, 3), desired angles, rad.
-        volts: (N, 3), V.
-        figures: what it came to.
+        volts: (N, 3), voltages, V.
+        figures: performance figures of the motion.
     """
 
-    case: Case
+    case: MotionCase
     target: Triple
     states: Array
     measured: Array
@@ -104,37 +106,37 @@ class Outcome:
 
     @property
     def time(self) -> Array:
-        """(N,), s since the start."""
+        """Times of the samples since the start, (N,), s."""
         return np.arange(len(self.path), dtype=np.float64) * PERIOD
 
     @property
     def theta(self) -> Array:
-        """(N, 3), true angles at the samples, rad."""
+        """True angles at the samples, (N, 3), rad."""
         return self.states[:-1, :3]
 
 
 class Arm(Protocol):
-    """What is moved in a simulated motion.
+    """The arm that moves in a simulated motion.
 
     Attributes:
-        states: (N + 1, 6), true angles (rad) and velocities (rad/s), filled row by row.
+        states: (N + 1, 6), true angles (rad), then velocities (rad/s), filled row by row.
     """
 
     states: Array
 
     def advance(self, tick: int, volts: Triple) -> Triple:
-        """Holds volts from a tick to the next and fills that row; returns its angles, rad."""
+        """Holds voltages (V) from a tick to the next, writes the next row and returns its angles (rad)."""
 
 
 class TwinArm:
     """The analytic twin as an arm.
 
     Args:
-        case: what is simulated.
-        ticks: how many the motion has.
+        case: case that is simulated.
+        ticks: number of ticks of the motion.
     """
 
-    def __init__(self, case: Case, ticks: int) -> None:
+    def __init__(self, case: MotionCase, ticks: int) -> None:
         self.states = np.empty((ticks + 1, 6))
         self.states[0] = (*case.theta, *case.omega)
         self._vector = np.array(case.arm.vector())
@@ -143,7 +145,11 @@ class TwinArm:
         self._command = np.empty((1, 3))
 
     def advance(self, tick: int, volts: Triple) -> Triple:
-        """As `Arm.advance`. Raises DivergenceError when the state leaves the finite numbers."""
+        """Holds voltages (V) from a tick to the next, writes the next row and returns its angles (rad).
+
+        Raises:
+            DivergenceError: the state is no longer finite.
+        """
         self._command[0] = volts
         rows = self.states[tick : tick + 2]
         if not integrate(
@@ -167,15 +173,16 @@ class Simulator:
     def __init__(self, blocks: Path = BLOCKS) -> None:
         self.controller = MotionController(blocks)
 
-    def run(self, case: Case, arm_of: Callable[[Case, int], Arm] = TwinArm) -> Outcome:
+    def run(self, case: MotionCase, arm_of: Callable[[MotionCase, int], Arm] = TwinArm) -> Outcome:
         """Simulates a motion.
 
         Args:
-            case: what to simulate.
+            case: case to simulate.
             arm_of: makes the arm for a case and a number of ticks.
 
         Raises:
-            ParameterError: the goal's name is unknown. DivergenceError: the arm left the finite numbers.
+            ParameterError: there is no place of the goal's name.
+            DivergenceError: the state of the arm is no longer finite.
         """
         ticks = round(case.seconds / PERIOD)
         arm = arm_of(case, ticks)

@@ -1,4 +1,4 @@
-"""The analytic twin: kinematics, dynamics, rollouts and the linear form, independent of the emulation.
+"""The analytic twin: kinematics, dynamics, rollouts and the regressor, independent of the emulation.
 
-Import from the modules; nothing is re-exported here, so that the kinematics load without the compiler.
+Import from the modules: nothing is re-exported here, so that the kinematics load without the compiler.
 """

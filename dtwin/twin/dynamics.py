@@ -1,10 +1,10 @@
 """Equations of motion of the arm, compiled: K u = M(q) q'' + h(q, q') + g(q) + D q' + mu tanh(q'/width).
 
-u are the volts after the actuator's clip to +-VOLTAGE_LIMIT, as in the emulation. q are the joint angles, g
-includes gravity, h the centrifugal and Coriolis torques. The dynamics depend on masses, inertias and centres of
-mass only through six sums (the base parameters: Khalil and Dombre, Modeling, Identification and Control of
-Robots, ch. 9), with z_i a link's first and J_i its second moment about its joint, where a link carries
-those beyond it as point masses at its end:
+u are the volts after the actuator's clip to +-VOLTAGE_LIMIT, as in the emulation. q are the joint angles, g(q)
+is the torque of gravity, h(q, q') that of centrifugal and Coriolis forces. The dynamics depend on masses, inertias
+and centres of mass only through six sums, the base parameters (Khalil and Dombre, Modeling, Identification and
+Control of Robots, ch. 9). z_i is the first moment of link i about its joint and J_i the second moment; the links
+beyond count as point masses at the end of link i:
 
     z1 = m1 c1 + (m2 + m3) l1    J1 = I1 + m1 c1^2 + (m2 + m3) l1^2
     z2 = m2 c2 + m3 l2           J2 = I2 + m2 c2^2 + m3 l2^2
@@ -24,7 +24,7 @@ Arguments of all kernels, as float64 arrays or numbers:
     volts: (3,), V, clipped here.
     payload: m_p, kg.
     weight_only: the payload model.
-    width: of the smoothed Coulomb friction, rad/s, above 0.
+    width: velocity over which the smoothed Coulomb friction changes sign, rad/s, above 0.
 
 Numba notices edits of this file but not of files whose kernels it inlined, so all kernels of a rollout live here.
 """
@@ -48,10 +48,10 @@ _kernel: Any = numba.njit(cache=True, error_model="numpy")
 
 
 class Coefficients(NamedTuple):
-    """What the equations of motion need of the parameters and the payload, constant between grips.
+    """The constants of the equations of motion for given parameters and payload.
 
     J1, J2, J3 are the second moments (kg m^2); A = l1 z2, B = l1 z3, E = l2 z3 couple the links (kg m^2);
-    G1, G2, G3 = g z_i are the weights' moments (N m); K, D, mu as in the parameters.
+    G1, G2, G3 = g z_i are the moments of the weights (N m); K, D and mu are those of the parameters.
     """
 
     J1: float
@@ -76,7 +76,7 @@ class Coefficients(NamedTuple):
 
 @_kernel
 def coefficients(p: Array, payload: float, weight_only: bool) -> Coefficients:
-    """Collects the constants of the equations of motion."""
+    """Computes the constants of the equations of motion."""
     K1, K2, K3, m1, m2, m3, I1, I2, I3, l1, l2, l3, c1, c2, c3 = (
         p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14],
     )  # fmt: skip
@@ -100,7 +100,7 @@ def coefficients(p: Array, payload: float, weight_only: bool) -> Coefficients:
 
 @_kernel
 def _mass(q2: float, q3: float, arm: Coefficients) -> Sextuple:
-    """M11, M21, M31, M22, M32, M33."""
+    """The entries M11, M21, M31, M22, M32, M33 of the mass matrix, kg m^2."""
     A, B, E = arm.A * math.cos(q2), arm.B * math.cos(q2 + q3), arm.E * math.cos(q3)
     M32 = arm.J3 + E
     M31 = M32 + B
@@ -218,17 +218,17 @@ def integrate(
     width: float,
     states: Array,
 ) -> int:
-    """Fills states[1:] from states[0], RK4 with `substeps` steps a sample, volts and payload held over a sample.
+    """Integrates by RK4 from states[0] and writes states[1:]; volts and payload are held over a sample.
 
     Args:
-        p: (21,) parameters.
-        volts: (N, 3), V.
-        payload: (N,), kg.
-        period: s, between samples.
-        substeps: RK4 steps a sample.
+        p: (21,), parameters in the order of ArmParameters.vector(), SI units.
+        volts: (N, 3), voltages, V.
+        payload: (N,), mass at the tip, kg.
+        period: time between samples, s.
+        substeps: number of RK4 steps per sample.
         weight_only: the payload model.
-        width: of the Coulomb friction, rad/s.
-        states: (N + 1, 6), rad and rad/s; row 0 is the start, the others are written.
+        width: velocity over which Coulomb friction changes sign, rad/s.
+        states: (N + 1, 6), angles in rad, then velocities in rad/s; row 0 is the start, the others are written.
 
     Returns:
         N, or the number of the last finite row when the next one is not finite.
@@ -252,32 +252,32 @@ def integrate(
 
 @_kernel
 def mass_matrix(q: Array, p: Array, payload: float = 0.0, weight_only: bool = False) -> Array:
-    """M(q), (3, 3), kg m^2."""
+    """Mass matrix M(q), (3, 3), kg m^2."""
     M11, M21, M31, M22, M32, M33 = _mass(q[1], q[2], coefficients(p, payload, weight_only))
     return np.array(((M11, M21, M31), (M21, M22, M32), (M31, M32, M33)))
 
 
 @_kernel
 def coriolis(q: Array, omega: Array, p: Array, payload: float = 0.0, weight_only: bool = False) -> Array:
-    """h(q, q'), (3,), centrifugal and Coriolis torques, N m."""
+    """Centrifugal and Coriolis torques h(q, q'), (3,), N m."""
     return np.array(_coriolis(q[1], q[2], omega[0], omega[1], omega[2], coefficients(p, payload, weight_only)))
 
 
 @_kernel
 def gravity(q: Array, p: Array, payload: float = 0.0, weight_only: bool = False) -> Array:
-    """g(q), (3,), torques that hold the arm still, N m."""
+    """Gravity torques g(q), which hold the arm still, (3,), N m."""
     return np.array(_gravity(q[0], q[1], q[2], coefficients(p, payload, weight_only)))
 
 
 @_kernel
 def friction(omega: Array, p: Array, width: float = COULOMB_WIDTH) -> Array:
-    """D q' + mu tanh(q'/width), (3,), N m."""
+    """Friction torques D q' + mu tanh(q'/width), (3,), N m."""
     return np.array(_friction(omega[0], omega[1], omega[2], coefficients(p, 0.0, False), width))
 
 
 @_kernel
 def motor_torque(volts: Array, p: Array) -> Array:
-    """K u with u clipped to +-VOLTAGE_LIMIT, (3,), N m."""
+    """Motor torques K u with u clipped to +-VOLTAGE_LIMIT, (3,), N m."""
     return np.array(_motor(volts, coefficients(p, 0.0, False)))
 
 
@@ -290,7 +290,7 @@ def forward_dynamics(
     weight_only: bool = False,
     width: float = COULOMB_WIDTH,
 ) -> Array:
-    """q'' under the volts, (3,), rad/s^2."""
+    """Joint accelerations q'' under given voltages, (3,), rad/s^2."""
     arm = coefficients(p, payload, weight_only)
     x = (state[0], state[1], state[2], state[3], state[4], state[5])
     return np.array(_derivative(x, _motor(volts, arm), arm, width)[3:])
@@ -306,7 +306,7 @@ def inverse_dynamics(
     weight_only: bool = False,
     width: float = COULOMB_WIDTH,
 ) -> Array:
-    """Motor torques that give the acceleration, (3,), N m."""
+    """Motor torques that produce given joint accelerations, (3,), N m."""
     arm = coefficients(p, payload, weight_only)
     M11, M21, M31, M22, M32, M33 = _mass(q[1], q[2], arm)
     h1, h2, h3 = _coriolis(q[1], q[2], omega[0], omega[1], omega[2], arm)
@@ -323,7 +323,7 @@ def inverse_dynamics(
 
 @_kernel
 def energy(state: Array, p: Array, payload: float = 0.0, weight_only: bool = False) -> tuple[float, float]:
-    """Kinetic and potential energy, J; the potential is zero with all links level with joint 1."""
+    """Kinetic and potential energy, J; the potential energy is zero with the arm stretched out horizontally."""
     arm = coefficients(p, payload, weight_only)
     q1, q2, q3, w1, w2, w3 = state[0], state[1], state[2], state[3], state[4], state[5]
     M11, M21, M31, M22, M32, M33 = _mass(q2, q3, arm)

@@ -1,4 +1,4 @@
-"""Where the tip is, and which angles put it there.
+"""Forward and inverse kinematics of the arm.
 
 x points right, y up, joint 1 is the origin. theta_1 is absolute, theta_2 and theta_3 are relative to the link
 before; phi = theta_1 + theta_2 + theta_3 is the angle of link 3 to x.
@@ -15,13 +15,13 @@ from dtwin.parameters import ArmParameters, Triple
 Elbow = Literal["up", "down"]
 _ELBOW_SIGN: Final = {"up": -1.0, "down": 1.0}
 _REACH_TOLERANCE: Final = 1e-9
-"""m; a point that rounding moved across the border of the reach still counts as on it"""
+"""Distance beyond the reach that still counts as reachable, m: rounding may move a point across the border."""
 
 Point = tuple[float, float]
 
 
 def joint_positions(theta: Triple, parameters: ArmParameters) -> tuple[Point, Point, Point, Point]:
-    """Joint 1, joint 2, joint 3 and tip, (x, y) in m: the polyline of the arm."""
+    """Positions (x, y) of joint 1, joint 2, joint 3 and the tip, m."""
     points = [(0.0, 0.0)]
     angle = 0.0
     for joint, length in zip(theta, parameters.length, strict=True):
@@ -32,21 +32,22 @@ def joint_positions(theta: Triple, parameters: ArmParameters) -> tuple[Point, Po
 
 
 def forward(theta: Triple, parameters: ArmParameters) -> tuple[float, float, float]:
-    """The tip's x and y in m and the angle phi of link 3 in rad."""
+    """Forward kinematics: x and y of the tip in m and the angle phi of link 3 to x in rad."""
     x, y = joint_positions(theta, parameters)[3]
     return x, y, sum(theta)
 
 
 def inverse(x: float, y: float, parameters: ArmParameters, phi: float = 0.0, elbow: Elbow = "up") -> Triple:
-    """The angles that put the tip at (x, y) with link 3 at phi.
+    """Inverse kinematics: the joint angles at which the tip is at (x, y) and link 3 at the angle phi.
 
-    Law of cosines on the triangle joint 1, joint 2, joint 3:
-    cos theta_2 = (d^2 - l1^2 - l2^2) / (2 l1 l2), d the distance from joint 1 to joint 3.
+    The law of cosines on the triangle joint 1, joint 2, joint 3 gives
+    cos theta_2 = (d^2 - l1^2 - l2^2) / (2 l1 l2) with d the distance from joint 1 to joint 3
+    (Craig, Introduction to Robotics: Mechanics and Control, ch. 4).
 
     Args:
-        x: of the tip, m.
-        y: of the tip, m.
-        parameters: whose lengths are used.
+        x: coordinate of the tip, m.
+        y: coordinate of the tip, m.
+        parameters: parameters of the arm, of which only the lengths matter.
         phi: angle of link 3 to x, rad.
         elbow: "up" has theta_2 in [-pi, 0] (joint 2 to the left of the ray from joint 1 to joint 3), "down"
             in [0, pi].
@@ -56,7 +57,7 @@ def inverse(x: float, y: float, parameters: ArmParameters, phi: float = 0.0, elb
 
     Raises:
         UnreachableError: joint 3 would be out of reach of links 1 and 2.
-        ParameterError: elbow is neither, or a number is not finite.
+        ParameterError: the elbow is neither "up" nor "down", or a number is not finite.
     """
     if elbow not in _ELBOW_SIGN:
         raise ParameterError(f"unknown elbow {elbow!r}: expected {choices(_ELBOW_SIGN)}")

@@ -16,11 +16,14 @@ from dtwin.parameters import COULOMB_WIDTH, GRAVITY, ArmParameters, Triple
 from dtwin.twin.dynamics import Array
 
 BASE_NAMES: Final = ("J1", "J2", "J3", "z1", "z2", "z3", "D1", "D2", "D3", "mu1", "mu2", "mu3")
-"""J in kg m^2, z in kg m, D in N m s/rad, mu in N m: the columns of `regressor`"""
+"""Names of the columns of `regressor`: J in kg m^2, z in kg m, D in N m s/rad, mu in N m."""
 
 
 def base_parameters(parameters: ArmParameters, payload: float = 0.0) -> Array:
-    """The values called BASE_NAMES, (12,), with the payload (kg) as a point mass at the tip."""
+    """Values of the base parameters in the order of BASE_NAMES, (12,), SI units.
+
+    The payload (kg) counts as a point mass at the tip.
+    """
     m, c, l = parameters.mass, parameters.com, parameters.length
     beyond = (m[1] + m[2] + payload, m[2] + payload, payload)
     moments = [m[i] * c[i] + beyond[i] * l[i] for i in range(3)]
@@ -31,17 +34,17 @@ def base_parameters(parameters: ArmParameters, payload: float = 0.0) -> Array:
 def regressor(
     theta: ArrayLike, omega: ArrayLike, alpha: ArrayLike, length: Triple, coulomb_width: float = COULOMB_WIDTH
 ) -> Array:
-    """Y, with motor torque = Y @ base_parameters.
+    """The regressor Y, with motor torque = Y @ base_parameters.
 
     Args:
         theta: (..., 3), joint angles, rad.
         omega: (..., 3), joint velocities, rad/s.
         alpha: (..., 3), joint accelerations, rad/s^2.
-        length: l1, l2, l3, m; l3 acts only through the payload's share of the base parameters.
-        coulomb_width: of the smoothed Coulomb friction, rad/s.
+        length: lengths l1, l2, l3, m; l3 acts only through the payload's share of the base parameters.
+        coulomb_width: velocity over which Coulomb friction changes sign, rad/s.
 
     Returns:
-        (..., 3, 12), rows are joints, columns BASE_NAMES.
+        Y of shape (..., 3, 12): one row per joint, one column per name of BASE_NAMES.
     """
     q, w, a = (np.asarray(values, dtype=np.float64) for values in (theta, omega, alpha))
     l1, l2, _ = length

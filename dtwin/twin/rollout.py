@@ -1,4 +1,4 @@
-"""The arm under given volts: a trajectory in one compiled call."""
+"""The trajectory of the arm under given voltages, in one compiled call."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ def rollout(
     payload_model: PayloadModel = "point",
     coulomb_width: float = COULOMB_WIDTH,
 ) -> Array:
-    """Integrates the equations of motion by RK4, volts and payload held over each sample.
+    """Integrates the equations of motion by RK4; volts and payload are held over each sample.
 
     Args:
-        parameters: of the arm.
-        state0: (6,), theta rad then omega rad/s.
-        volts: (N, 3), V, clipped to the actuators' limit as in the emulation.
-        payload: kg at the tip, a number or (N,).
-        period: s, between samples.
-        substeps: RK4 steps a sample.
-        payload_model: "point" is a point mass at the tip, "weight" its weight without inertia.
-        coulomb_width: rad/s, over which Coulomb friction changes sign.
+        parameters: parameters of the arm.
+        state0: (6,), angles (rad), then velocities (rad/s) at the start.
+        volts: (N, 3), voltages, V; they are clipped to the actuators' limit as in the emulation.
+        payload: mass at the tip, kg; a number or one value per sample, (N,).
+        period: time between samples, s.
+        substeps: number of RK4 steps per sample.
+        payload_model: "point" for a point mass at the tip, "weight" for its weight without inertia.
+        coulomb_width: velocity over which Coulomb friction changes sign, rad/s.
 
     Returns:
-        (N + 1, 6): the state at 0, period, ..., N period.
+        The states at the times 0, period, ..., N period: (N + 1, 6), angles in rad, then velocities in rad/s.
 
     Raises:
         ParameterError: a shape, number or option is wrong.
-        DivergenceError: the state left the finite numbers.
+        DivergenceError: the state is no longer finite.
     """
     start = checked_array("state0", state0, (6,))
     commands = np.ascontiguousarray(volts, dtype=np.float64)
@@ -61,7 +61,11 @@ def rollout(
 
 
 def checked_array(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """The values as a contiguous finite float64 array of the shape, or a ParameterError."""
+    """The values as a contiguous float64 array.
+
+    Raises:
+        ParameterError: the shape is another one, or a number is not finite.
+    """
     array = np.ascontiguousarray(values, dtype=np.float64)
     if array.shape != shape:
         raise ParameterError(f"{name}: expected shape {shape}, got {array.shape}")
@@ -72,7 +76,11 @@ def checked_array(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array
 
 
 def checked_payload(payload: ArrayLike, samples: int) -> Array:
-    """The payload as (samples,), kg, none negative, or a ParameterError."""
+    """The payload (kg) of every sample, (samples,).
+
+    Raises:
+        ParameterError: the shape is another one, or a mass is negative or not finite.
+    """
     masses = np.asarray(payload, dtype=np.float64)
     masses = checked_array("payload", np.full(samples, masses) if masses.ndim == 0 else masses, (samples,))
     if masses.size and masses.min() < 0:
@@ -81,7 +89,11 @@ def checked_payload(payload: ArrayLike, samples: int) -> Array:
 
 
 def check_stepping(period: float, substeps: int, coulomb_width: float) -> None:
-    """Raises ParameterError unless period and width are positive and finite and substeps at least 1."""
+    """Checks the numbers of an integration.
+
+    Raises:
+        ParameterError: the period (s) or the width (rad/s) is not finite and above 0, or substeps is below 1.
+    """
     for name, value in (("period", period), ("coulomb_width", coulomb_width)):
         if not (math.isfinite(value) and value > 0):
             raise ParameterError(f"{name}: expected a finite number above 0, got {value}")
@@ -90,7 +102,11 @@ def check_stepping(period: float, substeps: int, coulomb_width: float) -> None:
 
 
 def is_weight_only(payload_model: str) -> bool:
-    """The kernels' flag for a payload model's name, or a ParameterError."""
+    """Whether a payload model is the one that the kernels call weight_only.
+
+    Raises:
+        ParameterError: there is no such payload model.
+    """
     if payload_model not in _WEIGHT_ONLY:
         raise ParameterError(f"unknown payload model {payload_model!r}: expected {choices(_WEIGHT_ONLY)}")
     return _WEIGHT_ONLY[payload_model]

@@ -1,11 +1,11 @@
-"""Rollouts with their exact derivatives: how each state moves with parameters and initial state.
+"""Rollouts with their exact derivatives by parameters and initial state (forward sensitivities).
 
 The derivatives are those of the discrete RK4 map itself, not of the differential equation, so that they agree
 with `rollout` to rounding. With r(q, w, a) = M a + h + g + friction - K u = 0, a column s = (dq, dw) obeys
 
     da = -M^-1 (r_q dq + r_w dw + r_c dc)
 
-in every Runge-Kutta stage, c being the `Coefficients` of `dtwin.twin.dynamics` and dc their change with the column's
+in every Runge-Kutta stage. c are the `Coefficients` of `dtwin.twin.dynamics`, dc their derivatives by the column's
 parameter. The kernels call none of another file, so that numba notices every edit they depend on.
 """
 
@@ -25,7 +25,7 @@ from dtwin.twin.dynamics import Array, Coefficients, coefficients
 from dtwin.twin.rollout import PayloadModel, check_stepping, checked_array, checked_payload, is_weight_only
 
 STATE_NAMES: Final = ("theta1", "theta2", "theta3", "omega1", "omega2", "omega3")
-"""of the initial state, rad and rad/s"""
+"""Names of the initial state: angles in rad, then velocities in rad/s."""
 COLUMN_NAMES: Final = (*PARAMETER_NAMES, *STATE_NAMES)
 
 _COMPLEX_STEP: Final = 1e-30
@@ -44,25 +44,25 @@ def sensitivities(
     payload_model: PayloadModel = "point",
     coulomb_width: float = COULOMB_WIDTH,
 ) -> tuple[Array, Array]:
-    """`rollout` and its derivatives.
+    """The states of a `rollout` and their derivatives.
 
     Args:
-        parameters: of the arm.
-        state0: (6,), theta rad then omega rad/s.
-        volts: (N, 3), V.
-        payload: kg at the tip, a number or (N,).
+        parameters: parameters of the arm.
+        state0: (6,), angles (rad), then velocities (rad/s) at the start.
+        volts: (N, 3), voltages, V.
+        payload: mass at the tip, kg; a number or one value per sample, (N,).
         with_respect_to: n names out of COLUMN_NAMES: parameters (K1 ... mu3) and initial states (theta1 ... omega3).
-        period: s, between samples.
-        substeps: RK4 steps a sample.
-        payload_model: "point" or "weight".
-        coulomb_width: rad/s, over which Coulomb friction changes sign.
+        period: time between samples, s.
+        substeps: number of RK4 steps per sample.
+        payload_model: "point" or "weight", as for `rollout`.
+        coulomb_width: velocity over which Coulomb friction changes sign, rad/s.
 
     Returns:
         The states (N + 1, 6) and their derivatives (N + 1, 6, n), SI units.
 
     Raises:
         ParameterError: a shape, number, name or option is wrong.
-        DivergenceError: the state or a derivative left the finite numbers.
+        DivergenceError: the state or a derivative is no longer finite.
     """
     start = checked_array("state0", state0, (6,))
     commands = np.ascontiguousarray(volts, dtype=np.float64)
@@ -102,7 +102,7 @@ def _direction(name: str) -> Array:
 
 @_kernel
 def _linearise(x: Array, c: Array, u: Array, width: float, coulomb: bool, a: Array, slope: Array) -> None:
-    """Writes the acceleration a (3,) and its derivative slope (3, 24) by q, omega and the 18 coefficients c."""
+    """Writes the acceleration a (3,) and its derivatives slope (3, 24) by q, omega and the 18 coefficients c."""
     q1, q2, q3, w1, w2, w3 = x[0], x[1], x[2], x[3], x[4], x[5]
     J1, J2, J3, A, B, E, G1, G2, G3 = c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8]
     s2, c2, s3, c3 = math.sin(q2), math.cos(q2), math.sin(q3), math.cos(q3)
@@ -186,7 +186,7 @@ def _linearise(x: Array, c: Array, u: Array, width: float, coulomb: bool, a: Arr
 
 @_kernel
 def _multiply_row(row: Array, z: Array, out: Array) -> None:
-    """out (n,) = row (24,) @ z (24, n), six terms at a time, which the compiler turns into vector instructions."""
+    """Writes out (n,) = row (24,) @ z (24, n), six terms at a time, which compiles to vector instructions."""
     out[:] = 0.0
     for k in range(0, 24, 6):
         for j in range(out.shape[0]):
@@ -212,18 +212,21 @@ def integrate_linearised(
     states: Array,
     derivatives: Array,
 ) -> int:
-    """Fills states[1:] and derivatives[1:] from their rows 0; returns the number of the last finite row.
+    """Integrates states and derivatives from their rows 0 and writes the other rows.
 
     Args:
-        held: (L, 18), the `Coefficients` for L payloads.
-        moved: (L, 18, n), their derivatives by what the n columns stand for.
-        level_of: (N,), which payload holds in a sample.
-        volts: (N, 3), V, within the limit.
-        period: s, between samples.
-        substeps: RK4 steps a sample.
-        width: of the Coulomb friction, rad/s.
-        states: (N + 1, 6), rad and rad/s; row 0 is the start.
-        derivatives: (N + 1, 6, n); row 0 holds those of the start.
+        held: (L, 18), the `Coefficients` for each of L payloads.
+        moved: (L, 18, n), derivatives of these coefficients by the quantities that the n columns stand for.
+        level_of: (N,), number of the payload that holds in each sample.
+        volts: (N, 3), voltages within the limit, V.
+        period: time between samples, s.
+        substeps: number of RK4 steps per sample.
+        width: velocity over which Coulomb friction changes sign, rad/s.
+        states: (N + 1, 6), angles in rad, then velocities in rad/s; row 0 is the start.
+        derivatives: (N + 1, 6, n), derivatives of the states; row 0 holds those of the start.
+
+    Returns:
+        The number of the last row that is finite: N when all are.
     """
     samples, columns = volts.shape[0], derivatives.shape[2]
     step = period / substeps

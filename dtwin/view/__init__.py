@@ -1,6 +1,6 @@
-"""Pictures of a run in the Rerun viewer: the only part that knows Rerun.
+"""Pictures of a run in the Rerun viewer; no other part of the project uses Rerun.
 
-Nothing here runs inside the tick: a log becomes columns of a recording, on a time line in plant time.
+Nothing here runs inside the tick: a log becomes columns of a recording on a time line in plant time.
 """
 
 from dtwin.view.live import LiveView

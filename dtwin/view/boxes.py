@@ -14,20 +14,26 @@ from dtwin.run.recording import Log
 from dtwin.signals import NO_COLOUR
 
 NEAR: Final = 0.05
-"""m; a box released nearer than this to a place was put there"""
+"""Largest distance from a place at which a released box counts as put there, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class Waiting:
-    """From `tick` on a box of this colour waits at the pickup point, or none ("")."""
+    """A change at the pickup point: from a tick on, a box of a colour waits there, or none where the colour is ""."""
 
     tick: int
     colour: str
 
 
 @dataclass(frozen=True, slots=True)
-class Transport:
-    """The arm holds a box in the ticks `start` to `end` - 1; `end` is None when the log ends before."""
+class Grasp:
+    """A box in the gripper.
+
+    Attributes:
+        start: first tick in which the box is held.
+        end: first tick in which it is held no longer; None when the log ends before.
+        colour: colour of the box.
+    """
 
     start: int
     end: int | None
@@ -36,7 +42,14 @@ class Transport:
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """A box released at `position` (x, y, z), m; `place` is the place's name, or None beside all places."""
+    """A box that was released.
+
+    Attributes:
+        tick: tick at which it was released.
+        colour: colour of the box.
+        position: (x, y, z), m.
+        place: name of the place at which it lies, or None beside all places.
+    """
 
     tick: int
     colour: str
@@ -45,17 +58,17 @@ class Placed:
 
 
 def waiting(log: Log) -> list[Waiting]:
-    """What the box sensor says: the first tick and every change."""
+    """The readings of the box sensor: the one of the first tick and every change."""
     colours = np.where(log.columns["box_present"], log.columns["box_colour"], NO_COLOUR)
     changes = np.flatnonzero(colours[1:] != colours[:-1]) + 1
     return [Waiting(int(tick), str(colours[tick])) for tick in (0, *changes)]
 
 
-def transports(log: Log) -> list[Transport]:
-    """The boxes carried, in order.
+def grasps(log: Log) -> list[Grasp]:
+    """Finds the boxes that were gripped, in order.
 
-    A box is held while the grip is commanded and there is a payload: the command alone may miss the box, a payload
-    alone may be a fault. Its colour is that of the last box that waited.
+    A box is held while the grip is commanded and there is a payload: the command alone may miss the box, and a
+    payload alone may be a fault. Its colour is that of the last box that waited.
     """
     held = log.columns["box_gripped"] & (log.columns["payload_mass"] > 0)
     edges = np.diff(np.concatenate(([False], held, [False])).astype(np.int8))
@@ -64,17 +77,18 @@ def transports(log: Log) -> list[Transport]:
     for start, end in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True):
         last_seen = int(seen[max(int(start) - 1, 0)])
         colour = str(log.columns["box_colour"][last_seen]) if last_seen >= 0 else NO_COLOUR
-        found.append(Transport(int(start), int(end) if end < len(log) else None, colour))
+        found.append(Grasp(int(start), int(end) if end < len(log) else None, colour))
     return found
 
 
-def placements(carried: Sequence[Transport], released_at: NDArray[np.float64]) -> list[Placed]:
-    """Where the finished transports ended.
+def placements(carried: Sequence[Grasp], released_at: NDArray[np.float64]) -> list[Placed]:
+    """Finds where the boxes of the finished grasps lie.
 
     Args:
-        released_at: position of the tip at the end of every finished transport, shape (finished, 3), m.
+        carried: all grasps.
+        released_at: position of the tip at the end of every finished grasp, shape (finished, 3), m.
     """
-    finished = [(transport.end, transport.colour) for transport in carried if transport.end is not None]
+    finished = [(grasp.end, grasp.colour) for grasp in carried if grasp.end is not None]
     return [
         Placed(tick, colour, position, _place_at(position))
         for (tick, colour), position in zip(finished, released_at, strict=True)

@@ -1,4 +1,4 @@
-"""An identification as a Rerun recording: measured motion against two models, intervals, correlation."""
+"""An identification as a Rerun recording: measured motion, predictions of two models, intervals, correlation."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from dtwin.view.series import TIMELINE
 Array = NDArray[np.float64]
 
 _CELL: Final = 12
-"""pixels of a coefficient of correlation"""
+"""Width of the square of one correlation coefficient, pixels."""
 _STYLES: Final = {
     "measured": ((150, 150, 150), 1.2),
     "before": ((220, 90, 90), 1.5),
     "identified": ((80, 150, 240), 4.5),
 }
-"""Colour and width; the viewer draws the measured motion last, on top of the identified model's"""
+"""Colours and widths of the lines; the measured motion is drawn last, on top of that of the identified model."""
 _UNITS: Final = {
     "K": "N m/V",
     "m": "kg",
@@ -50,12 +50,13 @@ def write_identification(
     """Writes an .rrd file with a prepared layout; the file appears complete or not at all.
 
     Args:
-        path: of the file.
-        period: s, between samples.
-        motions: angles (N, 3), rad: measured, and predicted by the model before and by the identified one.
-        rows: name, estimate and half of the 95 % interval of each parameter, SI units.
-        names: of the correlation's rows.
-        correlation: (n, n); NaN is left white.
+        path: path of the file.
+        period: time between samples, s.
+        motions: angles (N, 3) in rad by name: "measured", and those predicted by the model "before" and by the
+            "identified" one.
+        rows: name, estimate and half width of the 95 % interval of each parameter, SI units.
+        names: names of the rows of the correlation matrix.
+        correlation: (n, n), correlation matrix; NaN is drawn white.
 
     Raises:
         RecordingError: the path cannot be written.
@@ -100,7 +101,7 @@ def _unit(name: str) -> str:
 
 
 def _heat(correlation: Array) -> NDArray[np.uint8]:
-    """White at 0 and for NaN, red towards +1, blue towards -1."""
+    """Pixels of a correlation matrix: white at 0 and for NaN, red towards +1, blue towards -1."""
     value = np.nan_to_num(correlation)
     fade = 1.0 - np.abs(value)
     red, blue = np.where(value < 0, fade, 1.0), np.where(value > 0, fade, 1.0)

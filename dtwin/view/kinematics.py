@@ -2,8 +2,8 @@
 
     p_i = p_parent + R(q_parent) pos_i,   q_i = q_parent * quat_i * rotation(axis_i, angle_i)
 
-with the body offsets of the compiled model, so that what is drawn is what the model file says. Quaternions are
-(w, x, y, z), as MuJoCo has them.
+The body offsets are those of the compiled model, so that what is drawn agrees with the model file. Quaternions are
+(w, x, y, z), as in MuJoCo.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """World pose of one body: position (n, 3) in m and unit quaternion (n, 4)."""
+    """World poses of one body over time: positions (n, 3) in m and unit quaternions (n, 4)."""
 
     position: Array
     quaternion: Array
@@ -31,7 +31,7 @@ def body_poses(model: Any, angles: Mapping[str, Array]) -> dict[str, Pose]:
 
     Args:
         model: a compiled MuJoCo model whose bodies have at most one joint, a hinge at the body's origin.
-        angles: rad, shape (n,), by joint name; a joint without angles rests at 0.
+        angles: angles by the names of the joints, each (n,), rad; a joint without angles rests at 0.
     """
     count = len(next(iter(angles.values())))
     poses: dict[int, Pose] = {0: Pose(np.zeros((count, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)))}
@@ -56,7 +56,7 @@ def body_poses(model: Any, angles: Mapping[str, Array]) -> dict[str, Pose]:
 
 
 def about(axis: Array, angle: Array) -> Array:
-    """Quaternions (n, 4) of rotations about a unit axis."""
+    """Quaternions (n, 4) of rotations about a unit axis by angles (n,) in rad."""
     half = 0.5 * angle
     return np.column_stack([np.cos(half), np.sin(half)[:, None] * axis])
 
@@ -77,6 +77,6 @@ def multiply(left: Array, right: Array) -> Array:
 
 
 def rotate(quaternion: Array, vector: Array) -> Array:
-    """Vectors (..., 3) turned by quaternions (..., 4): v + 2 u x (u x v + w v)."""
+    """Vectors (..., 3) rotated by quaternions (..., 4): v + 2 u x (u x v + w v) with the quaternion (w, u)."""
     u = quaternion[..., 1:]
     return vector + 2 * np.cross(u, np.cross(u, vector) + quaternion[..., :1] * vector)

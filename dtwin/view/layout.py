@@ -19,7 +19,7 @@ def blueprint(*more: rrb.Vertical) -> rrb.Blueprint:
 
 
 def live_blueprint(*more: rrb.Vertical) -> rrb.Blueprint:
-    """The same for one that grows: the newest is shown."""
+    """The layout of a recording that grows, which shows the newest time; further tabs come first."""
     return _arranged(rrb.TimePanel(state="collapsed", timeline=series.TIMELINE, play_state="following"), *more)
 
 
@@ -97,7 +97,7 @@ def _boxes() -> rrb.Vertical:
 
 
 def plot_view(name: str, origin: str, axis_y: rrb.ScalarAxis | None = None) -> rrb.TimeSeriesView:
-    """Lines of all entities below an origin, on the time axis of all plots."""
+    """A plot of all entities below an origin, whose time axis is linked to those of all plots."""
     return rrb.TimeSeriesView(
         name=name,
         origin=origin,

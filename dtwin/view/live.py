@@ -1,4 +1,4 @@
-"""A run in the Rerun viewer while it runs: what has come since the last time, in columns, a few times a second."""
+"""A run in the Rerun viewer while it runs: a few times a second the new rows are sent in columns."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import rerun as rr
 
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log, concatenate, ensure_writable
-from dtwin.view.boxes import transports, waiting
+from dtwin.view.boxes import grasps, waiting
 from dtwin.view.layout import live_blueprint
 from dtwin.view.monitoring import (
     Opinion,
@@ -35,13 +35,14 @@ class LiveView:
 
     Args:
         model_file: MJCF of the cell.
-        arm: its link lengths are drawn.
-        file: .rrd to write; None for none. It can be read at any time.
-        url: of a viewer that listens, "" for none.
-        monitored: whether a monitor's predictions and opinions will come, too.
+        arm: arm whose link lengths are drawn.
+        file: .rrd file to write, which can be read at any time; None for no file.
+        url: URL of a viewer that listens; "" for no viewer.
+        monitored: whether predictions and opinions of a monitor are drawn as well.
 
     Raises:
-        ModelError: the model cannot be drawn. RecordingError: the file cannot be written.
+        ModelError: the model cannot be drawn.
+        RecordingError: the file cannot be written.
     """
 
     def __init__(
@@ -80,30 +81,30 @@ class LiveView:
         log_events(self._stream, log.events)
         self._stream.flush()
         if self._temporary is not None and self._file is not None:
-            # Only now: what stands there may be what a killed recorder left, and this has it all.
+            # Only now, because the file may be what a killed recorder left, and these rows hold all of it.
             os.replace(self._temporary, self._file)
             self._temporary = None
 
     def add_monitoring(self, seen: Predictions, opinions: Sequence[Opinion]) -> None:
-        """Sends what a monitor has said since the last time, if anything."""
+        """Sends the new predictions and opinions of a monitor, if there are any."""
         if len(seen.t):
             log_predictions(self._stream, seen)
         if opinions:
             log_opinions(self._stream, self._arm, opinions)
 
     def _add_states(self, log: Log) -> None:
-        """Boxes follow from the ticks at which something about them changes; a new change draws their whole story."""
+        """Draws all boxes again when the state of one of them has changed."""
         changes = _changes(self._states, log)
         if self._states is not None and not len(changes):
             return
         before = [] if self._states is None else [self._states]
         self._states = concatenate([*before, changes], {})
-        waits, carried = waiting(self._states), transports(self._states)
+        waits, carried = waiting(self._states), grasps(self._states)
         self._scene.log_boxes(self._stream, self._states, waits, carried)
         log_states(self._stream, self._states, waits, carried)
 
     def close(self) -> None:
-        """Ends file and connections."""
+        """Closes the file and the connection to the viewer."""
         self._stream.disconnect()
 
 

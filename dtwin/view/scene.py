@@ -19,7 +19,7 @@ from dtwin.parameters import PLACES, ArmParameters
 from dtwin.run.recording import Log
 from dtwin.signals import NO_COLOUR
 from dtwin.view import style
-from dtwin.view.boxes import Placed, Transport, Waiting, placements
+from dtwin.view.boxes import Grasp, Placed, Waiting, placements
 from dtwin.view.kinematics import Pose, body_poses
 from dtwin.view.series import TIMELINE, time_column
 
@@ -28,10 +28,10 @@ BOXES: Final = f"{ROOT}/boxes"
 COUNTS: Final = f"{ROOT}/counts"
 TRAIL: Final = f"{ROOT}/trail"
 STRIDE: Final = 2
-"""ticks between two drawn poses: 50 Hz"""
+"""Number of ticks between two drawn poses: 50 Hz."""
 
 _JOINTS: Final = {"joint_1": "theta_1", "joint_2": "theta_2", "joint_3": "theta_3", "gripper": "gripper"}
-"""Columns of the log by joints of the model."""
+"""Columns of the log by the names of the model's joints."""
 _WAITING: Final = "box_waiting"
 _HELD: Final = "box_held"
 
@@ -46,10 +46,11 @@ class Scene:
         """Compiles the model.
 
         Args:
-            arm: its link lengths replace those of the file.
+            model_file: MJCF of the cell.
+            arm: arm whose link lengths replace those of the file.
 
         Raises:
-            ModelError: the file is missing, no MJCF, or lacks a joint or geom that is drawn.
+            ModelError: the file is missing or no MJCF, or it lacks a joint or geom that is drawn.
         """
         try:
             self._logger = MJCFLogger(model_file, ROOT)
@@ -67,16 +68,16 @@ class Scene:
         model.geom_size[model.geom_rgba[:, 3] == 0] = 0
 
     def log_geometry(self, stream: rr.RecordingStream, t: float) -> None:
-        """Sends the model, to be seen from plant time t (s) on."""
+        """Sends the geometry of the model, visible from plant time t (s) on."""
         stream.set_time(TIMELINE, duration=t)
-        # What the loader says about geoms it leaves out is not for the caller's standard output.
+        # The loader's messages about geoms that it leaves out must not reach standard output.
         with contextlib.redirect_stdout(io.StringIO()):
             self._logger.log_model(stream)
         stream.reset_time()
         stream.log(TRAIL, rr.Points3D.from_fields(colors=style.TRAIL, radii=0.0015), static=True)
 
     def frame(self, body: str) -> rr.CoordinateFrame:
-        """The frame that moves with a body of the model, for what is drawn on it."""
+        """The coordinate frame that moves with a body of the model."""
         return rr.CoordinateFrame(self._logger.paths.body_frame(body))
 
     def log_motion(self, stream: rr.RecordingStream, log: Log) -> None:
@@ -92,21 +93,21 @@ class Scene:
         stream.send_columns(TRAIL, indexes=[times], columns=positions)
 
     def log_boxes(
-        self, stream: rr.RecordingStream, log: Log, waiting: Sequence[Waiting], transports: Sequence[Transport]
+        self, stream: rr.RecordingStream, log: Log, waiting: Sequence[Waiting], grasps: Sequence[Grasp]
     ) -> None:
-        """Sends the boxes that wait, that are held and that were placed last, and how many each place got."""
+        """Sends the boxes that wait, are held or were placed last, and the number of boxes at each place."""
         t = log.columns["t"]
         centre = np.zeros(3)
 
         held: list[tuple[int, list[_Spot]]] = [(0, [])]
-        for transport in transports:
-            held.append((transport.start, [(transport.colour, centre)]))
-            if transport.end is not None:
-                held.append((transport.end, []))
+        for grasp in grasps:
+            held.append((grasp.start, [(grasp.colour, centre)]))
+            if grasp.end is not None:
+                held.append((grasp.end, []))
         waits = [(w.tick, [(w.colour, centre)] if w.colour != NO_COLOUR else []) for w in waiting]
 
-        ends = [transport.end for transport in transports if transport.end is not None]
-        placed = placements(transports, self._poses(log, ends)[self._tip].position)
+        ends = [grasp.end for grasp in grasps if grasp.end is not None]
+        placed = placements(grasps, self._poses(log, ends)[self._tip].position)
 
         self._send_boxes(stream, "waiting", t, waits, self._pickup)
         self._send_boxes(stream, "held", t, held, self._tip)
@@ -124,7 +125,7 @@ class Scene:
         rows: Sequence[tuple[int, Sequence[_Spot]]],
         body: str | None,
     ) -> None:
-        """Sends one row of boxes for each (tick, boxes), relative to a body or to the world."""
+        """Sends for each (tick, boxes) one row of boxes, placed relative to a body or to the world."""
         entity = f"{BOXES}/{name}"
         if body is not None:
             stream.log(entity, self.frame(body), static=True)
@@ -143,7 +144,7 @@ class Scene:
 
 
 def _placed_rows(placed: Sequence[Placed]) -> list[tuple[int, list[_Spot]]]:
-    """After every placement: the last box at each place, and all that lie beside the places."""
+    """For every placement the last box at each place and all boxes beside the places."""
     at_places: dict[str, _Spot] = {}
     beside: list[_Spot] = []
     rows: list[tuple[int, list[_Spot]]] = [(0, [])]
@@ -158,7 +159,7 @@ def _placed_rows(placed: Sequence[Placed]) -> list[tuple[int, list[_Spot]]]:
 
 
 def _send_counts(stream: rr.RecordingStream, t: NDArray[np.float64], placed: Sequence[Placed]) -> None:
-    """Sends a label at every place: how many boxes it got."""
+    """Sends a label for every place with the number of boxes that it got."""
     counts: Counter[str] = Counter()
     ticks, labels = [0], [f"{name}: 0" for name in PLACES]
     for box in placed:

@@ -14,7 +14,7 @@ from dtwin.parameters import PLACES, VOLTAGE_LIMIT
 from dtwin.run.recording import Log
 from dtwin.signals import NO_COLOUR, Event
 from dtwin.view import style
-from dtwin.view.boxes import Transport, Waiting
+from dtwin.view.boxes import Grasp, Waiting
 
 TIMELINE: Final = "plant_time"
 ANGLES: Final = "angles"
@@ -40,7 +40,15 @@ _NO_BOX: Final = "none"
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """Lines of one entity: a name and colour each, one width, and their values, shape (ticks, lines)."""
+    """The lines of one entity.
+
+    Attributes:
+        entity: path of the entity.
+        names: names of the lines.
+        colours: colours of the lines.
+        width: width of all lines, in points of the user interface.
+        values: returns the values of the lines for a log, shape (ticks, lines).
+    """
 
     entity: str
     names: Sequence[str]
@@ -82,7 +90,7 @@ LIMITS: Final = Plot(
 
 
 def time_column(t: ArrayLike) -> rr.TimeColumn:
-    """Plant times in s on the recording's time line, rounded to whole nanoseconds."""
+    """Plant times (s) on the time line of the recording, rounded to whole nanoseconds."""
     nanoseconds = np.round(np.asarray(t, dtype=np.float64) * 1e9)
     return rr.TimeColumn(TIMELINE, duration=nanoseconds.astype("timedelta64[ns]"))
 
@@ -95,7 +103,7 @@ def log_styles(stream: rr.RecordingStream) -> None:
 
 
 def log_limits(stream: rr.RecordingStream, log: Log) -> None:
-    """Sends the limits of the voltages as lines from end to end of a log."""
+    """Sends the limits of the voltages as lines from the start to the end of a log."""
     times = time_column(log.columns["t"][[0, -1]])
     stream.send_columns(LIMITS.entity, indexes=[times], columns=rr.Scalars.columns(scalars=LIMITS.values(log)))
 
@@ -107,15 +115,13 @@ def log_plots(stream: rr.RecordingStream, log: Log) -> None:
         stream.send_columns(plot.entity, indexes=[times], columns=rr.Scalars.columns(scalars=plot.values(log)))
 
 
-def log_states(
-    stream: rr.RecordingStream, log: Log, waiting: Sequence[Waiting], transports: Sequence[Transport]
-) -> None:
+def log_states(stream: rr.RecordingStream, log: Log, waiting: Sequence[Waiting], grasps: Sequence[Grasp]) -> None:
     """Sends which box waits and which is held, as lanes of colours over time."""
     held = [(0, NO_COLOUR)]
-    for transport in transports:
-        held.append((transport.start, transport.colour))
-        if transport.end is not None:
-            held.append((transport.end, NO_COLOUR))
+    for grasp in grasps:
+        held.append((grasp.start, grasp.colour))
+        if grasp.end is not None:
+            held.append((grasp.end, NO_COLOUR))
     lanes = {"waiting": [(change.tick, change.colour) for change in waiting], "held": held}
     for name, changes in lanes.items():
         entity = f"{STATES}/{name}"
@@ -151,6 +157,6 @@ def log_events(stream: rr.RecordingStream, events: Sequence[Event]) -> None:
 
 
 def _told(event: Event) -> str:
-    """What an event says; what the monitor says needs its kind with it."""
+    """The text of an event; that of an event of the monitor starts with its kind."""
     by, _, kind = event.kind.partition("_")
     return f"monitor: {kind}: {event.text}" if by == "monitor" else event.text

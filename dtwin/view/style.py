@@ -8,7 +8,7 @@ from typing import Final
 RGB = tuple[int, int, int]
 
 JOINTS: Final[tuple[RGB, RGB, RGB]] = ((86, 204, 242), (255, 183, 77), (190, 148, 255))
-"""Joints 1 to 3; apart from the colours of the boxes"""
+"""Colours of joints 1 to 3, which differ from those of the boxes."""
 TARGET: Final[RGB] = (150, 150, 150)
 GRIPPER: Final[RGB] = (150, 160, 170)
 PAYLOAD: Final[RGB] = (255, 183, 77)
@@ -19,5 +19,5 @@ _BOXES: Final[Mapping[str, RGB]] = {"blue": (52, 112, 236), "red": (224, 52, 46)
 
 
 def box_colour(name: str) -> RGB:
-    """The colour a box of this colour is drawn in; grey when its name is unknown."""
+    """The colour in which a box is drawn, by the name of its colour; grey when the name is unknown."""
     return _BOXES.get(name, (150, 150, 150))

@@ -15,22 +15,22 @@ from dtwin.errors import CommunicationError
 Viewer = Literal["none", "window", "web"]
 LOOPBACK: Final = "127.0.0.1"
 PAGE, DATA = 9090, 9876
-"""ports that Rerun uses itself"""
+"""Rerun's default TCP ports for web pages and for data."""
 _TIMEOUT: Final = 10.0
-"""s for the viewer to listen, and for one of before to be gone"""
+"""Longest wait for the viewer to listen, and for an earlier viewer to end, s."""
 _LOOK: Final = 0.05
-"""s"""
+"""Time between two attempts to connect, s."""
 _TIED: Final = '"$@" & read -r _; kill 0'
-"""Shell: runs a command until standard input ends, which it does when whoever holds it goes in whatever way."""
+"""Shell command that runs another one until standard input ends, which it does however its writer ends."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ports:
-    """Where a viewer listens: for browsers (web only), and for data.
+    """The TCP ports at which a viewer listens.
 
     Attributes:
-        page: TCP port.
-        data: TCP port.
+        page: port for browsers, used by a web viewer only.
+        data: port for data.
     """
 
     page: int = PAGE
@@ -38,29 +38,29 @@ class Ports:
 
     @property
     def data_url(self) -> str:
-        """What a recording connects to."""
+        """URL that a recording connects to."""
         return f"rerun+http://{LOOPBACK}:{self.data}/proxy"
 
     @property
     def page_url(self) -> str:
-        """What to open in a browser."""
+        """URL to open in a browser."""
         return f"http://{LOOPBACK}:{self.page}/?url={quote(self.data_url, safe='')}"
 
 
 def free_ports() -> Ports:
-    """Rerun's own ports where they are free."""
+    """Rerun's default ports where they are free, otherwise other free ports."""
     return Ports(_free(PAGE), _free(DATA))
 
 
 class ViewerProcess:
-    """A viewer: a window stays when this process has ended, a page ends with it.
+    """A viewer in a process of its own; a window stays open after this process ends, a web viewer ends with it.
 
     Args:
-        kind: of viewer.
-        ports: where to listen.
+        kind: "window" for a window, "web" for a page in a browser.
+        ports: ports at which the viewer listens.
 
     Raises:
-        CommunicationError: it does not start to listen.
+        CommunicationError: the viewer does not start to listen.
     """
 
     def __init__(self, kind: Literal["window", "web"], ports: Ports) -> None:
@@ -71,12 +71,12 @@ class ViewerProcess:
             _wait(ports, listening=False)
             page = [*viewer, "--serve-web", "--web-viewer-port", str(ports.page)]
             self._process = _start(["/bin/sh", "-c", _TIED, "sh", *page], subprocess.PIPE)
-        elif not _listens(ports.data):  # else the window that a recorder of before has opened
+        elif not _listens(ports.data):  # otherwise the window of an earlier recorder is used
             _start([*viewer, "--expect-data-soon"], subprocess.DEVNULL)
         _wait(ports, listening=True)
 
     def close(self) -> None:
-        """Ends a page."""
+        """Ends a web viewer."""
         if self._process is not None:
             assert self._process.stdin is not None
             self._process.stdin.close()
@@ -84,7 +84,7 @@ class ViewerProcess:
 
 
 def _start(command: list[str], stdin: int) -> subprocess.Popen[bytes]:
-    """A process that no Ctrl-C in this one's terminal reaches."""
+    """Starts a process that Ctrl-C in the terminal of this one does not reach."""
     return subprocess.Popen(
         command, stdin=stdin, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )

@@ -12,14 +12,14 @@ import rerun as rr
 from dtwin.errors import RecordingError
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import COLUMNS, Log, replacing
-from dtwin.view.boxes import transports, waiting
+from dtwin.view.boxes import grasps, waiting
 from dtwin.view.layout import blueprint
 from dtwin.view.scene import Scene
 from dtwin.view.series import log_events, log_limits, log_plots, log_states, log_styles
 
 APPLICATION: Final = "dtwin"
 _PART: Final = 1 << 15
-"""ticks sent at once, a multiple of the scene's stride"""
+"""Number of ticks sent at once, a multiple of the scene's stride."""
 _NOMINAL: Final = ArmParameters()
 
 
@@ -31,7 +31,7 @@ def write_recording(log: Log, model_file: Path, path: Path, arm: ArmParameters =
     Args:
         log: the run, of at least one tick.
         model_file: MJCF of the cell.
-        arm: the arm that ran; its link lengths are drawn.
+        arm: arm of the run, whose link lengths are drawn.
 
     Raises:
         ModelError: the model cannot be drawn.
@@ -46,8 +46,8 @@ def write_recording(log: Log, model_file: Path, path: Path, arm: ArmParameters =
 
 
 def log_run(stream: rr.RecordingStream, scene: Scene, log: Log) -> None:
-    """Sends everything there is to see of a log."""
-    waits, carried = waiting(log), transports(log)
+    """Sends everything that is drawn of a log."""
+    waits, carried = waiting(log), grasps(log)
     scene.log_geometry(stream, float(log.columns["t"][0]))
     log_styles(stream)
     log_limits(stream, log)
@@ -55,7 +55,7 @@ def log_run(stream: rr.RecordingStream, scene: Scene, log: Log) -> None:
         part = log.part(start, start + _PART)
         scene.log_motion(stream, part)
         log_plots(stream, part)
-        # Otherwise an hour waits in memory for Rerun's writer.
+        # Otherwise an hour of data would wait in memory for Rerun's writer.
         stream.flush()
     scene.log_boxes(stream, log, waits, carried)
     log_states(stream, log, waits, carried)
@@ -63,13 +63,13 @@ def log_run(stream: rr.RecordingStream, scene: Scene, log: Log) -> None:
 
 
 def open_stream(log: Log) -> rr.RecordingStream:
-    """A stream whose id is the log's digest: the viewer keeps different runs apart and knows equal ones."""
+    """A stream whose id is the digest of a log, by which the viewer tells different runs apart."""
     notes = msgspec.json.encode((log.events, dict(log.metadata)), order="sorted")
     digest = hashlib.blake2b(notes, digest_size=16)
     for name in COLUMNS:
         digest.update(log.columns[name].tobytes())
     stream = rr.RecordingStream(APPLICATION, recording_id=digest.hexdigest(), send_properties=False)
-    # The wall clock has no place in a recording of plant time.
+    # A recording in plant time has no wall clock.
     stream.set_log_tick_enabled(False)
     stream.set_log_time_enabled(False)
     return stream

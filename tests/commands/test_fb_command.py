@@ -14,7 +14,7 @@ import pytest
 
 from dtwin.cli import main
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.controller.lockstep import RemoteController
+from dtwin.controller.remote import RemoteController
 from dtwin.iec61499.net.address import Address, parse_address
 from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell, CellSettings

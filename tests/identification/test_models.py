@@ -9,8 +9,8 @@ import pytest
 from dtwin.emulation.plant import Plant
 from dtwin.errors import ModelError
 from dtwin.identification.data import Experiment, fingerprint
-from dtwin.identification.estimation.estimate import Settings, identify
-from dtwin.identification.excitation.signal import HELD_OUT
+from dtwin.identification.estimation.estimate import EstimationSettings, identify
+from dtwin.identification.excitation.plan import HELD_OUT
 from dtwin.identification.held_out import compare
 from dtwin.identification.mjcf import export_mjcf
 from dtwin.identification.model import encode, from_estimate, read_model, write_model
@@ -43,7 +43,7 @@ def test_equal_estimates_give_equal_bytes():
 
 
 def test_what_is_undetermined_is_no_result():
-    estimate = identify([CLEAN], Settings(ALL, SETTINGS.known))
+    estimate = identify([CLEAN], EstimationSettings(ALL, SETTINGS.known))
     model = from_estimate(estimate, FIT, "a test")
     assert model.unidentifiable == list(ALL)
     assert not set(model.standard_errors) & set(ALL)

@@ -13,7 +13,7 @@ import pytest
 
 from dtwin.cli import main
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.controller.lockstep import RemoteController
+from dtwin.controller.remote import RemoteController
 from dtwin.emulation import parse_fault
 from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.build import deploy

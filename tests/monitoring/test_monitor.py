@@ -210,13 +210,15 @@ def test_an_identified_model_brings_its_uncertainty(belief) -> None:
 
 
 def test_models_with_open_parameters_are_refused() -> None:
-    from dtwin.identification.estimation.estimate import Settings, identify
-    from dtwin.identification.excitation.blocks import SignalBlocks
+    from dtwin.controller.excitation import ExcitationController
+    from dtwin.identification.estimation.estimate import EstimationSettings, identify
+    from dtwin.identification.excitation.plan import Plan
     from dtwin.identification.excitation.rig import Rig
-    from dtwin.identification.excitation.signal import Plan
     from dtwin.identification.model import from_estimate
 
-    experiment = Rig(noise=0.001).measure(Plan(payload=0.0), SignalBlocks(), np.random.default_rng(0))
-    estimate = identify([experiment], Settings(free=tuple(f"{s}{j}" for s in "KmID" for j in (1, 2, 3)), starts=1))
+    experiment = Rig(noise=0.001).measure(Plan(payload=0.0), ExcitationController(), np.random.default_rng(0))
+    estimate = identify(
+        [experiment], EstimationSettings(free=tuple(f"{s}{j}" for s in "KmID" for j in (1, 2, 3)), starts=1)
+    )
     with pytest.raises(ModelError, match="open"):
         identified(from_estimate(estimate, np.ones(3), "simulated"))

@@ -16,12 +16,12 @@ from dtwin.bus.messages import GAINS, PATH, PREDICT, SENSORS, UPLOAD, GainsSetti
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Predicted, PredictionRequest, Upload, UploadRequest
+from dtwin.controller.excitation import ExcitationController
 from dtwin.errors import CommunicationError
 from dtwin.experiments.identification.experiments import standard_settings
 from dtwin.identification.estimation.estimate import identify
-from dtwin.identification.excitation.blocks import SignalBlocks
+from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.excitation.signal import Plan
 from dtwin.identification.model import from_estimate, write_model
 from dtwin.parameters import ArmParameters, Gains, Triple, scaled
 from dtwin.signals import Sensors
@@ -190,7 +190,7 @@ def until_there(bus: Bus) -> Upload:
 
 def from_files(cell: Desk, tmp_path: Path) -> None:
     estimate = identify(
-        [Rig(noise=0.002).measure(Plan(), SignalBlocks(), np.random.default_rng(0))], standard_settings()
+        [Rig(noise=0.002).measure(Plan(), ExcitationController(), np.random.default_rng(0))], standard_settings()
     )
     file = tmp_path / "arm.json"
     write_model(from_estimate(estimate, np.ones(3), "test"), file)

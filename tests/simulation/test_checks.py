@@ -10,7 +10,7 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.parameters import ArmParameters, Gains, scaled
 from dtwin.simulation.checks import HEAVIER, MOTIONS, Checker, Motion, Refused
 from dtwin.simulation.places import angles_of
-from dtwin.simulation.whatif import Case, Simulator
+from dtwin.simulation.whatif import MotionCase, Simulator
 
 USUAL = ControlSettings()
 
@@ -19,7 +19,9 @@ def test_prediction_is_the_worst_of_the_motions(checker: Checker, simulator: Sim
     prediction = checker.check(USUAL, ArmParameters())
     loads = [(m, 0.2 if m.carries else 0.0) for m in MOTIONS] + [(m, 0.2 + HEAVIER) for m in MOTIONS if m.carries]
     found = [
-        simulator.run(Case(m.goal, USUAL, angles_of(m.start), payload=load, carries=m.carries, duration=2.5)).figures
+        simulator.run(
+            MotionCase(m.goal, USUAL, angles_of(m.start), payload=load, carries=m.carries, duration=2.5)
+        ).figures
         for m, load in loads
     ]
     for joint in range(3):

@@ -13,7 +13,15 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.simulation.checks import MOTIONS, Motion
-from dtwin.simulation.objective import UNUSABLE, Limits, Objective, Score, possible_arms, scenarios_for, score
+from dtwin.simulation.objective import (
+    UNUSABLE,
+    CandidateScore,
+    Limits,
+    Objective,
+    possible_arms,
+    scenarios_for,
+    score,
+)
 from dtwin.simulation.optimise import POPULATION, Optimum, optimise
 
 ARM = ArmParameters()
@@ -61,10 +69,10 @@ def test_a_fixed_target_time_stays() -> None:
 
 @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=30))
 def test_the_front_is_what_nothing_beats(points: list[tuple[int, int]]) -> None:
-    scores = tuple(Score(1.0, Gains(), {"time": a, "energy": b}, "", 1.0, 1) for a, b in points)
-    front = Optimum(Score(1.0, Gains(), {}, "", 1.0, 1), Score(1.0, Gains(), {}, "", 1.0, 1), scores, 1.0).front(
-        "time", "energy"
-    )
+    scores = tuple(CandidateScore(1.0, Gains(), {"time": a, "energy": b}, "", 1.0, 1) for a, b in points)
+    front = Optimum(
+        CandidateScore(1.0, Gains(), {}, "", 1.0, 1), CandidateScore(1.0, Gains(), {}, "", 1.0, 1), scores, 1.0
+    ).front("time", "energy")
     kept = [(each.terms["time"], each.terms["energy"]) for each in front]
     beaten = {p for p in points if any(q != p and q[0] <= p[0] and q[1] <= p[1] for q in points)}
     assert set(kept) == set(points) - beaten

@@ -13,7 +13,7 @@ from dtwin.errors import ParameterError, UnreachableError
 from dtwin.parameters import HANGING, HOME, PICKUP, PLACES, ArmParameters
 from dtwin.simulation.candidates import vary
 from dtwin.simulation.places import nearest, parse_goal, parse_start
-from dtwin.simulation.whatif import Case
+from dtwin.simulation.whatif import MotionCase
 from dtwin.twin.kinematics import forward, inverse
 
 ARM = ArmParameters()
@@ -60,7 +60,9 @@ def test_out_of_reach_is_refused() -> None:
 
 
 def test_candidates_change_what_they_name() -> None:
-    case = vary(Case("red"), "T=1.5 kp=300,600,400 kd2=5 ki=10 law=row_sum D2=0.1 payload=0.25 box=0.3 noise=0.01")
+    case = vary(
+        MotionCase("red"), "T=1.5 kp=300,600,400 kd2=5 ki=10 law=row_sum D2=0.1 payload=0.25 box=0.3 noise=0.01"
+    )
     settings = case.settings
     assert (settings.target_time, settings.law, settings.payload) == (1.5, "row_sum", 0.3)
     assert settings.gains.kp == (300.0, 600.0, 400.0)
@@ -87,4 +89,4 @@ def test_candidates_change_what_they_name() -> None:
 )
 def test_wrong_candidates_are_refused(text: str, message: str) -> None:
     with pytest.raises(ParameterError, match=message):
-        vary(Case("red"), text)
+        vary(MotionCase("red"), text)

@@ -8,7 +8,7 @@ import pytest
 from dtwin.controller.settings import ControlSettings
 from dtwin.parameters import PICKUP, PLACES, ArmParameters, Gains, Triple
 from dtwin.simulation.stability import spectral_radius
-from dtwin.simulation.whatif import Case, Simulator
+from dtwin.simulation.whatif import MotionCase, Simulator
 
 ARM = ArmParameters()
 
@@ -20,7 +20,7 @@ def all_joints(kp: float, ki: float, kd: float) -> Gains:
 def growth(simulator: Simulator, settings: ControlSettings, payload: float, theta: Triple, ticks: int) -> float:
     """Growth a tick of a small displacement at rest, over the last half of the ticks."""
     start = (theta[0] + 1e-9, theta[1] - 1e-9, theta[2] + 1e-9)
-    outcome = simulator.run(Case(theta, settings, start, payload=payload, duration=ticks / 100))
+    outcome = simulator.run(MotionCase(theta, settings, start, payload=payload, duration=ticks / 100))
     away = np.linalg.norm(outcome.theta - np.array(theta), axis=1)
     half, quarter = ticks // 2, ticks // 4
     late = np.max(away[-quarter:]), np.max(away[-half - quarter : -half])
@@ -73,7 +73,7 @@ def test_coulomb_friction_does_not_hide_an_instability(simulator: Simulator) -> 
 
 
 def test_a_motion_after_the_analysis_is_what_it_was(simulator: Simulator) -> None:
-    case = Case("red")
+    case = MotionCase("red")
     before = simulator.run(case).states.tobytes()
     spectral_radius(simulator.controller, case.settings, ARM, 0.2, PICKUP.theta)
     assert simulator.run(case).states.tobytes() == before

@@ -17,9 +17,9 @@ from dtwin.run.cell import Cell, CellSettings
 from dtwin.run.recording import Log
 from dtwin.simulation.checks import Checker, Refused
 from dtwin.simulation.history import History
-from dtwin.simulation.live import WatchedController
 from dtwin.simulation.trial import Trial, TrialRules
 from dtwin.simulation.upload import Proposal, Uploader
+from dtwin.simulation.watched_controller import WatchedController
 
 HIGHER = Gains(kp=(250.0, 500.0, 350.0))
 Action = Callable[[Uploader, float], object]

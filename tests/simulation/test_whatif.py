@@ -16,7 +16,7 @@ from dtwin.emulation import Emulation
 from dtwin.errors import ParameterError
 from dtwin.experiments.simulation.emulated_arm import EmulatedArm
 from dtwin.parameters import HANGING, PERIOD, PICKUP, PLACES, ArmParameters, Gains, Law
-from dtwin.simulation.whatif import Case, Simulator
+from dtwin.simulation.whatif import MotionCase, Simulator
 from dtwin.twin.dynamics import energy
 
 T4 = ControlSettings(target_time=4.0)
@@ -33,13 +33,13 @@ def test_tracking_is_what_is_known_of_the_laws(
     simulator: Simulator, law: Law, target_time: float, worst: float
 ) -> None:
     settings = ControlSettings(target_time=target_time, law=law)
-    found = simulator.run(Case("red", settings)).figures
+    found = simulator.run(MotionCase("red", settings)).figures
     assert max(found.tracking_max) == pytest.approx(worst, abs=6e-4)
 
 
 @pytest.mark.parametrize("payload", [0.0, 0.2])
 def test_arm_of_mujoco_and_twin_move_alike(simulator: Simulator, payload: float) -> None:
-    case = Case("green", T4, payload=payload)
+    case = MotionCase("green", T4, payload=payload)
     twin, arm = simulator.run(case), simulator.run(case, partial(EmulatedArm, case.arm))
     np.testing.assert_allclose(twin.states, arm.states, rtol=0, atol=1e-9)
     np.testing.assert_allclose(twin.volts, arm.volts, rtol=0, atol=1e-6)
@@ -63,10 +63,10 @@ def test_blocks_answer_as_those_of_the_whole_application(simulator: Simulator) -
 
 
 def test_equal_cases_give_equal_outcomes_whatever_came_before(simulator: Simulator) -> None:
-    case = Case("blue", T4, payload=0.2, noise=0.003, seed=5)
+    case = MotionCase("blue", T4, payload=0.2, noise=0.003, seed=5)
     first = simulator.run(case)
     simulator.run(
-        Case("red", ControlSettings(1.0, Gains(kp=(900.0, 900.0, 900.0)), "row_sum"), omega=(1.0, 2.0, 3.0))
+        MotionCase("red", ControlSettings(1.0, Gains(kp=(900.0, 900.0, 900.0)), "row_sum"), omega=(1.0, 2.0, 3.0))
     )
     again = Simulator().run(case)
     for one, other in ((first, again), (first, simulator.run(case))):
@@ -76,18 +76,18 @@ def test_equal_cases_give_equal_outcomes_whatever_came_before(simulator: Simulat
 
 
 def test_noise_is_in_what_is_measured_and_not_in_what_is_true(simulator: Simulator) -> None:
-    outcome = simulator.run(Case("red", T4, noise=0.01, seed=1))
+    outcome = simulator.run(MotionCase("red", T4, noise=0.01, seed=1))
     error = outcome.measured - outcome.theta
     assert 0.0 <= error.min() < 0.001
     assert 0.009 < error.max() < 0.01
-    other = simulator.run(Case("red", T4, noise=0.01, seed=2))
+    other = simulator.run(MotionCase("red", T4, noise=0.01, seed=2))
     assert not np.array_equal(outcome.measured, other.measured)
 
 
 def test_motor_work_is_what_the_arm_gained_and_damping_took(simulator: Simulator) -> None:
     """The slack is that of the trapezoidal rule for what damping took."""
     arm = ArmParameters()
-    outcome = simulator.run(Case("green", T4, HANGING, arm=arm))
+    outcome = simulator.run(MotionCase("green", T4, HANGING, arm=arm))
     vector = np.array(arm.vector())
     work = float(np.sum(np.array(arm.voltage_constant) * outcome.volts * np.diff(outcome.states[:, :3], axis=0)))
     gained = sum(energy(outcome.states[-1], vector)) - sum(energy(outcome.states[0], vector))
@@ -99,12 +99,12 @@ def test_motor_work_is_what_the_arm_gained_and_damping_took(simulator: Simulator
 
 def test_a_motion_from_the_live_state_knows_its_velocity(simulator: Simulator) -> None:
     """Half way to red the arm is stopped by a new path; the first command must see that it moves."""
-    moving = simulator.run(Case("red", T4))
+    moving = simulator.run(MotionCase("red", T4))
     theta, omega = moving.states[200, :3], moving.states[200, 3:]
     start = tuple(theta.tolist())
     speed = tuple(omega.tolist())
-    seen = simulator.run(Case("pickup", T4, start, omega=speed))
-    blind = simulator.run(Case("pickup", T4, start))
+    seen = simulator.run(MotionCase("pickup", T4, start, omega=speed))
+    blind = simulator.run(MotionCase("pickup", T4, start))
     # Derivative gain and centrifugal torques answer to the velocity; the path's first sample is the same.
     assert seen.path[0].tolist() == blind.path[0].tolist()
     assert np.abs(seen.volts[0] - blind.volts[0]).max() > 0.02
@@ -113,18 +113,18 @@ def test_a_motion_from_the_live_state_knows_its_velocity(simulator: Simulator) -
 
 
 def test_coulomb_friction_and_another_arm_make_a_difference(simulator: Simulator) -> None:
-    usual = simulator.run(Case("red", T4)).figures
-    rough = simulator.run(Case("red", T4, arm=ArmParameters(coulomb=(0.02, 0.02, 0.02)))).figures
+    usual = simulator.run(MotionCase("red", T4)).figures
+    rough = simulator.run(MotionCase("red", T4, arm=ArmParameters(coulomb=(0.02, 0.02, 0.02)))).figures
     assert max(rough.tracking_max) > 3 * max(usual.tracking_max)
 
 
 def test_goals_are_places_or_angles(simulator: Simulator) -> None:
-    by_name = simulator.run(Case("green", T4))
-    by_angles = simulator.run(Case(PLACES["green"].theta, T4))
+    by_name = simulator.run(MotionCase("green", T4))
+    by_angles = simulator.run(MotionCase(PLACES["green"].theta, T4))
     assert by_name.target == PLACES["green"].theta
     assert by_name.states.tobytes() == by_angles.states.tobytes()
     with pytest.raises(ParameterError, match="unknown place 'moon': expected pickup, blue, red or green"):
-        simulator.run(Case("moon"))
+        simulator.run(MotionCase("moon"))
 
 
 @pytest.mark.parametrize(
@@ -140,11 +140,11 @@ def test_goals_are_places_or_angles(simulator: Simulator) -> None:
 )
 def test_impossible_cases_are_refused(changes: dict[str, object], message: str) -> None:
     with pytest.raises(ParameterError, match=message):
-        Case("red", **changes)  # type: ignore[arg-type]
+        MotionCase("red", **changes)  # type: ignore[arg-type]
 
 
 def test_four_seconds_of_motion_take_less_than_50_ms(simulator: Simulator) -> None:
-    case = Case("red", T4, PICKUP.theta, payload=0.2, duration=4.0)
+    case = MotionCase("red", T4, PICKUP.theta, payload=0.2, duration=4.0)
     simulator.run(case)
     seconds = []
     for _ in range(9):

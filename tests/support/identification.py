@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from dtwin.controller.excitation import ExcitationController
 from dtwin.experiments.identification.experiments import standard_settings
 from dtwin.identification.data import Experiment, Start
-from dtwin.identification.excitation.blocks import SignalBlocks
+from dtwin.identification.excitation.plan import PLAIN, Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.excitation.signal import PLAIN, Plan
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
 
 ARM = ArmParameters()
@@ -14,7 +14,7 @@ ALL = PARAMETER_NAMES[:18]
 NO_MASSES = tuple(name for name in ALL if name[0] != "m")
 SETTINGS = standard_settings()
 FREE = SETTINGS.free
-BLOCKS = SignalBlocks()
+BLOCKS = ExcitationController()
 
 
 def truth(names):

@@ -5,7 +5,7 @@ import pytest
 
 from dtwin.parameters import PLACES
 from dtwin.run.recording import COLUMNS, Log
-from dtwin.view.boxes import Transport, Waiting, placements, transports, waiting
+from dtwin.view.boxes import Grasp, Waiting, grasps, placements, waiting
 
 
 def log_of(ticks: int, present: dict[range, str], gripped: range, loaded: range) -> Log:
@@ -30,23 +30,23 @@ def test_a_box_waits_until_it_is_picked() -> None:
 def test_a_transport_has_the_colour_of_the_box_that_waited() -> None:
     """The next box may arrive in the very tick in which the first is lifted."""
     log = log_of(20, {range(3, 8): "red", range(8, 20): "blue"}, range(7, 15), range(8, 15))
-    assert transports(log) == [Transport(8, 15, "red")]
+    assert grasps(log) == [Grasp(8, 15, "red")]
 
 
 def test_a_box_still_held_at_the_end_is_not_placed() -> None:
     log = log_of(10, {range(2): "green"}, range(2, 10), range(3, 10))
-    assert transports(log) == [Transport(3, None, "green")]
-    assert placements(transports(log), np.zeros((0, 3))) == []
+    assert grasps(log) == [Grasp(3, None, "green")]
+    assert placements(grasps(log), np.zeros((0, 3))) == []
 
 
 def test_neither_grip_nor_payload_alone_is_a_box() -> None:
-    assert transports(log_of(10, {}, range(2, 5), range(6, 9))) == []
+    assert grasps(log_of(10, {}, range(2, 5), range(6, 9))) == []
 
 
 @pytest.mark.parametrize("name", PLACES)
 def test_a_box_is_at_the_place_it_was_released_over(name: str) -> None:
     place = PLACES[name]
     spots = np.array([[place.x + 0.004, 0.0, place.y], [place.x, 0.0, place.y + 0.06]])
-    near, far = placements([Transport(2, 5, "red"), Transport(8, 9, "blue")], spots)
+    near, far = placements([Grasp(2, 5, "red"), Grasp(8, 9, "blue")], spots)
     assert (near.tick, near.colour, near.place) == (5, "red", name)
     assert (far.tick, far.colour, far.place) == (9, "blue", None)

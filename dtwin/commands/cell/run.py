@@ -13,8 +13,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.controller.lockstep import RemoteController
 from dtwin.controller.ports import BLOCKS
+from dtwin.controller.remote import RemoteController
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE, NoiseKind, parse_fault
 from dtwin.errors import DtwinError

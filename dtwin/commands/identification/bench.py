@@ -12,15 +12,15 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from dtwin.controller.excitation import ExcitationController
 from dtwin.emulation import peer
 from dtwin.errors import ParameterError
 from dtwin.experiments.identification.experiments import FREE, standard_settings
 from dtwin.identification.data import Experiment
 from dtwin.identification.estimation.estimate import Loss, identify, load_kernels
 from dtwin.identification.estimation.problem import LOWER, UPPER, symbol
-from dtwin.identification.excitation.blocks import SignalBlocks
+from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.excitation.signal import Plan
 from dtwin.parameters import ArmParameters
 
 _OURS: dict[str, Loss] = {"dtwin": "adaptive", "dtwin, least squares": "gaussian"}
@@ -46,7 +46,7 @@ class BenchIdentify:
     def execute(self) -> int:
         if self.rounds < 1:
             raise ParameterError(f"--rounds: expected at least 1, got {self.rounds}")
-        truth, plan, blocks = ArmParameters(), Plan(), SignalBlocks()
+        truth, plan, blocks = ArmParameters(), Plan(), ExcitationController()
         rig = Rig(truth, self.noise)
         load_kernels()
         seconds: dict[str, list[float]] = {}

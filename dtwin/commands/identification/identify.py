@@ -14,17 +14,17 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
+from dtwin.controller.excitation import ExcitationController
 from dtwin.errors import IdentificationError, ParameterError
 from dtwin.identification.data import Experiment, Start, from_log
-from dtwin.identification.estimation.estimate import NINETY_FIVE, Estimate, Settings, identify, load_kernels
+from dtwin.identification.estimation.estimate import NINETY_FIVE, Estimate, EstimationSettings, identify, load_kernels
 from dtwin.identification.estimation.friction import FRICTIONS, Friction, choose, with_friction
-from dtwin.identification.excitation.blocks import SignalBlocks
 from dtwin.identification.excitation.design import optimise
+from dtwin.identification.excitation.plan import HELD_OUT, PLAIN, Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.excitation.signal import HELD_OUT, PLAIN, Plan
 from dtwin.identification.held_out import Comparison, compare
 from dtwin.identification.model import from_estimate
-from dtwin.identification.options import settings_for
+from dtwin.identification.parsing import settings_for
 from dtwin.identification.store import STORE, ModelStore, check_name
 from dtwin.parameters import PERIOD, ArmParameters, assignment, load_arm
 from dtwin.run.recording import Log, ensure_writable, read_log
@@ -114,12 +114,12 @@ class Identify:
             _print(report, estimate)
         return 0 if estimate.converged and estimate.whiteness.white else 1
 
-    def _settings(self) -> Settings:
+    def _settings(self) -> EstimationSettings:
         known = load_arm(self.known) if self.known is not None else None
         return settings_for(self.free, known, self.prior, self.loss, self.seed)
 
     def _estimate(
-        self, experiments: tuple[Experiment, ...], settings: Settings
+        self, experiments: tuple[Experiment, ...], settings: EstimationSettings
     ) -> tuple[Estimate, dict[Friction, float] | None]:
         if self.friction is None:
             return identify(experiments, settings), None
@@ -129,7 +129,7 @@ class Identify:
         return choice.estimates[choice.best], {name: choice.estimates[name].bic for name in FRICTIONS}
 
     def _simulated(
-        self, settings: Settings
+        self, settings: EstimationSettings
     ) -> tuple[tuple[Experiment, ...], tuple[Experiment, ...], ArmParameters | None]:
         truth = ArmParameters().with_values(dict(map(assignment, self.set)))
         rig = Rig(truth, self.noise, self.noise_kind)
@@ -140,7 +140,7 @@ class Identify:
             plan = Plan(PLAIN, self._loads()[0], self.payload_model, start)
             signal = optimise(plan, settings.free, settings.known, _DESIGN_NOISE, generators[2]).signal
         plans = [Plan(signal, load, self.payload_model, start) for load in self._loads()]
-        blocks = SignalBlocks()
+        blocks = ExcitationController()
         training = tuple(rig.measure(plan, blocks, generators[0]) for plan in plans)
         held_out = Plan(HELD_OUT, plans[0].payload, self.payload_model)
         judging = rig.measure(held_out, blocks, generators[1])

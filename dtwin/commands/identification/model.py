@@ -15,7 +15,7 @@ from rich.table import Table
 from dtwin.errors import ModelError
 from dtwin.identification.mjcf import export_mjcf
 from dtwin.identification.model import IdentifiedModel, read_model
-from dtwin.identification.store import STORE, Entry, ModelStore, open_model
+from dtwin.identification.store import STORE, ModelStore, StoredModel, open_model
 from dtwin.parameters import PARAMETER_NAMES
 from dtwin.run.recording import replacing
 
@@ -173,7 +173,7 @@ class ModelExport:
         return 0
 
 
-def _add(table: Table, entry: Entry, model: IdentifiedModel) -> None:
+def _add(table: Table, entry: StoredModel, model: IdentifiedModel) -> None:
     open_ = f", {len(model.unidentifiable)} undetermined" if model.unidentifiable else ""
     table.add_row(
         str(entry),

@@ -17,14 +17,14 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from dtwin.controller.excitation import ExcitationController
 from dtwin.errors import ParameterError
 from dtwin.experiments.identification.experiments import standard_settings
 from dtwin.experiments.recovery.operator import LIMIT, LONGEST, Operator
 from dtwin.experiments.recovery.outcome import Recovery, healthy_run, judge
 from dtwin.identification.estimation.estimate import identify
-from dtwin.identification.excitation.blocks import SignalBlocks
+from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.excitation.signal import Plan
 from dtwin.identification.model import IdentifiedModel, from_estimate, write_model
 from dtwin.parameters import PERIOD
 from dtwin.run.recording import ensure_writable, read_log
@@ -130,7 +130,7 @@ def first_model(noise: float, generator: np.random.Generator) -> IdentifiedModel
     Raises:
         IdentificationError: the data are too poor.
     """
-    estimate = identify([Rig(noise=noise).measure(Plan(), SignalBlocks(), generator)], standard_settings())
+    estimate = identify([Rig(noise=noise).measure(Plan(), ExcitationController(), generator)], standard_settings())
     return from_estimate(estimate, np.ones(3), "simulated experiment")
 
 

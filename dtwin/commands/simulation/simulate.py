@@ -25,9 +25,9 @@ from dtwin.run.recording import Log, ensure_writable, read_log
 from dtwin.signals import Sensors
 from dtwin.simulation.candidates import vary
 from dtwin.simulation.figures import Figures, triple
-from dtwin.simulation.measured import Comparison, compare, find, settings_of
+from dtwin.simulation.measured import MotionComparison, compare, find, settings_of
 from dtwin.simulation.places import parse_goal, parse_start
-from dtwin.simulation.whatif import Case, Outcome, Simulator
+from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
 from services.runfile import join
 
 _SAMPLES = 9
@@ -117,11 +117,11 @@ class Simulate:
             _print(outcomes, seconds, comparison)
         return 0
 
-    def _base(self) -> Case:
+    def _base(self) -> MotionCase:
         arm = self._arm(self.model, ArmParameters())
         simulated = with_set(arm, self.set)
         start = parse_start(self.start, arm)
-        return Case(
+        return MotionCase(
             goal=parse_goal(self.goal, arm, start),
             settings=ControlSettings(
                 self.target_time,
@@ -139,7 +139,7 @@ class Simulate:
             duration=self.duration,
         )
 
-    def _from_live(self, base: Case) -> Case:
+    def _from_live(self, base: MotionCase) -> MotionCase:
         """The case from where the arm of a running cell is and how fast it is."""
         with join(self.cell) as bus:
             last = _latest(bus)
@@ -155,7 +155,7 @@ class Simulate:
         goal = parse_goal(self.goal, arm, theta)
         return replace(base, goal=goal, settings=settings, theta=theta, omega=triple(speeds), arm=arm)
 
-    def _measured(self, log: Log, simulator: Simulator) -> tuple[Case, Comparison]:
+    def _measured(self, log: Log, simulator: Simulator) -> tuple[MotionCase, MotionComparison]:
         settings = settings_of(log)
         arm = with_set(self._arm(self.model, settings.model), self.set)
         comparison = compare(log, find(log, self.at), settings, arm, self.payload or settings.payload, simulator)
@@ -189,10 +189,12 @@ def with_set(arm: ArmParameters, assignments: list[str]) -> ArmParameters:
     Raises:
         ParameterError: a name or number is wrong.
     """
-    return vary(Case("pickup", arm=arm), " ".join(assignments)).arm
+    return vary(MotionCase("pickup", arm=arm), " ".join(assignments)).arm
 
 
-def _report(outcomes: dict[str, Outcome], seconds: dict[str, float], comparison: Comparison | None) -> dict[str, Any]:
+def _report(
+    outcomes: dict[str, Outcome], seconds: dict[str, float], comparison: MotionComparison | None
+) -> dict[str, Any]:
     report: dict[str, Any] = {
         "candidates": [
             {
@@ -217,7 +219,7 @@ def _report(outcomes: dict[str, Outcome], seconds: dict[str, float], comparison:
     return report
 
 
-def _print(outcomes: dict[str, Outcome], seconds: dict[str, float], comparison: Comparison | None) -> None:
+def _print(outcomes: dict[str, Outcome], seconds: dict[str, float], comparison: MotionComparison | None) -> None:
     table = Table(
         Column("", no_wrap=True), *outcomes, title="what if, on the analytic twin with the real function blocks"
     )

@@ -12,12 +12,12 @@ from typing import Final
 
 import numpy as np
 
+from dtwin.controller.excitation import ExcitationController
 from dtwin.errors import DtwinError
-from dtwin.identification.estimation.estimate import Settings, identify
+from dtwin.identification.estimation.estimate import EstimationSettings, identify
 from dtwin.identification.estimation.friction import indistinguishable_from_zero
-from dtwin.identification.excitation.blocks import SignalBlocks
+from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.excitation.signal import Plan
 from dtwin.parameters import ArmParameters
 
 _SPREAD: Final = 0.5
@@ -45,7 +45,7 @@ class Trial:
     label: str
     rig: Rig
     plans: tuple[Plan, ...]
-    settings: Settings
+    settings: EstimationSettings
     seed: tuple[int, ...]
     second_start: bool = False
 
@@ -110,11 +110,11 @@ def run_trials(
 
 def run_chunk(trials: Sequence[Trial]) -> list[Outcome]:
     """Runs trials one after the other with one control application, which takes long to load."""
-    blocks = SignalBlocks()
+    blocks = ExcitationController()
     return [run_trial(trial, blocks) for trial in trials]
 
 
-def run_trial(trial: Trial, blocks: SignalBlocks) -> Outcome:
+def run_trial(trial: Trial, blocks: ExcitationController) -> Outcome:
     """Measures and identifies; a refusal is an outcome, not an error."""
     generator = np.random.default_rng(trial.seed)
     try:
@@ -142,7 +142,7 @@ def run_trial(trial: Trial, blocks: SignalBlocks) -> Outcome:
     )
 
 
-def _off(settings: Settings, generator: np.random.Generator) -> ArmParameters:
+def _off(settings: EstimationSettings, generator: np.random.Generator) -> ArmParameters:
     factors = generator.uniform(1 - _SPREAD, 1 + _SPREAD, len(settings.free))
     return settings.known.with_values(
         {

@@ -9,12 +9,12 @@ from typing import Final
 import numpy as np
 
 from dtwin.experiments.identification.campaign import Outcome, Trial, run_trials
-from dtwin.identification.estimation.estimate import NINETY_FIVE, Loss, Settings
+from dtwin.identification.estimation.estimate import NINETY_FIVE, EstimationSettings, Loss
 from dtwin.identification.estimation.friction import FRICTIONS, with_friction
 from dtwin.identification.estimation.problem import START, symbol
 from dtwin.identification.excitation.design import predict
+from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.excitation.signal import Plan
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
 
 FREE: Final = tuple(name for name in PARAMETER_NAMES if symbol(name) in ("K", "I", "c", "D"))
@@ -68,10 +68,10 @@ class Group:
         return float(np.mean(inside)) if inside else np.nan
 
 
-def standard_settings(loss: Loss = "adaptive") -> Settings:
+def standard_settings(loss: Loss = "adaptive") -> EstimationSettings:
     """Twelve free parameters from the thesis's start values; masses and lengths known."""
     known = ArmParameters().with_values({name: START.get(name) for name in FREE})
-    return Settings(FREE, known, loss=loss)
+    return EstimationSettings(FREE, known, loss=loss)
 
 
 def noise_experiment(

@@ -10,13 +10,13 @@ import msgspec
 import numpy as np
 
 from dtwin.controller.embedded import EmbeddedController
+from dtwin.controller.excitation import ExcitationController
 from dtwin.emulation import Emulation, Fault, NoiseKind, parse_fault
 from dtwin.errors import DivergenceError
 from dtwin.experiments.identification.experiments import standard_settings
 from dtwin.identification.estimation.estimate import identify
-from dtwin.identification.excitation.blocks import SignalBlocks
+from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.excitation.signal import Plan
 from dtwin.identification.model import from_estimate
 from dtwin.monitoring.belief import Belief, identified
 from dtwin.monitoring.monitor import Monitor, MonitorSettings
@@ -107,7 +107,7 @@ class Outcome(msgspec.Struct, frozen=True):
 def identified_belief(noise: float, noise_kind: NoiseKind, seed: int) -> Belief:
     """A model of the healthy arm from one identification run at the given noise, as imperfect as that makes it."""
     experiment = Rig(noise=noise, noise_kind=noise_kind).measure(
-        Plan(), SignalBlocks(), np.random.default_rng((seed, 1))
+        Plan(), ExcitationController(), np.random.default_rng((seed, 1))
     )
     estimate = identify([experiment], standard_settings())
     return identified(from_estimate(estimate, np.ones(3), "simulated"))

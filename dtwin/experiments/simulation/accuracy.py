@@ -13,18 +13,18 @@ from typing import Final
 
 import numpy as np
 
+from dtwin.controller.excitation import ExcitationController
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import IdentificationError
 from dtwin.experiments.identification.experiments import standard_settings
 from dtwin.experiments.simulation.emulated_arm import EmulatedArm
 from dtwin.identification.estimation.estimate import identify
-from dtwin.identification.excitation.blocks import SignalBlocks
 from dtwin.identification.excitation.design import optimise
+from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.excitation.signal import Plan
 from dtwin.parameters import PERIOD, PICKUP, ArmParameters, Triple
 from dtwin.simulation.figures import fit
-from dtwin.simulation.whatif import Case, Outcome, Simulator
+from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
 
 TARGET_TIMES: Final = (1.0, 2.0, 4.0, 6.0, 8.0)
 """s"""
@@ -83,7 +83,7 @@ def identified(noise: float, seed: int, true: ArmParameters | None = None, plan:
         IdentificationError: the estimation did not converge.
     """
     rig = Rig(true or ArmParameters(), noise)
-    experiment = rig.measure(plan or Plan(), SignalBlocks(), np.random.default_rng(seed))
+    experiment = rig.measure(plan or Plan(), ExcitationController(), np.random.default_rng(seed))
     estimate = identify([experiment], standard_settings())
     if not estimate.converged:
         raise IdentificationError(f"the model for seed {seed} did not converge: expected a minimum")
@@ -111,13 +111,13 @@ def accuracy(
     for payload in payloads:
         for target_time in target_times:
             settings = ControlSettings(target_time, model=model, payload=payload)
-            case = Case("red", settings, PICKUP.theta, arm=model, payload=payload, duration=target_time + _LOOK)
+            case = MotionCase("red", settings, PICKUP.theta, arm=model, payload=payload, duration=target_time + _LOOK)
             pairs.append(_pair(case, true or ArmParameters(), simulator))
             progress(len(pairs), number)
     return pairs
 
 
-def _pair(case: Case, true: ArmParameters, simulator: Simulator) -> Pair:
+def _pair(case: MotionCase, true: ArmParameters, simulator: Simulator) -> Pair:
     arm = simulator.run(case, partial(EmulatedArm, true))
     twin = simulator.run(case)
     times = (arm.figures.settling_time, twin.figures.settling_time)

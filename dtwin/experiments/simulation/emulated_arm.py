@@ -6,7 +6,7 @@ import numpy as np
 
 from dtwin.emulation.plant import Plant
 from dtwin.parameters import PERIOD, ArmParameters, Triple
-from dtwin.simulation.whatif import Case
+from dtwin.simulation.whatif import MotionCase
 
 
 class EmulatedArm:
@@ -21,7 +21,7 @@ class EmulatedArm:
         ModelError: the model file cannot be used.
     """
 
-    def __init__(self, true: ArmParameters, case: Case, ticks: int) -> None:
+    def __init__(self, true: ArmParameters, case: MotionCase, ticks: int) -> None:
         self.states = np.empty((ticks + 1, 6))
         self._plant = Plant(true)
         self._plant.reset(case.theta, case.omega)

@@ -20,8 +20,8 @@ from dtwin.run.recording import Log
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.figures import triple
 from dtwin.simulation.history import Entry, History
-from dtwin.simulation.live import WatchedController
 from dtwin.simulation.upload import Proposal, Uploader
+from dtwin.simulation.watched_controller import WatchedController
 
 DURATION: Final = 180.0
 GAINS_AT: Final = 60.0

@@ -1,1 +1,1 @@
-"""From data to parameters: the problem, its solver, what the data determine and how good the result is."""
+"""Parameter estimation: the problem, its solver, what the data determine and how good the result is."""

@@ -1,8 +1,8 @@
-"""Maximum-likelihood estimation: from experiments to parameters with their uncertainty.
+"""Maximum-likelihood estimation of parameters and their uncertainty from experiments.
 
-Least squares first, which is the maximum of the likelihood under Gaussian noise. Where the residuals are white but
+Least squares comes first, which maximises the likelihood under Gaussian noise. Where the residuals are white but
 clearly not Gaussian, the likelihood of an exponential-power density of their shape is maximised instead: with
-uniform noise, estimates come out twice as precise as Gaussian noise of that variance allows.
+uniform noise, the estimates become twice as precise as Gaussian noise of the same variance allows.
 """
 
 from __future__ import annotations
@@ -28,37 +28,37 @@ Loss = Literal["adaptive", "gaussian", "huber"]
 LOSSES: Final = ("adaptive", "gaussian", "huber")
 
 NINETY_FIVE: Final = 1.959964
-"""standard errors on either side of an estimate that make its 95 % interval"""
+"""Half width of a 95 % confidence interval in standard errors."""
 _HUBER: Final = 1.345
-"""standard deviations beyond which a residual counts linearly: 95 % efficiency under Gaussian noise"""
+"""Residual beyond which Huber's loss is linear, in standard deviations: 95 % efficiency under Gaussian noise."""
 _SPREAD_OF_STARTS: Final = 0.5
 _PATIENCE: Final = 30
-"""repetitions of a fit with better weights after which it has to do"""
+"""Largest number of repetitions of a fit with improved weights."""
 _SETTLED: Final = 1e-4
-"""change, in standard deviations of the noise or relative, that is no change"""
+"""Change below which a repetition has converged: relative, or in standard deviations of the noise."""
 _LEAD_IN: Final = (20, 40, 80, 160)
-"""samples fitted one after the other on the way from a start that may be far off"""
+"""Numbers of first samples that are fitted one after the other from a start that may be far off."""
 _SAME: Final = 1e-3
-"""relative difference of the noise of two minima that are one"""
+"""Relative difference of the residual noise below which two minima count as the same."""
 _AGREEING: Final = 3
-"""starts that end in the lowest minimum after which no other is expected"""
+"""Number of starts ending in the lowest minimum after which no lower one is expected."""
 _UNEQUAL: Final = 1.2
-"""ratio of the joints' noise from which they are weighted differently"""
+"""Ratio of the largest to the smallest noise of the joints from which they are weighted differently."""
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
-    """How to estimate.
+class EstimationSettings:
+    """What to estimate and how.
 
     Attributes:
         free: names of the free parameters.
-        known: values of all parameters: fixed ones keep them, free ones start there.
-        offsets: estimate the encoders' offsets.
-        priors: knowledge of free parameters from elsewhere.
-        loss: "adaptive" to the shape of the noise, "gaussian" (least squares), "huber" (robust to outliers).
-        starts: the most starting points to try until the residuals are white; those after the first are drawn around
-            it from `seed`.
-        substeps: RK4 steps a sample.
+        known: values of all parameters; fixed ones keep them, free ones start there.
+        offsets: whether to estimate the offsets of the encoders.
+        priors: prior knowledge of free parameters by name.
+        loss: "adaptive" to the shape of the noise, "gaussian" (least squares) or "huber" (robust to outliers).
+        starts: largest number of starting points to try until the residuals are white.
+        seed: number of the random generator that draws the starting points after the first one around it.
+        substeps: number of RK4 steps per sample.
     """
 
     free: tuple[str, ...]
@@ -77,21 +77,21 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """The outcome of an identification.
+    """The result of an estimation.
 
     Attributes:
-        problem: what was estimated from what.
+        problem: the estimation problem that was solved.
         x: all unknowns, scaled as in the problem.
         converged: whether the search ended at a minimum.
         noise: (3,), standard deviation of the residuals, rad.
-        shape: exponent of the noise's density, 2 for least squares.
-        residuals: measured minus predicted, (N, 3) rad an experiment.
-        whiteness: test of the residuals.
+        shape: exponent of the density of the noise; 2 for least squares.
+        residuals: measured minus predicted angles of every experiment, each (N, 3), rad.
+        whiteness: whiteness test of the residuals.
         identifiability: which parameters the data determine.
-        covariance: of the shared unknowns (free parameters, then offsets), SI units; rows and columns of what is
-            not identifiable are NaN.
-        iterations: linearisations of the best search.
-        starts: starting points tried.
+        covariance: covariance of the shared unknowns (free parameters, then offsets), SI units; rows and columns of
+            what is not identifiable are NaN.
+        iterations: number of linearisations in the best search.
+        starts: number of starting points tried.
     """
 
     problem: Problem
@@ -108,39 +108,42 @@ class Estimate:
 
     @cached_property
     def parameters(self) -> ArmParameters:
-        """All parameters, fixed ones included; where data leave combinations open, one of the arms that fit."""
+        """All parameters, fixed ones included; where the data leave combinations open, one of the arms that fit."""
         return self.problem.parameters(self.x)
 
     @cached_property
     def values(self) -> dict[str, float]:
-        """Shared unknowns by name, SI units."""
+        """Estimates of the shared unknowns by name, SI units."""
         return dict(zip(self.problem.shared, (self.x * self.problem.scale).tolist(), strict=False))
 
     @cached_property
     def standard_errors(self) -> dict[str, float]:
-        """By name of the shared unknowns, SI units; NaN where not identifiable."""
+        """Standard errors of the shared unknowns by name, SI units; NaN where not identifiable."""
         return dict(zip(self.problem.shared, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
     @property
     def correlation(self) -> Array:
-        """Of the shared unknowns, NaN where not identifiable."""
+        """Correlation matrix of the shared unknowns; NaN where not identifiable."""
         deviations = np.sqrt(np.diag(self.covariance))
         result: Array = self.covariance / np.outer(deviations, deviations)
         return result
 
     @property
     def bic(self) -> float:
-        """Bayesian information criterion (Schwarz 1978), of Gaussian noise of unknown variance; least is best."""
+        """Bayesian information criterion (Schwarz, Annals of Statistics 6, 1978); the lowest is best.
+
+        The likelihood is that of Gaussian noise of unknown variance.
+        """
         count = sum(len(block) for block in self.residuals)
         variances = np.maximum(self.noise, EXACT) ** 2
         return float(count * np.sum(np.log(variances)) + len(self.x) * math.log(3 * count))
 
 
-def identify(experiments: Sequence[Experiment], settings: Settings) -> Estimate:
-    """Estimates parameters, offsets and unknown initial states from experiments, together.
+def identify(experiments: Sequence[Experiment], settings: EstimationSettings) -> Estimate:
+    """Estimates parameters, offsets and unknown initial states from all experiments together.
 
     Raises:
-        IdentificationError: the data are too poor, or no start leads anywhere.
+        IdentificationError: the data are too poor, or the twin diverges from every starting point.
         ParameterError: a name in the settings is unknown.
     """
     problem = Problem(
@@ -172,7 +175,7 @@ def identify(experiments: Sequence[Experiment], settings: Settings) -> Estimate:
 
 
 def load_kernels() -> None:
-    """Compiles the twin, or loads it compiled, so that a fit after it takes its own time only."""
+    """Compiles the twin or loads it compiled, so that the next fit does not have to."""
     problem = Problem((Experiment(np.zeros((2, 3)), np.zeros((2, 3))),), ("K1",))
     problem.normal(problem.start(), [np.ones(3)])
     problem.cost(problem.start(), [np.ones(3)])
@@ -184,10 +187,10 @@ def covariance(problem: Problem, x: Array, noise: Array, identifiability: Identi
     For parameters outside all null directions the pseudo-inverse gives the Cramer-Rao bound.
 
     Args:
-        problem: whose experiments count; its measured angles do not matter.
+        problem: the estimation problem; its measured angles do not matter.
         x: scaled unknowns.
-        noise: (3,), standard deviation, rad.
-        identifiability: of the problem at x.
+        noise: (3,), standard deviation of the noise, rad.
+        identifiability: which parameters of the problem are identifiable at x.
     """
     shared = len(problem.shared)
     matrix = problem.sensitivity(x, [1.0 / np.maximum(noise, np.finfo(float).tiny)] * len(problem.experiments))
@@ -203,7 +206,7 @@ def covariance(problem: Problem, x: Array, noise: Array, identifiability: Identi
 
 
 class _Found(NamedTuple):
-    """A fit: unknowns, the noise's standard deviation (3,), the variance of estimates relative to least squares."""
+    """A fit: its unknowns, the standard deviation of the noise (3,) and the variance relative to least squares."""
 
     x: Array
     converged: bool
@@ -213,8 +216,11 @@ class _Found(NamedTuple):
     shape: float = 2.0
 
 
-def _best_start(problem: Problem, settings: Settings) -> tuple[_Found, int]:
-    """The lowest minimum over starting points, until its residuals are white or several starts agree on it."""
+def _best_start(problem: Problem, settings: EstimationSettings) -> tuple[_Found, int]:
+    """The lowest minimum over the starting points tried and their number.
+
+    It stops when the residuals of the minimum are white or several starts have reached it.
+    """
     generator = np.random.default_rng(settings.seed)
     level = max(EXACT, *(float(quality.noise(experiment.measured).mean()) for experiment in problem.experiments))
     noise = np.full(3, level)
@@ -242,14 +248,14 @@ def _best_start(problem: Problem, settings: Settings) -> tuple[_Found, int]:
 
 
 def _elsewhere(free: Sequence[str], generator: np.random.Generator) -> Array:
-    """Factors from the known start to another: within 50 %, for Coulomb friction within ten times."""
+    """Factors from the known start to a random one: within 50 %, for Coulomb friction within a factor of ten."""
     near = generator.uniform(1 - _SPREAD_OF_STARTS, 1 + _SPREAD_OF_STARTS, len(free))
     far = 10.0 ** generator.uniform(-1.0, 1.0, len(free))
     return np.where([symbol(name) == "mu" for name in free], far, near)
 
 
 def _lead_in(problem: Problem, x: Array, noise: Array) -> Array:
-    """A start that follows the first samples: a wrong model is still near the arm there, so that the way is clear."""
+    """A start fitted to more and more of the first samples, where even a wrong model is still near the arm."""
     for samples in _LEAD_IN:
         part = replace(problem, experiments=tuple(experiment.head(samples) for experiment in problem.experiments))
         x = _search(part, x, [1.0 / noise] * len(problem.experiments)).x
@@ -257,7 +263,7 @@ def _lead_in(problem: Problem, x: Array, noise: Array) -> Array:
 
 
 def _least_squares(problem: Problem, x: Array, noise: Array) -> _Found:
-    """Least squares with the joints weighted by their noise; repeated when that turns out different."""
+    """Least squares with the joints weighted by their noise; repeated while the noise turns out different."""
     iterations = 0
     while True:
         found = _search(problem, x, [1.0 / noise] * len(problem.experiments))
@@ -280,7 +286,7 @@ def _search(problem: Problem, x: Array, weights: list[Array]) -> Minimum:
 
 
 def _noise(problem: Problem, residuals: Sequence[Array]) -> Array:
-    """(3,): standard deviation a joint, the unknowns taken off the degrees of freedom."""
+    """Standard deviation of each joint's residuals, (3,), rad; unknowns reduce the degrees of freedom."""
     count = sum(map(len, residuals))
     squares = np.sum([np.sum(block**2, axis=0) for block in residuals], axis=0)
     result: Array = np.maximum(np.sqrt(squares / max(1.0, count - len(problem.names) / 3)), EXACT)
@@ -288,7 +294,7 @@ def _noise(problem: Problem, residuals: Sequence[Array]) -> Array:
 
 
 def _robust(problem: Problem, found: _Found) -> _Found:
-    """Huber's estimate by reweighting, the noise from the median (Huber, Robust Statistics, 1981, ch. 7)."""
+    """Huber's estimate by reweighting; the median gives the noise (Huber, Robust Statistics, 1981, ch. 7)."""
     for _ in range(_PATIENCE):
         residuals = problem.residuals(found.x)
         noise = np.maximum(1.4826 * np.median(np.abs(np.concatenate(residuals)), axis=0), EXACT)
@@ -303,7 +309,10 @@ def _robust(problem: Problem, found: _Found) -> _Found:
 
 
 def _flat(problem: Problem, found: _Found, exponent: float) -> _Found:
-    """Maximum likelihood for the density exp(-|z / a|^p), p above 2, of unit variance, from least squares on."""
+    """Maximum likelihood for the density exp(-|z / a|^p) of unit variance with p above 2.
+
+    The search starts at the least-squares estimate.
+    """
     if exponent <= 2.0:
         return found
     a = math.sqrt(math.gamma(1 / exponent) / math.gamma(3 / exponent))
@@ -325,15 +334,15 @@ def _flat(problem: Problem, found: _Found, exponent: float) -> _Found:
 
 
 def _variance(z: Array, slope: Array, p: float) -> float:
-    """Variance of an M-estimate with psi = |z|^(p-1), relative to least squares, averaged over the estimates.
+    """Variance of an M-estimate with psi = |z|^(p-1) relative to least squares, averaged over the estimates.
 
-    The sandwich H^-1 S^T diag(psi^2 / (1 - h)^2) S H^-1 with H = S^T diag(psi') S: dividing by 1 - h takes back how
-    far each observation has drawn its own prediction, without which the variance comes out too small (HC3; MacKinnon
-    and White, J. Econometrics 29, 1985).
+    It is the sandwich H^-1 S^T diag(psi^2 / (1 - h)^2) S H^-1 with H = S^T diag(psi') S and the leverages h. Without
+    the division by 1 - h it would be too small, because each observation draws its own prediction towards itself
+    (HC3; MacKinnon and White, J. Econometrics 29, 1985).
 
     Args:
         z: (R,), residuals.
-        slope: (R, n), their derivatives.
+        slope: (R, n), derivatives of the residuals.
         p: exponent of the likelihood.
     """
     basis, singular, _ = np.linalg.svd(slope, full_matrices=False)
@@ -348,7 +357,7 @@ def _variance(z: Array, slope: Array, p: float) -> float:
 
 
 def _flat_step(z: Array, slope: Array, p: float, prior: Array, prior_slope: Array) -> Array:
-    """The step s that minimises sum |z + slope s|^p + |prior + prior_slope s|^2 / 2, by Newton's method."""
+    """The step s that minimises sum |z + slope s|^p + |prior + prior_slope s|^2 / 2, found by Newton's method."""
     step = np.zeros(slope.shape[1])
 
     def height(at: Array) -> float:

@@ -1,7 +1,7 @@
-"""Which parameters the data can tell apart, and in words.
+"""Local identifiability: which parameters an experiment determines, in numbers and in words.
 
-Derivatives are exact, so what the data cannot see has singular values of rounding size, ten orders below the rest:
-the rank is a fact about the experiment, not a matter of noise.
+The derivatives are exact, so combinations that have no effect on the data have singular values of rounding size, ten
+orders below the others: the rank is a property of the experiment and does not depend on the noise.
 """
 
 from __future__ import annotations
@@ -16,26 +16,26 @@ from dtwin.identification.data import Array, Experiment, Start
 from dtwin.identification.estimation.problem import Problem, symbol
 
 _RANK_TOLERANCE: Final = 1e-9
-"""relative to the largest singular value of unit columns"""
+"""Singular value that counts as zero, relative to the largest one of a matrix with unit columns."""
 _ABSENT: Final = 1e-5
-"""share of a null direction below which a parameter does not take part in it"""
+"""Component of a null direction below which a parameter does not take part in it."""
 _USUAL_NOISE: Final = 1e-3
-"""rad, sets how much data weigh against priors; the rank does not depend on it"""
+"""Noise that sets the weight of the data against the priors, rad; the rank does not depend on it."""
 _OTHER_PAYLOAD: Final = 0.2
-"""kg, of the run proposed beside an empty one"""
+"""Payload of the run that is proposed beside an empty one, kg."""
 
 
 @dataclass(frozen=True, slots=True)
 class Identifiability:
-    """What an experiment determines.
+    """Which parameters an experiment determines.
 
     Attributes:
-        free: the free parameters.
-        rank: how many independent combinations of them the data determine.
-        identifiable: parameters that are determined themselves.
-        combinations: groups of the others; of a group only combinations are determined.
-        missing: dimension of what stays undetermined in each group.
-        advice: what would determine all, or more.
+        free: names of the free parameters.
+        rank: number of independent combinations of the free parameters that the data determine.
+        identifiable: names of the parameters that the data determine.
+        combinations: groups of the other parameters; of a group only combinations are determined.
+        missing: number of undetermined directions in each group.
+        advice: what would make all parameters identifiable, or at least more of them.
     """
 
     free: tuple[str, ...]
@@ -47,11 +47,11 @@ class Identifiability:
 
     @property
     def unidentifiable(self) -> tuple[str, ...]:
-        """Free parameters that are not determined, in the order of `free`."""
+        """Names of the free parameters that are not determined, in the order of `free`."""
         return tuple(name for name in self.free if name not in self.identifiable)
 
     def text(self) -> str:
-        """The finding in words."""
+        """The result in words."""
         count = len(self.free)
         if self.rank == count:
             return f"All {count} free parameters are determined."
@@ -66,7 +66,7 @@ class Identifiability:
 
 
 def analyse(problem: Problem, x: Array) -> Identifiability:
-    """The parameters that the problem's data and priors determine, around scaled unknowns x."""
+    """Finds which parameters the data and priors of a problem determine, linearised at the scaled unknowns x."""
     matrix = parameter_sensitivity(problem, x)
     null = null_space(matrix)
     rank = len(problem.free) - null.shape[1]
@@ -80,26 +80,29 @@ def analyse(problem: Problem, x: Array) -> Identifiability:
 
 
 def parameter_sensitivity(problem: Problem, x: Array) -> Array:
-    """Derivatives (R, free) of what neither offsets nor initial states explain, over the size of all of them."""
+    """Derivatives (R, free) of the data by the parameters, projected off the offsets and initial states.
+
+    Each column is divided by the norm that it has before the projection.
+    """
     matrix = problem.sensitivity(x, [np.full(3, 1.0 / _USUAL_NOISE)] * len(problem.experiments))
     free = len(problem.free)
     offsets = matrix.shape[1] - free
     triangle = np.asarray(np.linalg.qr(np.hstack((matrix[:, free:], matrix[:, :free])), mode="r"))
     reduced = triangle[offsets:, offsets:]
-    # Where nothing but rounding is left of a column, it is not to be blown up to unit length: hence the size before.
+    # A column of which only rounding is left must not be scaled to unit length: hence the norm before.
     norms = np.linalg.norm(matrix[:, :free], axis=0)
     return reduced / np.where(norms > 0, norms, 1.0)
 
 
 def null_space(matrix: Array) -> Array:
-    """(n, k): an orthonormal basis of what the matrix maps to nothing but rounding."""
+    """Orthonormal basis (n, k) of the null space of a matrix up to rounding."""
     _, singular, right = np.linalg.svd(matrix, full_matrices=True)
     rank = int((singular > _RANK_TOLERANCE * singular[0]).sum()) if singular.size else 0
     return right[rank:].T
 
 
 def _groups(null: Array) -> list[tuple[int, ...]]:
-    """Parameters tied together by null directions: blocks of the reduced echelon form of their basis."""
+    """Groups of parameters that share null directions: the blocks of the reduced echelon form of the null space."""
     rows = null.T.copy()
     pivots: list[int] = []
     for row in range(len(rows)):
@@ -123,7 +126,7 @@ def _groups(null: Array) -> list[tuple[int, ...]]:
 
 
 def _advise(problem: Problem, x: Array, rank: int) -> str:
-    """Tries what an operator could do: measure masses or lengths, run with another payload."""
+    """Tries which additional knowledge or run would help: measured masses or lengths, or another payload."""
     extra = _with_another_payload(problem)
     options: list[tuple[str, Problem]] = []
     for text, base in (("", problem), ("add a run with another payload", extra)):

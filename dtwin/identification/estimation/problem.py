@@ -1,7 +1,8 @@
 """The estimation problem: measured = theta(unknowns) + offset + noise, over one or several experiments.
 
-Unknowns are, in this order, the free parameters, the three encoder offsets, and six initial states for every
-experiment whose start is not known. They are scaled: 1 stands for a parameter's start value, 1 rad, 1 rad/s.
+The unknowns are, in this order, the free parameters, the three encoder offsets, and six initial states for every
+experiment whose start is not known. They are scaled: a parameter of 1 has its start value; offsets and initial states
+are in rad and rad/s.
 """
 
 from __future__ import annotations
@@ -16,16 +17,16 @@ import numpy as np
 
 from dtwin.errors import DivergenceError, ParameterError, choices
 from dtwin.identification.data import Array, Experiment
-from dtwin.identification.estimation.solver import Normal
+from dtwin.identification.estimation.solver import NormalEquations
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
 from dtwin.twin.rollout import rollout
 from dtwin.twin.sensitivity import STATE_NAMES, sensitivities
 
 OFFSETS: Final = ("offset1", "offset2", "offset3")
-"""additive errors of the encoders, rad"""
+"""Names of the encoder offsets, which are in rad."""
 
 UPPER: Final = MappingProxyType({"K": 1.0, "m": 0.15, "I": 0.1, "l": 0.2, "c": 0.15, "D": 0.1, "mu": 0.5})
-"""by symbol, SI units"""
+"""Upper bounds of the estimates by symbol, SI units."""
 LOWER: Final = MappingProxyType({"K": 1e-3, "m": 1e-3, "I": 1e-6, "l": 1e-2, "c": 1e-3, "D": 0.0, "mu": 0.0})
 
 START: Final = ArmParameters(
@@ -35,12 +36,20 @@ START: Final = ArmParameters(
     com=(0.12, 0.10, 0.14),
     damping=(0.07, 0.03, 0.04),
 )
-"""what is known of the arm before the first identification; lengths are measured"""
+"""Parameters assumed before the first identification; the lengths are measured."""
 
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """What is known of a parameter from elsewhere, "mass 0.116 +- 0.001": mean and standard deviation, SI units."""
+    """Prior knowledge of a parameter, such as 0.116 +- 0.001 for a mass.
+
+    Attributes:
+        mean: expected value, SI units.
+        deviation: standard deviation, SI units.
+
+    Raises:
+        ParameterError: the mean is not finite, or the deviation is not above 0.
+    """
 
     mean: float
     deviation: float
@@ -51,21 +60,21 @@ class Prior:
 
 
 def symbol(name: str) -> str:
-    """K of K1."""
+    """The symbol of a parameter's name, such as K of K1."""
     return name.rstrip("123")
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What is to be estimated from what.
+    """An estimation problem: the data, the unknowns and the prior knowledge.
 
     Attributes:
-        experiments: at least one.
+        experiments: experiments that are fitted together, at least one.
         free: names of the free parameters, some of PARAMETER_NAMES.
         fixed: values of all parameters; those of the free ones are their scale.
-        offsets: whether the encoder offsets are unknown; 0 otherwise.
-        priors: by name of a free parameter.
-        substeps: RK4 steps a sample.
+        offsets: whether the encoder offsets are unknown; otherwise they are 0.
+        priors: prior knowledge by the names of free parameters.
+        substeps: number of RK4 steps per sample.
     """
 
     experiments: tuple[Experiment, ...]
@@ -88,31 +97,31 @@ class Problem:
 
     @cached_property
     def shared(self) -> tuple[str, ...]:
-        """Names of the unknowns common to all experiments."""
+        """Names of the unknowns that all experiments share."""
         return (*self.free, *(OFFSETS if self.offsets else ()))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Of all unknowns; an initial state is called theta1@2 for the second experiment."""
+        """Names of all unknowns; an initial state of the second experiment is called theta1@2, for example."""
         unknown = [k for k, experiment in enumerate(self.experiments, 1) if not experiment.start.known]
         return (*self.shared, *(f"{name}@{k}" for k in unknown for name in STATE_NAMES))
 
     @cached_property
     def scale(self) -> Array:
-        """SI units of one unit of each unknown; a parameter that is 0 scales by its typical size, see _TYPICAL."""
+        """Value in SI units of one scaled unit of each unknown; a parameter that is 0 has a typical value instead."""
         sizes = [self.fixed.get(name) or _TYPICAL[symbol(name)] for name in self.free]
         return np.array([*sizes, *np.ones(len(self.names) - len(self.free))])
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper, scaled."""
+        """Lower and upper bounds of the scaled unknowns."""
         lower, upper = np.full(len(self.names), -np.inf), np.full(len(self.names), np.inf)
         for k, name in enumerate(self.free):
             lower[k], upper[k] = LOWER[symbol(name)], UPPER[symbol(name)]
         return lower / self.scale, upper / self.scale
 
     def start(self, parameters: ArmParameters | None = None) -> Array:
-        """Scaled unknowns at given parameters, no offsets, and initial states read off the measured angles."""
+        """Scaled unknowns at given parameters, with offsets of 0 and initial states from the measured angles."""
         values = parameters or self.fixed
         x = [values.get(name) for name in self.free] + [0.0] * (len(self.shared) - len(self.free))
         for experiment in self.experiments:
@@ -121,18 +130,18 @@ class Problem:
         return np.array(x) / self.scale
 
     def parameters(self, x: Array) -> ArmParameters:
-        """All parameters at scaled unknowns."""
+        """All parameters for given scaled unknowns."""
         return self.fixed.with_values(dict(zip(self.free, (x * self.scale).tolist(), strict=False)))
 
     def offset(self, x: Array) -> Array:
-        """(3,), rad."""
+        """Encoder offsets for given scaled unknowns, (3,), rad."""
         return x[len(self.free) : len(self.shared)] if self.offsets else np.zeros(3)
 
     def simulate(self, x: Array) -> list[Array]:
-        """What the encoders would say without noise, (N, 3) rad an experiment.
+        """Readings of the encoders without noise for every experiment, each (N, 3), rad.
 
         Raises:
-            DivergenceError: the unknowns make the twin diverge.
+            DivergenceError: the twin diverges with these unknowns.
         """
         parameters, offset = self.parameters(x), self.offset(x)
         return [
@@ -150,11 +159,11 @@ class Problem:
         ]
 
     def residuals(self, x: Array) -> list[Array]:
-        """Measured minus predicted, (N, 3) rad an experiment."""
+        """Measured minus predicted angles of every experiment, each (N, 3), rad."""
         return [e.measured - angles for e, angles in zip(self.experiments, self.simulate(x), strict=True)]
 
     def derivatives(self, x: Array) -> list[tuple[Array, Array]]:
-        """`simulate` and its derivatives by all unknowns, (N, 3, n) an experiment, scaled."""
+        """For every experiment the readings of `simulate` and their derivatives (N, 3, n) by the scaled unknowns."""
         parameters, offset = self.parameters(x), self.offset(x)
         count, free = len(self.names), len(self.free)
         results = []
@@ -181,11 +190,11 @@ class Problem:
         return results
 
     def cost(self, x: Array, weights: Sequence[Array]) -> float:
-        """Weighted sum of squares; infinite where the twin diverges.
+        """Weighted sum of squares of the residuals; infinite where the twin diverges.
 
         Args:
             x: scaled unknowns.
-            weights: (N, 3) or (3,) an experiment, 1/rad: residuals are multiplied by them.
+            weights: factors of the residuals for every experiment, each (N, 3) or (3,), 1/rad.
         """
         try:
             predicted = self.simulate(x)
@@ -197,8 +206,8 @@ class Problem:
             total += float(np.vdot(residual, residual))
         return total
 
-    def normal(self, x: Array, weights: Sequence[Array]) -> Normal | None:
-        """The weighted sum of squares with its derivatives; None where the twin diverges."""
+    def normal(self, x: Array, weights: Sequence[Array]) -> NormalEquations | None:
+        """Weighted sum of squares with gradient and Gauss-Newton matrix; None where the twin diverges."""
         try:
             derivatives = self.derivatives(x)
         except DivergenceError:
@@ -215,12 +224,13 @@ class Problem:
             gradient += weighted.T @ residual
             hessian += weighted.T @ weighted
             residuals += residual.size
-        return Normal(cost, gradient, hessian, residuals)
+        return NormalEquations(cost, gradient, hessian, residuals)
 
     def sensitivity(self, x: Array, weights: Sequence[Array]) -> Array:
-        """Weighted derivatives by the shared unknowns (R, n), what initial states could explain removed.
+        """Weighted derivatives (R, n) by the shared unknowns, projected off the unknown initial states.
 
-        R^T R is their Fisher information, without its square root's loss of digits. Priors add rows.
+        With this matrix S, S^T S is the Fisher information of the shared unknowns; working with S itself keeps twice
+        as many digits. Priors add rows.
         """
         shared = len(self.shared)
         blocks = [np.diag(self.prior(x)[1][:shared])[: len(self.free)]] if self.priors else []
@@ -245,7 +255,10 @@ class Problem:
         return states
 
     def prior(self, x: Array) -> tuple[Array, Array]:
-        """How far the unknowns are from their priors, in deviations, and its derivative; 0 without a prior."""
+        """Distances of the unknowns from their priors in standard deviations, and the derivatives of the distances.
+
+        Both are 0 for an unknown without a prior.
+        """
         residual, slope = np.zeros(len(self.names)), np.zeros(len(self.names))
         for name, prior in self.priors.items():
             k = self.free.index(name)
@@ -255,12 +268,12 @@ class Problem:
 
 
 _HOPELESS: Final = 1e30
-"""derivative of an angle beyond which a motion depends on rounding"""
+"""Derivative of an angle beyond which a motion depends on rounding alone."""
 _TYPICAL: Final = {"K": 0.1, "m": 0.1, "I": 1e-4, "l": 0.1, "c": 0.1, "D": 0.01, "mu": 0.01}
 
 
 def initial_speed(experiment: Experiment) -> list[float]:
-    """rad/s at the first sample: slope there of the parabola through the first twelve samples, least squares.
+    """Joint velocities at the first sample, rad/s, from a parabola fitted to the first twelve samples.
 
     A difference quotient of high order through seven samples would amplify the noise forty times as much.
     """

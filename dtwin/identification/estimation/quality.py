@@ -1,4 +1,4 @@
-"""Reasons to refuse data before a fit: it would return numbers, and they would be wrong."""
+"""Checks of data before a fit, which would otherwise return wrong numbers without a warning."""
 
 from __future__ import annotations
 
@@ -12,26 +12,27 @@ from dtwin.identification.data import Array, Experiment
 from dtwin.parameters import VOLTAGE_LIMIT
 
 MIN_SAMPLES_PER_UNKNOWN: Final = 4
-"""measured angles for every unknown"""
+"""Least number of measured angles for every unknown."""
 SATURATED_SHARE: Final = 0.5
-"""of the samples of a motor beyond its limit"""
+"""Largest share of the samples in which a motor may be commanded beyond its limit."""
 MOTION_OVER_NOISE: Final = 5.0
-"""standard deviation of a joint's angle over that of its noise"""
+"""Least ratio of the standard deviation of a joint's angle to that of its noise."""
 STILL: Final = 1e-3
-"""rad, standard deviation of an angle below which the joint stood still"""
+"""Standard deviation of an angle below which the joint stood still, rad."""
 FASTEST: Final = 1.0
-"""rad a sample at 10 ms: 100 rad/s, ten times what the motors can do"""
+"""Largest change of an angle between two samples, rad: 100 rad/s at 10 ms, ten times what the motors can do."""
 
 
 def check(experiments: Sequence[Experiment], unknowns: int) -> None:
-    """Refuses data no model should be made of.
+    """Refuses data from which no model should be estimated.
 
     Args:
-        experiments: to be fitted together.
-        unknowns: to be estimated from them.
+        experiments: experiments to be fitted together.
+        unknowns: number of unknowns to be estimated.
 
     Raises:
-        IdentificationError: too few samples, no motion, saturated, or diverged; the message says what to do.
+        IdentificationError: there are too few samples or too little motion, a motor is saturated, or a measurement
+            diverged; the message says what to do.
     """
     angles = 3 * sum(len(experiment) for experiment in experiments)
     if angles < MIN_SAMPLES_PER_UNKNOWN * unknowns:
@@ -47,14 +48,14 @@ def check(experiments: Sequence[Experiment], unknowns: int) -> None:
 
 
 def noise(measured: Array) -> Array:
-    """(3,): standard deviation of the encoders' noise, rad, from third differences, which remove smooth motion.
+    """Standard deviation of the noise of each encoder, (3,), rad, from third differences, which cancel smooth motion.
 
-    The median makes it blind to outliers.
+    The median makes it robust to outliers.
     """
     if len(measured) < 5:
         return np.zeros(3)
     differences = np.abs(np.diff(measured, n=3, axis=0))
-    # Variance of the third difference of white noise is 1 + 9 + 9 + 1 times that of the noise.
+    # The variance of the third difference of white noise is 1 + 9 + 9 + 1 times that of the noise.
     result: Array = 1.4826 * np.median(differences, axis=0) / np.sqrt(20.0)
     return result
 

@@ -1,4 +1,4 @@
-"""What the residuals say: noise, its shape, whether anything but noise is left, and the fit on unseen data."""
+"""Analysis of residuals: the whiteness test, the shape of the noise, and the fit of a prediction."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from dtwin.identification.data import Array
 
 LAGS: Final = 10
 SIGNIFICANCE: Final = 1e-4
-"""probability per joint that white residuals are called coloured"""
+"""Significance level of the whiteness test of each joint."""
 NEGLIGIBLE: Final = 0.05
-"""autocorrelation that is no reason to reject a model, however many samples prove it"""
+"""Autocorrelation below which a model is not rejected, however significant it is."""
 EXACT: Final = 1e-9
-"""rad, root mean square below which residuals are rounding: nothing is left to explain"""
+"""Root mean square below which residuals are rounding errors and count as white, rad."""
 _FLATTEST: Final = 6.0
-"""a larger exponent gains little and leans on ever fewer residuals"""
+"""Largest exponent of the density: larger ones gain little and depend on ever fewer residuals."""
 
 
 @dataclass(frozen=True, slots=True)
 class Whiteness:
-    """Ljung-Box test of the residuals of the three joints over LAGS lags (Biometrika 65, 1978).
+    """Ljung-Box test of the residuals of each joint over LAGS lags (Ljung and Box, Biometrika 65, 1978).
 
     Attributes:
-        p_values: probability of autocorrelations at least this large if the residuals are white.
-        largest: autocorrelation in absolute value, a joint.
+        p_values: probability for each joint of autocorrelations at least this large if the residuals are white.
+        largest: largest absolute autocorrelation of each joint.
     """
 
     p_values: tuple[float, ...]
@@ -45,7 +45,7 @@ class Whiteness:
 
 
 def whiteness(residuals: Sequence[Array]) -> Whiteness:
-    """Tests residuals (N, 3) of each experiment, rad; correlations across experiments do not count."""
+    """Tests the residuals of all experiments, each (N, 3), rad; correlations across experiments do not count."""
     centred = [block - block.mean(axis=0) for block in residuals]
     count = sum(map(len, centred))
     power = np.sum([np.sum(block**2, axis=0) for block in centred], axis=0)
@@ -59,17 +59,18 @@ def whiteness(residuals: Sequence[Array]) -> Whiteness:
 
 
 def fit(measured: Array, predicted: Array) -> Array:
-    """(3,): 1 - ||y - yhat|| / ||y - mean(y)||, 1 is perfect; for angles (N, 3)."""
+    """Fit 1 - ||y - yhat|| / ||y - mean(y)|| of each joint, (3,), for angles of shape (N, 3); 1 is perfect."""
     spread = np.linalg.norm(measured - measured.mean(axis=0), axis=0)
     result: Array = 1.0 - np.linalg.norm(measured - predicted, axis=0) / np.maximum(spread, np.finfo(float).tiny)
     return result
 
 
 def shape(residuals: Array) -> float:
-    """Exponent p of the exponential-power density exp(-|r|^p) with the residuals' kurtosis.
+    """Exponent p of the exponential-power density exp(-|r|^p) that has the kurtosis of the residuals.
 
-    2 is Gaussian, and the answer unless a test tells the noise to be flatter; uniform noise has no finite p and gives
-    the largest allowed, 6 (Box and Tiao, Bayesian Inference in Statistical Analysis, 1973, ch. 3).
+    The exponent is 2 (Gaussian noise) unless the kurtosis is significantly below that of Gaussian noise. Uniform
+    noise, which has no finite exponent, gives the largest one allowed, 6 (Box and Tiao, Bayesian Inference in
+    Statistical Analysis, 1973, ch. 3).
     """
     centred = residuals - residuals.mean()
     kurtosis = float(np.mean(centred**4) / np.mean(centred**2) ** 2)

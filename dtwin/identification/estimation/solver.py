@@ -22,16 +22,23 @@ Array = NDArray[np.float64]
 _FIRST_DAMPING: Final = 1e-3
 _LARGEST_DAMPING: Final = 1e12
 _UNDAMPED: Final = 1e-11
-"""damping of the Newton step: enough to factorise where unknowns cannot be told apart"""
+"""Damping of the Newton step: just enough to factorise the matrix where unknowns are not identifiable."""
 _STATISTICAL: Final = 1e-6
-"""expected decrease in units of the residual variance at which the unknowns are within 1e-3 standard errors"""
+"""Expected decrease, in units of the residual variance, at which the unknowns are within 1e-3 standard errors."""
 _ROUNDING: Final = 1e-28
-"""decrease relative to the sum of squares of the data that rounding hides"""
+"""Decrease, relative to the sum of squares of the data, that cannot be told from rounding."""
 
 
 @dataclass(frozen=True, slots=True)
-class Normal:
-    """Sum of squares at a point: r^T r, the gradient J^T r (n,) and J^T J (n, n)."""
+class NormalEquations:
+    """A sum of squares at a point, with the matrices of the normal equations.
+
+    Attributes:
+        cost: sum of squares r^T r.
+        gradient: J^T r, (n,).
+        hessian: Gauss-Newton matrix J^T J, (n, n).
+        residuals: number of residuals.
+    """
 
     cost: float
     gradient: Array
@@ -41,23 +48,23 @@ class Normal:
 
 @dataclass(frozen=True, slots=True)
 class Minimum:
-    """Where the search ended.
+    """The point at which a search ended.
 
     Attributes:
         x: (n,), unknowns.
-        normal: the sum of squares there.
+        normal: sum of squares at x.
         converged: whether no further decrease beyond noise and rounding is to be expected.
-        iterations: linearisations spent.
+        iterations: number of linearisations.
     """
 
     x: Array
-    normal: Normal
+    normal: NormalEquations
     converged: bool
     iterations: int
 
 
 def minimise(
-    linearise: Callable[[Array], Normal | None],
+    linearise: Callable[[Array], NormalEquations | None],
     cost: Callable[[Array], float],
     start: Array,
     lower: Array,
@@ -66,16 +73,16 @@ def minimise(
     iterations: int = 60,
     power: float = 1.0,
 ) -> Minimum:
-    """Searches a minimum of a sum of squares between bounds.
+    """Searches a minimum of a sum of squares within bounds.
 
     Args:
-        linearise: the sum of squares with its derivatives at x (n,); None where the model diverges.
-        cost: the sum of squares alone; infinite where the model diverges.
-        start: (n,), clipped to the bounds.
-        lower: (n,).
-        upper: (n,).
-        iterations: linearisations after which the search gives up.
-        power: sum of squares of the data, against which rounding is measured.
+        linearise: returns the sum of squares with its derivatives at x (n,), or None where the model diverges.
+        cost: returns the sum of squares alone, or infinity where the model diverges.
+        start: (n,), first point, which is clipped to the bounds.
+        lower: (n,), lower bounds.
+        upper: (n,), upper bounds.
+        iterations: largest number of linearisations.
+        power: sum of squares of the data, to which rounding is relative.
 
     Raises:
         IdentificationError: the model diverges at the start.
@@ -111,8 +118,8 @@ def minimise(
     return Minimum(x, normal, False, iterations)
 
 
-def _step(normal: Normal, damping: Array, loose: NDArray[np.intp]) -> Array:
-    """-(J^T J + diag(damping))^-1 J^T r over the loose unknowns, 0 for the others."""
+def _step(normal: NormalEquations, damping: Array, loose: NDArray[np.intp]) -> Array:
+    """The step -(J^T J + diag(damping))^-1 J^T r of the unknowns that no bound holds, and 0 for the others."""
     step = np.zeros_like(normal.gradient)
     if loose.size:
         matrix = normal.hessian[np.ix_(loose, loose)] + np.diag(damping[loose])
@@ -120,6 +127,6 @@ def _step(normal: Normal, damping: Array, loose: NDArray[np.intp]) -> Array:
     return step
 
 
-def _small(decrease: float, normal: Normal, power: float) -> bool:
+def _small(decrease: float, normal: NormalEquations, power: float) -> bool:
     freedom = max(1, normal.residuals - len(normal.gradient))
     return decrease <= max(_STATISTICAL * normal.cost / freedom, _ROUNDING * power)

@@ -1,4 +1,4 @@
-"""What an experiment will tell before it is made, and which signal tells most."""
+"""Optimal experiment design: the precision that an experiment can give, and the signal that gives the best one."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from dtwin.errors import DivergenceError, IdentificationError
 from dtwin.identification.estimation.estimate import covariance
 from dtwin.identification.estimation.identifiability import Identifiability, analyse
 from dtwin.identification.estimation.problem import Problem
-from dtwin.identification.excitation.signal import Excitation, Plan, Ticks
+from dtwin.identification.excitation.plan import Excitation, Plan, Ticks
 from dtwin.parameters import ArmParameters, Triple, scaled
 
 UNITS: Final = (2, 45)
-"""ticks of a unit the optimiser chooses from"""
+"""Least and largest length of a unit that the search tries, ticks."""
 LATEST: Final = 60
-"""ticks of delay it chooses from"""
+"""Largest delay that the search tries, ticks."""
 _DAMPINGS: Final = (1.0, 0.6, 0.8, 1.4)
-"""factors of the damping, the least known parameter before an identification, with which the reach must hold too"""
+"""Factors of the damping for which the reach must be kept: before an identification it is the least known."""
 _SHARES: Final = (0.6, 0.8, 1.0, 1.0)
-"""of the planned amplitude, of a signal anywhere"""
+"""Shares of the planned amplitude from which a random signal takes its own."""
 _EXPLORED: Final = 0.4
-"""share of the trials spent on signals anywhere; the rest varies the best one"""
+"""Share of the trials spent on random signals; the other trials vary the best signal so far."""
 
 
 @dataclass(frozen=True, slots=True)
-class Prediction:
-    """The Cramer-Rao bound of experiments under Gaussian noise, encoder offsets unknown.
+class CramerRaoBounds:
+    """Cramer-Rao bounds of planned experiments under Gaussian noise and with unknown encoder offsets.
 
     Attributes:
-        bounds: standard errors no unbiased estimate can be below, by name, SI units; NaN if not identifiable.
-        relative: the same over the parameters' values, offsets left out.
+        bounds: least standard errors of an unbiased estimate by name, SI units; NaN where not identifiable.
+        relative: the bounds divided by the values of the parameters, without those of the encoder offsets.
         identifiability: which parameters the experiments determine.
-        reach: (3,), how far each joint goes from its start, rad.
+        reach: (3,), largest distance of each joint from its start, rad.
     """
 
     bounds: dict[str, float]
@@ -51,13 +51,13 @@ class Prediction:
         return math.inf if any(map(math.isnan, values)) else max(values, default=0.0)
 
 
-def predict(plans: Sequence[Plan], free: tuple[str, ...], arm: ArmParameters, deviation: float) -> Prediction:
-    """The bounds on the free parameters from all planned experiments together, if the arm is `arm`.
+def predict(plans: Sequence[Plan], free: tuple[str, ...], arm: ArmParameters, deviation: float) -> CramerRaoBounds:
+    """The Cramer-Rao bounds on the free parameters from all planned experiments together.
 
     Args:
-        plans: of the experiments.
-        free: names of the parameters to be estimated.
-        arm: around which the bound is computed.
+        plans: plans of the experiments.
+        free: names of the parameters to estimate.
+        arm: parameters at which the bounds are computed.
         deviation: standard deviation of the noise, rad.
 
     Raises:
@@ -71,7 +71,7 @@ def predict(plans: Sequence[Plan], free: tuple[str, ...], arm: ArmParameters, de
     bounds = dict(zip(problem.shared, errors.tolist(), strict=True))
     first, second, third = np.max(motions, axis=0).tolist()
     relative = {name: bounds[name] / arm.get(name) if arm.get(name) else bounds[name] for name in free}
-    return Prediction(bounds, relative, identifiability, (first, second, third))
+    return CramerRaoBounds(bounds, relative, identifiability, (first, second, third))
 
 
 def optimise(
@@ -85,19 +85,19 @@ def optimise(
     trials: int = 1000,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Plan:
-    """Searches unit, delays and amplitudes of the 3-2-1-1 signals for the least worst relative bound.
+    """Searches unit, delays and amplitudes of the 3-2-1-1 signals that minimise the largest relative bound.
 
-    Duration and load stay as planned, and the planned amplitudes are the limits of what is tried.
+    Duration and load stay as planned; no amplitude exceeds the planned one.
 
     Args:
-        plan: the experiment to improve.
-        free: names of the parameters to be estimated.
-        arm: believed to be, such as the last model.
-        deviation: standard deviation of the noise, rad; scales all bounds alike.
-        generator: of the trials.
-        reach: rad, how far a joint may go from its start, also if the damping is 40 % off.
-        trials: signals to look at, a few ms each.
-        progress: told the number of trials done.
+        plan: plan of the experiment to improve.
+        free: names of the parameters to estimate.
+        arm: assumed parameters of the arm, such as those of the last model.
+        deviation: standard deviation of the noise, rad; it scales all bounds alike.
+        generator: random generator of the signals that are tried.
+        reach: largest distance of a joint from its start, rad, which is also kept if the damping is 40 % off.
+        trials: number of signals to try, a few ms each.
+        progress: called with the number of trials done.
 
     Raises:
         IdentificationError: no signal keeps within the reach and determines all parameters.
@@ -147,7 +147,7 @@ def _anywhere(limit: Excitation, generator: np.random.Generator) -> Excitation:
 
 
 def _near(signal: Excitation, limit: Excitation, generator: np.random.Generator) -> Excitation:
-    """One or two of the properties of a signal changed a little."""
+    """A signal of which one or two properties are changed a little."""
     amplitude, delay, unit = np.array(signal.amplitude), np.array(signal.delay), signal.unit
     for kind in generator.integers(0, 7, generator.integers(1, 3)).tolist():
         if kind < 3:

@@ -1,4 +1,4 @@
-"""A simulated experiment: the emulated arm, at rest, moved by the signal of the function blocks."""
+"""A simulated experiment: the emulated arm starts at rest and is moved by the signal of the function blocks."""
 
 from __future__ import annotations
 
@@ -6,23 +6,23 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dtwin.controller.excitation import ExcitationController
 from dtwin.emulation.encoders import Encoders, NoiseKind
 from dtwin.emulation.plant import Plant
 from dtwin.identification.data import Experiment
-from dtwin.identification.excitation.blocks import SignalBlocks
-from dtwin.identification.excitation.signal import Plan
+from dtwin.identification.excitation.plan import Plan
 from dtwin.parameters import PERIOD, ArmParameters
 
 
 @dataclass(frozen=True, slots=True)
 class Rig:
-    """The arm an experiment is made on, and what the plan does not know of it.
+    """The test rig of an experiment: an emulated arm with properties that the plan does not know.
 
     Attributes:
-        arm: the true arm.
+        arm: true parameters of the arm.
         noise: magnitude N of the encoder noise, rad.
-        noise_kind: "uniform" (of mean N/2), "gaussian" (standard deviation N) or "none".
-        excess_payload: by how much the load is heavier than planned, kg.
+        noise_kind: "uniform" (mean N/2), "gaussian" (standard deviation N) or "none".
+        excess_payload: mass by which the load is heavier than planned, kg.
     """
 
     arm: ArmParameters = field(default_factory=ArmParameters)
@@ -35,16 +35,17 @@ class Rig:
         """Standard deviation of the encoder noise, rad."""
         return self.noise * {"none": 0.0, "gaussian": 1.0, "uniform": 12**-0.5}[self.noise_kind]
 
-    def measure(self, plan: Plan, blocks: SignalBlocks, generator: np.random.Generator) -> Experiment:
-        """Makes the experiment on the emulated arm under the function blocks' signal.
+    def measure(self, plan: Plan, controller: ExcitationController, generator: np.random.Generator) -> Experiment:
+        """Makes a planned experiment on the emulated arm.
 
         Args:
-            plan: of the experiment.
-            blocks: the control application.
-            generator: of the noise.
+            plan: plan of the experiment.
+            controller: control application, which plays the signal.
+            generator: random generator of the encoder noise.
 
         Raises:
-            ParameterError: a number is out of range. DivergenceError: the arm left the finite numbers.
+            ParameterError: a number is out of range.
+            DivergenceError: the state of the arm is no longer finite.
         """
         plant = Plant(self.arm)
         plant.reset(plan.start.theta, plan.start.omega)
@@ -54,11 +55,12 @@ class Rig:
         else:
             plant.set_payload(load)
         encoders = Encoders(self.noise_kind, self.noise, generator)
-        blocks.begin(plan.signal, plan.samples)
+        signal = plan.signal
+        controller.begin(signal.amplitude, signal.unit, signal.delay, plan.samples)
         measured, volts = np.empty((plan.samples, 3)), np.empty((plan.samples, 3))
         for k in range(plan.samples):
             first, second, third, gripper = encoders.measure(plant.angles, plant.time)
-            command = blocks.step((first, second, third), gripper)
+            command = controller.step((first, second, third), gripper)
             measured[k], volts[k] = (first, second, third), command[:3]
             plant.apply(command)
             plant.advance(PERIOD)

@@ -6,10 +6,10 @@ from scipy.stats import chi2
 
 from dtwin.errors import IdentificationError, ParameterError
 from dtwin.identification.data import Experiment
-from dtwin.identification.estimation.estimate import Settings, identify
+from dtwin.identification.estimation.estimate import EstimationSettings, identify
 from dtwin.identification.estimation.problem import START, Prior
 from dtwin.identification.excitation.design import predict
-from dtwin.identification.excitation.signal import Plan
+from dtwin.identification.excitation.plan import Plan
 from dtwin.parameters import PARAMETER_NAMES
 from tests.support.identification import ARM, CLEAN, FREE, NO_MASSES, SETTINGS, measured, noisy, truth
 
@@ -37,7 +37,7 @@ def test_without_noise_every_parameter_is_exact():
 
 
 def test_masses_known_two_runs_determine_the_fifteen_others():
-    settings = Settings(NO_MASSES, ARM.with_values({name: START.get(name) for name in NO_MASSES}))
+    settings = EstimationSettings(NO_MASSES, ARM.with_values({name: START.get(name) for name in NO_MASSES}))
     clean = [CLEAN, measured(payload=0.0)]
     assert np.abs(relative_errors(identify(clean, settings), NO_MASSES)).max() < 1e-6
     estimate = identify([noisy(k, 0.005, clean=run) for k, run in enumerate(clean)], settings)
@@ -135,10 +135,10 @@ def test_equal_data_give_equal_estimates():
 
 def test_bad_settings_are_named():
     with pytest.raises(ParameterError, match="unknown parameter 'K4': expected K1, K2"):
-        identify([CLEAN], Settings(("K4",)))
+        identify([CLEAN], EstimationSettings(("K4",)))
     with pytest.raises(ParameterError, match="prior for m1: expected a free parameter: K1"):
-        identify([CLEAN], Settings(("K1",), priors={"m1": Prior(0.1, 0.1)}))
+        identify([CLEAN], EstimationSettings(("K1",), priors={"m1": Prior(0.1, 0.1)}))
     with pytest.raises(ParameterError, match="there twice in K1, K1"):
-        identify([CLEAN], Settings(("K1", "K1")))
+        identify([CLEAN], EstimationSettings(("K1", "K1")))
     with pytest.raises(IdentificationError, match="loss 'cauchy': expected adaptive, gaussian or huber"):
-        Settings(PARAMETER_NAMES, loss="cauchy")
+        EstimationSettings(PARAMETER_NAMES, loss="cauchy")

@@ -3,7 +3,7 @@ import pytest
 
 from dtwin.identification.estimation.identifiability import analyse, null_space, parameter_sensitivity
 from dtwin.identification.estimation.problem import Prior, Problem
-from dtwin.identification.excitation.signal import Plan
+from dtwin.identification.excitation.plan import Plan
 from tests.support.identification import ALL, ARM, FREE, NO_MASSES
 
 

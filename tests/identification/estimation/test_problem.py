@@ -4,8 +4,8 @@ import pytest
 from dtwin.errors import ParameterError
 from dtwin.identification.data import Experiment, Start, fingerprint, from_log
 from dtwin.identification.estimation.problem import Prior, Problem, initial_speed
+from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.excitation.signal import Plan
 from tests.support.identification import ARM, BLOCKS
 
 UNKNOWN = Rig(noise=0.01).measure(

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from dtwin.errors import IdentificationError
-from dtwin.identification.estimation.solver import Normal, minimise
+from dtwin.identification.estimation.solver import NormalEquations, minimise
 
 FREE = np.array([-np.inf, -np.inf]), np.array([np.inf, np.inf])
 
@@ -10,7 +10,7 @@ FREE = np.array([-np.inf, -np.inf]), np.array([np.inf, np.inf])
 def search(residual, jacobian, start, lower=FREE[0], upper=FREE[1]):
     def linearise(x):
         r, J = residual(x), jacobian(x)
-        return Normal(float(r @ r), J.T @ r, J.T @ J, len(r))
+        return NormalEquations(float(r @ r), J.T @ r, J.T @ J, len(r))
 
     return minimise(linearise, lambda x: float(residual(x) @ residual(x)), np.array(start), lower, upper)
 

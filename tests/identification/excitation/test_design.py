@@ -6,8 +6,8 @@ import pytest
 from dtwin.errors import IdentificationError
 from dtwin.identification.estimation.estimate import identify
 from dtwin.identification.excitation.design import optimise, predict
+from dtwin.identification.excitation.plan import PLAIN, Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.excitation.signal import PLAIN, Plan
 from tests.support.identification import ARM, BLOCKS, FREE, SETTINGS, truth
 
 DEVIATION = 0.003

@@ -1,4 +1,4 @@
-"""A controller behind a TCP port, in lockstep: a 4diac FORTE, or the embedded runtime as a device."""
+"""A controller behind a TCP port, stepped in lockstep: a 4diac FORTE, or the embedded runtime as a device."""
 
 from __future__ import annotations
 
@@ -13,31 +13,34 @@ from dtwin.parameters import Triple
 from dtwin.signals import Sensors, Voltages
 
 TIMEOUT: Final = 1.0
-"""s, for every answer"""
+"""Longest wait for every answer, s."""
 
 
 class Shadow(Protocol):
-    """The same control program in process, stepped on the same samples."""
+    """The same control application in this process, stepped with the same samples."""
 
-    def step(self, sensors: Sensors) -> Voltages: ...
-    def target(self) -> Triple: ...
+    def step(self, sensors: Sensors) -> Voltages:
+        """The command that answers a sample."""
+
+    def target(self) -> Triple:
+        """Desired angles of the path at the last step, rad."""
 
 
 class RemoteController:
-    """A controller behind a TCP port, and its shadow.
+    """A controller behind a TCP port, and its shadow in this process.
 
-    The path's angles are not on the wire: they are those of the shadow, which is the same application in process.
+    The desired angles of the path are not sent over TCP; they are taken from the shadow.
 
     Args:
-        address: of the port, usually 61500.
-        shadow: not stepped by anybody else.
-        timeout: s, to connect and for every answer.
+        address: address of the port, whose number is usually 61500.
+        shadow: the same application in this process, which nothing else steps.
+        timeout: longest wait for the connection and for every answer, s.
 
     Attributes:
-        largest_difference: V, between the voltages of the two so far.
+        largest_difference: largest difference between the voltages of the two so far, V.
 
     Raises:
-        CommunicationError: nobody answers at the address.
+        CommunicationError: no connection to the address is accepted in time.
     """
 
     def __init__(self, address: Address, shadow: Shadow, timeout: float = TIMEOUT) -> None:
@@ -54,13 +57,14 @@ class RemoteController:
         self.close()
 
     def close(self) -> None:
+        """Closes the connection."""
         self._client.close()
 
     def step(self, sensors: Sensors) -> Voltages:
-        """The port's answer to a sample.
+        """The controller's answer to a sample.
 
         Raises:
-            CommunicationError: the answer is late, lost or not finite; names tick, peer and timeout.
+            CommunicationError: the answer is late, lost or not finite; the message names tick, peer and timeout.
         """
         try:
             command = received_voltages(sensors, self._client.exchange(sensor_values(sensors)), self._client.address)
@@ -72,7 +76,7 @@ class RemoteController:
         return command
 
     def target(self) -> Triple:
-        """The path's angles (rad) of the last step."""
+        """Desired angles of the path at the last step, rad."""
         return self._shadow.target()
 
 

@@ -4,10 +4,10 @@ import pytest
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation import Emulation
 from dtwin.errors import IdentificationError
+from dtwin.identification.collector import LAG, SignalCollector, divided
 from dtwin.identification.estimation.estimate import identify
-from dtwin.identification.excitation.signal import PLAIN, SAMPLES
-from dtwin.identification.live import LAG, Collector, divided
-from dtwin.identification.options import free_names, settings_for
+from dtwin.identification.excitation.plan import PLAIN, SAMPLES
+from dtwin.identification.parsing import free_names, settings_for
 from dtwin.parameters import PERIOD
 from dtwin.signals import Voltages
 from tests.support.identification import ARM, CLEAN, measured
@@ -29,7 +29,7 @@ def traffic(ticks, ask_at, lose=()):
 
 
 def collected(pairs):
-    collector = Collector(PLAIN, SAMPLES, 0.2)
+    collector = SignalCollector(PLAIN, SAMPLES, 0.2)
     for sensors, command in pairs:
         collector.sample(sensors)
         collector.command(command)
@@ -60,7 +60,7 @@ def test_no_signal_is_no_experiment():
 
 def test_a_tick_without_command_holds_the_one_before():
     """What a late bridge does: it leaves a sample without an answer, and the cell goes on under the last command."""
-    collector = Collector(PLAIN, SAMPLES, 0.2)
+    collector = SignalCollector(PLAIN, SAMPLES, 0.2)
     emulation, controller = Emulation(seed=3), EmbeddedController()
     controller.resource.server("TWIN.IDENTIFICATION.REQUEST").exchange((True,))
     late = {40, 41, 200}
@@ -89,7 +89,7 @@ def test_order_does_not_matter():
     """Samples and commands come from two senders: each in order, but not one after the other."""
     pairs = list(traffic(420, ask_at=10))
     expected = collected(pairs).experiment()
-    collector = Collector(PLAIN, SAMPLES, 0.2)
+    collector = SignalCollector(PLAIN, SAMPLES, 0.2)
     stray = Voltages(9999, 1.0, (6.0, 4.0, 3.0, 0.0), False)
     for tick, (sensors, _) in enumerate(pairs):
         for _, command in pairs[tick + 3 : tick + 4] if tick else pairs[:4]:

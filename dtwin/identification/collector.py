@@ -1,4 +1,4 @@
-"""From the traffic of a running cell to an experiment: finds the identification signal among its commands."""
+"""Collects an experiment from the samples and commands of a running cell that plays the identification signal."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ from typing import Final
 
 from dtwin.errors import IdentificationError
 from dtwin.identification.data import Experiment
-from dtwin.identification.excitation.signal import Excitation
+from dtwin.identification.excitation.plan import Excitation
 from dtwin.parameters import PERIOD, Triple
 from dtwin.signals import Sensors, Voltages
 
 LAG: Final = 20
-"""ticks to wait for what comes late or in another order: samples and commands have different senders"""
+"""Number of ticks to wait for late messages: samples and commands have different senders and may be out of order."""
 _MOST_HELD: Final = 0.1
-"""share of the samples that may have had no command of their own"""
+"""Largest share of samples without a command of their own."""
 
 
 @dataclass
-class Collector:
+class SignalCollector:
     """Pairs samples with the commands that answer them, from the first command of the signal to its last.
 
     Attributes:
-        signal: that the function blocks play.
-        samples: number of ticks it lasts.
-        box_mass: kg, of a box held meanwhile.
-        done: ticks of the signal collected so far.
+        signal: signal that the function blocks play.
+        samples: length of the signal, ticks.
+        box_mass: mass assumed for a box that is held meanwhile, kg.
+        done: number of ticks of the signal collected so far.
     """
 
     signal: Excitation
@@ -45,14 +45,14 @@ class Collector:
 
     @property
     def complete(self) -> bool:
-        """Whether the whole signal has been seen."""
+        """Whether the whole signal has been collected."""
         return self.done == self.samples
 
     def sample(self, sensors: Sensors) -> None:
         """Takes a sample.
 
         Raises:
-            IdentificationError: samples are missing, too many commands are, or others than the signal's come.
+            IdentificationError: samples or too many commands are missing, or a command is not that of the signal.
         """
         self._sensors[sensors.sequence] = sensors
         if self._next < 0:
@@ -67,7 +67,7 @@ class Collector:
             self._commands.setdefault(voltages.sequence, voltages)
 
     def _tick(self, sensors: Sensors | None, command: Voltages | None) -> None:
-        """One tick; without a command of its own it was run under the one before."""
+        """Takes one tick; without a command of its own the arm was under the command before."""
         if command is not None and sensors is not None and list(command.volts[:3]) == self._expected[self.done]:
             self._take(sensors.theta, list(command.volts[:3]), self.box_mass if command.box_gripped else 0.0)
             self.done += 1
@@ -86,18 +86,21 @@ class Collector:
         self._payload.append(payload)
 
     def experiment(self) -> Experiment:
-        """What was measured, from an unknown initial state.
+        """The measured experiment, whose initial state is unknown.
 
         Raises:
             IdentificationError: the signal is not complete.
         """
         if not self.complete:
-            raise IdentificationError(f"the signal was seen for {self.done} of {self.samples} ticks only")
+            raise IdentificationError(f"the signal was seen for only {self.done} of {self.samples} ticks")
         return Experiment(self._measured, self._volts, self._payload)
 
 
 def divided(experiment: Experiment, share: float = 0.8) -> tuple[Experiment, Experiment]:
-    """The first part of an experiment, to estimate from, and the rest, from an unknown state, to judge the model."""
+    """Divides an experiment into a first part to estimate from and a rest to judge the model by.
+
+    The initial state of the rest is unknown; share is the fraction of the samples in the first part.
+    """
     cut = round(share * len(experiment))
     rest = Experiment(
         experiment.measured[cut:],

@@ -1,11 +1,13 @@
-"""The control application under the identification signal: the override of the function blocks, asked for and run."""
+"""The control application in process, playing the identification signal in place of the controller's commands.
+
+The signal is that of the function block SYS_IDENT_3211SIG; the block DIGITAL_TWIN requests it.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from dtwin.controller.ports import BLOCKS, EMULATOR, REQUEST, SYSTEM, TWIN, sensor_values, voltages
-from dtwin.identification.excitation.signal import Excitation
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.resource import Resource
@@ -13,8 +15,8 @@ from dtwin.parameters import Triple
 from dtwin.signals import NO_COLOUR, Quad, Sensors
 
 
-class SignalBlocks:
-    """The application of the cell in the embedded runtime, no box in sight, its twin asked for the signal.
+class ExcitationController:
+    """The control application in the embedded runtime, asked for the identification signal while no box waits.
 
     Args:
         blocks: folder of the function-block library.
@@ -27,14 +29,21 @@ class SignalBlocks:
         library = Library([blocks])
         self._resource = Resource(resource_network(library.load_system(blocks / SYSTEM)), library)
 
-    def begin(self, signal: Excitation, samples: int) -> None:
-        """Starts the application anew and requests a signal, which comes with the next step."""
+    def begin(self, amplitude: Triple, unit: int, delay: tuple[int, int, int], samples: int) -> None:
+        """Starts the application anew and requests a 3-2-1-1 signal, which comes with the next step.
+
+        Args:
+            amplitude: voltages of joints 1 to 3 in the positive half of the signal, V.
+            unit: length of the shortest pulse, ticks.
+            delay: ticks at 0 V before the signal of joints 1 to 3 starts.
+            samples: length of the whole signal, ticks.
+        """
         resource = self._resource
         resource.reset()
         for joint in range(3):
-            resource.write(f"{TWIN}.AMPLITUDE{joint + 1}", float(signal.amplitude[joint]))
-            resource.write(f"{TWIN}.DELAY{joint + 1}", signal.delay[joint])
-        resource.write(f"{TWIN}.UNIT", signal.unit)
+            resource.write(f"{TWIN}.AMPLITUDE{joint + 1}", float(amplitude[joint]))
+            resource.write(f"{TWIN}.DELAY{joint + 1}", delay[joint])
+        resource.write(f"{TWIN}.UNIT", unit)
         resource.write(f"{TWIN}.LENGTH", samples)
         cell, request = resource.server(EMULATOR.block), resource.server(REQUEST.block)
         resource.start()
@@ -42,7 +51,7 @@ class SignalBlocks:
         self._exchange = cell.exchange
 
     def step(self, theta: Triple, gripper: float) -> Quad:
-        """The voltages of the motors and the gripper (V) that answer measured angles (rad).
+        """Voltages of motors 1 to 3 and of the gripper (V) that answer measured angles (rad).
 
         Raises:
             FunctionBlockError: a block failed.

@@ -1,8 +1,8 @@
 """The plan of an experiment and its 3-2-1-1 signal.
 
-The signal is +1 for three units of time, -1 for two, +1 for one and -1 for one, over and over. It is what the
-function block SYS_IDENT_3211SIG plays; here it is written down a second time to predict what an experiment will tell
-before it is made.
+The signal is +1 for three units of time, -1 for two, +1 for one and -1 for one, over and over. The function block
+SYS_IDENT_3211SIG plays it to the arm; here it is written down a second time, to predict before an experiment what its
+data will determine.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from dtwin.parameters import HOME, PERIOD, VOLTAGE_LIMIT, PayloadModel, Triple
 Ticks = tuple[int, int, int]
 
 SAMPLES: Final = 350
-"""of a standard experiment: 3.5 s"""
+"""Length of a standard experiment, samples: 3.5 s."""
 _PATTERN: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
 
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
-    """A 3-2-1-1 signal a joint.
+    """A 3-2-1-1 signal for every joint.
 
     Attributes:
-        amplitude: V; a negative one starts downwards.
+        amplitude: amplitudes of joints 1 to 3, V; with a negative one the signal starts negative.
         unit: length of one unit of time, ticks.
-        delay: ticks at 0 V before the signal starts, which sets the phases between joints.
+        delay: ticks at 0 V before the signals of joints 1 to 3 start, which set the phases between the joints.
 
     Raises:
-        ParameterError: an amplitude is beyond the motors' limit, a unit below 1 or a delay below 0.
+        ParameterError: an amplitude is beyond the limit of the motors, the unit below 1 or a delay below 0.
     """
 
     amplitude: Triple = (6.0, 4.0, 3.0)
@@ -51,7 +51,7 @@ class Excitation:
             raise ParameterError(f"delay: expected at least 0 ticks, got {min(self.delay)}")
 
     def volts(self, samples: int = SAMPLES) -> Array:
-        """(samples, 3), V."""
+        """Voltages of the signal, (samples, 3), V."""
         ticks = np.arange(samples)[:, None] - np.array(self.delay)
         phase = np.floor_divide(ticks, self.unit) % len(_PATTERN)
         result: Array = np.where(ticks >= 0, np.array(self.amplitude) * _PATTERN[phase], 0.0)
@@ -59,21 +59,21 @@ class Excitation:
 
 
 PLAIN: Final = Excitation()
-"""the standard signal"""
+"""The standard signal."""
 HELD_OUT: Final = Excitation(amplitude=(-5.0, 4.0, -3.0), unit=8, delay=(0, 11, 5))
-"""another signal, to judge a model by motion it was not fitted to"""
+"""Another signal, whose motion judges a model that was not fitted to it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """An experiment to be made.
+    """The plan of an experiment.
 
     Attributes:
-        signal: what moves the arm.
+        signal: signal that moves the arm.
         payload: known load at the tip, kg.
-        payload_model: "weight", a load whose inertia does not act on the arm, or "point", a gripped box.
-        start: angles at the start, rad, and whether the estimation is told them.
-        samples: number of them, at 10 ms.
+        payload_model: "weight" for a load whose inertia does not act on the arm, "point" for a gripped box.
+        start: state at the start, and whether the estimation knows it.
+        samples: number of samples, one every 10 ms.
     """
 
     signal: Excitation = PLAIN
@@ -83,7 +83,11 @@ class Plan:
     samples: int = SAMPLES
 
     def experiment(self, measured: Array | None = None, volts: Array | None = None) -> Experiment:
-        """The experiment with measured angles and applied voltages; without them, to predict what it would tell."""
+        """The experiment with measured angles and applied voltages.
+
+        Without angles and voltages it holds the start angles and the planned voltages, which is enough to predict
+        what its data will determine.
+        """
         if measured is None:
             measured = np.tile(self.start.theta, (self.samples, 1))
         if volts is None:

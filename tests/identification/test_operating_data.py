@@ -9,7 +9,7 @@ from dtwin.bus.pairs import WAITING
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation import Emulation, parse_fault
 from dtwin.errors import IdentificationError
-from dtwin.identification.passing import MEMORY, PIECE, PIECES, Passing, estimate_from, renewed
+from dtwin.identification.operating_data import MEMORY, PIECE, PIECES, OperatingData, estimate_from, renewed
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.signals import Sensors, Voltages
 
@@ -33,11 +33,11 @@ def traffic() -> list[tuple[Sensors, Voltages]]:
     return passed
 
 
-def heard(items: list[Sensors | Voltages]) -> Passing:
-    passing = Passing()
+def heard(items: list[Sensors | Voltages]) -> OperatingData:
+    data = OperatingData()
     for item in items:
-        passing.take(item)
-    return passing
+        data.take(item)
+    return data
 
 
 def test_pieces_are_empty_moving_and_whole(traffic: list[tuple[Sensors, Voltages]]) -> None:
@@ -64,12 +64,12 @@ def test_order_does_not_matter_and_gaps_part_pieces(traffic: list[tuple[Sensors,
 
 
 def test_memory_is_bounded_and_ends_with_the_run(traffic: list[tuple[Sensors, Voltages]]) -> None:
-    passing = heard([item for pair in traffic for item in pair])
+    data = heard([item for pair in traffic for item in pair])
     sensors, command = traffic[0]
-    passing.take(sensors)
-    passing.take(command)
-    assert passing.pieces(0.0) == []
-    lonely = Passing()
+    data.take(sensors)
+    data.take(command)
+    assert data.pieces(0.0) == []
+    lonely = OperatingData()
     for number in range(MEMORY + 2 * WAITING):
         lonely.take(Voltages(number, number * PERIOD, (0.0, 0.0, 0.0, 0.0), False))
         lonely.take(Sensors(number, number * PERIOD, (0.01 * number, 0.0, 0.0), 0.9, False, "none"))

@@ -1,4 +1,4 @@
-"""What an operator types, as settings of an identification."""
+"""Parses what an operator types into the settings of an estimation."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from dtwin.errors import ParameterError
-from dtwin.identification.estimation.estimate import Loss, Settings
+from dtwin.identification.estimation.estimate import EstimationSettings, Loss
 from dtwin.identification.estimation.friction import START_COULOMB
 from dtwin.identification.estimation.problem import START, Prior, symbol
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
@@ -16,10 +16,10 @@ SYMBOLS: Final = ("K", "m", "I", "l", "c", "D", "mu")
 
 
 def free_names(text: str) -> tuple[str, ...]:
-    """Parameter names of `K,I,m2` or `all`.
+    """The parameter names in a text such as `K,I,m2` or `all`.
 
     Raises:
-        ParameterError: a part is neither a symbol nor a name.
+        ParameterError: a part of the text is neither a symbol nor a name.
     """
     names: list[str] = []
     for part in filter(None, re.split(r"[,\s]+", "K,m,I,l,c,D" if text == "all" else text)):
@@ -37,7 +37,7 @@ def free_names(text: str) -> tuple[str, ...]:
 
 
 def prior(text: str) -> tuple[str, Prior]:
-    """Name and prior of `m2=0.116+-0.001`.
+    """The name and the prior in a text such as `m2=0.116+-0.001`.
 
     Raises:
         ParameterError: the text is not of that form, or a number is out of range.
@@ -57,15 +57,15 @@ def settings_for(
     priors: Sequence[str] = (),
     loss: Loss = "adaptive",
     seed: int = 0,
-) -> Settings:
-    """Settings that estimate what `free` says from the usual start values.
+) -> EstimationSettings:
+    """Settings that estimate the parameters in a text from the usual start values.
 
     Args:
-        free: as for `free_names`.
-        known: values of what is not estimated; the data sheet's if None.
-        priors: each as for `prior`.
-        loss: of the estimation.
-        seed: of further starts.
+        free: names of the parameters to estimate, in the form that `free_names` reads.
+        known: values of the parameters that are not estimated; those of the data sheet when None.
+        priors: prior knowledge of parameters, each in the form that `prior` reads.
+        loss: loss function of the estimation.
+        seed: number of the random generator of further starting points.
 
     Raises:
         ParameterError: a text cannot be read.
@@ -73,4 +73,4 @@ def settings_for(
     names = free_names(free)
     starts = {name: START_COULOMB if symbol(name) == "mu" else START.get(name) for name in names}
     arm = (known or ArmParameters()).with_values(starts)
-    return Settings(names, arm, priors=dict(map(prior, priors)), loss=loss, seed=seed)
+    return EstimationSettings(names, arm, priors=dict(map(prior, priors)), loss=loss, seed=seed)

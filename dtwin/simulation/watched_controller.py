@@ -1,4 +1,4 @@
-"""A controller in this process whose settings can be changed while it runs."""
+"""A controller in this process whose uploaded settings are on trial while it runs."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from dtwin.simulation.upload import Uploader
 
 
 class WatchedController:
-    """Steps the controller and lets the uploader judge every sample, so that trials end and fail by themselves.
+    """Steps a controller and lets the uploader judge every sample, so that trials end without further calls.
 
     Args:
-        controller: that the uploader's port leads to.
-        uploader: of its settings.
-        told: called with the entry that ends a trial.
+        controller: controller to which the port of the uploader leads.
+        uploader: uploader of its settings.
+        told: called with the history entry that ends a trial.
     """
 
     def __init__(
@@ -31,7 +31,7 @@ class WatchedController:
         self._told = told
 
     def step(self, sensors: Sensors) -> Voltages:
-        """The controller's answer to a sample; what it makes of the path is judged before the next one."""
+        """The controller's answer to a sample, whose distance from the path is judged while a trial runs."""
         voltages = self._controller.step(sensors)
         if self.uploader.trial is not None:
             entry = self.uploader.observe(sensors.time, self._controller.target(), sensors.theta)
@@ -40,5 +40,5 @@ class WatchedController:
         return voltages
 
     def target(self) -> Triple:
-        """The path's angles (rad) of the last step."""
+        """Desired angles of the path at the last step, rad."""
         return self._controller.target()

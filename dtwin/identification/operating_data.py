@@ -1,7 +1,7 @@
-"""From the traffic of a running cell at work to a model: pieces of its usual motions with an empty gripper.
+"""Identification from routine operating data: pieces of the usual motions with an empty gripper.
 
-The arm need not be excited to find out what has changed of it: where all but a few parameters are known, motion as it
-passes tells those. A held box is left out, since nobody knows its mass.
+Where all but a few parameters of the arm are known, these few can be estimated from the motions of its usual work,
+without an identification signal. Motions with a box are left out, since the mass of the box is not known.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from dtwin.bus.pairs import WAITING, Pairs
 from dtwin.errors import IdentificationError
 from dtwin.identification.data import Experiment
-from dtwin.identification.estimation.estimate import Estimate, Settings, identify
+from dtwin.identification.estimation.estimate import Estimate, EstimationSettings, identify
 from dtwin.identification.estimation.problem import Prior
 from dtwin.identification.held_out import compare
 from dtwin.identification.model import IdentifiedModel, from_estimate
@@ -22,17 +22,17 @@ from dtwin.parameters import ArmParameters
 from dtwin.signals import Sensors, Voltages
 
 MEMORY: Final = 6000
-"""ticks that are remembered"""
+"""Number of ticks that are remembered."""
 PIECE: Final = 75
-"""ticks of a piece, each with its own initial state: long enough to tell a speed from noise"""
+"""Length of a piece, ticks; each has its own initial state and is long enough to tell a velocity from noise."""
 PIECES: Final = 3
-"""needed; the last one judges what the others say"""
+"""Number of pieces that an estimation needs; the last one judges the model fitted to the others."""
 MOVED: Final = 0.1
-"""rad that a joint must move in a piece: an arm at rest says nothing of friction"""
+"""Least range of the angle of some joint in a piece, rad: an arm at rest tells nothing about friction."""
 
 
-class Passing:
-    """The last ticks of a running cell: samples with the commands that answer them."""
+class OperatingData:
+    """The last ticks of a running cell: its samples and the commands that answer them."""
 
     def __init__(self) -> None:
         self._pairs: Pairs[Sensors, Voltages] = Pairs()
@@ -40,7 +40,7 @@ class Passing:
         self._newest = -1
 
     def take(self, item: Sensors | Voltages) -> None:
-        """Takes a sample or a command, in whatever order the two come."""
+        """Takes a sample or a command, which may come in either order."""
         number = item.sequence
         if number < self._newest - WAITING:  # another run has begun
             self._pairs.clear()
@@ -73,14 +73,16 @@ class Passing:
         return found
 
 
-def renewed(known: ArmParameters, errors: dict[str, float], free: Sequence[str], anew: Sequence[str]) -> Settings:
-    """Settings that estimate some parameters of a known arm anew.
+def renewed(
+    known: ArmParameters, errors: dict[str, float], free: Sequence[str], anew: Sequence[str]
+) -> EstimationSettings:
+    """Settings that estimate some parameters of an identified arm again.
 
     Args:
-        known: the arm as it was.
-        errors: standard errors of what was identified of it, SI units.
-        free: names that are estimated; those of which no error is known stay fixed unless they are in `anew`.
-        anew: names of which nothing is known any more; all of `free` when empty.
+        known: parameters of the arm as they were identified.
+        errors: standard errors of the identified parameters by name, SI units.
+        free: names of the parameters to estimate; those without a standard error stay fixed unless in `anew`.
+        anew: names of the parameters whose old values no longer count; all of `free` when empty.
 
     Raises:
         IdentificationError: a name in `anew` is not free.
@@ -89,14 +91,21 @@ def renewed(known: ArmParameters, errors: dict[str, float], free: Sequence[str],
     if strangers := [name for name in unknown if name not in free]:
         raise IdentificationError(f"--anew {strangers[0]}: expected some of the free parameters, {', '.join(free)}")
     priors = {name: Prior(known.get(name), errors[name]) for name in free if name not in unknown and name in errors}
-    return Settings(tuple(name for name in free if name in unknown or name in priors), known, priors=priors)
+    return EstimationSettings(tuple(name for name in free if name in unknown or name in priors), known, priors=priors)
 
 
-def estimate_from(pieces: Sequence[Experiment], settings: Settings, source: str) -> tuple[Estimate, IdentifiedModel]:
+def estimate_from(
+    pieces: Sequence[Experiment], settings: EstimationSettings, source: str
+) -> tuple[Estimate, IdentifiedModel]:
     """Estimates from all pieces but the last, which judges the model.
 
+    Args:
+        pieces: pieces of motion, at least PIECES.
+        settings: what to estimate and how.
+        source: description of the data in words.
+
     Raises:
-        IdentificationError: there are too few pieces, or they are too poor.
+        IdentificationError: there are too few pieces, or they tell too little.
     """
     if len(pieces) < PIECES:
         raise IdentificationError(f"expected at least {PIECES} pieces of motion, got {len(pieces)}")

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 
 import pytest
 
-from dtwin.controller.lockstep import RemoteController
 from dtwin.controller.ports import EMULATOR
+from dtwin.controller.remote import RemoteController
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.net.address import LOOPBACK, Address
 from dtwin.iec61499.net.reactor import Reactor
