@@ -20,7 +20,7 @@ def run(settings: CellSettings) -> tuple[Log, Summary]:
     return log, cell.summary(log)
 
 
-@pytest.mark.parametrize("row_sum", [1, 2])
+@pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize(("noise", "placement_mm"), [(0.0, 1.0), (0.005, 10.0)])
 def test_every_picked_box_is_delivered(seed: int, noise: float, placement_mm: float) -> None:
     _, summary = run(CellSettings(duration=600.0, seed=seed, noise=noise))
