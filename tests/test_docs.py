@@ -3,6 +3,7 @@
 import importlib
 import re
 import shlex
+from pathlib import Path
 
 import pytest
 
@@ -57,7 +58,7 @@ def commands() -> list[list[str]]:
 
 
 @pytest.mark.parametrize("words", commands(), ids=" ".join)
-def test_the_command_lines_of_the_readme_can_be_read(words) -> None:
+def test_the_command_lines_of_the_readme_can_be_read(words: list[str]) -> None:
     if words == ["--help"]:
         return
     name = next(" ".join(words[:n]) for n in (2, 1) if " ".join(words[:n]) in COMMANDS)
@@ -72,7 +73,9 @@ HEADLESS = [words for words in commands() if words[0] == "run" and "--controller
 
 
 @pytest.mark.parametrize("words", HEADLESS, ids=" ".join)
-def test_the_runs_of_the_readme_run(words, tmp_path, monkeypatch, capsys) -> None:
+def test_the_runs_of_the_readme_run(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.chdir(tmp_path)
     shorter = [*words, "--duration", "2"] if "--duration" not in words else ["2" if w == "600" else w for w in words]
     assert main(shorter) == 0

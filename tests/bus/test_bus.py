@@ -1,6 +1,5 @@
 """Typed topics over real sessions: who meets whom, what is passed on, what is refused."""
 
-import socket
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,6 +14,7 @@ from dtwin.bus.session import Bus, open_configured, open_peer
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.parameters import ROOT
 from dtwin.signals import Sensors
+from tests.support.ports import free_port
 from tests.support.waiting import until
 
 SAMPLE = Sensors(1, 0.01, (0.1, 0.2, 0.3), 0.9, True, "red")
@@ -26,9 +26,7 @@ Join = Callable[..., Bus]
 
 @pytest.fixture
 def rendezvous() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    return f"tcp/127.0.0.1:{free_port()}"
 
 
 @pytest.fixture
@@ -217,7 +215,7 @@ def test_configuration_files_are_found_and_checked(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "file", sorted((ROOT / "config").rglob("*.json5")), ids=lambda f: f"{f.parent.name}/{f.stem}"
 )
-def test_shipped_files_are_configurations_that_find_others_only_by_endpoint(file) -> None:
+def test_shipped_files_are_configurations_that_find_others_only_by_endpoint(file: Path) -> None:
     configuration = zenoh.Config.from_file(file)
     assert configuration.get_json("scouting/multicast/enabled") == "false"
     assert configuration.get_json("transport/shared_memory/enabled") == "false", "it would pass the limit by"
@@ -235,14 +233,19 @@ def test_clients_of_a_router_find_each_other_again_after_it_was_away(tmp_path: P
     lost = threading.Event()
     receiver.announce("receiver")
     sender.watch_alive(lambda name, alive: lost.set() if not alive else lost.clear())
+
+    def passes() -> bool:
+        publish(SAMPLE)
+        return not heard.messages.empty()
+
     try:
-        until(lambda: publish(SAMPLE) or not heard.messages.empty(), "a message passes")
+        until(passes, "a message passes")
         router.close()
         assert lost.wait(WAIT)
         while not heard.messages.empty():
             heard.messages.get()
         router = open_configured(tmp_path, "router")
-        until(lambda: publish(SAMPLE) or not heard.messages.empty(), "messages pass again")
+        until(passes, "messages pass again")
     finally:
         for end in (sender, receiver, router):
             end.close()

@@ -18,7 +18,7 @@ from dtwin.run.recording import read_log
 BLOCKS = ROOT / "fb"
 
 
-def complain(capsys, *arguments: str) -> str:
+def complain(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     """The one line that a command with a mistake prints."""
     assert main(arguments) == 2
     output = capsys.readouterr()
@@ -57,7 +57,13 @@ def complain(capsys, *arguments: str) -> str:
         (["bench", "--rounds", "0"], "--rounds"),
     ],
 )
-def test_mistakes_get_one_line(arguments, expected, capsys, tmp_path, monkeypatch) -> None:
+def test_mistakes_get_one_line(
+    arguments: list[str],
+    expected: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.chdir(tmp_path)
     assert expected in complain(capsys, *arguments)
     assert list(tmp_path.iterdir()) == []
@@ -73,7 +79,9 @@ def test_mistakes_get_one_line(arguments, expected, capsys, tmp_path, monkeypatc
     ],
     ids=["malformed", "syntax", "unknown variable", "unknown type"],
 )
-def test_mistakes_in_a_block_name_file_and_line(old, new, expected, capsys, tmp_path) -> None:
+def test_mistakes_in_a_block_name_file_and_line(
+    old: str, new: str, expected: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     blocks = shutil.copytree(BLOCKS, tmp_path / "fb")
     path = blocks / "PATH_PLANNER.fbt"
     text = path.read_text()
@@ -92,7 +100,9 @@ def test_mistakes_in_a_block_name_file_and_line(old, new, expected, capsys, tmp_
     ],
     ids=["unknown block type", "unknown port"],
 )
-def test_mistakes_in_the_system_name_the_valid_choices(old, new, expected, capsys, tmp_path) -> None:
+def test_mistakes_in_the_system_name_the_valid_choices(
+    old: str, new: str, expected: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     blocks = shutil.copytree(BLOCKS, tmp_path / "fb")
     path = blocks / "dtwin.sys"
     path.write_text(path.read_text().replace(old, new))
@@ -101,13 +111,13 @@ def test_mistakes_in_the_system_name_the_valid_choices(old, new, expected, capsy
     assert expected in line.replace(new, "")
 
 
-def test_malformed_arm(capsys, tmp_path) -> None:
+def test_malformed_arm(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     model = tmp_path / "arm.xml"
     model.write_text(MODEL_FILE.read_text().replace("</worldbody>", "", 1))
     assert "arm.xml" in complain(capsys, "run", "--json", "--model", str(model))
 
 
-def test_help_of_every_command(capsys) -> None:
+def test_help_of_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--help"]) == 0
     overview = capsys.readouterr().out
     for name in COMMANDS:
@@ -118,7 +128,9 @@ def test_help_of_every_command(capsys) -> None:
         assert f"dtwin {name}" in capsys.readouterr().out
 
 
-def test_json_is_one_object_and_nothing_else(capsys, tmp_path, monkeypatch) -> None:
+def test_json_is_one_object_and_nothing_else(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["run", "--duration", "2", "--seed", "3", "--json"]) == 0
     output = capsys.readouterr()
@@ -140,14 +152,16 @@ def test_json_is_one_object_and_nothing_else(capsys, tmp_path, monkeypatch) -> N
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_plain_run_writes_a_recording_and_says_how_to_look_at_it(capsys, tmp_path, monkeypatch) -> None:
+def test_a_plain_run_writes_a_recording_and_says_how_to_look_at_it(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["run", "--duration", "3"]) == 0
     assert "rerun run.rrd" in capsys.readouterr().out
     assert [path.name for path in tmp_path.iterdir()] == ["run.rrd"]
 
 
-def test_validate_reports_every_run(capsys, tmp_path) -> None:
+def test_validate_reports_every_run(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     plot = tmp_path / "plot.png"
     assert main(["validate", "--json", "--plot", str(plot)]) == 0
     result = json.loads(capsys.readouterr().out)

@@ -9,7 +9,8 @@ import pytest
 
 from dtwin.cli import main
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.controller.remote import RemoteController
+from dtwin.controller.lockstep import RemoteController
+from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.lua_export import LuaType
 from dtwin.iec61499.library import Library
 from dtwin.parameters import ROOT
@@ -118,6 +119,7 @@ def test_lua_files_hold_the_types(tmp_path: Path, capsys: pytest.CaptureFixture[
         "SYS_IDENT_3211SIG",
     ]
     counter = Library([BLOCKS]).find("EVENT_COUNTER")
+    assert isinstance(counter, model.BasicFBType)
     bench = LuaBench(LuaType("COUNTER", (tmp_path / "lua" / "EVENT_COUNTER.lua").read_text(), counter))
     assert [bench.fire("REQ", COUNT_LIMIT=3) for _ in range(6)] == [[], [], ["CNT_CMP"]] * 2
 

@@ -1,6 +1,8 @@
 """`dtwin identify`, `dtwin model ...` and `dtwin experiment ...` as a user calls them."""
 
 import json
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -10,16 +12,16 @@ from tests.support.identification import ALL, FREE
 
 
 @pytest.fixture(autouse=True)
-def in_empty_folder(tmp_path, monkeypatch):
+def in_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def run_json(capsys, *arguments, status=0):
+def run_json(capsys: pytest.CaptureFixture[str], *arguments: str, status: int = 0) -> Any:
     assert main([*arguments, "--json"]) == status
     return json.loads(capsys.readouterr().out)
 
 
-def test_identify(capsys, tmp_path):
+def test_identify(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     report = run_json(capsys, "identify", "--noise", "0.01", "--seed", "3", "--plot", "p.png", "--record", "r.rrd")
     assert report["converged"]
     assert report["residual_white"]
@@ -37,7 +39,7 @@ def test_identify(capsys, tmp_path):
     assert not list(tmp_path.glob(".*"))
 
 
-def test_identify_everything_presents_nothing_undetermined(capsys):
+def test_identify_everything_presents_nothing_undetermined(capsys: pytest.CaptureFixture[str]) -> None:
     report = run_json(capsys, "identify", "--free", "all", "--noise", "0")
     assert (report["rank"], report["unidentifiable"], report["parameters"]) == (14, list(ALL), {})
     both = run_json(capsys, "identify", "--free", "all", "--noise", "0", "--payload", "0", "--payload", "0.2")
@@ -46,19 +48,19 @@ def test_identify_everything_presents_nothing_undetermined(capsys):
     assert all(abs(e["estimate"] / e["truth"] - 1) < 1e-6 for e in both["parameters"].values())
 
 
-def test_identify_chooses_friction(capsys):
+def test_identify_chooses_friction(capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["--friction", "both", "--set", "mu1=0.01", "--set", "mu2=0.01", "--noise", "0.002"]
     report = run_json(capsys, "identify", *arguments, "--save", "None")
     assert report["parameters"]["mu1"]["estimate"] == pytest.approx(0.01, rel=0.1)
     assert report["model_file"] is None
 
 
-def test_a_wrong_model_ends_with_status_1(capsys):
+def test_a_wrong_model_ends_with_status_1(capsys: pytest.CaptureFixture[str]) -> None:
     report = run_json(capsys, "identify", "--set", "mu1=0.02", "--noise", "0.002", status=1)
     assert not report["residual_white"]
 
 
-def test_identify_from_a_log(capsys):
+def test_identify_from_a_log(capsys: pytest.CaptureFixture[str]) -> None:
     run = ["run", "--duration", "12", "--seed", "1", "--noise", "0.002", "--log", "cell.parquet", "--record", "None"]
     assert main([*run, "--json"]) == 0
     capsys.readouterr()
@@ -68,7 +70,7 @@ def test_identify_from_a_log(capsys):
         assert abs(entry["estimate"] - entry["truth"]) < 4.5 * entry["standard_error"]
 
 
-def test_models(capsys, tmp_path):
+def test_models(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     for seed in ("0", "1"):
         run_json(capsys, "identify", "--seed", seed)
     listed = run_json(capsys, "model", "list")
@@ -88,7 +90,7 @@ def test_models(capsys, tmp_path):
         assert "K1" in capsys.readouterr().out or command == ["list"]
 
 
-def test_experiments(capsys):
+def test_experiments(capsys: pytest.CaptureFixture[str]) -> None:
     report = run_json(capsys, "experiment", "noise", "--runs", "2", "--out", "pages/noise")
     assert [group["runs"] for group in report["groups"]] == [2, 2, 2, 2]
     assert all(group["converged"] == group["second_start_converged"] == 2 for group in report["groups"])
@@ -123,7 +125,9 @@ def test_experiments(capsys):
         (["bench", "identify", "--rounds", "0"], "--rounds: expected at least 1, got 0"),
     ],
 )
-def test_bad_input_is_one_line_and_status_2(capsys, tmp_path, arguments, complaint):
+def test_bad_input_is_one_line_and_status_2(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, arguments: list[str], complaint: str
+) -> None:
     assert main(arguments) == 2
     captured = capsys.readouterr()
     lines = [line for line in captured.err.splitlines() if line.strip()]

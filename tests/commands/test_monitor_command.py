@@ -3,6 +3,9 @@
 import json
 import math
 import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -10,17 +13,18 @@ from dtwin.cli import main
 from dtwin.experiments.monitoring import report
 from dtwin.experiments.monitoring.scorecard import Scorecard, faults_experiment, label, summary
 from dtwin.experiments.monitoring.trial import Outcome, Trial, run_trial, true_cause
+from dtwin.run.recording import Log
 
 
 @pytest.fixture(scope="module")
-def faulty(run_cell, tmp_path_factory):
+def faulty(run_cell: Callable[..., Log], tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("logs") / "faulty.parquet"
     run_cell(45.0, 3, "K1*=0.6@31").write_parquet(path)
     return path
 
 
 @pytest.fixture(scope="module")
-def collapsed(run_cell, tmp_path_factory):
+def collapsed(run_cell: Callable[..., Log], tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("logs") / "collapsed.parquet"
     run_cell(45.0, 3, "K2*=0.1@31").write_parquet(path)
     return path
@@ -32,7 +36,7 @@ def run(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[int, 
     return status, captured.out, captured.err
 
 
-def test_a_faulty_log_is_reported_and_fails(faulty, capsys) -> None:
+def test_a_faulty_log_is_reported_and_fails(faulty: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status, out, _ = run(["monitor", str(faulty)], capsys)
     assert status == 1
     assert "joint 1   failed" in out
@@ -42,7 +46,7 @@ def test_a_faulty_log_is_reported_and_fails(faulty, capsys) -> None:
 
 
 @pytest.mark.parametrize("method", ["default", "thesis"])
-def test_json_says_the_same_to_programs(method: str, collapsed, capsys) -> None:
+def test_json_says_the_same_to_programs(method: str, collapsed: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status, out, _ = run(["monitor", str(collapsed), "--method", method, "--json"], capsys)
     report = json.loads(out)
     assert status == 1
@@ -57,7 +61,9 @@ def test_json_says_the_same_to_programs(method: str, collapsed, capsys) -> None:
         assert report["findings"][0]["size"] == pytest.approx(-0.9, abs=0.09)
 
 
-def test_a_healthy_log_passes(run_cell, tmp_path, capsys) -> None:
+def test_a_healthy_log_passes(
+    run_cell: Callable[..., Log], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "healthy.parquet"
     run_cell().write_parquet(path)
     status, out, _ = run(["monitor", str(path)], capsys)
@@ -65,7 +71,9 @@ def test_a_healthy_log_passes(run_cell, tmp_path, capsys) -> None:
     assert "failed" not in out
 
 
-def test_a_recording_shows_what_the_monitor_made_of_it(faulty, tmp_path, capsys) -> None:
+def test_a_recording_shows_what_the_monitor_made_of_it(
+    faulty: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "monitor.rrd"
     run(["monitor", str(faulty), "--record", str(path), "--json"], capsys)
     content = path.read_bytes()
@@ -95,7 +103,14 @@ def test_a_recording_shows_what_the_monitor_made_of_it(faulty, tmp_path, capsys)
         (["experiment", "stop", "--fault", "K9*=2"], "unknown fault target"),
     ],
 )
-def test_bad_input_is_one_line_and_status_2(arguments, match: str, faulty, tmp_path, monkeypatch, capsys) -> None:
+def test_bad_input_is_one_line_and_status_2(
+    arguments: list[str],
+    match: str,
+    faulty: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     monkeypatch.chdir(tmp_path)
     status, out, err = run([str(faulty) if a == "LOG" else a for a in arguments], capsys)
     assert status == 2
@@ -105,7 +120,7 @@ def test_bad_input_is_one_line_and_status_2(arguments, match: str, faulty, tmp_p
     assert list(tmp_path.iterdir()) == []
 
 
-def outcome(fault: str, cause: str, joint: int, **values) -> Outcome:
+def outcome(fault: str, cause: str, joint: int, **values: Any) -> Outcome:
     defaults = {"latency_s": 0.1, "motion_latency_s": 0.1, "size": -0.19, "size_true": -0.2, "deviation": 0.004}
     merged = {"detected": True, **defaults, **values}
     return Outcome(
@@ -157,7 +172,7 @@ def test_the_thesis_monitor_watches_the_same_trials() -> None:
     assert not seen.named
 
 
-def test_a_scorecard_is_written_as_a_page_with_a_chart(tmp_path) -> None:
+def test_a_scorecard_is_written_as_a_page_with_a_chart(tmp_path: Path) -> None:
     card = faults_experiment(seeds=1, hours=0.01, faults=("cut1", "bias2+=0.02"), workers=1)
     assert card.false_alarms == 0
     assert card.hours > 0.01

@@ -1,5 +1,6 @@
 """Arrival statistics, the rules of gripping and placing, and the score."""
 
+from collections.abc import Iterator
 from itertools import islice
 
 import numpy as np
@@ -26,7 +27,7 @@ def holding(seed: int = 0) -> Boxes:
     return stream
 
 
-def arrivals(stream: Boxes):
+def arrivals(stream: Boxes) -> Iterator[tuple[float, float, str]]:
     while True:
         time = stream.next_arrival
         stream.arrive(time)
@@ -73,17 +74,25 @@ def test_stream_does_not_depend_on_what_happens_to_the_boxes() -> None:
 def test_gripping_and_delivering() -> None:
     stream = holding()
     box = stream.held
+    assert box is not None
     place = PLACES[box.colour]
     event = stream.release(2.0, (place.x + 0.003, place.y - 0.004))
+    assert event is not None
     assert (event.time, event.kind) == (2.0, "delivered")
-    assert stream.score == Score(arrived=1, picked=1, delivered=1, placement_errors_mm=(pytest.approx(5.0),))
+    (error,) = stream.score.placement_errors_mm
+    assert error == pytest.approx(5.0)
+    assert stream.score == Score(arrived=1, picked=1, delivered=1, placement_errors_mm=(error,))
     assert stream.held is None
 
 
 def test_letting_go_away_from_the_place_misplaces() -> None:
     stream = holding()
-    wrong = next(place for colour, place in PLACES.items() if colour != stream.held.colour)
-    assert stream.release(2.0, (wrong.x, wrong.y)).kind == "misplaced"
+    assert stream.held is not None
+    held = stream.held.colour
+    wrong = next(place for colour, place in PLACES.items() if colour != held)
+    event = stream.release(2.0, (wrong.x, wrong.y))
+    assert event is not None
+    assert event.kind == "misplaced"
     assert stream.score == Score(arrived=1, picked=1, misplaced=1)
 
 
@@ -109,7 +118,9 @@ def test_missed_grip_says_why(arrived: bool, tip: tuple[float, float], gripper: 
 
 def test_a_slipped_box_is_misplaced() -> None:
     stream = holding()
-    assert stream.slip(2.0).kind == "slipped"
+    event = stream.slip(2.0)
+    assert event is not None
+    assert event.kind == "slipped"
     assert stream.release(3.0, AT_PICKUP) is None
     assert stream.slip(4.0) is None
     assert stream.score == Score(arrived=1, picked=1, misplaced=1)

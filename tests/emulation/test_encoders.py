@@ -1,6 +1,7 @@
 """Noise statistics and encoder faults."""
 
 import math
+from typing import cast
 
 import numpy as np
 import pytest
@@ -73,7 +74,7 @@ def test_the_true_angles_are_left_alone() -> None:
 
 def test_unknown_noise_kind_lists_the_choices() -> None:
     with pytest.raises(ParameterError, match="'pink': expected none, uniform or gaussian"):
-        encoders("pink")
+        encoders(cast(NoiseKind, "pink"))
 
 
 @pytest.mark.parametrize("magnitude", [-0.1, math.nan, math.inf])

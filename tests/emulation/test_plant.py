@@ -23,6 +23,7 @@ from dtwin.parameters import (
     VOLTAGE_LIMIT,
     ArmParameters,
     GripperParameters,
+    Triple,
     scaled,
 )
 from dtwin.twin import dynamics
@@ -114,7 +115,9 @@ values = st.floats(0.5, 2.0)
     omega=st.tuples(*[st.floats(-10.0, 10.0)] * 3),
     volts=st.tuples(*[st.floats(-10.0, 10.0)] * 3),
 )
-def test_accelerations_are_those_of_the_analytic_twin(factors, coulomb, payload, theta, omega, volts) -> None:
+def test_accelerations_are_those_of_the_analytic_twin(
+    factors: list[float], coulomb: float, payload: float, theta: Triple, omega: Triple, volts: Triple
+) -> None:
     scaled_values = [factor * value for factor, value in zip(factors, ARM.vector()[:18], strict=True)]
     arm = ArmParameters.from_vector((*scaled_values, coulomb, coulomb, coulomb))
     PLANT.set_parameters(arm)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from dtwin.emulation import Plant
 from dtwin.experiments.validation import AGREEMENT, validate
-from dtwin.parameters import ArmParameters
+from dtwin.parameters import ArmParameters, Triple
 from dtwin.twin.dynamics import forward_dynamics
 
 PLANT = Plant()
@@ -38,7 +38,7 @@ ARMS = st.builds(
     volts=triples(-10.0, 10.0),
     payload=st.floats(0.0, 0.5),
 )
-def test_accelerations_agree(arm, theta, omega, volts, payload) -> None:
+def test_accelerations_agree(arm: ArmParameters, theta: Triple, omega: Triple, volts: Triple, payload: float) -> None:
     PLANT.set_parameters(arm)
     PLANT.set_payload(payload)
     emulated = np.array(PLANT.acceleration(theta, omega, (*volts, 0.0)))

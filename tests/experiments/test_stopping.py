@@ -1,6 +1,8 @@
 """The monitor stops the emulated arm through the function blocks."""
 
 import json
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -39,8 +41,8 @@ def test_an_encoder_that_has_frozen_takes_the_torque_off_at_once() -> None:
     assert outcome.torque_off_s == 0.0
 
 
-def outcome(**values: object) -> StopOutcome:
-    known = {"seed": 0, "fault": "K2*=0.1", "demanded_s": 0.3, "moving": True, "crept_rad": 0.0}
+def outcome(**values: Any) -> StopOutcome:
+    known: dict[str, Any] = {"seed": 0, "fault": "K2*=0.1", "demanded_s": 0.3, "moving": True, "crept_rad": 0.0}
     return StopOutcome(**{**known, "rest_s": None, "torque_off_s": None, "stop": "none", **values})
 
 
@@ -55,7 +57,7 @@ def test_the_page_counts_what_was_held_and_what_was_not() -> None:
     assert row == "| K2*=0.1 | 4 | 3 | 0.30 | 0.50 | 2 | 2 | 0.50 | 0.50 | 1 | 2.00 | 2.00 |"
 
 
-def test_the_command_writes_a_page_with_a_chart(tmp_path, capsys) -> None:
+def test_the_command_writes_a_page_with_a_chart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["experiment", "stop", "--runs", "1", "--fault", "freeze1", "--out", str(tmp_path / "stop"), "--json"]
     assert main(words) == 0
     figures = json.loads(capsys.readouterr().out)

@@ -37,7 +37,7 @@ def test_no_voltages_move_two_joints_that_fast() -> None:
         for _ in range(60):
             volts = generator.choice([-8.0, 8.0], 3)
             for _ in range(5):
-                before, state = state, step(state, volts)
+                before, state = state, step(state, volts.tolist())
                 fastest = max(fastest, sorted(np.abs(state - before)[:3])[1])
     assert fastest < JUMP
 

@@ -1,3 +1,5 @@
+from collections.abc import Collection, Iterable, Iterator
+
 import numpy as np
 import pytest
 
@@ -9,11 +11,11 @@ from dtwin.identification.estimation.estimate import identify
 from dtwin.identification.excitation.plan import PLAIN, SAMPLES
 from dtwin.identification.parsing import free_names, settings_for
 from dtwin.parameters import PERIOD
-from dtwin.signals import Voltages
+from dtwin.signals import Sensors, Voltages
 from tests.support.identification import ARM, CLEAN, measured
 
 
-def traffic(ticks, ask_at, lose=()):
+def traffic(ticks: int, ask_at: int, lose: Collection[int] = ()) -> Iterator[tuple[Sensors, Voltages]]:
     """Samples and commands of a running cell in which an operator asks for the signal at a tick."""
     emulation, controller = Emulation(seed=3, noise=0.002), EmbeddedController()
     request = controller.resource.server("TWIN.IDENTIFICATION.REQUEST")
@@ -28,15 +30,15 @@ def traffic(ticks, ask_at, lose=()):
         emulation.advance(PERIOD)
 
 
-def collected(pairs):
-    collector = SignalCollector(PLAIN, SAMPLES, 0.2)
+def collected(pairs: Iterable[tuple[Sensors, Voltages]]) -> Collector:
+    collector = Collector(PLAIN, SAMPLES, 0.2)
     for sensors, command in pairs:
         collector.sample(sensors)
         collector.command(command)
     return collector
 
 
-def test_the_signal_is_found_in_a_running_cell_and_identifies_the_arm():
+def test_the_signal_is_found_in_a_running_cell_and_identifies_the_arm() -> None:
     collector = collected(traffic(700, ask_at=220))
     assert collector.complete
     experiment = collector.experiment()
@@ -51,14 +53,14 @@ def test_the_signal_is_found_in_a_running_cell_and_identifies_the_arm():
         assert abs(estimate.values[name] - ARM.get(name)) < 4.5 * estimate.standard_errors[name], name
 
 
-def test_no_signal_is_no_experiment():
+def test_no_signal_is_no_experiment() -> None:
     collector = collected(traffic(300, ask_at=-1))
     assert collector.done == 0
     with pytest.raises(IdentificationError, match="seen for 0 of 350 ticks only"):
         collector.experiment()
 
 
-def test_a_tick_without_command_holds_the_one_before():
+def test_a_tick_without_command_holds_the_one_before() -> None:
     """What a late bridge does: it leaves a sample without an answer, and the cell goes on under the last command."""
     collector = SignalCollector(PLAIN, SAMPLES, 0.2)
     emulation, controller = Emulation(seed=3), EmbeddedController()
@@ -80,12 +82,12 @@ def test_a_tick_without_command_holds_the_one_before():
     assert max(abs(exact.values[name] / ARM.get(name) - 1) for name in exact.problem.free) < 1e-5
 
 
-def test_a_lost_sample_is_named():
+def test_a_lost_sample_is_named() -> None:
     with pytest.raises(IdentificationError, match=r"broke off after 100 of 350 ticks, at 3\.00 s"):
         collected(traffic(700, ask_at=200, lose={300}))
 
 
-def test_order_does_not_matter():
+def test_order_does_not_matter() -> None:
     """Samples and commands come from two senders: each in order, but not one after the other."""
     pairs = list(traffic(420, ask_at=10))
     expected = collected(pairs).experiment()
@@ -99,7 +101,7 @@ def test_order_does_not_matter():
     assert collector.experiment().fingerprint == expected.fingerprint
 
 
-def test_what_an_operator_types():
+def test_what_an_operator_types() -> None:
     assert free_names("K, m2 D") == ("K1", "K2", "K3", "m2", "D1", "D2", "D3")
     settings = settings_for("mu,D1", priors=["D1=0.05+-0.01"])
     assert settings.known.coulomb == (0.01, 0.01, 0.01)

@@ -1,7 +1,10 @@
 """Identified models as files, their store, and what is exported from them."""
 
 import json
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +25,7 @@ FIT = np.array([0.99, 0.98, 0.97])
 MODEL = from_estimate(ESTIMATE, FIT, "a test")
 
 
-def test_a_model_says_what_it_is_made_from(tmp_path):
+def test_a_model_says_what_it_is_made_from(tmp_path: Path) -> None:
     write_model(MODEL, tmp_path / "m.json")
     model = read_model(tmp_path / "m.json")
     assert model == MODEL
@@ -37,13 +40,13 @@ def test_a_model_says_what_it_is_made_from(tmp_path):
     assert np.linalg.eigvalsh(covariance / np.sqrt(np.outer(covariance.diagonal(), covariance.diagonal()))).min() > 0
 
 
-def test_equal_estimates_give_equal_bytes():
+def test_equal_estimates_give_equal_bytes() -> None:
     again = from_estimate(identify([noisy(0, 0.005)], SETTINGS), FIT, "a test")
     assert encode(again) == encode(MODEL)
 
 
-def test_what_is_undetermined_is_no_result():
-    estimate = identify([CLEAN], EstimationSettings(ALL, SETTINGS.known))
+def test_what_is_undetermined_is_no_result() -> None:
+    estimate = identify([CLEAN], Settings(ALL, SETTINGS.known))
     model = from_estimate(estimate, FIT, "a test")
     assert model.unidentifiable == list(ALL)
     assert not set(model.standard_errors) & set(ALL)
@@ -52,7 +55,7 @@ def test_what_is_undetermined_is_no_result():
     encode(model)
 
 
-def damaged(change):
+def damaged(change: Callable[[dict[str, Any]], object]) -> str:
     content = json.loads(encode(MODEL))
     change(content)
     return json.dumps(content)
@@ -82,7 +85,7 @@ def damaged(change):
         (damaged(lambda m: m["offsets"].pop()), "offsets: expected 3 numbers, one a joint, got 2"),
     ],
 )
-def test_a_damaged_file_is_refused_in_one_line(tmp_path, text, complaint):
+def test_a_damaged_file_is_refused_in_one_line(tmp_path: Path, text: str, complaint: str) -> None:
     path = tmp_path / "m.json"
     path.write_text(text)
     with pytest.raises(ModelError) as caught:
@@ -92,7 +95,7 @@ def test_a_damaged_file_is_refused_in_one_line(tmp_path, text, complaint):
     assert "\n" not in str(caught.value)
 
 
-def test_the_store_keeps_every_revision(tmp_path):
+def test_the_store_keeps_every_revision(tmp_path: Path) -> None:
     store = ModelStore(tmp_path / "kept")
     assert store.names() == []
     other = from_estimate(ESTIMATE, FIT, "another")
@@ -106,7 +109,7 @@ def test_the_store_keeps_every_revision(tmp_path):
     assert sorted(path.name for path in (tmp_path / "kept" / "arm").iterdir()) == [f"000{k}.json" for k in (1, 2, 3)]
 
 
-def test_savers_at_once_get_a_revision_each(tmp_path):
+def test_savers_at_once_get_a_revision_each(tmp_path: Path) -> None:
     store = ModelStore(tmp_path)
     with ThreadPoolExecutor(8) as pool:
         entries = list(pool.map(lambda _: store.save(MODEL, "arm"), range(24)))
@@ -114,7 +117,7 @@ def test_savers_at_once_get_a_revision_each(tmp_path):
     assert all(read_model(entry.path) == MODEL for entry in entries)
 
 
-def test_the_store_names_what_there_is(tmp_path):
+def test_the_store_names_what_there_is(tmp_path: Path) -> None:
     store = ModelStore(tmp_path)
     with pytest.raises(ModelError, match=r"no model 'arm' in .*: it is empty; dtwin identify --save NAME stores one"):
         store.load("arm")
@@ -130,13 +133,13 @@ def test_the_store_names_what_there_is(tmp_path):
             store.find(name)
 
 
-def test_a_store_that_cannot_be_written_is_named(tmp_path):
+def test_a_store_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ModelError, match=r"file/arm: cannot be written: Not a directory"):
         ModelStore(tmp_path / "file").save(MODEL, "arm")
 
 
-def test_the_exported_mjcf_moves_like_the_model(tmp_path):
+def test_the_exported_mjcf_moves_like_the_model(tmp_path: Path) -> None:
     """MuJoCo itself, on the file as it is, against the plant with the model's parameters."""
     import mujoco
 
@@ -157,7 +160,7 @@ def test_the_exported_mjcf_moves_like_the_model(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_held_out_motion_judges_a_model():
+def test_held_out_motion_judges_a_model() -> None:
     judged = measured(signal=HELD_OUT, noise=0.002, seed=9)
     offset = np.full(3, 0.001)
     right = compare([judged], ARM, offset)

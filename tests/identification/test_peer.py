@@ -12,7 +12,7 @@ from tests.support.identification import ARM, FREE, SETTINGS, noisy
 needs_peer = pytest.mark.skipif(not peer.is_installed(), reason="pip install 'mujoco[sysid]' to run this")
 
 
-def test_the_peer_gets_the_same_arm():
+def test_the_peer_gets_the_same_arm() -> None:
     model = peer._spec(ARM, 0.2).compile()
     data = mujoco.MjData(model)
     plant = Plant(ARM)
@@ -27,7 +27,7 @@ def test_the_peer_gets_the_same_arm():
 
 
 @needs_peer
-def test_the_peer_finds_the_same_minimum():
+def test_the_peer_finds_the_same_minimum() -> None:
     experiment = noisy(0, 0.005)
     ours = identify([experiment], SETTINGS)
     bounds = {name: (LOWER[symbol(name)], UPPER[symbol(name)]) for name in FREE}
@@ -36,7 +36,7 @@ def test_the_peer_finds_the_same_minimum():
         assert abs(found.values[name] - ours.values[name]) < 6 * ours.standard_errors[name]
 
 
-def test_a_missing_peer_is_named(monkeypatch):
+def test_a_missing_peer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(peer, "is_installed", lambda: False)
     with pytest.raises(DtwinError, match=r"pip install 'mujoco\[sysid\]'"):
         peer.fit(np.zeros((2, 3)), np.zeros((2, 3)), np.zeros(3), 0.0, ARM, {})

@@ -31,8 +31,9 @@ from dtwin.run.cell import Cell, CellSettings
 from dtwin.run.loop import run
 from dtwin.run.recording import Log
 from dtwin.signals import STOPS
-from tests.support.forte import BLOCKS, FORTE, NO_FORTE, Listener, Served, embedded, forte, patiently
-from tests.support.waiting import until
+from tests.support.devices import BLOCKS, DeployedApplication, Receiver, embedded
+from tests.support.forte import FORTE, NO_FORTE, forte
+from tests.support.waiting import connected, until
 
 SAME = 1e-9
 """V, between FORTE and the embedded runtime"""
@@ -40,17 +41,17 @@ needs_forte = pytest.mark.skipif(not FORTE, reason=NO_FORTE)
 
 
 @pytest.fixture(params=["embedded", pytest.param("forte", marks=needs_forte)])
-def served(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Served]:
+def served(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[DeployedApplication]:
     with forte(tmp_path) if request.param == "forte" else embedded() as management:
-        device = Served(management)
+        device = DeployedApplication(management)
         device.deploy()
         with device.client:
             yield device
 
 
-def controller(served: Served) -> RemoteController:
+def controller(served: DeployedApplication) -> RemoteController:
     """The device's application, with a new embedded one as shadow."""
-    return patiently(lambda: RemoteController(served.address(61500), EmbeddedController(), timeout=10.0))
+    return connected(lambda: RemoteController(served.address(61500), EmbeddedController(), timeout=10.0))
 
 
 def assert_same_run(one: Log, other: Log) -> None:
@@ -58,7 +59,7 @@ def assert_same_run(one: Log, other: Log) -> None:
     assert np.abs(one.stack("volts") - other.stack("volts")).max() <= SAME
 
 
-def test_120_seconds_of_pick_and_place_are_the_same(served: Served) -> None:
+def test_120_seconds_of_pick_and_place_are_the_same(served: DeployedApplication) -> None:
     settings = CellSettings(duration=120.0, seed=1, noise=0.001)
     alone = Cell(settings)
     alone.run()
@@ -74,7 +75,7 @@ def test_120_seconds_of_pick_and_place_are_the_same(served: Served) -> None:
 def test_forte_takes_a_thirtieth_of_real_time(tmp_path: Path) -> None:
     factors = []
     with forte(tmp_path) as management:
-        device = Served(management)
+        device = DeployedApplication(management)
         device.deploy()
         # the best of three: other processes may take their part of the machine
         for seed in range(3):
@@ -85,7 +86,7 @@ def test_forte_takes_a_thirtieth_of_real_time(tmp_path: Path) -> None:
     assert max(factors) >= 30
 
 
-def test_a_second_run_on_the_same_application(served: Served) -> None:
+def test_a_second_run_on_the_same_application(served: DeployedApplication) -> None:
     for seed, duration in ((1, 15.0), (2, 24.7), (3, 5.0)):
         settings = CellSettings(duration=duration, seed=seed)
         alone = Cell(settings)
@@ -96,7 +97,7 @@ def test_a_second_run_on_the_same_application(served: Served) -> None:
         assert_same_run(cell.log.freeze(), alone.log.freeze())
 
 
-def test_a_second_deployment_takes_the_place_of_the_first(served: Served) -> None:
+def test_a_second_deployment_takes_the_place_of_the_first(served: DeployedApplication) -> None:
     settings = CellSettings(duration=3.0, seed=1)
     served.deploy()
     with controller(served) as remote:
@@ -117,7 +118,7 @@ def test_changed_code_takes_the_place_of_the_old_one(tmp_path: Path) -> None:
     for file in BLOCKS.glob("*.fbt"):
         (blocks / file.name).write_text(file.read_text().replace("V_GRIPPER := 3.0", "V_GRIPPER := 2.5"))
     with forte(tmp_path) as management:
-        device = Served(management)
+        device = DeployedApplication(management)
         for folder, volts in ((BLOCKS, 3.0), (blocks, 2.5), (BLOCKS, 3.0)):
             device.deploy(folder)
             with controller(device) as remote:
@@ -126,17 +127,17 @@ def test_changed_code_takes_the_place_of_the_old_one(tmp_path: Path) -> None:
             assert cell.log.freeze().columns["volts_4"][-1] == volts
 
 
-def test_identification_gains_and_model_from_the_twin(served: Served) -> None:
+def test_identification_gains_and_model_from_the_twin(served: DeployedApplication) -> None:
     """What comes to the twin's ports between two samples has the same effect; what they send is the same."""
     shadow = EmbeddedController()
     response: list[tuple[object, ...]] = []
     monitoring: list[tuple[object, ...]] = []
     shadow.resource.port("TWIN.IDENTIFICATION.BLOCK.DATA").attach(response.append)
     shadow.resource.port("TWIN.MONITORING.DATA").attach(monitoring.append)
-    remote = patiently(lambda: RemoteController(served.address(61500), shadow, timeout=10.0))
+    remote = connected(lambda: RemoteController(served.address(61500), shadow, timeout=10.0))
     listeners = (
-        Listener(served.address(61502), Signature([LREAL] * 7)),
-        Listener(served.address(61503), Signature([LREAL] * 6 + [BOOL, LREAL])),
+        Receiver(served.address(61502), Signature([LREAL] * 7)),
+        Receiver(served.address(61503), Signature([LREAL] * 6 + [BOOL, LREAL])),
     )
     generator = np.random.default_rng(1)
     cell = Cell(CellSettings(duration=60.0, seed=4, noise=0.001), remote)
@@ -176,12 +177,12 @@ def test_identification_gains_and_model_from_the_twin(served: Served) -> None:
     remote.close()
 
 
-def test_stop_hold_torque_off_and_release(served: Served) -> None:
+def test_stop_hold_torque_off_and_release(served: DeployedApplication) -> None:
     """A verdict stops the arm in the same way; one that has lost its torque falls without voltage, until released."""
     shadow = EmbeddedController()
     verdicts = shadow.resource.server("TWIN.MONITORING.VERDICT")
-    remote = patiently(lambda: RemoteController(served.address(61500), shadow, timeout=10.0))
-    twin = patiently(
+    remote = connected(lambda: RemoteController(served.address(61500), shadow, timeout=10.0))
+    twin = connected(
         lambda: BlockingClient(served.address(61506), Signature([DINT, LREAL, BOOL]), Signature([DINT]), 10.0)
     )
     faults = (parse_fault("K2*=0.1@19.9-30"),)
@@ -276,7 +277,7 @@ def test_every_type_reaches_forte_and_wraps_there(tmp_path: Path) -> None:
     alone = Resource(network, library)
     alone.start()
     names = [*(f"Y_{name}" for name in LITERALS), *(f"Z_{name}" for name in WRAPPING)]
-    with forte(tmp_path) as management, patiently(lambda: ManagementClient(management)) as client:
+    with forte(tmp_path) as management, connected(lambda: ManagementClient(management)) as client:
         deploy(client, plan_deployment("R", network, library))
         # the blocks run after the deployment has been acknowledged; LIST is their last event
         until(lambda: client.read("R", "C.Y").replace(" ", "") == "[1,5,-3]", "all events have been dealt with")
@@ -291,14 +292,16 @@ def test_every_type_reaches_forte_and_wraps_there(tmp_path: Path) -> None:
 def test_forte_boots_from_an_exported_file(tmp_path: Path) -> None:
     boot = tmp_path / "cell.fboot"
     with forte(tmp_path) as management:
-        ports = Served(management)
+        ports = DeployedApplication(management)
     boot.write_text(print_boot_file(ports.plan().commands))
     with forte(tmp_path, "-f", str(boot)), controller(ports) as remote:
         Cell(CellSettings(duration=3.0, seed=1), remote).run()
         assert remote.largest_difference <= SAME
 
 
-def test_watch_and_stop_from_the_command_line(served: Served, capsys: pytest.CaptureFixture[str]) -> None:
+def test_watch_and_stop_from_the_command_line(
+    served: DeployedApplication, capsys: pytest.CaptureFixture[str]
+) -> None:
     served.client.close()
 
     def output(*arguments: str) -> list[str]:

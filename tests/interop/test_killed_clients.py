@@ -18,7 +18,9 @@ from dtwin.iec61499.net.wire import Signature
 from dtwin.iec61499.types import LREAL
 from dtwin.parameters import ArmParameters, Gains, scaled
 from dtwin.signals import Sensors
-from tests.support.forte import FORTE, NO_FORTE, Served, embedded, forte, patiently
+from tests.support.devices import DeployedApplication, embedded
+from tests.support.forte import FORTE, NO_FORTE, forte
+from tests.support.waiting import connected
 
 CLIENT = """
 import signal, socket, struct, sys
@@ -45,7 +47,7 @@ class Device:
 
     def __init__(self, management: Address) -> None:
         self._management = management
-        served = Served(management)
+        served = DeployedApplication(management)
         served.deploy()
         served.client.close()  # a FORTE has one management client at a time
         self._ports = served.ports
@@ -53,7 +55,7 @@ class Device:
         self.join()
 
     def join(self) -> None:
-        self._loop = patiently(lambda: ControlLoop(self._management))
+        self._loop = connected(lambda: ControlLoop(self._management))
 
     def leave(self) -> None:
         self._loop.close()

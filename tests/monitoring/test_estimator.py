@@ -1,15 +1,17 @@
 """The estimator against the twin it is built on, and on runs of the cell."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from dtwin.monitoring.belief import assumed
+from dtwin.monitoring.belief import Belief, assumed
 from dtwin.monitoring.estimator import Estimator, Tuning
 from dtwin.monitoring.layout import ARM_NAMES, INDEX, NAMES, PAYLOAD
 from dtwin.monitoring.offline import stream
 from dtwin.parameters import ArmParameters
+from dtwin.run.recording import Log
 from dtwin.twin.rollout import rollout
 
 ARM = ArmParameters()
@@ -83,7 +85,7 @@ def test_unused_readings_change_nothing() -> None:
     np.testing.assert_array_equal(estimator.x, before)
 
 
-def test_a_new_box_has_the_prior_mass_and_an_empty_gripper_none(belief) -> None:
+def test_a_new_box_has_the_prior_mass_and_an_empty_gripper_none(belief: Belief) -> None:
     estimator = Estimator(belief, Tuning())
     estimator.begin(STATE[:3], False)
     assert estimator.x[PAYLOAD] == 0.0 == estimator.P[PAYLOAD, PAYLOAD]
@@ -106,7 +108,7 @@ def test_a_locked_joint_stays_where_it_is(joint: int) -> None:
     assert np.linalg.eigvalsh(estimator.P).min() > -1e-12
 
 
-def test_copies_are_independent(belief, run_cell) -> None:
+def test_copies_are_independent(belief: Belief, run_cell: Callable[..., Log]) -> None:
     seen = stream(run_cell())
     estimator = Estimator(belief, Tuning())
     estimator.begin(seen.measured[0], False)
@@ -121,7 +123,9 @@ def test_copies_are_independent(belief, run_cell) -> None:
     np.testing.assert_array_equal(estimator.P, twin.P)
 
 
-def test_innovations_of_a_healthy_arm_are_white_and_the_truth_is_within_its_errors(belief, run_cell) -> None:
+def test_innovations_of_a_healthy_arm_are_white_and_the_truth_is_within_its_errors(
+    belief: Belief, run_cell: Callable[..., Log]
+) -> None:
     log = run_cell()
     seen = stream(log)
     estimator = Estimator(belief, Tuning())
@@ -144,7 +148,7 @@ def test_innovations_of_a_healthy_arm_are_white_and_the_truth_is_within_its_erro
     assert np.abs(estimator.P - estimator.P.T).max() == 0.0
 
 
-def test_bounds_keep_the_estimate_physical(belief) -> None:
+def test_bounds_keep_the_estimate_physical(belief: Belief) -> None:
     estimator = Estimator(belief, Tuning())
     estimator.begin(STATE[:3], True)
     estimator.x[INDEX["K2"]], estimator.x[PAYLOAD] = -1.0, -3.0
@@ -167,7 +171,9 @@ def test_friction_that_cannot_be_moves_the_arm_like_the_nearest_that_can() -> No
     assert change.value == 0.23
 
 
-def test_what_was_remembered_is_refined_as_an_augmented_filter_would(belief, run_cell) -> None:
+def test_what_was_remembered_is_refined_as_an_augmented_filter_would(
+    belief: Belief, run_cell: Callable[..., Log]
+) -> None:
     """A clone's mean, variance and covariance are those of one more constant in a filter of 29 states."""
     seen = stream(run_cell())
     estimator = Estimator(belief, Tuning())
@@ -214,7 +220,7 @@ def test_what_was_remembered_is_refined_as_an_augmented_filter_would(belief, run
     assert estimator.change(name) is None
 
 
-def test_a_box_that_comes_is_compared_with_what_boxes_are(belief) -> None:
+def test_a_box_that_comes_is_compared_with_what_boxes_are(belief: Belief) -> None:
     estimator = Estimator(belief, Tuning())
     estimator.begin(STATE[:3], False)
     estimator.remember("payload")

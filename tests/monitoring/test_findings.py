@@ -1,14 +1,18 @@
 """How findings end: undone, refined away, put down with the box, explained, acknowledged."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from dtwin.errors import ParameterError
+from dtwin.monitoring.belief import Belief
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
+from dtwin.run.recording import Log
 
 
-def watched(belief, log, *stops: int) -> Monitor:
+def watched(belief: Belief, log: Log, *stops: int) -> Monitor:
     monitor, seen = Monitor(belief), stream(log)
     seen.feed(monitor, 0, stops[0] if stops else len(seen))
     return monitor
@@ -18,7 +22,9 @@ def kinds(monitor: Monitor) -> list[str]:
     return [event.kind for event in monitor.events]
 
 
-def test_what_no_hypothesis_explains_is_said_once_and_ends_when_the_arm_moves_as_believed(belief, run_cell) -> None:
+def test_what_no_hypothesis_explains_is_said_once_and_ends_when_the_arm_moves_as_believed(
+    belief: Belief, run_cell: Callable[..., Log]
+) -> None:
     monitor = watched(belief, run_cell(80.0, 3, "l2*=1.1@31-36"))
     unknown = [event for event in monitor.events if "unknown of joint 2" in event.text and event.kind == "failed"]
     assert unknown[-1].time < 36.0
@@ -27,7 +33,7 @@ def test_what_no_hypothesis_explains_is_said_once_and_ends_when_the_arm_moves_as
     assert set(monitor.verdict().states.values()) == {"nominal"}
 
 
-def test_what_no_hypothesis_explains_lasts_as_long_as_it_shows(belief, run_cell) -> None:
+def test_what_no_hypothesis_explains_lasts_as_long_as_it_shows(belief: Belief, run_cell: Callable[..., Log]) -> None:
     monitor = watched(belief, run_cell(80.0, 3, "l2*=1.1@31"))
     assert list(monitor.findings.current) == ["unknown2"]
     assert monitor.findings.current["unknown2"].since == pytest.approx(31.0, abs=0.05)
@@ -35,7 +41,7 @@ def test_what_no_hypothesis_explains_lasts_as_long_as_it_shows(belief, run_cell)
     assert kinds(monitor)[-1] == "failed"
 
 
-def test_a_box_takes_what_was_wrong_with_it_along(belief, run_cell) -> None:
+def test_a_box_takes_what_was_wrong_with_it_along(belief: Belief, run_cell: Callable[..., Log]) -> None:
     log = run_cell(55.0, 3, "payload+=0.05@31")
     monitor = watched(belief, log)
     released = np.flatnonzero(np.diff(log.columns["box_gripped"].astype(int)) < 0) + 1
@@ -47,7 +53,7 @@ def test_a_box_takes_what_was_wrong_with_it_along(belief, run_cell) -> None:
     assert monitor.verdict().states["gripper"] == "nominal"
 
 
-def test_a_box_put_down_in_a_gap_takes_it_along_too(belief, run_cell) -> None:
+def test_a_box_put_down_in_a_gap_takes_it_along_too(belief: Belief, run_cell: Callable[..., Log]) -> None:
     log = run_cell(55.0, 3, "payload+=0.05@31")
     seen = stream(log)
     monitor = watched(belief, log, 4500)
@@ -59,7 +65,7 @@ def test_a_box_put_down_in_a_gap_takes_it_along_too(belief, run_cell) -> None:
     assert kinds(monitor)[-2:] == ["restart", "recovered"] or kinds(monitor)[-2:] == ["recovered", "restart"]
 
 
-def test_a_diagnosis_that_a_box_does_not_outlast_ends_at_once(belief, run_cell) -> None:
+def test_a_diagnosis_that_a_box_does_not_outlast_ends_at_once(belief: Belief, run_cell: Callable[..., Log]) -> None:
     log = run_cell(55.0, 3, "payload+=0.05@31")
     seen = stream(log)
     monitor = Monitor(belief)
@@ -70,6 +76,7 @@ def test_a_diagnosis_that_a_box_does_not_outlast_ends_at_once(belief, run_cell) 
     findings, estimator = monitor.findings, monitor.estimator
     (finding,) = monitor.verdict().findings
     assert not finding.settled
+    assert monitor._diagnosis is not None
     candidate = monitor._diagnosis.best()[0]
     findings.put_down(monitor.time, estimator)
     findings.settle(monitor.time, candidate, finding)
@@ -77,7 +84,9 @@ def test_a_diagnosis_that_a_box_does_not_outlast_ends_at_once(belief, run_cell) 
     assert findings.current == {}
 
 
-def test_the_change_of_a_box_is_not_known_better_than_what_it_weighed_before(belief, run_cell) -> None:
+def test_the_change_of_a_box_is_not_known_better_than_what_it_weighed_before(
+    belief: Belief, run_cell: Callable[..., Log]
+) -> None:
     """The fault comes 90 ms after the grip, with the box hardly weighed."""
     log = run_cell(29.0, 3, "payload+=0.05@27.7")
     monitor = watched(belief, log)
@@ -88,7 +97,7 @@ def test_the_change_of_a_box_is_not_known_better_than_what_it_weighed_before(bel
     assert monitor.estimator.deviation("payload") < 0.2 * finding.deviation
 
 
-def test_an_acknowledged_change_is_the_arm_from_then_on(belief, run_cell) -> None:
+def test_an_acknowledged_change_is_the_arm_from_then_on(belief: Belief, run_cell: Callable[..., Log]) -> None:
     log = run_cell(60.0, 3, "K1*=0.6@31-45")
     seen = stream(log)
     monitor = watched(belief, log, 4400)
@@ -105,7 +114,9 @@ def test_an_acknowledged_change_is_the_arm_from_then_on(belief, run_cell) -> Non
     assert finding.since == pytest.approx(45.0, abs=0.1)
 
 
-def test_an_acknowledged_encoder_is_reported_again_once_it_has_worked(belief, run_cell) -> None:
+def test_an_acknowledged_encoder_is_reported_again_once_it_has_worked(
+    belief: Belief, run_cell: Callable[..., Log]
+) -> None:
     log = run_cell(50.0, 3, "freeze2@31-34", "freeze2@40-42")
     seen = stream(log)
     monitor = watched(belief, log, 3200)
@@ -116,7 +127,7 @@ def test_an_acknowledged_encoder_is_reported_again_once_it_has_worked(belief, ru
     assert kinds(monitor) == ["failed", "acknowledged", "failed", "recovered"]
 
 
-def test_only_what_is_wrong_can_be_acknowledged(belief, run_cell) -> None:
+def test_only_what_is_wrong_can_be_acknowledged(belief: Belief, run_cell: Callable[..., Log]) -> None:
     monitor = watched(belief, run_cell(), 1000)
     assert monitor.acknowledge() == []
     with pytest.raises(ParameterError, match="nothing to acknowledge"):
@@ -126,7 +137,7 @@ def test_only_what_is_wrong_can_be_acknowledged(belief, run_cell) -> None:
         monitor.acknowledge("D2")
 
 
-def test_an_acknowledged_trend_counts_from_now(belief) -> None:
+def test_an_acknowledged_trend_counts_from_now(belief: Belief) -> None:
     monitor = Monitor(belief)
     healthy = belief.arm.get("K1")
     for k in range(360):

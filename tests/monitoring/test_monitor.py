@@ -1,5 +1,6 @@
 """The monitor as a whole: faults of the emulated cell found, named and sized; and what it must not say."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from dtwin.monitoring.belief import Belief, assumed, identified
 from dtwin.monitoring.monitor import BRIDGED, Monitor, MonitorSettings
 from dtwin.monitoring.offline import Stream, stream, watch
 from dtwin.parameters import ArmParameters
-from dtwin.run.recording import RunLog
+from dtwin.run.recording import Log, RunLog
 
 
 def followed(belief: Belief, seen: Stream, stop: int | None = None) -> Monitor:
@@ -50,7 +51,9 @@ def test_faults_are_found_named_and_sized(fault: str, largest_error: float | Non
 
 
 @pytest.mark.parametrize("step", [0.0025, 0.001, 0.005])
-def test_normal_work_raises_no_alarm_however_finely_it_is_emulated(step: float, belief, run_cell) -> None:
+def test_normal_work_raises_no_alarm_however_finely_it_is_emulated(
+    step: float, belief: Belief, run_cell: Callable[..., Log]
+) -> None:
     monitor = followed(belief, stream(run_cell(90.0, 8, step=step)))
     assert monitor.events == []
     verdict = monitor.verdict()
@@ -58,7 +61,7 @@ def test_normal_work_raises_no_alarm_however_finely_it_is_emulated(step: float, 
     assert verdict.missed == 0
 
 
-def test_a_fault_that_ends_is_struck_out(belief, run_cell) -> None:
+def test_a_fault_that_ends_is_struck_out(belief: Belief, run_cell: Callable[..., Log]) -> None:
     monitor = followed(belief, stream(run_cell(45.0, 3, "K1*=0.6@31-38")))
     kinds = [event.kind for event in monitor.events]
     assert kinds == ["suspected", "failed", "suspected", "recovered"]
@@ -70,14 +73,14 @@ def test_a_fault_that_ends_is_struck_out(belief, run_cell) -> None:
     assert set(monitor.verdict().states.values()) == {"nominal"}
 
 
-def test_a_frozen_encoder_that_works_again_is_used_again(belief, run_cell) -> None:
+def test_a_frozen_encoder_that_works_again_is_used_again(belief: Belief, run_cell: Callable[..., Log]) -> None:
     monitor = followed(belief, stream(run_cell(40.0, 3, "freeze2@31-34")))
     assert [event.kind for event in monitor.events] == ["failed", "recovered"]
     assert monitor.events[0].time == pytest.approx(31.03, abs=0.02)
     assert monitor.verdict().states["joint 2"] == "nominal"
 
 
-def test_the_size_is_refined_after_the_diagnosis(belief, run_cell) -> None:
+def test_the_size_is_refined_after_the_diagnosis(belief: Belief, run_cell: Callable[..., Log]) -> None:
     seen = stream(run_cell(60.0, 3, "D2*=2@31"))
     monitor = followed(belief, seen)
     (finding,) = monitor.verdict().findings
@@ -87,7 +90,7 @@ def test_the_size_is_refined_after_the_diagnosis(belief, run_cell) -> None:
     assert finding.size == pytest.approx(0.05, abs=4 * finding.deviation + 1e-3)
 
 
-def test_the_truth_is_not_looked_at(belief, run_cell) -> None:
+def test_the_truth_is_not_looked_at(belief: Belief, run_cell: Callable[..., Log]) -> None:
     log = run_cell(45.0, 3, "K1*=0.6@31-38")
     hidden = {f"{name}_{joint}" for name in ("theta", "omega", "target") for joint in (1, 2, 3)} | {"payload_mass"}
     columns = {name: np.zeros_like(c) if name in hidden else c for name, c in log.columns.items()}
@@ -96,7 +99,7 @@ def test_the_truth_is_not_looked_at(belief, run_cell) -> None:
     assert first.events
 
 
-def test_equal_streams_give_equal_verdicts(belief, run_cell) -> None:
+def test_equal_streams_give_equal_verdicts(belief: Belief, run_cell: Callable[..., Log]) -> None:
     seen = stream(run_cell(45.0, 3, "K1*=0.6@31-38"))
     first, second = followed(belief, seen), followed(belief, seen)
     assert first.events == second.events
@@ -104,14 +107,16 @@ def test_equal_streams_give_equal_verdicts(belief, run_cell) -> None:
 
 
 @pytest.mark.parametrize("share", [0.05, 0.3])
-def test_missing_samples_are_counted_and_are_no_fault(share: float, belief, run_cell) -> None:
+def test_missing_samples_are_counted_and_are_no_fault(
+    share: float, belief: Belief, run_cell: Callable[..., Log]
+) -> None:
     seen = stream(run_cell())
     monitor, lost = losing(belief, seen, share)
     assert monitor.missed == np.count_nonzero(lost[: monitor.sample])
     assert {event.kind for event in monitor.events} <= {"restart"}
 
 
-def test_faults_are_named_although_samples_are_missing(belief, run_cell) -> None:
+def test_faults_are_named_although_samples_are_missing(belief: Belief, run_cell: Callable[..., Log]) -> None:
     monitor, _ = losing(belief, stream(run_cell(45.0, 3, "K1*=0.6@31-38")), 0.05)
     assert [finding.parameter for finding in monitor.history] == ["K1"]
     assert monitor.history[0].size == pytest.approx(-0.4, abs=0.04)
@@ -126,7 +131,9 @@ def losing(belief: Belief, seen: Stream, share: float) -> tuple[Monitor, np.ndar
     return monitor, lost
 
 
-def test_long_gaps_start_the_motion_anew_and_keep_what_was_learned(belief, run_cell) -> None:
+def test_long_gaps_start_the_motion_anew_and_keep_what_was_learned(
+    belief: Belief, run_cell: Callable[..., Log]
+) -> None:
     seen = stream(run_cell())
     monitor = followed(belief, seen, 2000)
     learned = monitor.estimator.deviation("K1")
@@ -141,14 +148,14 @@ def test_long_gaps_start_the_motion_anew_and_keep_what_was_learned(belief, run_c
     assert monitor.findings.current == {}
 
 
-def test_a_fault_during_a_gap_is_found_after_it(belief, run_cell) -> None:
+def test_a_fault_during_a_gap_is_found_after_it(belief: Belief, run_cell: Callable[..., Log]) -> None:
     seen = stream(run_cell(45.0, 3, "K1*=0.6@31-38"))
     monitor = followed(belief, seen, 3090)
     seen.feed(monitor, 3110, 3400)
     assert monitor.verdict().states["joint 1"] == "failed"
 
 
-def test_friction_of_an_arm_at_rest_is_said_to_be_unobservable(belief, run_cell) -> None:
+def test_friction_of_an_arm_at_rest_is_said_to_be_unobservable(belief: Belief, run_cell: Callable[..., Log]) -> None:
     log = run_cell()
     seen = stream(log)
     monitor = Monitor(belief)
@@ -162,13 +169,13 @@ def test_friction_of_an_arm_at_rest_is_said_to_be_unobservable(belief, run_cell)
     assert monitor.findings.current == {}
 
 
-def test_noise_that_the_model_does_not_tell_of_is_heard(run_cell) -> None:
+def test_noise_that_the_model_does_not_tell_of_is_heard(run_cell: Callable[..., Log]) -> None:
     seen = stream(run_cell())
     monitor = followed(assumed(ArmParameters(), (0.0, 0.0, 0.0)), seen)
     assert monitor.events == []
 
 
-def test_impossible_readings_do_not_leave_the_monitor_blind(belief, run_cell) -> None:
+def test_impossible_readings_do_not_leave_the_monitor_blind(belief: Belief, run_cell: Callable[..., Log]) -> None:
     seen = stream(run_cell())
     measured = seen.measured.copy()
     measured[2000:2050] = np.nan
@@ -178,7 +185,7 @@ def test_impossible_readings_do_not_leave_the_monitor_blind(belief, run_cell) ->
     assert monitor.missed >= 50
 
 
-def test_the_trace_of_a_log_covers_every_tick(belief, run_cell) -> None:
+def test_the_trace_of_a_log_covers_every_tick(belief: Belief, run_cell: Callable[..., Log]) -> None:
     seen = stream(run_cell(45.0, 3, "K1*=0.6@31-38"))
     trace = watch(Monitor(belief), seen)
     assert trace.predicted.shape == trace.deviation.shape == (4500, 3)
@@ -202,7 +209,7 @@ def test_settings_and_beliefs_are_checked() -> None:
         stream(RunLog({}).freeze())
 
 
-def test_an_identified_model_brings_its_uncertainty(belief) -> None:
+def test_an_identified_model_brings_its_uncertainty(belief: Belief) -> None:
     assert belief.arm != ArmParameters()
     deviations = np.sqrt(np.diag(belief.covariance)) / np.maximum([belief.arm.get("K1")], 1e-9)
     assert 1e-4 < deviations[0] < 1e-2

@@ -1,5 +1,6 @@
 """Traces of faults and the evidence for them."""
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -7,9 +8,10 @@ import pytest
 from scipy.stats import chi2
 
 from dtwin.monitoring import kernels
+from dtwin.monitoring.belief import Belief
 from dtwin.monitoring.estimator import Estimator, Tuning
 from dtwin.monitoring.layout import INDEX, SIZE
-from dtwin.monitoring.offline import stream
+from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.signatures import (
     FAULTS,
     INDEPENDENT,
@@ -20,6 +22,7 @@ from dtwin.monitoring.signatures import (
     plausible_sizes,
     threshold,
 )
+from dtwin.run.recording import Log
 
 ALL = np.ones(3, dtype=bool)
 
@@ -31,7 +34,9 @@ def test_the_threshold_is_that_of_the_stated_rate() -> None:
 
 
 @pytest.mark.parametrize("fault", ["K1", "D3", "payload", "bias2", "drift1"])
-def test_a_trace_is_the_difference_of_the_innovations(fault: str, belief, run_cell) -> None:
+def test_a_trace_is_the_difference_of_the_innovations(
+    fault: str, belief: Belief, run_cell: Callable[..., Log]
+) -> None:
     """Two filters that differ by a small jump of one state see innovations that differ by the trace."""
     seen = stream(run_cell())
     first = int(np.flatnonzero(seen.gripped)[5])
@@ -63,7 +68,7 @@ def test_a_trace_is_the_difference_of_the_innovations(fault: str, belief, run_ce
     assert J[0] > 0.0
 
 
-def follow(bank: SignatureBank, estimator: Estimator, seen, start: int, stop: int) -> None:
+def follow(bank: SignatureBank, estimator: Estimator, seen: Stream, start: int, stop: int) -> None:
     for k in range(start, stop):
         gripped = bool(seen.gripped[k - 1])
         new = gripped != estimator.gripped
@@ -74,7 +79,9 @@ def follow(bank: SignatureBank, estimator: Estimator, seen, start: int, stop: in
         bank.update(estimator, ALL, k)
 
 
-def test_healthy_innovations_stay_below_the_threshold_and_a_fault_passes_it(belief, run_cell) -> None:
+def test_healthy_innovations_stay_below_the_threshold_and_a_fault_passes_it(
+    belief: Belief, run_cell: Callable[..., Log]
+) -> None:
     seen = stream(run_cell(45.0, 3, "K1*=0.8@40"))
     estimator = Estimator(belief, Tuning())
     estimator.begin(seen.measured[0], False)
@@ -95,7 +102,7 @@ def test_healthy_innovations_stay_below_the_threshold_and_a_fault_passes_it(beli
     assert abs(best["K1"].size / belief.arm.get("K1") + 0.2) < 0.1
 
 
-def test_onsets_reach_back_and_get_sparser(belief, run_cell) -> None:
+def test_onsets_reach_back_and_get_sparser(belief: Belief, run_cell: Callable[..., Log]) -> None:
     seen = stream(run_cell())
     estimator = Estimator(belief, Tuning())
     estimator.begin(seen.measured[0], False)
@@ -112,7 +119,7 @@ def test_onsets_reach_back_and_get_sparser(belief, run_cell) -> None:
     assert spaces[-1] == SPACING < spaces[0]
 
 
-def test_what_cannot_be_seen_is_not_visible(belief, run_cell) -> None:
+def test_what_cannot_be_seen_is_not_visible(belief: Belief, run_cell: Callable[..., Log]) -> None:
     """Friction of an arm that stands still leaves no trace, a voltage constant that carries it does."""
     log = run_cell(60.0, 3)
     still = np.flatnonzero(np.abs(log.stack("omega")).max(axis=1) > 0.03)

@@ -1,5 +1,6 @@
 """The thesis's monitor."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +10,12 @@ from dtwin.errors import ParameterError
 from dtwin.monitoring.offline import stream
 from dtwin.monitoring.thesis import ABSOLUTE, IN_A_ROW, RELATIVE, ThesisMonitor, ThesisSettings
 from dtwin.parameters import ArmParameters
+from dtwin.run.recording import Log
 
 ARM = ArmParameters()
 
 
-def test_a_healthy_arm_moves_like_the_simulation(run_cell) -> None:
+def test_a_healthy_arm_moves_like_the_simulation(run_cell: Callable[..., Log]) -> None:
     seen = stream(run_cell())
     monitor = ThesisMonitor(ARM, ThesisSettings(sample_time=0.01))
     worst = 0.0
@@ -25,7 +27,7 @@ def test_a_healthy_arm_moves_like_the_simulation(run_cell) -> None:
     assert monitor.events == []
 
 
-def test_k2_at_a_tenth_takes_ten_samples_in_a_row(run_cell) -> None:
+def test_k2_at_a_tenth_takes_ten_samples_in_a_row(run_cell: Callable[..., Log]) -> None:
     seen = stream(run_cell(45.0, 3, "K2*=0.1@31"))
     monitor = ThesisMonitor(ARM)
     seen.feed(monitor, 0, len(seen))
@@ -39,7 +41,7 @@ def test_k2_at_a_tenth_takes_ten_samples_in_a_row(run_cell) -> None:
 
 
 @pytest.mark.parametrize("sample_time", [0.01, 0.1, 0.5])
-def test_finer_sampling_finds_it_sooner(sample_time: float, run_cell) -> None:
+def test_finer_sampling_finds_it_sooner(sample_time: float, run_cell: Callable[..., Log]) -> None:
     seen = stream(run_cell(45.0, 3, "K2*=0.1@31"))
     monitor = ThesisMonitor(ARM, ThesisSettings(sample_time, 0.01))
     seen.feed(monitor, 0, len(seen))
@@ -78,7 +80,7 @@ def test_ten_in_a_row_and_not_nine_are_a_failure() -> None:
     assert len(monitor.events) == 1
 
 
-def test_a_new_motion_starts_the_simulation_anew(run_cell) -> None:
+def test_a_new_motion_starts_the_simulation_anew(run_cell: Callable[..., Log]) -> None:
     seen = stream(run_cell())
     grip = int(np.flatnonzero(seen.gripped)[0])
     monitor = ThesisMonitor(ARM)
@@ -88,7 +90,7 @@ def test_a_new_motion_starts_the_simulation_anew(run_cell) -> None:
     np.testing.assert_array_equal(monitor.simulated, seen.measured[grip])
 
 
-def test_missing_samples_are_simulated_over(run_cell) -> None:
+def test_missing_samples_are_simulated_over(run_cell: Callable[..., Log]) -> None:
     seen = stream(run_cell())
     whole, gappy = ThesisMonitor(ARM), ThesisMonitor(ARM)
     kept = np.flatnonzero(np.arange(2000) % 7 != 3)

@@ -1,16 +1,18 @@
 """Slow changes and their forecast."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
+from dtwin.monitoring.belief import Belief
 from dtwin.monitoring.estimator import Estimator, Tuning
 from dtwin.monitoring.layout import INDEX
 from dtwin.monitoring.trend import FEWEST, INTERVAL, KEPT, Trend, line
 
 
-def grown(belief, name: str, course, entries: int, noise: float = 0.0) -> Trend:
+def grown(belief: Belief, name: str, course: Callable[[float], float], entries: int, noise: float = 0.0) -> Trend:
     """A trend whose parameter takes the value course(hours) at every entry."""
     estimator = Estimator(belief, Tuning())
     trend = Trend(estimator)
@@ -22,7 +24,7 @@ def grown(belief, name: str, course, entries: int, noise: float = 0.0) -> Trend:
     return trend
 
 
-def test_growing_friction_is_forecast(belief) -> None:
+def test_growing_friction_is_forecast(belief: Belief) -> None:
     healthy = belief.arm.get("D2")
     trend = grown(belief, "D2", lambda h: healthy * (1 + 0.2 * h), 360, noise=1e-4)
     (forecast,) = trend.forecasts()
@@ -35,7 +37,7 @@ def test_growing_friction_is_forecast(belief) -> None:
     assert "limit +50 %" in forecast.text()
 
 
-def test_a_limit_that_is_reached(belief) -> None:
+def test_a_limit_that_is_reached(belief: Belief) -> None:
     healthy = belief.arm.get("K1")
     trend = grown(belief, "K1", lambda h: healthy * (0.95 - 0.1 * h), 360)
     (forecast,) = trend.forecasts()
@@ -43,7 +45,7 @@ def test_a_limit_that_is_reached(belief) -> None:
     assert "is reached" in forecast.text()
 
 
-def test_an_encoder_that_wanders_counts_from_where_it_was_learned(belief) -> None:
+def test_an_encoder_that_wanders_counts_from_where_it_was_learned(belief: Belief) -> None:
     trend = grown(belief, "bias3", lambda h: 0.0025 - 0.004 * h, 720)
     (forecast,) = trend.forecasts()
     learned = 0.5 * FEWEST * INTERVAL / 3600
@@ -53,11 +55,11 @@ def test_an_encoder_that_wanders_counts_from_where_it_was_learned(belief) -> Non
 
 
 @pytest.mark.parametrize("noise", [1e-4, 1e-3])
-def test_a_healthy_arm_has_no_forecast(belief, noise: float) -> None:
+def test_a_healthy_arm_has_no_forecast(belief: Belief, noise: float) -> None:
     assert grown(belief, "D2", lambda h: belief.arm.get("D2"), 500, noise).forecasts() == []
 
 
-def test_few_entries_tell_nothing_and_old_ones_are_dropped(belief) -> None:
+def test_few_entries_tell_nothing_and_old_ones_are_dropped(belief: Belief) -> None:
     healthy = belief.arm.get("D2")
     assert grown(belief, "D2", lambda h: healthy * (1 + 3 * h), FEWEST - 1).forecasts() == []
     trend = grown(belief, "D2", lambda h: healthy, KEPT + 50)

@@ -1,6 +1,7 @@
 """The closed loop on real physics: boxes, tracking, determinism, faults."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ def test_every_picked_box_is_delivered(seed: int, noise: float, placement_mm: fl
         assert summary.saturated_ticks == 0
 
 
-def test_equal_seeds_give_equal_bytes(tmp_path) -> None:
+def test_equal_seeds_give_equal_bytes(tmp_path: Path) -> None:
     settings = CellSettings(duration=60.0, seed=5, noise=0.002, faults=(parse_fault("K2*=0.9@30"),))
     files = [tmp_path / "a.parquet", tmp_path / "b.parquet", tmp_path / "c.parquet"]
     for path, chosen in zip(files, (settings, settings, replace(settings, seed=6)), strict=True):

@@ -30,7 +30,7 @@ from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Upload, UploadRequest
 from dtwin.errors import CommunicationError
 from dtwin.identification.store import ModelStore, open_model
-from dtwin.parameters import ArmParameters, Gains, scaled
+from dtwin.parameters import ROOT, ArmParameters, Gains, scaled
 from dtwin.run.cell import Cell, CellSettings
 from dtwin.run.recording import read_log
 from dtwin.signals import Voltages
@@ -38,7 +38,8 @@ from dtwin.simulation.history import History
 from services import runfile
 from services.runfile import join
 from tests.support.desk import Desk
-from tests.support.waiting import FORTE, NO_FORTE, ROOT, forte, until
+from tests.support.forte import FORTE, NO_FORTE, forte
+from tests.support.waiting import until
 
 needs_forte = pytest.mark.skipif(not FORTE, reason=NO_FORTE)
 

@@ -28,9 +28,10 @@ from dtwin.bus.messages import (
 )
 from dtwin.bus.session import Bus, open_peer
 from dtwin.errors import CommunicationError
-from dtwin.parameters import GripperParameters
+from dtwin.parameters import ROOT, GripperParameters
 from dtwin.signals import Event, Sensors, Truth, Voltages
-from tests.support.waiting import ROOT, free_port, until
+from tests.support.ports import free_port
+from tests.support.waiting import until
 
 
 class Emulator:

@@ -12,11 +12,10 @@ import pytest
 
 from dtwin.experiments.recovery.operator import LIMIT, Story
 from dtwin.experiments.recovery.outcome import TOLERANCE, healthy_run, judge, tracked
-from dtwin.parameters import ArmParameters
+from dtwin.parameters import ROOT, ArmParameters
 from dtwin.run.cell import Cell, CellSettings
 from dtwin.run.recording import read_log
 from tests.support.desk import Desk
-from tests.support.waiting import ROOT
 
 
 def test_a_cell_with_grown_friction_recovers(desk: Desk, tmp_path: Path) -> None:

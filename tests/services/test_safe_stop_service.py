@@ -13,8 +13,10 @@ from dtwin.monitoring.verdict import Finding
 from dtwin.signals import Event, Sensors
 from services.runfile import join
 from services.safe_stop import Demands
+from tests.support.bus import noting
 from tests.support.desk import Desk, boxes
-from tests.support.waiting import free_port, until
+from tests.support.ports import free_port
+from tests.support.waiting import until
 
 FOUND = Finding("K2", "voltage constant", 2, -0.9, 0.01, 0.9995, 45.0, 45.1, True)
 FROZEN = Finding("freeze1", "encoder freeze", 1, 0.0, 0.0, 1.0, 46.0, 46.1, True)
@@ -118,7 +120,7 @@ def test_a_demand_is_made_until_it_is_answered_once() -> None:
         demands = Demands(monitor)
         demands.stand(frozenset({"K2", "freeze1"}))
         demands.failed(FOUND)
-        bridge.answer(STOP, StopRequest, lambda request: asked.append(request) or StopState(45.3, "braking"))
+        bridge.answer(STOP, StopRequest, noting(asked, StopState(45.3, "braking")))
         until(lambda: asked, "the demand is made")
         demands.failed(FROZEN)
         until(lambda: len(events) == 2, "both answers are told")
@@ -137,6 +139,6 @@ def test_no_demand_is_made_for_a_failure_that_is_over() -> None:
         demands.stand(frozenset({"freeze1"}))
         demands.failed(FOUND)
         demands.failed(FROZEN)
-        bridge.answer(STOP, StopRequest, lambda request: asked.append(request) or StopState(46.3, "torque off"))
+        bridge.answer(STOP, StopRequest, noting(asked, StopState(46.3, "torque off")))
         until(lambda: asked, "the demand is made")
     assert [request.state for request in asked if request] == ["angles unknown"]

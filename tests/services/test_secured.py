@@ -53,11 +53,13 @@ from dtwin.bus.twin_messages import (
     UploadRequest,
 )
 from dtwin.errors import CommunicationError
-from dtwin.parameters import ArmParameters, Gains
+from dtwin.parameters import ROOT, ArmParameters, Gains
 from dtwin.signals import Event, Sensors, Voltages
 from services.runfile import join
+from tests.support.bus import noting
 from tests.support.desk import Desk
-from tests.support.waiting import ROOT, free_port, until
+from tests.support.ports import free_port
+from tests.support.waiting import until
 
 pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="needs the openssl command: install it")
 
@@ -162,12 +164,23 @@ def test_who_may_publish(secured: Path, who: str, topic: Topic, message: Any, al
     with Probe(secured, "controller").hear(topic, type(message)) as listener, Probe(secured, who) as publisher:
         publish = publisher.bus.publisher(topic)
         if allowed:
-            until(lambda: publish(message) or listener.heard, "the message passes")
+
+            def passes() -> bool:
+                publish(message)
+                return bool(listener.heard)
+
+            until(passes, "the message passes")
         else:
             listener.hear(EVENTS, Event)
             report, said = publisher.bus.publisher(EVENTS), Event(0.0, who, "")
-            # what it may publish comes after what it may not, on the same way: then nothing is still on its way
-            until(lambda: publish(message) or report(said) or said in listener.heard, "the event passes")
+
+            def follows() -> bool:
+                """What it may publish comes after what it may not, on the same way: then nothing is on its way."""
+                publish(message)
+                report(said)
+                return said in listener.heard
+
+            until(follows, "the event passes")
             assert message not in listener.heard
 
 
@@ -176,7 +189,12 @@ def test_a_certificate_without_a_role_reads_nothing(secured: Path) -> None:
     with Probe(secured, "emulator") as emulator, Probe(file, "").hear(SENSORS, Sensors) as stranger:
         with Probe(secured, "recorder").hear(SENSORS, Sensors) as recorder:
             publish = emulator.bus.publisher(SENSORS)
-            until(lambda: publish(SAMPLE) or recorder.heard, "the recorder hears")
+
+            def hears() -> bool:
+                publish(SAMPLE)
+                return bool(recorder.heard)
+
+            until(hears, "the recorder hears")
         assert not stranger.heard
 
 
@@ -184,8 +202,8 @@ def test_the_monitor_may_stop_the_arm_and_only_operators_release_it(secured: Pat
     applied: list[object] = []
     stop, release = StopRequest("probe", "test"), ReleaseRequest("probe", "test")
     with Probe(secured, "bridge") as bridge:
-        bridge.bus.answer(STOP, StopRequest, lambda asked: applied.append(asked) or StopState(0.0, "braking"))
-        bridge.bus.answer(RELEASE, ReleaseRequest, lambda asked: applied.append(asked) or StopState(0.0, "none"))
+        bridge.bus.answer(STOP, StopRequest, noting(applied, StopState(0.0, "braking")))
+        bridge.bus.answer(RELEASE, ReleaseRequest, noting(applied, StopState(0.0, "none")))
         for name in ("monitoring", "operator"):
             with Probe(secured, name) as other:
                 assert other.bus.ask(STOP, stop, StopState).stop == "braking"
@@ -204,8 +222,8 @@ def test_only_operators_may_set_gains_and_faults(secured: Path) -> None:
     applied: list[object] = []
     wanted = GainsSetting(Gains((1.0, 2.0, 3.0)))
     with Probe(secured, "bridge") as bridge, Probe(secured, "emulator") as emulator:
-        bridge.bus.answer(GAINS, GainsSetting, lambda asked: applied.append(asked) or asked)
-        emulator.bus.answer(FAULT, FaultRequest, lambda asked: applied.append(asked) or Done(0.0, "done"))
+        bridge.bus.answer(GAINS, GainsSetting, noting(applied, wanted))
+        emulator.bus.answer(FAULT, FaultRequest, noting(applied, Done(0.0, "done")))
         with Probe(secured, "operator") as operator:
             assert operator.bus.ask(GAINS, wanted, GainsSetting) == wanted
             assert operator.bus.ask(FAULT, FaultRequest(("slip@1",)), Done).text == "done"
@@ -214,7 +232,7 @@ def test_only_operators_may_set_gains_and_faults(secured: Path) -> None:
                 other.bus.ask(GAINS, wanted, GainsSetting, 0.5)
         with Probe(secured, "recorder") as other, pytest.raises(CommunicationError, match="may this session ask"):
             other.bus.ask(FAULT, FaultRequest(("slip@1",)), Done, 0.5)
-    assert len(applied) == 2
+    assert applied == [wanted, FaultRequest(("slip@1",))]
 
 
 def test_services_may_ask_the_controller_what_they_need_and_no_more(secured: Path) -> None:
@@ -230,7 +248,7 @@ def test_services_may_ask_the_controller_what_they_need_and_no_more(secured: Pat
     may = {"simulation": {GAINS, MODEL, SETTINGS}, "identification": {SIGNAL, MODEL}, "monitoring": set()}
     with Probe(secured, "bridge") as bridge:
         for topic, reply in replies.items():
-            bridge.bus.answer(topic, type(reply), lambda asked, reply=reply: reply)
+            bridge.bus.answer(topic, type(reply), noting([], reply))
         for name, allowed in may.items():
             with Probe(secured, name) as service:
                 for topic, reply in replies.items():

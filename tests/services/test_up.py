@@ -56,15 +56,22 @@ def test_a_cell_is_started_watched_set_and_stopped(desk: Desk, tmp_path: Path) -
     assert "not up" in desk.run("status", status=2)
 
 
+def kill_and_wait(desk: Desk, name: str) -> int:
+    """Kills a service, waits until it is back and the cell goes on, and returns the tick of the kill."""
+    ticks: int = desk.summary()["ticks"]
+    os.kill(desk.find(f"services.{name}"), signal.SIGKILL)
+    back = {"restarts": 1, "state": "running"}.items()
+    until(lambda: back <= desk.summary()["services"][name].items(), f"{name} is back")
+    until(lambda: desk.summary()["ticks"] > ticks + 200, f"the cell goes on after {name}")
+    return ticks
+
+
 def test_killed_services_come_back_and_end_with_their_supervisor(desk: Desk, tmp_path: Path) -> None:
     log = tmp_path / "run.parquet"
     desk.up("--detach", "--pace", "lockstep", "--log", str(log))
     for name in ("bridge", "emulator", "controller", "recorder"):
-        before, counted = desk.summary()["ticks"], boxes(desk)
-        os.kill(desk.find(f"services.{name}"), signal.SIGKILL)
-        back = {"restarts": 1, "state": "running"}.items()
-        until(lambda name=name, back=back: back <= desk.summary()["services"][name].items(), f"{name} is back")
-        until(lambda t=before: desk.summary()["ticks"] > t + 200, f"the cell goes on after {name}")
+        counted = boxes(desk)
+        before = kill_and_wait(desk, name)
         assert boxes(desk)["arrived"] >= counted["arrived"]
     counted = boxes(desk)
     assert counted["picked"] - counted["delivered"] - counted["misplaced"] in (0, 1)

@@ -304,7 +304,7 @@ def test_trial_waits_for_a_distance_that_was_there_before() -> None:
 def trial_of(path: Callable[[int], float]) -> list[str]:
     """Verdicts on an arm that is 10 mrad from its path, except at the start of a path."""
     trial = Trial(TrialRules(), 10.0, (0.01, 0.01, 0.01))
-    found = []
+    found: list[str] = []
     for tick in range(6001):
         away = 0.0 if tick and path(tick - 1) != path(tick) == 0.0 else 0.01
         found.append(trial.observe(10.0 + tick / 100, (path(tick), 0.0, 0.0), (path(tick) - away, 0.0, 0.0)))

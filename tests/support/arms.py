@@ -1,11 +1,13 @@
 """Hypothesis strategies of the twin's tests: valid arms, states and payloads of any usual size."""
 
 import numpy as np
+import numpy.typing as npt
 from hypothesis import strategies as st
 
 from dtwin.parameters import ArmParameters
 
 DEFAULT = ArmParameters()
+Array = npt.NDArray[np.float64]
 
 
 def reals(low: float, high: float) -> st.SearchStrategy[float]:
@@ -16,7 +18,7 @@ def triples(strategy: st.SearchStrategy[float]) -> st.SearchStrategy[tuple[float
     return st.tuples(strategy, strategy, strategy)
 
 
-def vectors(size: int, low: float, high: float) -> st.SearchStrategy[np.ndarray]:
+def vectors(size: int, low: float, high: float) -> st.SearchStrategy[Array]:
     return st.lists(reals(low, high), min_size=size, max_size=size).map(np.array)
 
 
@@ -36,5 +38,5 @@ accelerations = vectors(3, -100.0, 100.0)
 payloads = reals(0.0, 0.5)
 
 
-def vector(parameters: ArmParameters) -> np.ndarray:
+def vector(parameters: ArmParameters) -> Array:
     return np.array(parameters.vector())

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from dtwin.cli import main
-from tests.support.waiting import ROOT, until
+from dtwin.parameters import ROOT
+from tests.support.waiting import until
 
 
 class Desk:

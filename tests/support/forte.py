@@ -1,143 +1,34 @@
-"""Devices with the project's application on free ports: a 4diac FORTE, or the embedded runtime."""
-
-from __future__ import annotations
+"""A 4diac FORTE as a process; tests with one run where the environment says where it is."""
 
 import os
-import re
-import socket
 import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Final
 
-from dtwin.errors import CommunicationError
-from dtwin.iec61499.deploy.build import deploy
-from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
-from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.address import LOOPBACK, Address
-from dtwin.iec61499.net.client import BlockingClient
-from dtwin.iec61499.net.wire import Message, MessageReader, Signature
-from dtwin.parameters import ROOT
+from tests.support.ports import free_port
+from tests.support.waiting import connected
 
 FORTE: Final = os.environ.get("FORTE", "")
 NO_FORTE: Final = "set FORTE to the path of a 4diac FORTE binary, built as fb/README.md says, to run this"
-BLOCKS: Final = ROOT / "fb"
-PATIENCE: Final = 20.0
-PORTS: Final = range(61500, 61507)
-_T = TypeVar("_T")
-
-
-def free_ports(count: int) -> list[int]:
-    """Ports nobody listens on; all probes are open at once, so that they differ."""
-    probes = [socket.socket() for _ in range(count)]
-    try:
-        for probe in probes:
-            probe.bind((LOOPBACK, 0))
-        return [probe.getsockname()[1] for probe in probes]
-    finally:
-        for probe in probes:
-            probe.close()
-
-
-def patiently(connect: Callable[[], _T]) -> _T:
-    """What `connect` gives as soon as somebody listens."""
-    deadline = time.monotonic() + PATIENCE
-    while True:
-        try:
-            return connect()
-        except CommunicationError:
-            assert time.monotonic() < deadline
-
-
-class Served:
-    """A device and the ports for the application on it."""
-
-    def __init__(self, management: Address) -> None:
-        self.ports = dict(zip(PORTS, free_ports(len(PORTS)), strict=True))
-        self.client = patiently(lambda: ManagementClient(management, PATIENCE))
-
-    def plan(self, blocks: Path = BLOCKS) -> Deployment:
-        library = Library([blocks])
-        return plan_deployment(
-            "EMB_RES", resource_network(library.load_system(BLOCKS / "dtwin.sys")), library, self.ports
-        )
-
-    def deploy(self, blocks: Path = BLOCKS) -> None:
-        deploy(self.client, self.plan(blocks))
-
-    def address(self, port: int) -> Address:
-        """Where the block listens that has the port in the system's file."""
-        return Address(LOOPBACK, self.ports[port])
-
-    def tell(self, port: int, signature: Signature, values: Sequence[float | bool]) -> None:
-        """Sends values to a port of the twin and waits for the answer, which has none."""
-        with patiently(lambda: BlockingClient(self.address(port), signature, Signature([]), PATIENCE)) as client:
-            assert client.exchange(values) == ()
-
-
-class Listener:
-    """A client that only receives."""
-
-    def __init__(self, address: Address, signature: Signature) -> None:
-        self._reader = MessageReader(signature)
-        self._messages: list[Message] = []
-        self._sock = patiently(lambda: self._connect(address))
-
-    @staticmethod
-    def _connect(address: Address) -> socket.socket:
-        try:
-            return socket.create_connection(address, PATIENCE)
-        except OSError as error:
-            raise CommunicationError(str(error)) from None
-
-    def received(self, count: int) -> list[Message]:
-        """All messages so far, at least `count`."""
-        while len(self._messages) < count:
-            try:
-                data = self._sock.recv(65536)
-            except TimeoutError:
-                raise AssertionError(f"{len(self._messages)} messages, expected {count}") from None
-            assert data, f"closed after {len(self._messages)} messages"
-            self._messages += self._reader.feed(data)
-        return self._messages
-
-    def close(self) -> None:
-        self._sock.close()
 
 
 @contextmanager
 def forte(folder: Path, *arguments: str) -> Iterator[Address]:
-    """A FORTE and its management port."""
-    (port,) = free_ports(1)
+    """A FORTE that listens at its management port; what it prints goes to forte.log in the folder."""
+    address = Address(LOOPBACK, free_port())
     with (folder / "forte.log").open("w") as log:
-        command = [FORTE, "-c", f"localhost:{port}", *arguments]
+        command = [FORTE, "-c", f"localhost:{address.port}", *arguments]
         # SIGPIPE stays ignored: a FORTE does not ignore it by itself, and ends with a client that goes too early
         process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, cwd=folder, restore_signals=False)
         try:
-            yield Address(LOOPBACK, port)
+            connected(lambda: ManagementClient(address)).close()
+            yield address
         finally:
             # a FORTE that has killed a resource no longer ends on SIGTERM
             process.kill()
-            process.wait(PATIENCE)
-
-
-@contextmanager
-def embedded(*arguments: str) -> Iterator[Address]:
-    """`dtwin fb run` and its management port."""
-    command = [sys.executable, "-m", "dtwin", "fb", "run", "--listen", f"{LOOPBACK}:0", *arguments]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT)
-    assert process.stdout is not None
-    try:
-        line = process.stdout.readline()
-        found = re.fullmatch(r"management on ([\d.]+):(\d+)\n", line)
-        assert found is not None, line
-        yield Address(found[1], int(found[2]))
-    finally:
-        process.kill()
-        process.wait(PATIENCE)
-        process.stdout.close()
+            process.wait()

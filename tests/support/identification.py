@@ -1,5 +1,8 @@
 """What several tests of the identification share."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from dtwin.controller.excitation import ExcitationController
@@ -7,7 +10,9 @@ from dtwin.experiments.identification.experiments import standard_settings
 from dtwin.identification.data import Experiment, Start
 from dtwin.identification.excitation.plan import PLAIN, Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.parameters import PARAMETER_NAMES, ArmParameters
+from dtwin.identification.excitation.signal import PLAIN, Excitation, Plan
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, PayloadModel
+from tests.support.arms import Array
 
 ARM = ArmParameters()
 ALL = PARAMETER_NAMES[:18]
@@ -17,11 +22,19 @@ FREE = SETTINGS.free
 BLOCKS = ExcitationController()
 
 
-def truth(names):
+def truth(names: Sequence[str]) -> Array:
     return np.array([ARM.get(name) for name in names])
 
 
-def measured(seed=0, payload=0.2, model="weight", signal=PLAIN, known=True, samples=350, **rig):
+def measured(
+    seed: int = 0,
+    payload: float = 0.2,
+    model: PayloadModel = "weight",
+    signal: Excitation = PLAIN,
+    known: bool = True,
+    samples: int = 350,
+    **rig: Any,
+) -> Experiment:
     """An experiment on the emulated arm under the function blocks' signal."""
     plan = Plan(signal, payload, model, Start(known=known), samples)
     return Rig(**rig).measure(plan, BLOCKS, np.random.default_rng(seed))
@@ -31,7 +44,7 @@ CLEAN = measured()
 """angles without noise: tests add their own, which saves running the emulation"""
 
 
-def noisy(seed, level, kind="uniform", clean=CLEAN):
+def noisy(seed: int | tuple[int, ...], level: float, kind: str = "uniform", clean: Experiment = CLEAN) -> Experiment:
     generator = np.random.default_rng(seed)
     draw = generator.random if kind == "uniform" else generator.standard_normal
     angles = clean.measured + level * draw(clean.measured.shape)

@@ -9,6 +9,7 @@ import lupa.lua51
 import lupa.lua54
 import lupa.luajit21
 
+from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.lua_export import LuaType
 from dtwin.iec61499.types import ArrayType
 
@@ -62,6 +63,7 @@ class LuaBench:
             for number, variable in enumerate(variables):
                 self._keys[variable.name] = base + number
                 self._types[variable.name] = variable.type
+                assert not isinstance(variable.type, model.GenericType)
                 self[variable.name] = variable.type.default
         for events, variables, names, withs, places in (
             (block.interface.event_inputs, block.interface.inputs, spec.EINames, spec.EIWith, spec.EIWithIndexes),

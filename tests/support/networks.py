@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from dtwin.iec61499 import model
@@ -107,8 +107,11 @@ class Bench:
         self.resource = Resource(network(blocks, "; ".join(wiring), "; ".join(data), given), library)
         self._probed = {item.partition(":")[0].strip() for item in probe.split(",")}
         for event in outputs:
-            self.resource.port(f"OUT_{event}").attach(lambda _, event=event: self.events.append(event))
+            self.resource.port(f"OUT_{event}").attach(self._recorder(event))
         self.resource.start()
+
+    def _recorder(self, event: str) -> Callable[[tuple[Any, ...]], None]:
+        return lambda _: self.events.append(event)
 
     def fire(self, event: str, **inputs: Any) -> list[str]:
         """Sets inputs, issues an event, and gives the events that come out at once."""

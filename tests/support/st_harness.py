@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -67,23 +68,20 @@ def run_lua(
     # reals as text, since lupa makes integers of whole numbers and loses the sign of zero
     digits = lua.eval('function(x, i) if i then x = x[i] end return string.format("%.17g", x) end')
     by_name = lua.eval("function(V, f, name, i) return f(V[name], i) end")
-    result_of = {name: (result[name], lambda i, name=name: by_name(result, digits, name, i)) for name in scope}
-    return {name: _from_lua(*result_of[name], t) for name, t in scope.items()}
+    return {name: _from_lua(result[name], partial(by_name, result, digits, name), t) for name, t in scope.items()}
 
 
 def _to_lua(value: Any, lua: Any) -> Any:
     return lua.table_from([_to_lua(item, lua) for item in value]) if isinstance(value, list) else value
 
 
-def _from_lua(value: Any, digits: Callable[[int | None], str], data_type: DataType) -> Any:
+def _from_lua(value: Any, digits: Callable[..., str], data_type: DataType) -> Any:
     if isinstance(data_type, ArrayType):
-        return [
-            _from_lua(value[i], lambda _, i=i: digits(i), data_type.element) for i in range(1, data_type.length + 1)
-        ]
+        return [_from_lua(value[i], partial(digits, i), data_type.element) for i in range(1, data_type.length + 1)]
     if data_type.kind in ("signed", "unsigned", "bits"):
         assert int(value) == value
         return int(value)
-    return float(digits(None)) if data_type.kind == "real" else value
+    return float(digits()) if data_type.kind == "real" else value
 
 
 def same(a: Any, b: Any) -> bool:

@@ -9,10 +9,10 @@ from typing import Any
 from hypothesis import strategies as st
 
 from dtwin.iec61499.st import ast
-from dtwin.iec61499.types import ArrayType, elementary
+from dtwin.iec61499.types import ArrayType, DataType, elementary
 
 AT = ast.Position()
-SCOPE = {
+SCOPE: dict[str, DataType] = {
     **dict.fromkeys(("X", "Y", "Z"), elementary("LREAL")),
     **dict.fromkeys(("R", "Q"), elementary("REAL")),
     **dict.fromkeys(("I", "J"), elementary("DINT")),

@@ -1,20 +1,21 @@
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import simpson
 
 from dtwin.errors import DivergenceError, ParameterError
-from dtwin.parameters import GRAVITY, HANGING, PHYSICS_STEP, scaled
+from dtwin.parameters import GRAVITY, HANGING, PHYSICS_STEP, ArmParameters, Triple, scaled
 from dtwin.twin.dynamics import energy, forward_dynamics, friction, motor_torque
 from dtwin.twin.rollout import rollout
-from tests.support.arms import DEFAULT, vector
+from tests.support.arms import DEFAULT, Array, vector
 
 REST = np.zeros(6)
 FRICTION = DEFAULT.with_values({"mu1": 0.01, "mu2": 0.01, "mu3": 0.01})
 
 
-def fall(parameters, theta, seconds):
+def fall(parameters: ArmParameters, theta: Triple, seconds: float) -> Array:
     """No volts, one row a physics step."""
     steps = round(seconds / PHYSICS_STEP)
     return rollout(parameters, [*theta, 0, 0, 0], np.zeros((steps, 3)), period=PHYSICS_STEP, substeps=1)
@@ -29,14 +30,14 @@ def fall(parameters, theta, seconds):
     ],
     ids=["default", "masses x 1.5", "inertias x 2"],
 )
-def test_drop_swings_to_the_known_lowest_angle(parameters, lowest, time):
+def test_drop_swings_to_the_known_lowest_angle(parameters: ArmParameters, lowest: float, time: float) -> None:
     states = fall(parameters, (0, 0, 0), 2)
     assert states[:, 0].min() == pytest.approx(lowest, abs=5e-5)
     assert states[:, 0].argmin() * PHYSICS_STEP == pytest.approx(time)
 
 
-def test_drop_comes_to_rest_hanging_and_heavier_links_swing_longer():
-    def last_motion(states):
+def test_drop_comes_to_rest_hanging_and_heavier_links_swing_longer() -> None:
+    def last_motion(states: Array) -> float:
         return np.flatnonzero(np.abs(states[:, :3] - HANGING).max(axis=1) > 0.01)[-1] * PHYSICS_STEP
 
     default, heavy = fall(DEFAULT, (0, 0, 0), 20), fall(scaled(DEFAULT, "m", 1.5), (0, 0, 0), 20)
@@ -45,7 +46,7 @@ def test_drop_comes_to_rest_hanging_and_heavier_links_swing_longer():
     assert default[-1] == pytest.approx([*HANGING, 0, 0, 0], abs=1e-4)
 
 
-def test_upright_arm_falls_after_eight_seconds_from_rounding_alone():
+def test_upright_arm_falls_after_eight_seconds_from_rounding_alone() -> None:
     # cos(pi/2) is 6e-17 in floating point, and grows e-fold in about 0.2 s: the time of the fall is set by the
     # last bit of the start, so only its range is known.
     angle = fall(DEFAULT, (math.pi / 2, 0, 0), 25)[:, 0]
@@ -56,11 +57,11 @@ def test_upright_arm_falls_after_eight_seconds_from_rounding_alone():
     assert np.flatnonzero(np.abs(tilted - math.pi / 2) > 0.1)[0] * PHYSICS_STEP < off - 1
 
 
-def test_error_falls_with_the_fourth_power_of_the_step():
+def test_error_falls_with_the_fourth_power_of_the_step() -> None:
     volts = np.tile([1.5, -1.0, 0.5], (50, 1))
     start = [0.3, -0.5, 0.8, 1.0, -2.0, 0.5]
 
-    def end(substeps):
+    def end(substeps: int) -> Array:
         return rollout(FRICTION, start, volts, 0.1, substeps=substeps, coulomb_width=1.0)[-1]
 
     exact = end(256)
@@ -70,11 +71,11 @@ def test_error_falls_with_the_fourth_power_of_the_step():
 
 @pytest.mark.parametrize("payload", [0.0, 0.2])
 @pytest.mark.parametrize("weight_only", [False, True])
-def test_energy_changes_by_the_work_of_motors_and_friction(payload, weight_only):
+def test_energy_changes_by_the_work_of_motors_and_friction(payload: float, weight_only: bool) -> None:
     volts = np.array([1.0, -0.5, 0.3])
     p = vector(FRICTION)
 
-    def residual(step):
+    def residual(step: float) -> float:
         states = rollout(
             FRICTION,
             [0.5, -0.5, 0.5, 0, 0, 0],
@@ -96,14 +97,14 @@ def test_energy_changes_by_the_work_of_motors_and_friction(payload, weight_only)
     assert fine < coarse / 8
 
 
-def test_frictionless_motion_keeps_its_energy():
+def test_frictionless_motion_keeps_its_energy() -> None:
     free = scaled(DEFAULT, "D", 0.0)
     states = rollout(free, [1.0, 0.5, -0.5, 0, 0, 0], np.zeros((200, 3)), 0.1, substeps=20)
     total = [sum(energy(state, vector(free), 0.1)) for state in states]
     assert np.ptp(total) < 1e-6
 
 
-def test_first_slope_is_the_forward_dynamics():
+def test_first_slope_is_the_forward_dynamics() -> None:
     start, volts, step = np.array([0.3, -0.5, 0.8, 1.0, -2.0, 0.5]), np.array([1.0, 2.0, -1.0]), 1e-6
     states = rollout(DEFAULT, start, volts[None], 0.2, period=step, substeps=1)
     slope = (states[1] - states[0]) / step
@@ -111,7 +112,7 @@ def test_first_slope_is_the_forward_dynamics():
     assert slope[3:] == pytest.approx(forward_dynamics(start, volts, vector(DEFAULT), 0.2), rel=1e-3)
 
 
-def test_held_arm_stays_when_the_volts_carry_its_weight_and_the_payloads():
+def test_held_arm_stays_when_the_volts_carry_its_weight_and_the_payloads() -> None:
     l, m, c = DEFAULT.length, DEFAULT.mass, DEFAULT.com
     g3 = GRAVITY * (m[2] * c[2] + 0.2 * l[2])
     g2 = g3 + GRAVITY * (m[1] * c[1] + (m[2] + 0.2) * l[1])
@@ -122,7 +123,7 @@ def test_held_arm_stays_when_the_volts_carry_its_weight_and_the_payloads():
     assert np.abs(rollout(DEFAULT, REST, np.tile(volts, (20, 1)), 0.0)).max() > 0.1
 
 
-def test_zero_payload_is_no_payload_in_both_models():
+def test_zero_payload_is_no_payload_in_both_models() -> None:
     volts = np.tile([1.0, -1.0, 0.5], (30, 1))
     empty = rollout(DEFAULT, REST, volts)
     assert (rollout(DEFAULT, REST, volts, np.zeros(30)) == empty).all()
@@ -132,7 +133,7 @@ def test_zero_payload_is_no_payload_in_both_models():
     ).all()
 
 
-def test_payload_over_time_is_two_rollouts_in_a_row():
+def test_payload_over_time_is_two_rollouts_in_a_row() -> None:
     volts = np.random.default_rng(0).uniform(-2, 2, (40, 3))
     payload = np.repeat([0.0, 0.2], 20)
     states = rollout(DEFAULT, REST, volts, payload)
@@ -141,16 +142,16 @@ def test_payload_over_time_is_two_rollouts_in_a_row():
     assert (states[20:] == second).all()
 
 
-def test_volts_act_up_to_the_limit():
+def test_volts_act_up_to_the_limit() -> None:
     beyond, at_limit = np.tile([20.0, -20.0, 1.0], (10, 1)), np.tile([8.0, -8.0, 1.0], (10, 1))
     assert (rollout(DEFAULT, REST, beyond) == rollout(DEFAULT, REST, at_limit)).all()
 
 
-def test_no_samples_is_the_start_alone():
+def test_no_samples_is_the_start_alone() -> None:
     assert (rollout(DEFAULT, REST, np.empty((0, 3))) == [REST]).all()
 
 
-def test_divergence_names_time_and_last_finite_state():
+def test_divergence_names_time_and_last_finite_state() -> None:
     volts = np.zeros((100, 3))
     with pytest.raises(
         DivergenceError, match=r"analytic twin diverged at t = 0\.0000 s, last state \(0, 0, 0, 1e\+160"
@@ -177,7 +178,7 @@ def test_divergence_names_time_and_last_finite_state():
         ({"payload_model": "box"}, "unknown payload model 'box': expected point or weight"),
     ],
 )
-def test_bad_input_is_named(change, message):
-    arguments = {"parameters": DEFAULT, "state0": REST, "volts": np.zeros((4, 3))} | change
+def test_bad_input_is_named(change: dict[str, Any], message: str) -> None:
+    arguments: dict[str, Any] = {"parameters": DEFAULT, "state0": REST, "volts": np.zeros((4, 3))} | change
     with pytest.raises(ParameterError, match=message):
         rollout(**arguments)

@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from dtwin.errors import DivergenceError, ParameterError
-from dtwin.parameters import PARAMETER_NAMES, scaled
+from dtwin.parameters import PARAMETER_NAMES, PayloadModel, scaled
 from dtwin.twin.rollout import rollout
 from dtwin.twin.sensitivity import COLUMN_NAMES, STATE_NAMES, sensitivities
-from tests.support.arms import DEFAULT
+from tests.support.arms import DEFAULT, Array
 
 ARM = DEFAULT.with_values({"mu1": 0.01, "mu2": 0.008, "mu3": 0.012})
 START = np.array([0.3, -0.5, 0.8, 0.2, 0.1, -0.3])
@@ -15,10 +16,10 @@ PAYLOAD = np.repeat([0.0, 0.2], 50)
 IDENTIFIED = PARAMETER_NAMES[:18]
 
 
-def difference_quotient(name, payload_model):
+def difference_quotient(name: str, payload_model: PayloadModel) -> Array:
     """Central differences at h, 2h and 4h, extrapolated to sixth order."""
 
-    def moved(step):
+    def moved(step: float) -> Array:
         parameters, start = ARM, START.copy()
         if name in STATE_NAMES:
             start[STATE_NAMES.index(name)] += step
@@ -32,7 +33,7 @@ def difference_quotient(name, payload_model):
 
 
 @pytest.mark.parametrize("payload_model", ["point", "weight"])
-def test_every_column_is_the_derivative_of_the_rollout(payload_model):
+def test_every_column_is_the_derivative_of_the_rollout(payload_model: PayloadModel) -> None:
     states, derivatives = sensitivities(
         ARM, START, VOLTS, PAYLOAD, with_respect_to=COLUMN_NAMES, payload_model=payload_model
     )
@@ -44,7 +45,7 @@ def test_every_column_is_the_derivative_of_the_rollout(payload_model):
         assert error <= 1e-7 * np.abs(expected).max(), name
 
 
-def test_columns_come_in_the_order_asked():
+def test_columns_come_in_the_order_asked() -> None:
     every = sensitivities(ARM, START, VOLTS, PAYLOAD, with_respect_to=COLUMN_NAMES)[1]
     names = ["omega2", "K3", "mu1", "l2"]
     some = sensitivities(ARM, START, VOLTS, PAYLOAD, with_respect_to=names)[1]
@@ -53,7 +54,7 @@ def test_columns_come_in_the_order_asked():
     assert sensitivities(ARM, START, VOLTS, with_respect_to=[])[1].shape == (101, 6, 0)
 
 
-def test_friction_that_is_absent_still_has_its_derivative():
+def test_friction_that_is_absent_still_has_its_derivative() -> None:
     nearly = DEFAULT.with_values({"mu2": 1e-10})
     absent = sensitivities(DEFAULT, START, VOLTS, with_respect_to=["mu2"])[1]
     present = sensitivities(nearly, START, VOLTS, with_respect_to=["mu2"])[1]
@@ -61,7 +62,7 @@ def test_friction_that_is_absent_still_has_its_derivative():
     assert np.abs(absent - present).max() < 1e-6 * np.abs(absent).max()
 
 
-def excited(payload, payload_model="point"):
+def excited(payload: ArrayLike, payload_model: PayloadModel = "point") -> Array:
     """Derivatives of the angles by the 18 parameters, each times its parameter, as a matrix."""
     volts = 1.5 * np.repeat(np.random.default_rng(1).choice([-1.0, 1.0], (35, 3)), 10, axis=0)
     derivatives = sensitivities(
@@ -70,13 +71,13 @@ def excited(payload, payload_model="point"):
     return derivatives[:, :3].reshape(-1, 18) * DEFAULT.vector()[:18]
 
 
-def rank(matrix):
+def rank(matrix: Array) -> int:
     """Derivatives are exact, so what is not in the rank is rounding: 1e-15, far below the rest."""
     singular = np.linalg.svd(matrix, compute_uv=False)
     return int((singular > 1e-9 * singular[0]).sum())
 
 
-def test_forces_and_masses_in_the_same_proportion_move_the_arm_alike():
+def test_forces_and_masses_in_the_same_proportion_move_the_arm_alike() -> None:
     """K, m, I and D times one factor cancel without a payload."""
     common = np.array([name[0] in "KmID" for name in IDENTIFIED], dtype=float)
     empty, loaded = excited(0.0), excited(0.2)
@@ -85,7 +86,7 @@ def test_forces_and_masses_in_the_same_proportion_move_the_arm_alike():
 
 
 @pytest.mark.parametrize(("payload_model", "loaded_rank"), [("point", 13), ("weight", 14)])
-def test_parameters_that_a_run_can_tell_apart(payload_model, loaded_rank):
+def test_parameters_that_a_run_can_tell_apart(payload_model: PayloadModel, loaded_rank: int) -> None:
     """Six moments, K, D, l1 and l2 are 14, less a common factor: 13.
 
     A point payload held throughout only shifts the moments; a weight shifts gravity alone and so sets the factor.
@@ -98,7 +99,7 @@ def test_parameters_that_a_run_can_tell_apart(payload_model, loaded_rank):
     assert rank(excited(np.repeat([0.0, 0.2], 175), payload_model)) == 15
 
 
-def test_bad_input_is_named():
+def test_bad_input_is_named() -> None:
     with pytest.raises(ParameterError, match=r"unknown name 'K4' in with_respect_to: expected K1, K2, .* or omega3"):
         sensitivities(ARM, START, VOLTS, with_respect_to=["K4"])
     with pytest.raises(ParameterError, match="payload: expected at least 0 kg"):

@@ -1,6 +1,9 @@
 """Where the boxes are, read from a log."""
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from dtwin.parameters import PLACES
@@ -10,7 +13,7 @@ from dtwin.view.boxes import Grasp, Waiting, grasps, placements, waiting
 
 def log_of(ticks: int, present: dict[range, str], gripped: range, loaded: range) -> Log:
     """A log in which boxes wait, the grip is commanded and a payload hangs on the arm in the given ticks."""
-    columns = {name: np.zeros(ticks) for name in COLUMNS}
+    columns: dict[str, npt.NDArray[Any]] = {name: np.zeros(ticks) for name in COLUMNS}
     columns["t"] = 0.01 * np.arange(ticks)
     colours = np.full(ticks, "", dtype="<U9")
     for span, colour in present.items():

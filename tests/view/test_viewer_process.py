@@ -7,8 +7,10 @@ import sys
 import urllib.request
 from pathlib import Path
 
+from dtwin.parameters import ROOT
 from dtwin.view.viewer import Ports, ViewerProcess
-from tests.support.waiting import ROOT, free_port, until
+from tests.support.ports import free_port
+from tests.support.waiting import until
 
 
 def listeners(*ports: int) -> set[str]:

@@ -1,4 +1,6 @@
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -6,29 +8,30 @@ from scipy.stats import chi2
 
 from dtwin.errors import IdentificationError, ParameterError
 from dtwin.identification.data import Experiment
-from dtwin.identification.estimation.estimate import EstimationSettings, identify
+from dtwin.identification.estimation.estimate import Estimate, Loss, Settings, identify
 from dtwin.identification.estimation.problem import START, Prior
 from dtwin.identification.excitation.design import predict
 from dtwin.identification.excitation.plan import Plan
 from dtwin.parameters import PARAMETER_NAMES
+from tests.support.arms import Array
 from tests.support.identification import ARM, CLEAN, FREE, NO_MASSES, SETTINGS, measured, noisy, truth
 
 UNIFORM = 12**-0.5
 """standard deviation of u"""
 
 
-def relative_errors(estimate, names=FREE):
+def relative_errors(estimate: Estimate, names: Sequence[str] = FREE) -> Array:
     return np.array([estimate.values[name] for name in names]) / truth(names) - 1
 
 
-def off(settings, seed):
+def off(settings: Settings, seed: int) -> Settings:
     """The settings from a start up to 50 % away in every free parameter."""
     factors = np.random.default_rng(seed).uniform(0.5, 1.5, len(settings.free))
     values = {name: settings.known.get(name) * f for name, f in zip(settings.free, factors, strict=True)}
     return replace(settings, known=settings.known.with_values(values))
 
 
-def test_without_noise_every_parameter_is_exact():
+def test_without_noise_every_parameter_is_exact() -> None:
     for settings in (SETTINGS, *(off(SETTINGS, seed) for seed in range(5))):
         estimate = identify([CLEAN], settings)
         assert estimate.converged
@@ -36,8 +39,8 @@ def test_without_noise_every_parameter_is_exact():
         assert np.abs(estimate.problem.offset(estimate.x)).max() < 1e-9
 
 
-def test_masses_known_two_runs_determine_the_fifteen_others():
-    settings = EstimationSettings(NO_MASSES, ARM.with_values({name: START.get(name) for name in NO_MASSES}))
+def test_masses_known_two_runs_determine_the_fifteen_others() -> None:
+    settings = Settings(NO_MASSES, ARM.with_values({name: START.get(name) for name in NO_MASSES}))
     clean = [CLEAN, measured(payload=0.0)]
     assert np.abs(relative_errors(identify(clean, settings), NO_MASSES)).max() < 1e-6
     estimate = identify([noisy(k, 0.005, clean=run) for k, run in enumerate(clean)], settings)
@@ -49,7 +52,7 @@ def test_masses_known_two_runs_determine_the_fifteen_others():
 
 
 @pytest.mark.parametrize(("loss", "lowest", "highest"), [("gaussian", 0.8, 1.2), ("adaptive", 0.3, 0.7)])
-def test_errors_are_at_the_bound_and_intervals_hold(loss, lowest, highest):
+def test_errors_are_at_the_bound_and_intervals_hold(loss: Loss, lowest: float, highest: float) -> None:
     """Over 40 runs at four noise levels, from two kinds of starts."""
     bounds = predict([Plan()], FREE, ARM, 1.0).relative
     ratios, inside, distances = [], [], []
@@ -73,7 +76,7 @@ def test_errors_are_at_the_bound_and_intervals_hold(loss, lowest, highest):
     assert 0.90 < np.mean(inside) < 0.99
 
 
-def test_offsets_that_are_not_estimated_spoil_the_rest():
+def test_offsets_that_are_not_estimated_spoil_the_rest() -> None:
     noise = noisy(0, 0.010)
     biased = identify([noise], replace(SETTINGS, offsets=False, starts=1))
     right = identify([noise], SETTINGS)
@@ -81,13 +84,13 @@ def test_offsets_that_are_not_estimated_spoil_the_rest():
     assert abs(relative_errors(right)[0]) < 0.01
 
 
-def test_gaussian_noise_is_taken_for_gaussian():
+def test_gaussian_noise_is_taken_for_gaussian() -> None:
     estimate = identify([noisy(3, 0.003, "gaussian")], SETTINGS)
     assert estimate.shape == 2.0
     assert estimate.noise == pytest.approx(0.003, rel=0.15)
 
 
-def test_robust_loss_shrugs_off_outliers():
+def test_robust_loss_shrugs_off_outliers() -> None:
     clean = noisy(0, 0.002, "gaussian")
     angles = clean.measured.copy()
     hit = np.random.default_rng(1).random(angles.shape) < 0.03
@@ -100,7 +103,7 @@ def test_robust_loss_shrugs_off_outliers():
     assert plain.max() > 10
 
 
-def test_a_prior_narrows_what_data_leave_open():
+def test_a_prior_narrows_what_data_leave_open() -> None:
     empty = measured(payload=0.0, noise=0.005)
     open_ = identify([empty], SETTINGS)
     assert open_.identifiability.rank == 11
@@ -113,7 +116,7 @@ def test_a_prior_narrows_what_data_leave_open():
     assert abs(estimate.values["K2"] - ARM.get("K2")) < 4 * estimate.standard_errors["K2"]
 
 
-def test_unknown_initial_state_is_estimated_too():
+def test_unknown_initial_state_is_estimated_too() -> None:
     free = measured(noise=0.005, known=False)
     estimate = identify([free], SETTINGS)
     assert len(estimate.x) == 21
@@ -121,19 +124,19 @@ def test_unknown_initial_state_is_estimated_too():
     assert np.all(np.abs(relative_errors(estimate)) < 4.5 * standard)
 
 
-def test_a_wrong_model_is_told_by_its_residuals():
+def test_a_wrong_model_is_told_by_its_residuals() -> None:
     rubbing = measured(noise=0.002, arm=ARM.with_values({"mu1": 0.02}))
     estimate = identify([rubbing], replace(SETTINGS, starts=1))
     assert not estimate.whiteness.white
 
 
-def test_equal_data_give_equal_estimates():
+def test_equal_data_give_equal_estimates() -> None:
     first, second = (identify([noisy(7, 0.01)], off(SETTINGS, 1)) for _ in range(2))
     assert np.array_equal(first.x, second.x)
     assert np.array_equal(first.covariance, second.covariance)
 
 
-def test_bad_settings_are_named():
+def test_bad_settings_are_named() -> None:
     with pytest.raises(ParameterError, match="unknown parameter 'K4': expected K1, K2"):
         identify([CLEAN], EstimationSettings(("K4",)))
     with pytest.raises(ParameterError, match="prior for m1: expected a free parameter: K1"):
@@ -141,4 +144,4 @@ def test_bad_settings_are_named():
     with pytest.raises(ParameterError, match="there twice in K1, K1"):
         identify([CLEAN], EstimationSettings(("K1", "K1")))
     with pytest.raises(IdentificationError, match="loss 'cauchy': expected adaptive, gaussian or huber"):
-        EstimationSettings(PARAMETER_NAMES, loss="cauchy")
+        Settings(PARAMETER_NAMES, loss=cast(Loss, "cauchy"))

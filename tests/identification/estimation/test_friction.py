@@ -1,11 +1,11 @@
 import numpy as np
 
 from dtwin.identification.estimation.estimate import identify
-from dtwin.identification.estimation.friction import choose, indistinguishable_from_zero, with_friction
+from dtwin.identification.estimation.friction import Friction, choose, indistinguishable_from_zero, with_friction
 from tests.support.identification import ARM, CLEAN, SETTINGS, measured, noisy
 
 
-def test_viscous_is_preferred_on_a_viscous_arm():
+def test_viscous_is_preferred_on_a_viscous_arm() -> None:
     choice = choose([noisy(0, 0.005)], SETTINGS)
     assert choice.best == "viscous"
     both, coulomb = choice.estimates["both"], choice.estimates["coulomb"]
@@ -19,7 +19,7 @@ def test_viscous_is_preferred_on_a_viscous_arm():
     assert coulomb.bic > both.bic > choice.estimates["viscous"].bic
 
 
-def test_coulomb_friction_is_found():
+def test_coulomb_friction_is_found() -> None:
     mu = np.array([0.010, 0.008, 0.006])
     arm = ARM.with_values({f"mu{joint}": mu[joint - 1] for joint in (1, 2, 3)})
     rubbing = measured(seed=1, noise=0.005, arm=arm)
@@ -34,8 +34,9 @@ def test_coulomb_friction_is_found():
     assert viscous.bic > both.bic
 
 
-def test_laws_free_their_own_coefficients():
-    for law, free in (("viscous", "D"), ("coulomb", "mu"), ("both", "Dmu")):
+def test_laws_free_their_own_coefficients() -> None:
+    laws: tuple[tuple[Friction, str], ...] = (("viscous", "D"), ("coulomb", "mu"), ("both", "Dmu"))
+    for law, free in laws:
         settings = with_friction(SETTINGS, law)
         names = {name.rstrip("123") for name in settings.free}
         assert names - {"K", "I", "c"} == ({"D", "mu"} if free == "Dmu" else {free})

@@ -1,18 +1,26 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
-from dtwin.identification.estimation.identifiability import analyse, null_space, parameter_sensitivity
+from dtwin.identification.estimation.identifiability import (
+    Identifiability,
+    analyse,
+    null_space,
+    parameter_sensitivity,
+)
 from dtwin.identification.estimation.problem import Prior, Problem
-from dtwin.identification.excitation.plan import Plan
+from dtwin.identification.excitation.signal import Plan
+from dtwin.parameters import PayloadModel
 from tests.support.identification import ALL, ARM, FREE, NO_MASSES
 
 
-def problem(free, payloads, model="weight", **kwargs):
+def problem(free: tuple[str, ...], payloads: list[float], model: PayloadModel = "weight", **kwargs: Any) -> Problem:
     plans = [Plan(payload=payload, payload_model=model) for payload in payloads]
     return Problem(tuple(plan.experiment() for plan in plans), free, ARM, **kwargs)
 
 
-def finding(*arguments, **kwargs):
+def finding(*arguments: Any, **kwargs: Any) -> Identifiability:
     subject = problem(*arguments, **kwargs)
     return analyse(subject, subject.start())
 
@@ -32,11 +40,11 @@ def finding(*arguments, **kwargs):
         ("point", FREE, [0.0, 0.2], 12),
     ],
 )
-def test_ranks(model, free, payloads, rank):
+def test_ranks(model: PayloadModel, free: tuple[str, ...], payloads: list[float], rank: int) -> None:
     assert finding(free, payloads, model).rank == rank
 
 
-def test_both_runs_leave_one_direction_a_link():
+def test_both_runs_leave_one_direction_a_link() -> None:
     found = finding(ALL, [0.0, 0.2])
     assert found.identifiable == tuple(name for name in ALL if name[0] in "KlD")
     assert sum(found.missing) == 3
@@ -45,7 +53,7 @@ def test_both_runs_leave_one_direction_a_link():
     assert "These data fix 15 of 18 parameters" in found.text()
 
 
-def test_the_finding_in_words():
+def test_the_finding_in_words() -> None:
     found = finding(ALL, [0.0])
     assert "l1, l2 are determined" in found.text()
     assert "l3 not at all" in found.text()
@@ -53,18 +61,18 @@ def test_the_finding_in_words():
     assert finding(FREE, [0.2]).text() == "All 12 free parameters are determined."
 
 
-def test_following_the_advice_works():
+def test_following_the_advice_works() -> None:
     found = finding(FREE, [0.0])
     assert found.unidentifiable == FREE
     assert found.advice == "To determine the rest: add a run with another payload."
     assert finding(FREE, [0.0, 0.2]).unidentifiable == ()
 
 
-def test_one_prior_sets_the_common_scale():
+def test_one_prior_sets_the_common_scale() -> None:
     assert finding(FREE, [0.0], priors={"D2": Prior(0.05, 0.01)}).rank == 12
 
 
-def test_null_directions_do_not_move_the_arm():
+def test_null_directions_do_not_move_the_arm() -> None:
     subject = problem(ALL, [0.2])
     x = subject.start()
     null = null_space(parameter_sensitivity(subject, x))

@@ -15,19 +15,19 @@ KNOWN = Plan(payload=0.2, samples=50).experiment()
 WEIGHTS = [np.array([1.0, 2.0, 3.0]), np.linspace(1, 2, 150).reshape(50, 3)]
 
 
-def two_runs():
+def two_runs() -> Problem:
     return Problem(
         (UNKNOWN, KNOWN), ("K2", "m1", "I3", "mu1"), ARM, priors={"m1": Prior(0.12, 0.01), "mu1": Prior(0.01, 0.01)}
     )
 
 
-def test_unknowns_are_named():
+def test_unknowns_are_named() -> None:
     names = two_runs().names
     assert names[:7] == ("K2", "m1", "I3", "mu1", "offset1", "offset2", "offset3")
     assert names[7:] == tuple(f"{kind}{joint}@1" for kind in ("theta", "omega") for joint in (1, 2, 3))
 
 
-def test_derivatives_of_the_sum_of_squares():
+def test_derivatives_of_the_sum_of_squares() -> None:
     problem = two_runs()
     x = problem.start() + 0.01 * np.random.default_rng(0).standard_normal(13)
     x[3] = 0.7
@@ -44,7 +44,7 @@ def test_derivatives_of_the_sum_of_squares():
         assert 2 * normal.gradient[k] == pytest.approx(slope, rel=1e-4, abs=1e-5 * normal.cost), problem.names[k]
 
 
-def test_sensitivity_is_the_information_left_after_the_initial_state():
+def test_sensitivity_is_the_information_left_after_the_initial_state() -> None:
     problem = two_runs()
     x = problem.start()
     normal = problem.normal(x, WEIGHTS)
@@ -55,20 +55,20 @@ def test_sensitivity_is_the_information_left_after_the_initial_state():
     assert matrix.T @ matrix == pytest.approx(schur, rel=1e-5, abs=1e-7 * np.abs(schur).max())
 
 
-def test_diverging_parameters_cost_infinitely():
+def test_diverging_parameters_cost_infinitely() -> None:
     problem = Problem((KNOWN,), ("D1",), ARM)
     wild = np.array([1e5, 0.0, 0.0, 0.0])
     assert problem.cost(wild, [np.ones(3)]) == np.inf
     assert problem.normal(wild, [np.ones(3)]) is None
 
 
-def test_initial_speed_of_a_parabola_is_exact():
+def test_initial_speed_of_a_parabola_is_exact() -> None:
     time = 0.01 * np.arange(40)
     angles = np.column_stack([0.1 + 2.0 * time - 3.0 * time**2, -time, 0.5 + 0.0 * time])
     assert initial_speed(Experiment(angles, 0 * angles)) == pytest.approx([2.0, -1.0, 0.0], abs=1e-9)
 
 
-def test_fingerprint_tells_every_difference():
+def test_fingerprint_tells_every_difference() -> None:
     base = Experiment(KNOWN.measured, KNOWN.volts, 0.2, KNOWN.start)
     others = [
         Experiment(KNOWN.measured + 1e-15, KNOWN.volts, 0.2, KNOWN.start),
@@ -82,7 +82,7 @@ def test_fingerprint_tells_every_difference():
     assert base.fingerprint == Experiment(KNOWN.measured, KNOWN.volts, 0.2, KNOWN.start).fingerprint
 
 
-def test_shapes_are_checked():
+def test_shapes_are_checked() -> None:
     with pytest.raises(ParameterError, match=r"measured: expected shape \(N, 3\), got \(4, 2\)"):
         Experiment(np.zeros((4, 2)), np.zeros((4, 2)))
     with pytest.raises(ParameterError, match="as many measured angles as volts"):
@@ -93,7 +93,7 @@ def test_shapes_are_checked():
         Problem((), ("K1",))
 
 
-def test_a_log_becomes_segments():
+def test_a_log_becomes_segments() -> None:
     from dtwin.run.cell import Cell, CellSettings
 
     cell = Cell(CellSettings(duration=15.05, seed=1))

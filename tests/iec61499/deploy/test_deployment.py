@@ -66,7 +66,8 @@ def flat(deployment: Deployment) -> Resource:
         if place in inputs:
             block, _, port = place.rpartition(".")
             parameters.setdefault(block, []).append(model.Parameter(port, literal))
-    events, data = [], []
+    events: list[model.Connection] = []
+    data: list[model.Connection] = []
     for link in links:
         block, _, port = link.source.rpartition(".")
         outputs = library.find(blocks[block]).interface.event_outputs

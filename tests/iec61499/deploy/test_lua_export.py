@@ -83,8 +83,8 @@ def test_the_library_does_the_same_as_in_the_embedded_runtime(name: str, data: s
         given_ = data.draw(st.dictionaries(st.sampled_from([v.name for v in block.interface.inputs]), st.none()))
         inputs = {port: data.draw(values(variables[port].type)) for port in given_}
         assert lua.fire(event, **inputs) == embedded.fire(event, **inputs)
-        for variable in variables:
-            assert same(lua[variable], embedded[variable]), variable
+        for name in variables:
+            assert same(lua[name], embedded[name]), name
         assert block.states[lua.state].name == embedded["$ECC"]
 
 

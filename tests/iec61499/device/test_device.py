@@ -205,8 +205,8 @@ TRANSCRIPT: list[tuple[str, RequestAction, Subject | None, str | None]] = [
 
 def replay(client: ManagementClient) -> None:
     for step in TRANSCRIPT:
-        *request, reason = step
-        response = client.request(*request)
+        resource, action, subject, reason = step
+        response = client.request(resource, action, subject)
         assert response.reason == reason, step
     assert client.request("", "CREATE", ManagedType("NOPE", "no Lua")).reason in (
         "UNSUPPORTED_TYPE",

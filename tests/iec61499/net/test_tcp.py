@@ -23,6 +23,7 @@ from dtwin.iec61499.net.tcp import CANDIDATES, TcpClient, TcpListener, TcpServer
 from dtwin.iec61499.net.udp import UdpPublisher, UdpSubscriber
 from dtwin.iec61499.net.wire import Message, Signature
 from dtwin.iec61499.types import elementary
+from tests.support.waiting import until
 
 ANY_PORT = Address(LOOPBACK, 0)
 PATIENCE = 10.0
@@ -33,10 +34,8 @@ NOTHING = Signature([])
 
 
 def pump(reactor: Reactor, condition: Callable[[], Any]) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline, "the condition did not come true in time"
-        reactor.run_once(0.05)
+    """Runs the reactor in this thread until the condition is true."""
+    until(condition, "what the reactor is to do", PATIENCE, lambda: reactor.run_once(0.05))
 
 
 def connect(address: Address) -> socket.socket:

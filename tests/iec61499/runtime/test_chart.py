@@ -140,7 +140,8 @@ def test_a_chart_that_never_rests_is_an_error() -> None:
 
 def test_many_states_go_through_the_loop_and_mean_the_same() -> None:
     count = 60
-    states = {"START": []} | {f"S{i}": [(f"N := N * 3 + {i};", "O")] for i in range(count)}
+    start: dict[str, list[tuple[str, str]]] = {"START": []}
+    states = start | {f"S{i}": [(f"N := N * 3 + {i};", "O")] for i in range(count)}
     arrows = [
         ("START", "E", "S0"),
         *((f"S{i}", "1", f"S{i + 1}") for i in range(count - 1)),

@@ -42,7 +42,7 @@ def values(data_type: DataType) -> st.SearchStrategy[Any]:
     if data_type.kind == "bool":
         return st.booleans()
     if data_type.kind == "real":
-        return st.floats(allow_nan=False, allow_infinity=False, width=data_type.bits)
+        return st.floats(allow_nan=False, allow_infinity=False, width=32 if data_type.bits == 32 else 64)
     if data_type.kind == "string":
         return st.text(st.characters(max_codepoint=0xFF if data_type == STRING else 0xFFFF))
     return st.integers(data_type.minimum, data_type.maximum)

@@ -104,7 +104,7 @@ def test_comments_are_ignored() -> None:
         ("''", "", "STRING"),
     ],
 )
-def test_literals(text: str, value: object, type_name: str) -> None:
+def test_literals(text: str, value: bool | int | float | str, type_name: str) -> None:
     literal = parse_expression(text)
     assert literal == ast.Literal(ast.Position(), value, type_name)
     assert parse_expression(print_expression(literal)) == literal
