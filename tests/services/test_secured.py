@@ -281,10 +281,10 @@ def test_operators_ask_the_twin_and_each_module_answers_for_itself(secured: Path
 
 
 def test_a_secured_cell_uploads_identifies_and_monitors(
-    secured: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    secured: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    desk = Desk(tmp_path, capsys)
+    desk = Desk(tmp_path)
     options = ["--zenoh", str(secured), "--pace", "lockstep", "--noise", "0.002", "--monitoring"]
     options += ["--simulation", "--history", str(tmp_path / "history.jsonl")]
     options += ["--identification", "--store", str(tmp_path / "store")]

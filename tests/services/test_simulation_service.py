@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -28,32 +29,47 @@ from dtwin.signals import Sensors
 from dtwin.simulation.checks import MOTIONS
 from dtwin.simulation.history import History
 from services.runfile import join
-from tests.support.desk import Desk
+from tests.support.desk import Desk, desk_in
 from tests.support.waiting import until
 
 HIGHER = Gains(kp=(250.0, 500.0, 350.0))
 
 
+@pytest.fixture(scope="module")
+def started(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
+    """A cell with the simulation service, shared: starting it takes longer than all that one test does to it."""
+    with desk_in(tmp_path_factory.mktemp("cell")) as desk:
+        history = str(desk.folder / "history.jsonl")
+        desk.up("--detach", "--pace", "lockstep", "--simulation", "--history", history, "--seed", "2")
+        yield desk
+
+
 @pytest.fixture
-def cell(desk: Desk, tmp_path: Path) -> Desk:
-    history = str(tmp_path / "history.jsonl")
-    desk.up("--detach", "--pace", "lockstep", "--simulation", "--history", history, "--seed", "2")
-    return desk
+def cell(started: Desk) -> Iterator[Desk]:
+    """The shared cell with nothing on trial and the arm near its path; no service may end during the test."""
+    with join("cell") as bus:
+        until(lambda: not now(bus).on_trial, "no settings are on trial")
+    until_calm()
+    before = restarts(started)
+    yield started
+    assert restarts(started) == before
+
+
+@pytest.fixture
+def history(started: Desk) -> History:
+    return History(started.folder / "history.jsonl")
+
+
+def restarts(cell: Desk) -> int:
+    count: int = cell.summary()["services"]["simulation"]["restarts"]
+    return count
 
 
 def now(bus: Bus) -> Upload:
     return bus.ask(UPLOAD, None, Upload)
 
 
-def test_settings_are_uploaded_watched_and_taken_back(cell: Desk, tmp_path: Path) -> None:
-    """One cell for both: starting it takes longer than all that is done to it."""
-    from_live_state(cell)
-    predictions()
-    by_hand(cell, tmp_path / "history.jsonl")
-    from_files(cell, tmp_path)
-
-
-def from_live_state(cell: Desk) -> None:
+def test_a_what_if_starts_where_the_arm_is(cell: Desk) -> None:
     """A what-if starts where the arm is; the candidate's target time counts, not that of the cell."""
     first, second = (
         json.loads(cell.run("simulate", "--live", "--goal", "red", "--json", "--candidate", "T=3")) for _ in range(2)
@@ -64,8 +80,7 @@ def from_live_state(cell: Desk) -> None:
     assert base["target"] == [2.5298, -2.0654, -0.4644]
 
 
-def predictions() -> None:
-    """What would be, without changing anything."""
+def test_predictions_tell_what_would_be_and_change_nothing(cell: Desk) -> None:
     worn = scaled(ArmParameters(), "D", 1.6)
     with join("cell") as bus:
         before = now(bus)
@@ -89,45 +104,87 @@ def predictions() -> None:
     assert max(motion.saturated for motion in heavy.motions) > max(motion.saturated for motion in usual.motions) == 0
 
 
-def by_hand(cell: Desk, history: Path) -> None:
-    first = json.loads(cell.run("upload", "gains", "--why", "to try", "--who", "anna", "--kp", "250", "500", "350"))
-    assert (first["version"], first["action"], first["on_trial"]) == (2, "upload", True)
-    assert first["gains"]["kp"] == [250.0, 500.0, 350.0]
+def test_gains_are_checked_uploaded_and_confirmed(cell: Desk, history: History) -> None:
     with join("cell") as bus:
+        before, count = now(bus).version, len(history.entries())
+        first = json.loads(
+            cell.run("upload", "gains", "--why", "to try", "--who", "anna", "--kp", "250", "500", "350")
+        )
+        assert (first["version"], first["action"], first["on_trial"]) == (before + 1, "upload", True)
+        assert first["gains"]["kp"] == [250.0, 500.0, 350.0]
         assert bus.ask(GAINS, None, GainsSetting).gains == HIGHER
         until(lambda: not now(bus).on_trial, "the trial of good gains ends")
         assert now(bus).action == "confirm"
+    entries = history.entries()
+    assert entries[0].action == "start"
+    assert [entry.action for entry in entries[count:]] == ["upload", "confirm"]
+
+
+def test_what_is_refused_changes_nothing(cell: Desk, history: History) -> None:
+    with join("cell") as bus:
+        before, count = now(bus), len(history.entries())
+        held = before.version
         for request, reason in (
-            (UploadRequest("bob", "old", 1, gains=Gains()), "expected version 2, got 1"),
-            (UploadRequest("bob", "wild", 2, gains=Gains(kp=(2000.0,) * 3)), "not stable at blue with a box"),
-            (UploadRequest("bob", "nothing", 2), "expected gains, a target time or both, or a model alone"),
+            (
+                UploadRequest("bob", "old", held - 1, gains=Gains()),
+                f"expected version {held}, got {held - 1}",
+            ),
+            (UploadRequest("bob", "wild", held, gains=Gains(kp=(2000.0,) * 3)), "not stable at blue with a box"),
+            (UploadRequest("bob", "nothing", held), "expected gains, a target time or both, or a model alone"),
         ):
             with pytest.raises(CommunicationError, match=reason):
                 bus.ask(UPLOAD, request, Upload)
-        assert bus.ask(GAINS, None, GainsSetting).gains == HIGHER
-        wrong = scaled(ArmParameters(), "D", 2.5)
-        answer = bus.ask(UPLOAD, UploadRequest("bob", "a wrong model", 2, model=wrong), Upload)
-        assert (answer.version, answer.model) == (3, wrong)
+        assert now(bus) == before
+        assert bus.ask(GAINS, None, GainsSetting).gains == before.gains
+    assert [entry.action for entry in history.entries()[count:]] == ["refuse"] * 3
+
+
+def test_an_upload_by_somebody_unaware_of_a_direct_setting_is_refused(cell: Desk, history: History) -> None:
+    """Gains set past the simulation service are found to be in force, as a version of their own."""
+    with join("cell") as bus:
+        before, count = now(bus).version, len(history.entries())
+        bus.ask(GAINS, GainsSetting(Gains(kp=(220.0, 500.0, 300.0))), GainsSetting)
+        with pytest.raises(CommunicationError, match=f"expected version {before + 1}, got {before}"):
+            bus.ask(UPLOAD, UploadRequest("anna", "unaware of bob", before, target_time=1.8), Upload)
+    assert [entry.action for entry in history.entries()[count:]] == ["start", "refuse"]
+
+
+def test_a_wrong_model_is_rolled_back(cell: Desk, history: History) -> None:
+    wrong = scaled(ArmParameters(), "D", 2.5)
+    with join("cell") as bus:
+        before, count = now(bus), len(history.entries())
+        answer = bus.ask(UPLOAD, UploadRequest("bob", "a wrong model", before.version, model=wrong), Upload)
+        assert (answer.version, answer.model) == (before.version + 1, wrong)
         until(lambda: not now(bus).on_trial, "the trial of a wrong model ends")
         last = now(bus)
-        assert (last.action, last.version, last.model) == ("roll back", 4, ArmParameters())
-        bus.ask(GAINS, GainsSetting(Gains()), GainsSetting)
-        with pytest.raises(CommunicationError, match="expected version 5, got 4"):
-            bus.ask(UPLOAD, UploadRequest("anna", "unaware of bob", 4, target_time=1.8), Upload)
-    entries = History(history).entries()
-    actions = [entry.action for entry in entries]
-    assert actions[:3] == ["start", "upload", "confirm"]
-    assert actions.count("refuse") == 3
-    assert actions[-4:] == ["upload", "roll back", "start", "refuse"]
-    summary = cell.summary()
-    assert summary["services"]["simulation"]["restarts"] == 0
+        assert (last.action, last.version, last.model) == ("roll back", before.version + 2, before.model)
+    assert [entry.action for entry in history.entries()[count:]] == ["upload", "roll back"]
 
 
-def test_a_service_that_is_killed_finds_old_or_new_settings_and_watches_the_new(cell: Desk, tmp_path: Path) -> None:
+def test_identified_models_and_optimised_gains_come_from_files(cell: Desk, tmp_path: Path) -> None:
+    estimate = identify(
+        [Rig(noise=0.002).measure(Plan(), SignalBlocks(), np.random.default_rng(0))], standard_settings()
+    )
+    file = tmp_path / "arm.json"
+    write_model(from_estimate(estimate, np.ones(3), "test"), file)
+    said = cell.run("upload", "model", "--why", "identified", "--model", str(file), "--wait").splitlines()
+    answers: list[dict[str, Any]] = [json.loads(line) for line in said]
+    assert [answer["action"] for answer in answers] == ["upload", "confirm"]
+    assert answers[-1]["model"]["damping"] == list(estimate.parameters.damping)
+    saved = tmp_path / "best.json"
+    saved.write_text(json.dumps({"target_time": 1.9, "gains": {"kp": [210, 480, 300], "ki": [70, 200, 150]}}))
+    answer = json.loads(cell.run("upload", "gains", "--why", "optimised", "--file", str(saved), "--arm", str(file)))
+    assert answer["target_time"] == 1.9
+    assert answer["gains"]["kp"] == [210.0, 480.0, 300.0]
+    assert answer["gains"]["kd"] == [2.0, 2.0, 2.0]
+    message = cell.run("upload", "target", "--why", "impatient", "--time", "0.2", status=2)
+    assert "is on trial until" in message
+
+
+def test_a_killed_service_finds_old_or_new_settings_and_watches_the_new(started: Desk, history: History) -> None:
     """Killed while it checks, once the upload is written down, and once the controller has it."""
-    history = History(tmp_path / "history.jsonl")
     with join("cell") as bus, ThreadPoolExecutor() as pool:
-        until_there(bus)
+        until(lambda: not until_there(bus).on_trial, "no settings are on trial")
 
         def written() -> bool:
             last = history.last()
@@ -141,9 +198,8 @@ def test_a_service_that_is_killed_finds_old_or_new_settings_and_watches_the_new(
             wanted = Gains(kp=(210.0 + number, 500.0, 300.0))
             request = UploadRequest("anna", moment, before.version, gains=wanted)
             asked = pool.submit(bus.ask, UPLOAD, request, Upload)
-            while not when():
-                pass
-            os.kill(cell.find("services.simulation"), signal.SIGKILL)
+            until(when, moment, between=lambda: None)
+            os.kill(started.find("services.simulation"), signal.SIGKILL)
             asked.exception()
             after = until_there(bus)
             in_force = bus.ask(GAINS, None, GainsSetting).gains
@@ -186,24 +242,3 @@ def until_there(bus: Bus) -> Upload:
             return None
 
     return until(answer, "the service answers")
-
-
-def from_files(cell: Desk, tmp_path: Path) -> None:
-    estimate = identify(
-        [Rig(noise=0.002).measure(Plan(), ExcitationController(), np.random.default_rng(0))], standard_settings()
-    )
-    file = tmp_path / "arm.json"
-    write_model(from_estimate(estimate, np.ones(3), "test"), file)
-    until_calm()
-    said = cell.run("upload", "model", "--why", "identified", "--model", str(file), "--wait").splitlines()
-    answers: list[dict[str, Any]] = [json.loads(line) for line in said]
-    assert [answer["action"] for answer in answers] == ["upload", "confirm"]
-    assert answers[-1]["model"]["damping"] == list(estimate.parameters.damping)
-    saved = tmp_path / "best.json"
-    saved.write_text(json.dumps({"target_time": 1.9, "gains": {"kp": [210, 480, 300], "ki": [70, 200, 150]}}))
-    answer = json.loads(cell.run("upload", "gains", "--why", "optimised", "--file", str(saved), "--arm", str(file)))
-    assert answer["target_time"] == 1.9
-    assert answer["gains"]["kp"] == [210.0, 480.0, 300.0]
-    assert answer["gains"]["kd"] == [2.0, 2.0, 2.0]
-    message = cell.run("upload", "target", "--why", "impatient", "--time", "0.2", status=2)
-    assert "is on trial until" in message

@@ -2,8 +2,12 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +21,8 @@ from tests.support.waiting import until
 class Desk:
     """Runs dtwin commands with a runtime folder of their own."""
 
-    def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self._capsys = capsys
 
     def up(self, *words: str, status: int = 0) -> str:
         """`dtwin up` as a process; what it said."""
@@ -30,10 +33,10 @@ class Desk:
 
     def run(self, *words: str, status: int = 0) -> str:
         """Another command, in this process; what it said."""
-        self._capsys.readouterr()
-        assert main(words) == status
-        said = self._capsys.readouterr()
-        return said.out if status == 0 else said.err
+        out, err = StringIO(), StringIO()
+        with redirect_stdout(out), redirect_stderr(err):
+            assert main(words) == status
+        return (out if status == 0 else err).getvalue()
 
     def summary(self) -> dict[str, Any]:
         found: dict[str, Any] = json.loads(self.run("status", "--json"))
@@ -55,6 +58,19 @@ class Desk:
         """The process with this in its command line."""
         (pid,) = (pid for pid, line in self.processes().items() if part in line)
         return pid
+
+
+@contextmanager
+def desk_in(folder: Path) -> Iterator[Desk]:
+    """A desk whose runtime folder is a new one in the folder; in the end its processes are killed."""
+    runtime = folder / "runtime"
+    runtime.mkdir()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", str(runtime))
+        desk = Desk(runtime)
+        yield desk
+        for pid in desk.processes():
+            os.kill(pid, signal.SIGKILL)
 
 
 def boxes(desk: Desk) -> dict[str, int]:
