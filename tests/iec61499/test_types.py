@@ -160,3 +160,16 @@ def test_arrays_wrap_and_default_to_lists_of_their_own() -> None:
     assert str(data_type) == "ARRAY [1..2] OF ARRAY [0..1] OF INT"
     with pytest.raises(FunctionBlockError, match="lower <= upper"):
         ArrayType(INT, 2, 1)
+
+
+@pytest.mark.parametrize(
+    "name", ["SINT", "INT", "DINT", "LINT", "USINT", "UINT", "UDINT", "ULINT", "BYTE", "LWORD", "TIME"]
+)
+@settings(deadline=None, derandomize=True, max_examples=30)
+@given(value=st.integers(-(2**70), 2**70))
+def test_wrapping_is_modulo_the_width(name: str, value: int) -> None:
+    data_type = ELEMENTARY[name]
+    wrapped = data_type.wrap(value)
+    assert data_type.minimum <= wrapped <= data_type.maximum
+    assert (wrapped - value) % 2**data_type.bits == 0
+    assert data_type.wrap(wrapped) == wrapped

@@ -1,0 +1,29 @@
+"""An identified model as a MuJoCo model."""
+
+from pathlib import Path
+
+import mujoco
+import pytest
+
+from dtwin.emulation.plant import Plant
+from dtwin.identification.mjcf import export_mjcf
+from tests.support.identified import MODEL
+
+
+def test_the_exported_mjcf_moves_like_the_model(tmp_path: Path) -> None:
+    """MuJoCo itself, on the file as it is, against the plant with the model's parameters."""
+    path = tmp_path / "arm.xml"
+    export_mjcf(MODEL.arm, path)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    plant = Plant(MODEL.arm)
+    plant.reset((0.0, 0.0, 0.0))
+    data.qpos[:] = (0.0, 0.0, 0.0, plant.gripper)
+    volts = (2.0, -1.0, 0.5, 0.0)
+    data.ctrl[:] = volts
+    plant.apply(volts)
+    for _ in range(200):
+        mujoco.mj_step(model, data)
+    plant.advance(0.5)
+    assert data.qpos[:3] == pytest.approx(plant.theta, abs=1e-9)
+    assert list(tmp_path.iterdir()) == [path]
