@@ -1,4 +1,4 @@
-"""Halves of a tick from different senders."""
+"""The two halves of a tick, which come from different senders, are put together."""
 
 from hypothesis import given
 from hypothesis import strategies as st

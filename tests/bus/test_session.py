@@ -52,7 +52,7 @@ class Heard:
 
 
 def announced(bus: Bus, name: str) -> threading.Event:
-    """Set when the bus sees the service's token."""
+    """An event that is set when the bus sees the service's token."""
     seen = threading.Event()
     bus.watch_alive(lambda service, alive: seen.set() if alive and service == name else None)
     return seen

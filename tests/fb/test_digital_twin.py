@@ -15,8 +15,8 @@ GAIN_PORT = "TWIN.SIMULATION.GAIN_PORT"
 MODEL_PORT = "TWIN.SIMULATION.MODEL_PORT"
 
 
-class Run:
-    """The application and the true arm from rest, no boxes."""
+class ControlledArm:
+    """The application controls the true arm, which starts at rest and gets no boxes."""
 
     def __init__(self, application: Application) -> None:
         self.application = application
@@ -39,7 +39,7 @@ def override(application: Application) -> bool:
 def test_request_overrides_the_next_sample_for_the_length_of_the_signal() -> None:
     application = Application()
     response, monitoring = application.received(RESPONSE), application.received(MONITORING)
-    run = Run(application)
+    run = ControlledArm(application)
     run.ticks(250)
     assert not override(application)
     assert len(monitoring) == 25
@@ -62,7 +62,7 @@ def test_request_overrides_the_next_sample_for_the_length_of_the_signal() -> Non
 @pytest.mark.parametrize("start", [5, 130, 300, 431])
 def test_the_arm_is_handed_back_without_a_jump(start: int) -> None:
     application = Application()
-    run = Run(application)
+    run = ControlledArm(application)
     run.ticks(start)
     application.send(REQUEST, True)
     run.ticks(351)
@@ -83,7 +83,7 @@ def test_the_arm_is_handed_back_without_a_jump(start: int) -> None:
 
 
 def test_signal_goes_on_without_anybody_at_the_ports() -> None:
-    run = Run(Application())
+    run = ControlledArm(Application())
     run.ticks(10)
     run.application.send(REQUEST, True)
     run.ticks(400)
@@ -93,7 +93,7 @@ def test_signal_goes_on_without_anybody_at_the_ports() -> None:
 
 def test_request_can_be_taken_back() -> None:
     application = Application()
-    run = Run(application)
+    run = ControlledArm(application)
     run.ticks(5)
     application.send(REQUEST, True)
     run.ticks(20)

@@ -13,7 +13,7 @@ IDLE, RUNNING = ["CNF"], ["CNF", "SAMPLED"]
 
 
 def levels(length: int, unit: int, delay: int, amplitude: float) -> Array:
-    """+++--+- in units, over and over, after zeros."""
+    """The signal: zeros, then +++--+- over and over, each sign for one unit of samples."""
     pattern = np.repeat([1, 1, 1, -1, -1, 1, -1], unit)
     signal = np.concatenate([np.zeros(delay), np.tile(pattern, length // pattern.size + 1)])
     return amplitude * signal[:length]

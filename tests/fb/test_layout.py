@@ -19,7 +19,7 @@ SYSTEM = FOLDER / "dtwin.sys"
 UNIT = re.compile(r"\bin (rad|rad/s|rad/s\^2|rad s|V|s|kg|kg m|kg m\^2|m|N m|N m/V|N m s/rad|1/s|1/s\^2|1/s\^3)\b")
 PURE_NUMBERS = {"TICK", "SAMPLES", "CONFIDENCE", "CONFIDENCE_LIMIT"}
 ROW, CHARACTER, MARGIN = 70.0, 16.0, 100.0
-"""size of a port and of a letter of its name in 4diac IDE's coordinates, and room around a block, generously"""
+"""The sizes of a port and of a letter of its name in 4diac IDE's coordinates, and room around a block, generously."""
 
 files = pytest.mark.parametrize("path", [*TYPES, SYSTEM], ids=lambda path: path.name)
 types = pytest.mark.parametrize("path", TYPES, ids=lambda path: path.stem)

@@ -13,7 +13,7 @@ from tests.support.driven import Driven, triple
 OPEN, CLOSED = 0.9, 0.39265
 
 
-class Cell:
+class FedBlock:
     """Feeds the block; sensors keep their values until they are changed."""
 
     def __init__(self) -> None:
@@ -29,7 +29,7 @@ class Cell:
         }
 
     def tick(self, **sensors: Any) -> str:
-        """One sample; the chart's state after it."""
+        """Gives the block one sample and returns the chart's state after it."""
         self.sensors |= sensors
         self.events = self.block.fire("REQ", **self.sensors)
         return str(self.block["$ECC"])
@@ -41,7 +41,7 @@ class Cell:
         raise AssertionError(f"{state} not reached in {limit} samples, but {self.block['$ECC']}")
 
     def advance_to(self, state: str, colour: str = "red") -> None:
-        """Through the sequence up to a state, a box of that colour waiting."""
+        """Goes through the sequence up to a state, with a box of the colour waiting."""
         for name, change in (
             ("RETURN", {}),
             ("CLOSE", {"BOX_PRESENT": True, "COLOUR": colour}),
@@ -56,14 +56,14 @@ class Cell:
 
 
 def test_first_sample_sends_the_arm_to_the_pickup_point_with_an_open_gripper() -> None:
-    cell = Cell()
+    cell = FedBlock()
     assert cell.tick() == "RETURN"
     assert cell.events == ["TARGET", "CNF"]
     assert (cell.block["DESTINATION"], cell.block["V_GRIPPER"], cell.block["GRIPPED"]) == ("pickup", 3.0, False)
 
 
 def test_every_sample_is_confirmed_once_and_counted() -> None:
-    cell = Cell()
+    cell = FedBlock()
     for tick in range(300):
         cell.tick(BOX_PRESENT=tick > 100, COLOUR="blue", GRIPPER=CLOSED if tick > 150 else OPEN)
         assert cell.events.count("CNF") == 1
@@ -72,7 +72,7 @@ def test_every_sample_is_confirmed_once_and_counted() -> None:
 
 @pytest.mark.parametrize("colour", sorted(PLACES))
 def test_a_box_goes_to_the_place_of_its_colour(colour: str) -> None:
-    cell = Cell()
+    cell = FedBlock()
     cell.advance_to("CLOSE", colour)
     assert cell.block["V_GRIPPER"] == -3.0
     assert not cell.block["GRIPPED"]
@@ -92,14 +92,14 @@ def test_a_box_goes_to_the_place_of_its_colour(colour: str) -> None:
 
 @pytest.mark.parametrize("colour", ["", "yellow", "Red"])
 def test_a_box_of_unknown_colour_waits(colour: str) -> None:
-    cell = Cell()
+    cell = FedBlock()
     for _ in range(200):
         cell.tick(BOX_PRESENT=True, COLOUR=colour)
     assert cell.block["$ECC"] == "APPROACH"
 
 
 def test_the_arm_is_settled_when_it_has_stayed_at_the_target_for_30_samples() -> None:
-    cell = Cell()
+    cell = FedBlock()
     cell.tick()
     for _ in range(100):
         assert cell.tick(MOVING=True, BOX_PRESENT=True, COLOUR="red") == "APPROACH"
@@ -108,7 +108,7 @@ def test_the_arm_is_settled_when_it_has_stayed_at_the_target_for_30_samples() ->
 
 @given(error=st.floats(0.0021, 1.0), joint=st.integers(1, 3), sign=st.sampled_from([-1, 1]))
 def test_an_arm_beside_the_target_never_grips(error: float, joint: int, sign: int) -> None:
-    cell = Cell()
+    cell = FedBlock()
     cell.tick()
     cell.tick(**{f"THETA{joint}": PICKUP.theta[joint - 1] + sign * error}, MOVING=True)
     for _ in range(100):
@@ -119,7 +119,7 @@ def test_an_arm_beside_the_target_never_grips(error: float, joint: int, sign: in
 @pytest.mark.parametrize("seed", range(5))
 def test_noise_of_the_encoders_does_not_keep_the_arm_from_settling(seed: int) -> None:
     generator = np.random.default_rng(seed)
-    cell = Cell()
+    cell = FedBlock()
     cell.tick()
     states = []
     for _ in range(150):
@@ -129,7 +129,7 @@ def test_noise_of_the_encoders_does_not_keep_the_arm_from_settling(seed: int) ->
 
 
 def test_a_held_arm_neither_grips_nor_releases() -> None:
-    cell = Cell()
+    cell = FedBlock()
     cell.advance_to("CLOSE")
     assert cell.tick(HOLD=True, GRIPPER=CLOSED) == "APPROACH"
     assert (cell.block["V_GRIPPER"], cell.block["GRIPPED"]) == (3.0, False)

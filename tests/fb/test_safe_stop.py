@@ -19,7 +19,7 @@ VERDICT = "TWIN.MONITORING.VERDICT"
 
 
 def decision(stop: int) -> Driven:
-    """The block with a stop in force."""
+    """The block, in which a stop is in force."""
     block = Driven("SAFE_STOP")
     if stop != NONE:
         block.fire("VERDICT", STATE=UNKNOWN if stop == TORQUE_OFF else FAILED, CONFIDENCE=1.0)
@@ -202,8 +202,8 @@ def weaker(share: float) -> ArmParameters:
     return ArmParameters().with_values({"K2": share * ArmParameters().get("K2")})
 
 
-class Run:
-    """The application and a true arm, whose motors may lose torque."""
+class StoppableArm:
+    """The application controls a true arm, whose motors may lose torque."""
 
     def __init__(self) -> None:
         self.application = Application()
@@ -220,7 +220,7 @@ class Run:
             self.state = rollout(self.arm, self.state, np.array([answer[:3]]), 0.0)[1]
 
     def tell(self, state: int, confidence: float = 1.0, release: bool = False) -> int:
-        """What the blocks answer."""
+        """Sends a verdict and returns the stop that the blocks answer."""
         self.application.send(VERDICT, state, confidence, release)
         ((stop,),) = self.answers[-1:]
         assert stop == self.resource.read("TWIN.STOP")
@@ -237,7 +237,7 @@ class Run:
 
 @pytest.mark.parametrize("start", [1, 40, 100, 160, 199, 300])
 def test_a_healthy_arm_stops_stands_and_goes_on_to_where_it_was_going(start: int) -> None:
-    run = Run()
+    run = StoppableArm()
     run.ticks(start)
     assert run.tell(DEGRADING) == NONE
     assert run.tell(FAILED, 0.98) == NONE
@@ -260,7 +260,7 @@ def test_a_healthy_arm_stops_stands_and_goes_on_to_where_it_was_going(start: int
 
 
 def test_an_arm_without_torque_in_joint_2_gets_no_voltage_and_falls() -> None:
-    run = Run()
+    run = StoppableArm()
     run.ticks(100)
     run.arm = weaker(0.1)
     run.ticks(10)
@@ -282,7 +282,7 @@ def test_an_arm_without_torque_in_joint_2_gets_no_voltage_and_falls() -> None:
 
 
 def test_without_knowing_the_angles_the_torque_goes_at_once() -> None:
-    run = Run()
+    run = StoppableArm()
     run.ticks(100)
     assert run.tell(UNKNOWN) == TORQUE_OFF
     run.ticks(1)
@@ -291,7 +291,7 @@ def test_without_knowing_the_angles_the_torque_goes_at_once() -> None:
 
 @pytest.mark.parametrize("ticks", [0, 1, 2, 100])
 def test_a_stop_takes_the_arm_back_from_the_identification_signal(ticks: int) -> None:
-    run = Run()
+    run = StoppableArm()
     run.ticks(100)
     run.application.send("TWIN.IDENTIFICATION.REQUEST", True)
     run.ticks(ticks)
@@ -313,7 +313,7 @@ def test_a_stop_takes_the_arm_back_from_the_identification_signal(ticks: int) ->
 
 @pytest.mark.parametrize("ticks", [10, 200])
 def test_another_arm_gets_no_voltage_before_the_release(ticks: int) -> None:
-    run = Run()
+    run = StoppableArm()
     run.ticks(100)
     run.tell(FAILED)
     run.ticks(ticks)
@@ -330,7 +330,7 @@ def test_another_arm_gets_no_voltage_before_the_release(ticks: int) -> None:
 
 
 def test_a_stop_before_the_first_sample_holds_the_arm_where_it_is() -> None:
-    run = Run()
+    run = StoppableArm()
     run.state[:3] = start = np.array([-1.5, 0.2, 0.1])
     assert run.tell(FAILED) == BRAKING
     run.ticks(300)
@@ -340,7 +340,7 @@ def test_a_stop_before_the_first_sample_holds_the_arm_where_it_is() -> None:
 
 
 def test_a_release_starts_with_integrals_of_zero() -> None:
-    run = Run()
+    run = StoppableArm()
     run.ticks(60)
     run.arm = weaker(0.9)
     run.ticks(10)

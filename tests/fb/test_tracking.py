@@ -18,7 +18,7 @@ ERRORS = {
 def motion(
     colour: str, duration: float, hold: float, law: int, payload: float, weight_only: bool
 ) -> tuple[Array, bool]:
-    """Largest error of any joint, rad, in every sample of the motion and of `hold` s after it; and whether a voltage
+    """The largest joint error (rad) in each sample of the motion and of `hold` s after it, and whether a voltage
     was limited."""
     planner, controller = Driven("PATH_PLANNER"), Driven("COMPUTED_TORQUE_CONTROL_3")
     state = np.array([*PICKUP.theta, 0.0, 0.0, 0.0])

@@ -11,7 +11,7 @@ from tests.support.identified import MODEL
 
 
 def test_the_exported_mjcf_moves_like_the_model(tmp_path: Path) -> None:
-    """MuJoCo itself, on the file as it is, against the plant with the model's parameters."""
+    """MuJoCo moves the arm of the file as the plant with the model's parameters moves."""
     path = tmp_path / "arm.xml"
     export_mjcf(MODEL.arm, path)
     model = mujoco.MjModel.from_xml_path(str(path))

@@ -66,7 +66,7 @@ def served(library: Library) -> Iterator[ServedDevice]:
 
 @pytest.fixture
 def cell(tmp_path: Path) -> Iterator[ServedDevice]:
-    """The control application of the cell, on a port the system chooses."""
+    """A device with the control application of the cell, on a port that the operating system chooses."""
     library = Library([ROOT / "fb"])
     system = tmp_path / "cell.sys"
     system.write_text(re.sub(r"localhost:615\d\d", "localhost:0", (ROOT / "fb" / "dtwin.sys").read_text()))

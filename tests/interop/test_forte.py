@@ -36,7 +36,7 @@ from tests.support.forte import FORTE, NO_FORTE, forte
 from tests.support.waiting import connected, until
 
 SAME = 1e-9
-"""V, between FORTE and the embedded runtime"""
+"""The largest difference (V) between FORTE and the embedded runtime."""
 needs_forte = pytest.mark.skipif(not FORTE, reason=NO_FORTE)
 
 
@@ -50,7 +50,7 @@ def served(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[DeployedA
 
 
 def controller(served: DeployedApplication) -> RemoteController:
-    """The device's application, with a new embedded one as shadow."""
+    """A controller for the device's application, with a new embedded one as its shadow."""
     return connected(lambda: RemoteController(served.address(61500), EmbeddedController(), timeout=10.0))
 
 

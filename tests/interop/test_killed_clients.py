@@ -42,7 +42,7 @@ OTHER = ControlSettings(model=scaled(ArmParameters(), "D", 1.1))
 SAMPLES = 20
 
 
-class Device:
+class LoopedDevice:
     """A device with the application, and the bridge's end of it."""
 
     def __init__(self, management: Address) -> None:
@@ -61,7 +61,7 @@ class Device:
         self._loop.close()
 
     def settings(self) -> ControlSettings:
-        """In force; the device answers samples before."""
+        """The settings in force, after the device has answered some samples."""
         for _ in range(SAMPLES):
             sensors = Sensors(self._sequence, 0.01 * self._sequence, (-1.0, 0.1, 0.2), 0.9, False, "")
             assert self._loop.answer(sensors).sequence == self._sequence
@@ -88,9 +88,9 @@ class Device:
 
 
 @pytest.fixture(params=["embedded", pytest.param("forte", marks=pytest.mark.skipif(not FORTE, reason=NO_FORTE))])
-def device(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Device]:
+def device(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[LoopedDevice]:
     with forte(tmp_path) if request.param == "forte" else embedded() as address:
-        device = Device(address)
+        device = LoopedDevice(address)
         yield device
         device.leave()
 
@@ -98,9 +98,9 @@ def device(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Device]:
 @pytest.mark.parametrize("end", ["close", "abort"])
 @pytest.mark.parametrize(("names", "new"), [(TUNING, NEW), (MODEL, OTHER)], ids=["tuning", "model"])
 def test_settings_are_the_old_or_the_new_ones(
-    device: Device, names: tuple[str, ...], new: ControlSettings, end: str
+    device: LoopedDevice, names: tuple[str, ...], new: ControlSettings, end: str
 ) -> None:
-    """Cut before the message, within it, within one of its values, after it; and half of it with rubbish behind."""
+    """The message is cut anywhere from its start to its end, also within a value, or ends in rubbish."""
     old = ControlSettings()
     whole = Signature([LREAL] * len(names)).encode([new.inputs()[name] for name in names])
     half = whole[: len(whole) // 2]

@@ -93,7 +93,9 @@ def test_predictions_tell_what_would_be_and_change_nothing(cell: Desk) -> None:
                 PredictionRequest(target_time=1.6, box=0.21),
             )
         )
-        assert now(bus) == before
+        after = now(bus)
+        assert (after.version, after.gains, after.target_time) == (held, before.gains, before.target_time)
+        assert (after.model, after.on_trial) == (before.model, False)
         with pytest.raises(CommunicationError, match="target time"):
             bus.ask(PREDICT, PredictionRequest(target_time=-1.0), Predicted)
     assert usual.version == before.version
@@ -134,7 +136,9 @@ def test_what_is_refused_changes_nothing(cell: Desk, history: History) -> None:
         ):
             with pytest.raises(CommunicationError, match=reason):
                 bus.ask(UPLOAD, request, Upload)
-        assert now(bus) == before
+        after = now(bus)
+        assert (after.version, after.gains, after.target_time) == (held, before.gains, before.target_time)
+        assert (after.model, after.on_trial) == (before.model, False)
         assert bus.ask(GAINS, None, GainsSetting).gains == before.gains
     assert [entry.action for entry in history.entries()[count:]] == ["refuse"] * 3
 

@@ -63,7 +63,7 @@ def test_a_wrong_model_predicts_worse(log: Log, simulator: Simulator) -> None:
 
 
 def test_a_path_that_came_as_fifteen_digits_is_the_same(log: Log) -> None:
-    """As a 4diac FORTE writes them."""
+    """The log has its numbers as a 4diac FORTE writes them."""
     rounded = {f"target_{joint}": np.array([float(f"{x:.15g}") for x in path]) for joint, path in targets(log)}
     assert any((rounded[name] != log.columns[name]).any() for name in rounded)
     assert list(motions(Log({**log.columns, **rounded}, log.events, {}))) == list(motions(log))

@@ -18,7 +18,7 @@ def all_joints(kp: float, ki: float, kd: float) -> Gains:
 
 
 def growth(simulator: Simulator, settings: ControlSettings, payload: float, theta: Triple, ticks: int) -> float:
-    """Growth a tick of a small displacement at rest, over the last half of the ticks."""
+    """The factor by which a small displacement at rest grows in a tick, taken over the last half of the ticks."""
     start = (theta[0] + 1e-9, theta[1] - 1e-9, theta[2] + 1e-9)
     outcome = simulator.run(MotionCase(theta, settings, start, payload=payload, duration=ticks / 100))
     away = np.linalg.norm(outcome.theta - np.array(theta), axis=1)

@@ -25,7 +25,7 @@ HIGHER = Gains(kp=(250.0, 500.0, 350.0))
 Action = Callable[[Uploader, float], object]
 
 
-class Desk:
+class UploadingCell:
     """A controller, its uploader and its history."""
 
     def __init__(self, folder: Path, checker: Checker, settings: ControlSettings | None = None) -> None:
@@ -55,8 +55,8 @@ class Desk:
 
 
 @pytest.fixture
-def desk(tmp_path: Path, checker: Checker) -> Desk:
-    return Desk(tmp_path, checker)
+def desk(tmp_path: Path, checker: Checker) -> UploadingCell:
+    return UploadingCell(tmp_path, checker)
 
 
 def gains(values: Gains, who: str = "anna", why: str = "to try") -> Action:
@@ -67,7 +67,7 @@ def model(values: ArmParameters) -> Action:
     return lambda uploader, at: uploader.upload(Proposal("anna", "to try", uploader.version, model=values), at)
 
 
-def test_sending_the_same_again_changes_no_voltage(tmp_path: Path, checker: Checker, desk: Desk) -> None:
+def test_sending_the_same_again_changes_no_voltage(tmp_path: Path, checker: Checker, desk: UploadingCell) -> None:
     undisturbed = Cell(CellSettings(duration=20.0, seed=1))
     undisturbed.run()
     send_gains = lambda uploader, at: desk.port.send_gains(Gains(), 2.0)  # noqa: E731 - one line of a table
@@ -76,8 +76,8 @@ def test_sending_the_same_again_changes_no_voltage(tmp_path: Path, checker: Chec
     assert log.stack("volts").tobytes() == undisturbed.log.freeze().stack("volts").tobytes()
 
 
-def test_new_gains_make_no_jump_beyond_the_new_law(tmp_path: Path, checker: Checker, desk: Desk) -> None:
-    """In the middle of a motion, with a heavier arm than the controller knows; the integral stays what it was."""
+def test_new_gains_make_no_jump_beyond_the_new_law(tmp_path: Path, checker: Checker, desk: UploadingCell) -> None:
+    """Gains change amid a motion of an arm that is heavier than the controller knows; the integral stays."""
     heavy = scaled(ArmParameters(), "m", 1.2)
     other = Gains(ki=(150.0, 100.0, 300.0))
     plain = Cell(CellSettings(duration=14.2, seed=1, arm=heavy))
@@ -89,7 +89,7 @@ def test_new_gains_make_no_jump_beyond_the_new_law(tmp_path: Path, checker: Chec
     assert 0.0 < np.abs(changed[1400] - usual[1400]).max() < 0.02
 
 
-def test_an_upload_is_in_force_from_the_next_tick(desk: Desk) -> None:
+def test_an_upload_is_in_force_from_the_next_tick(desk: UploadingCell) -> None:
     desk.run(3.0, {2.0: gains(HIGHER)})
     assert desk.port.read_back().gains == HIGHER
     assert desk.uploader.settings.gains == HIGHER
@@ -98,7 +98,7 @@ def test_an_upload_is_in_force_from_the_next_tick(desk: Desk) -> None:
     assert desk.port.read_back().gains == HIGHER
 
 
-def test_good_settings_are_confirmed(desk: Desk) -> None:
+def test_good_settings_are_confirmed(desk: UploadingCell) -> None:
     log = desk.run(30.0, {3.0: gains(HIGHER)})
     entries = desk.history.entries()
     assert [entry.action for entry in entries] == ["start", "upload", "confirm"]
@@ -113,7 +113,7 @@ def test_good_settings_are_confirmed(desk: Desk) -> None:
     assert desk.uploader.trial is None
 
 
-def test_a_model_that_disappoints_is_rolled_back(desk: Desk) -> None:
+def test_a_model_that_disappoints_is_rolled_back(desk: UploadingCell) -> None:
     """The twin is told that the arm has that damping, so it agrees; the arm has not."""
     log = desk.run(25.0, {7.0: model(scaled(ArmParameters(), "D", 2.5))})
     entries = desk.history.entries()
@@ -126,7 +126,7 @@ def test_a_model_that_disappoints_is_rolled_back(desk: Desk) -> None:
     assert late.max() < 0.02
 
 
-def test_a_trial_that_a_crash_cut_short_goes_on(desk: Desk) -> None:
+def test_a_trial_that_a_crash_cut_short_goes_on(desk: UploadingCell) -> None:
     desk.run(8.0, {7.0: model(scaled(ArmParameters(), "D", 2.5))})
     assert desk.actions() == ["start", "upload"]
     again = Uploader(desk.port, desk.history, desk.checker, time=8.0)
@@ -140,7 +140,7 @@ def test_a_trial_that_a_crash_cut_short_goes_on(desk: Desk) -> None:
     assert desk.port.read_back().inputs() == ControlSettings().inputs()
 
 
-def test_refusals_change_nothing_but_the_history(desk: Desk) -> None:
+def test_refusals_change_nothing_but_the_history(desk: UploadingCell) -> None:
     before = desk.port.read_back()
     refused = [
         Proposal("bob", "more is better", 1, Gains(kp=(5000.0,) * 3)),
@@ -158,7 +158,7 @@ def test_refusals_change_nothing_but_the_history(desk: Desk) -> None:
     assert desk.uploader.trial is None
 
 
-def test_one_trial_at_a_time_and_a_roll_back_by_hand(desk: Desk) -> None:
+def test_one_trial_at_a_time_and_a_roll_back_by_hand(desk: UploadingCell) -> None:
     desk.uploader.upload(Proposal("anna", "", 1, HIGHER, 2.5), 5.0)
     with pytest.raises(Refused, match=r"version 2 is on trial until 15\.00 s and the end of a motion"):
         desk.uploader.upload(Proposal("bob", "", 2, Gains()), 6.0)
@@ -169,7 +169,7 @@ def test_one_trial_at_a_time_and_a_roll_back_by_hand(desk: Desk) -> None:
         desk.uploader.roll_back("bob", "again", 8.0)
 
 
-def test_settings_that_others_have_changed_are_noticed(desk: Desk) -> None:
+def test_settings_that_others_have_changed_are_noticed(desk: UploadingCell) -> None:
     desk.port.send_gains(HIGHER, 2.0)
     desk.uploader.look_again(4.0)
     assert desk.uploader.version == 2
@@ -182,7 +182,7 @@ def test_settings_that_others_have_changed_are_noticed(desk: Desk) -> None:
     assert Uploader(desk.port, desk.history, desk.checker).version == 3
 
 
-def test_a_controller_that_does_not_take_settings_over_is_an_error(desk: Desk) -> None:
+def test_a_controller_that_does_not_take_settings_over_is_an_error(desk: UploadingCell) -> None:
     class Deaf:
         send_gains = send_model = lambda self, *values: None
 
@@ -198,7 +198,7 @@ def test_a_controller_that_does_not_take_settings_over_is_an_error(desk: Desk) -
 
 
 @pytest.mark.parametrize("arrived", [False, True], ids=["before the message", "after the message"])
-def test_an_upload_that_a_crash_cut_short_is_old_or_new(desk: Desk, arrived: bool) -> None:
+def test_an_upload_that_a_crash_cut_short_is_old_or_new(desk: UploadingCell, arrived: bool) -> None:
     class Dying:
         read_back = desk.port.read_back
         send_model = desk.port.send_model
@@ -220,7 +220,7 @@ def test_an_upload_that_a_crash_cut_short_is_old_or_new(desk: Desk, arrived: boo
     assert not before.differing(desk.port.read_back())
 
 
-def test_what_is_confirmed_is_in_force(desk: Desk) -> None:
+def test_what_is_confirmed_is_in_force(desk: UploadingCell) -> None:
     desk.run(9.0, {3.0: gains(HIGHER), 6.0: lambda uploader, at: desk.port.send_gains(Gains(), 2.0)})
     trial = desk.uploader.trial
     assert trial is not None
@@ -231,7 +231,7 @@ def test_what_is_confirmed_is_in_force(desk: Desk) -> None:
     assert desk.uploader.trial is None
 
 
-def test_an_earlier_version_is_an_upload_if_one_message_can_change_all(desk: Desk) -> None:
+def test_an_earlier_version_is_an_upload_if_one_message_can_change_all(desk: UploadingCell) -> None:
     desk.uploader.upload(Proposal("anna", "", 1, HIGHER, 2.5), 0.0)
     desk.uploader.trial = None
     proposal = desk.uploader.earlier(1, "bob", "it was better", 2)
@@ -302,7 +302,7 @@ def test_trial_waits_for_a_distance_that_was_there_before() -> None:
 
 
 def trial_of(path: Callable[[int], float]) -> list[str]:
-    """Verdicts on an arm that is 10 mrad from its path, except at the start of a path."""
+    """The verdicts on an arm that is 10 mrad from its path, except at the start of a path."""
     trial = Trial(TrialRules(), 10.0, (0.01, 0.01, 0.01))
     found: list[str] = []
     for tick in range(6001):

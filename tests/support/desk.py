@@ -25,14 +25,14 @@ class Desk:
         self.folder = folder
 
     def up(self, *words: str, status: int = 0) -> str:
-        """`dtwin up` as a process; what it said."""
+        """Runs `dtwin up` as a process and returns what it said."""
         command = [sys.executable, "-m", "dtwin", "up", *words]
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=90)
         assert done.returncode == status, done.stderr
         return done.stdout if status == 0 else done.stderr
 
     def run(self, *words: str, status: int = 0) -> str:
-        """Another command, in this process; what it said."""
+        """Runs another command in this process and returns what it said."""
         out, err = StringIO(), StringIO()
         with redirect_stdout(out), redirect_stderr(err):
             assert main(words) == status
@@ -43,7 +43,7 @@ class Desk:
         return found
 
     def processes(self) -> dict[int, str]:
-        """Command lines of supervisors and services of this desk, by process id."""
+        """The command lines of the supervisors and services of this desk, by process id."""
         marker = f"XDG_RUNTIME_DIR={self.folder}".encode()
         found = {}
         for entry in Path("/proc").iterdir():
@@ -55,7 +55,7 @@ class Desk:
         return found
 
     def find(self, part: str) -> int:
-        """The process with this in its command line."""
+        """The id of the process whose command line has this part."""
         (pid,) = (pid for pid, line in self.processes().items() if part in line)
         return pid
 

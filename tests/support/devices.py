@@ -46,7 +46,7 @@ class DeployedApplication:
         deploy(self.client, self.plan(blocks))
 
     def address(self, port: int) -> Address:
-        """Where the block listens that has the port in the system's file."""
+        """The address of the block that has the port in the system's file."""
         return Address(LOOPBACK, self.ports[port])
 
     def tell(self, port: int, signature: Signature, values: Sequence[float | bool]) -> None:
@@ -87,7 +87,7 @@ class Receiver:
 
 @contextmanager
 def embedded(*arguments: str) -> Iterator[Address]:
-    """`dtwin fb run` and its management port."""
+    """Runs `dtwin fb run` and gives its management port."""
     command = [sys.executable, "-m", "dtwin", "fb", "run", "--listen", f"{LOOPBACK}:0", *arguments]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT)
     assert process.stdout is not None

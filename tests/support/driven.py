@@ -97,5 +97,5 @@ class Application:
 
 
 def step(state: Array, volts: Sequence[float], payload: float = 0.0) -> Array:
-    """The true arm, 10 ms later."""
+    """The state of the true arm 10 ms later."""
     return rollout(ArmParameters(), state, np.array([volts]), payload)[1]

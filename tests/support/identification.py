@@ -41,7 +41,7 @@ def measured(
 
 
 CLEAN = measured()
-"""angles without noise: tests add their own, which saves running the emulation"""
+"""An experiment without noise: tests add their own noise, which saves running the emulation."""
 
 
 def noisy(seed: int | tuple[int, ...], level: float, kind: str = "uniform", clean: Experiment = CLEAN) -> Experiment:

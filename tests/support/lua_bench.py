@@ -33,7 +33,7 @@ end, __call = function(_, event) issue(event) end})
 
 
 class LuaBench:
-    """An exported type; it checks the chunk's lists against the interface they are made from."""
+    """A block of an exported type; the chunk's lists are checked against the interface they are made from."""
 
     def __init__(self, exported: LuaType, interpreter: str = "Lua 5.4") -> None:
         self._lua = INTERPRETERS[interpreter].LuaRuntime(encoding="latin-1")

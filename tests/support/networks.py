@@ -83,7 +83,7 @@ class Bench:
     def __init__(
         self, kind: str, *types: model.LibraryElement, parameters: Mapping[str, str] | None = None, probe: str = ""
     ) -> None:
-        """probe: types of extra sources, so that generic inputs get a type: `IN1: INT, IN2: INT`."""
+        """probe: the types that extra sources give to generic inputs, such as `IN1: INT, IN2: INT`."""
         library = Types(*types)
         found = library.find(kind)
         outputs = [event.name for event in found.interface.event_outputs]

@@ -18,7 +18,7 @@ inf, nan = math.inf, math.nan
 
 
 def results(text: str, everywhere: bool, **values: Any) -> dict[str, Any]:
-    """The state after the algorithm, equal on all backends (Lua only with everywhere)."""
+    """The state after the algorithm, which is equal on all backends; Lua is among them only with everywhere."""
     checked = check(text, **TYPES)
     state = run_python(checked, SCOPE, values)
     others = [run_exact(checked, SCOPE, values)]

@@ -43,7 +43,7 @@ def run_python(checked: CheckedAlgorithm, scope: Mapping[str, DataType], values:
 
 
 def run_exact(checked: CheckedAlgorithm, scope: Mapping[str, DataType], values: Mapping[str, Any]) -> dict[str, Any]:
-    """The exact version alone, also where the fast one would have done."""
+    """Runs the exact version alone, also where the fast one would have done."""
     code = python_source(checked)
     lines = code.exact_lines or code.lines
     loads = [f"{n} = s.{n}[:]" if isinstance(scope[n], ArrayType) else f"{n} = s.{n}" for n in code.reads]

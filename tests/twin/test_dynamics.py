@@ -24,7 +24,7 @@ from dtwin.twin.kinematics import joint_positions
 from tests.support.arms import DEFAULT, Array, angles, arms, payloads, reals, vector, vectors, velocities
 
 STEP = 1e-30
-"""of complex-step derivatives: exact to rounding, no cancellation"""
+"""The step of complex-step derivatives, which are exact to rounding since nothing cancels."""
 
 
 def points(parameters: ArmParameters, payload: float) -> list[tuple[float, float, tuple[float, float, float]]]:
@@ -61,7 +61,7 @@ def mass_derivatives(q: Array, parameters: ArmParameters, payload: float) -> Arr
 
 
 def scale(parameters: ArmParameters, payload: float) -> float:
-    """kg m^2: the largest sum that any entry of M could be."""
+    """The largest sum (kg m^2) that any entry of M could be."""
     return sum(m * sum(arm) ** 2 + inertia for m, inertia, arm in points(parameters, payload))
 
 

@@ -12,7 +12,7 @@ from dtwin.twin.kinematics import Elbow, forward, inverse, joint_positions
 from tests.support.arms import DEFAULT, arms, reals, triples
 
 HALF_DIGIT = 5e-5
-"""rad, what rounding to the four printed digits can take away"""
+"""The error (rad) that rounding to the four printed digits can make."""
 
 
 def assert_same_direction(actual: Sequence[float], expected: Sequence[float], tolerance: float) -> None:

@@ -16,7 +16,7 @@ FRICTION = DEFAULT.with_values({"mu1": 0.01, "mu2": 0.01, "mu3": 0.01})
 
 
 def fall(parameters: ArmParameters, theta: Triple, seconds: float) -> Array:
-    """No volts, one row a physics step."""
+    """The states of an arm without voltage, one row a physics step."""
     steps = round(seconds / PHYSICS_STEP)
     return rollout(parameters, [*theta, 0, 0, 0], np.zeros((steps, 3)), period=PHYSICS_STEP, substeps=1)
 

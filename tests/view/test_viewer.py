@@ -14,7 +14,7 @@ from tests.support.waiting import until
 
 
 def listeners(*ports: int) -> set[str]:
-    """Addresses, as the kernel writes them, that something listens at on these ports."""
+    """The addresses, as the kernel writes them, at which something listens on these ports."""
     found = set()
     for table in ("tcp", "tcp6"):
         for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:

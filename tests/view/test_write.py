@@ -45,7 +45,7 @@ def run_to(place: str) -> Log:
 
 
 Row = tuple[int, bytes, Any]
-"""Plant time (ns), row id, value"""
+"""A plant time (ns), a row id and a value."""
 Contents = dict[str, dict[str, list[Row]]]
 
 

@@ -17,7 +17,7 @@ from tests.support.arms import Array
 from tests.support.identification import ARM, CLEAN, FREE, NO_MASSES, SETTINGS, measured, noisy, truth
 
 UNIFORM = 12**-0.5
-"""standard deviation of u"""
+"""The standard deviation of noise that is uniform between 0 and 1."""
 
 
 def relative_errors(estimate: Estimate, names: Sequence[str] = FREE) -> Array:
@@ -25,7 +25,7 @@ def relative_errors(estimate: Estimate, names: Sequence[str] = FREE) -> Array:
 
 
 def off(settings: Settings, seed: int) -> Settings:
-    """The settings from a start up to 50 % away in every free parameter."""
+    """The settings with a start that is up to 50 % away in every free parameter."""
     factors = np.random.default_rng(seed).uniform(0.5, 1.5, len(settings.free))
     values = {name: settings.known.get(name) * f for name, f in zip(settings.free, factors, strict=True)}
     return replace(settings, known=settings.known.with_values(values))
@@ -53,7 +53,7 @@ def test_masses_known_two_runs_determine_the_fifteen_others() -> None:
 
 @pytest.mark.parametrize(("loss", "lowest", "highest"), [("gaussian", 0.8, 1.2), ("adaptive", 0.3, 0.7)])
 def test_errors_are_at_the_bound_and_intervals_hold(loss: Loss, lowest: float, highest: float) -> None:
-    """Over 40 runs at four noise levels, from two kinds of starts."""
+    """The errors are those of 40 runs at four noise levels, from two kinds of starts."""
     bounds = predict([Plan()], FREE, ARM, 1.0).relative
     ratios, inside, distances = [], [], []
     for run in range(40):

@@ -28,7 +28,7 @@ def test_what_is_not_identifiable_has_no_bound() -> None:
 
 
 def test_the_optimised_signal_tells_three_times_as_much() -> None:
-    """Within the voltages, the duration and the reach asked for; and a fit to it is that much better."""
+    """The signal keeps the voltages, the duration and the reach asked for, and a fit to it is that much better."""
     plan = optimise(Plan(), FREE, SETTINGS.known, DEVIATION, np.random.default_rng(0), trials=400)
     assert np.all(np.abs(plan.signal.amplitude) <= PLAIN.amplitude)
     assert plan.samples == Plan().samples

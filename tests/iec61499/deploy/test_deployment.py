@@ -84,8 +84,8 @@ def written(deployment: Deployment) -> dict[str, str]:
     return {subject.destination: subject.source for subject in subjects if isinstance(subject, ManagedConnection)}
 
 
-class Driven:
-    """The cell's application, its server answered and its twin's ports watched."""
+class AnsweredApplication:
+    """The cell's application; the test gives it samples and watches the twin's ports."""
 
     def __init__(self, resource: Resource) -> None:
         self.resource = resource
@@ -107,8 +107,8 @@ def test_the_cell_laid_flat_answers_as_the_cell() -> None:
     library = Library([BLOCKS])
     generator = np.random.default_rng(1)
     cells = [
-        Driven(Resource(cell_network(library), library)),
-        Driven(flat(plan_deployment("R", cell_network(library), library))),
+        AnsweredApplication(Resource(cell_network(library), library)),
+        AnsweredApplication(flat(plan_deployment("R", cell_network(library), library))),
     ]
     received: dict[int, tuple[str, tuple[Any, ...]]] = {
         40: ("IDENTIFICATION.REQUEST", (True,)),
@@ -158,7 +158,7 @@ def composite(name: str, events: str, data: str, body: model.FBNetwork) -> model
 
 
 def both(found: model.FBNetwork, library: Library) -> tuple[Resource, Resource, Deployment]:
-    """The network, and the same laid flat; started."""
+    """The network and the same network laid flat, both started."""
     deployment = plan_deployment("R", found, library)
     resources = Resource(found, library), flat(deployment)
     for resource in resources:

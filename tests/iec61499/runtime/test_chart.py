@@ -204,7 +204,7 @@ transition_lists = st.lists(
 
 
 class Interpreter:
-    """The chart's rules, one step at a time; None instead of events when it does not come to rest."""
+    """Follows the chart's rules step by step; None instead of events says that the chart does not come to rest."""
 
     def __init__(
         self, states: dict[str, list[tuple[str, str]]], transitions: list[tuple[str, str, str, str]]

@@ -188,7 +188,7 @@ def test_publishers_reach_subscribers_of_other_resources(publisher: str, subscri
     assert receivers[1].port("S").is_open
 
 
-class Recorder:
+class SlowTransport:
     """A transport whose channels become usable when told, and fail when told."""
 
     is_ready = False
@@ -199,7 +199,7 @@ class Recorder:
         self.closed = 0
         self.broken = False
 
-    def open(self, port: CommunicationPort) -> Recorder:
+    def open(self, port: Port) -> SlowTransport:
         self.ports.append(port)
         return self
 
@@ -213,7 +213,7 @@ class Recorder:
 
 
 def test_a_transport_that_takes_its_time() -> None:
-    transport = Recorder()
+    transport = SlowTransport()
     wires = "START.COLD -> C.INIT; START.WARM -> C.REQ; C.INITO -> INITO.CU; C.CNF -> CNF.CU"
     given = {"C.QI": "TRUE", "C.ID": "'x'", "C.SD_1": "INT#7"}
     resource = Resource(
@@ -250,7 +250,7 @@ def test_a_transport_that_takes_its_time() -> None:
 
 
 def test_a_channel_that_cannot_be_opened() -> None:
-    transport = Recorder()
+    transport = SlowTransport()
     given = {"C.QI": "TRUE", "C.ID": "'x'"}
     resource = Resource(
         network("START: E_RESTART; C: CLIENT_0", "START.COLD -> C.INIT", "", given), Library(), transport
