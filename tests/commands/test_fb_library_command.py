@@ -9,7 +9,7 @@ import pytest
 
 from dtwin.cli import main
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.controller.lockstep import RemoteController
+from dtwin.controller.remote import RemoteController
 from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.lua_export import LuaType
 from dtwin.iec61499.library import Library

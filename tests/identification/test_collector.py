@@ -30,8 +30,8 @@ def traffic(ticks: int, ask_at: int, lose: Collection[int] = ()) -> Iterator[tup
         emulation.advance(PERIOD)
 
 
-def collected(pairs: Iterable[tuple[Sensors, Voltages]]) -> Collector:
-    collector = Collector(PLAIN, SAMPLES, 0.2)
+def collected(pairs: Iterable[tuple[Sensors, Voltages]]) -> SignalCollector:
+    collector = SignalCollector(PLAIN, SAMPLES, 0.2)
     for sensors, command in pairs:
         collector.sample(sensors)
         collector.command(command)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dtwin.identification.data import Experiment
-from dtwin.identification.excitation.signal import HELD_OUT
+from dtwin.identification.excitation.plan import HELD_OUT
 from dtwin.identification.held_out import compare
 from tests.support.identification import ARM, SETTINGS, measured
 

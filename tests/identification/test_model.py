@@ -10,7 +10,7 @@ import pytest
 
 from dtwin.errors import ModelError
 from dtwin.identification.data import fingerprint
-from dtwin.identification.estimation.estimate import Settings, identify
+from dtwin.identification.estimation.estimate import EstimationSettings, identify
 from dtwin.identification.model import encode, from_estimate, read_model, write_model
 from tests.support.identification import ALL, CLEAN, SETTINGS, noisy
 from tests.support.identified import ESTIMATE, FIT, MODEL
@@ -37,7 +37,7 @@ def test_equal_estimates_give_equal_bytes() -> None:
 
 
 def test_what_is_undetermined_is_no_result() -> None:
-    estimate = identify([CLEAN], Settings(ALL, SETTINGS.known))
+    estimate = identify([CLEAN], EstimationSettings(ALL, SETTINGS.known))
     model = from_estimate(estimate, FIT, "a test")
     assert model.unidentifiable == list(ALL)
     assert not set(model.standard_errors) & set(ALL)

@@ -13,10 +13,10 @@ from typing import Final
 
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.deploy.build import deploy
-from dtwin.iec61499.deploy.deployment import Deployment, plan_deployment
-from dtwin.iec61499.files.mapping import resource_network
+from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.client import ManagementClient
+from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.address import LOOPBACK, Address
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.wire import Message, MessageReader, Signature

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Final
 
 from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.address import LOOPBACK, Address
 from tests.support.ports import free_port
 from tests.support.waiting import connected

@@ -8,9 +8,8 @@ import numpy as np
 from dtwin.controller.excitation import ExcitationController
 from dtwin.experiments.identification.experiments import standard_settings
 from dtwin.identification.data import Experiment, Start
-from dtwin.identification.excitation.plan import PLAIN, Plan
+from dtwin.identification.excitation.plan import PLAIN, Excitation, Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.excitation.signal import PLAIN, Excitation, Plan
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, PayloadModel
 from tests.support.arms import Array
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from hypothesis import strategies as st
 
 from dtwin.iec61499.management.protocol import (
-    Block,
-    Link,
+    ManagedBlock,
+    ManagedConnection,
+    ManagedType,
     Subject,
-    Type,
     Watch,
 )
 
@@ -16,8 +16,8 @@ from dtwin.iec61499.management.protocol import (
 printable = st.text(st.characters(exclude_categories=["Cs", "Cc", "Cn"]), max_size=20)
 names = st.from_regex(r"[A-Za-z_][A-Za-z0-9_.]{0,10}", fullmatch=True)
 subjects: st.SearchStrategy[Subject] = st.one_of(
-    st.builds(Block, names, names),
-    st.builds(Link, printable, names),
-    st.builds(Type, names, printable.map(str.strip)),
+    st.builds(ManagedBlock, names, names),
+    st.builds(ManagedConnection, printable, names),
+    st.builds(ManagedType, names, printable.map(str.strip)),
     st.builds(Watch, names | st.just("")),
 )

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from dtwin.iec61499.device.embedded import Device
+from dtwin.iec61499.device.embedded import EmbeddedDevice
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.server import ManagementServer
@@ -30,7 +30,7 @@ class ServedDevice:
     def __init__(self, library: Library) -> None:
         self.reactor = Reactor()
         self.library = library
-        self.device = Device(self.reactor, library)
+        self.device = EmbeddedDevice(self.reactor, library)
         self.management = ManagementServer(self.reactor, ANY_PORT, self.device.handle)
         self._thread = threading.Thread(target=self.reactor.run)
 

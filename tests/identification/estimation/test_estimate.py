@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from dtwin.errors import IdentificationError, ParameterError
 from dtwin.identification.data import Experiment
-from dtwin.identification.estimation.estimate import Estimate, Loss, Settings, identify
+from dtwin.identification.estimation.estimate import Estimate, EstimationSettings, Loss, identify
 from dtwin.identification.estimation.problem import START, Prior
 from dtwin.identification.excitation.design import predict
 from dtwin.identification.excitation.plan import Plan
@@ -24,7 +24,7 @@ def relative_errors(estimate: Estimate, names: Sequence[str] = FREE) -> Array:
     return np.array([estimate.values[name] for name in names]) / truth(names) - 1
 
 
-def off(settings: Settings, seed: int) -> Settings:
+def off(settings: EstimationSettings, seed: int) -> EstimationSettings:
     """The settings with a start that is up to 50 % away in every free parameter."""
     factors = np.random.default_rng(seed).uniform(0.5, 1.5, len(settings.free))
     values = {name: settings.known.get(name) * f for name, f in zip(settings.free, factors, strict=True)}
@@ -40,7 +40,7 @@ def test_without_noise_every_parameter_is_exact() -> None:
 
 
 def test_masses_known_two_runs_determine_the_fifteen_others() -> None:
-    settings = Settings(NO_MASSES, ARM.with_values({name: START.get(name) for name in NO_MASSES}))
+    settings = EstimationSettings(NO_MASSES, ARM.with_values({name: START.get(name) for name in NO_MASSES}))
     clean = [CLEAN, measured(payload=0.0)]
     assert np.abs(relative_errors(identify(clean, settings), NO_MASSES)).max() < 1e-6
     estimate = identify([noisy(k, 0.005, clean=run) for k, run in enumerate(clean)], settings)
@@ -144,4 +144,4 @@ def test_bad_settings_are_named() -> None:
     with pytest.raises(ParameterError, match="there twice in K1, K1"):
         identify([CLEAN], EstimationSettings(("K1", "K1")))
     with pytest.raises(IdentificationError, match="loss 'cauchy': expected adaptive, gaussian or huber"):
-        Settings(PARAMETER_NAMES, loss=cast(Loss, "cauchy"))
+        EstimationSettings(PARAMETER_NAMES, loss=cast(Loss, "cauchy"))

@@ -10,7 +10,7 @@ from dtwin.identification.estimation.identifiability import (
     parameter_sensitivity,
 )
 from dtwin.identification.estimation.problem import Prior, Problem
-from dtwin.identification.excitation.signal import Plan
+from dtwin.identification.excitation.plan import Plan
 from dtwin.parameters import PayloadModel
 from tests.support.identification import ALL, ARM, FREE, NO_MASSES
 

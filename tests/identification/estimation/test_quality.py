@@ -4,7 +4,7 @@ import pytest
 from dtwin.errors import IdentificationError
 from dtwin.identification.data import Experiment, from_log
 from dtwin.identification.estimation import quality
-from dtwin.identification.estimation.estimate import Settings, identify
+from dtwin.identification.estimation.estimate import EstimationSettings, identify
 from dtwin.run.recording import RunLog
 from tests.support.arms import Array
 from tests.support.identification import CLEAN, FREE, SETTINGS, noisy
@@ -15,7 +15,7 @@ def changed(measured: Array | None = None, volts: Array | None = None) -> Experi
     return Experiment(measured, CLEAN.volts if volts is None else volts, CLEAN.payload, CLEAN.start)
 
 
-def refusal(experiment: Experiment, settings: Settings = SETTINGS) -> str:
+def refusal(experiment: Experiment, settings: EstimationSettings = SETTINGS) -> str:
     with pytest.raises(IdentificationError) as caught:
         identify([experiment], settings)
     message = str(caught.value)

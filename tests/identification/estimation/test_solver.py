@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dtwin.errors import IdentificationError
-from dtwin.identification.estimation.solver import Minimum, Normal, minimise
+from dtwin.identification.estimation.solver import Minimum, NormalEquations, minimise
 from tests.support.arms import Array
 
 FREE = np.array([-np.inf, -np.inf]), np.array([np.inf, np.inf])
@@ -17,7 +17,7 @@ def search(
     lower: Array = FREE[0],
     upper: Array = FREE[1],
 ) -> Minimum:
-    def linearise(x: Array) -> Normal:
+    def linearise(x: Array) -> NormalEquations:
         r, J = residual(x), jacobian(x)
         return NormalEquations(float(r @ r), J.T @ r, J.T @ J, len(r))
 

@@ -5,7 +5,6 @@ from dtwin.errors import ParameterError
 from dtwin.identification.estimation.problem import Problem
 from dtwin.identification.excitation.plan import HELD_OUT, PLAIN, Excitation, Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.excitation.signal import HELD_OUT, PLAIN, Excitation, Plan
 from dtwin.parameters import PayloadModel
 from tests.support.identification import ARM, BLOCKS, CLEAN, measured
 

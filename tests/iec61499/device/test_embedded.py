@@ -9,8 +9,8 @@ import pytest
 
 from dtwin.controller.ports import EMULATOR
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.files.mapping import resource_network
 from dtwin.iec61499.management.bootfile import parse_boot_file
+from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.parameters import ROOT

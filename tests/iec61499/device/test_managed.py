@@ -9,9 +9,17 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.device.managed import WATCHES
+from dtwin.iec61499.device.managed_resource import WATCHES
 from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.management.protocol import Action, Block, Link, ManagementError, Subject, Type, Watch
+from dtwin.iec61499.management.protocol import (
+    ManagedBlock,
+    ManagedConnection,
+    ManagedType,
+    ManagementError,
+    RequestAction,
+    Subject,
+    Watch,
+)
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.wire import Signature
 from dtwin.iec61499.types import BOOL
@@ -20,38 +28,38 @@ from tests.support.hostile import drain
 from tests.support.served_device import DOUBLING, NUMBER, PATIENCE, ServedDevice, build, free_address, wait_for
 from tests.support.waiting import connected
 
-R = Block("R", "EMB_RES")
-TRANSCRIPT: list[tuple[str, Action, Subject | None, str | None]] = [
+R = ManagedBlock("R", "EMB_RES")
+TRANSCRIPT: list[tuple[str, RequestAction, Subject | None, str | None]] = [
     ("", "CREATE", R, None),
     ("", "CREATE", R, "INVALID_STATE"),
-    ("", "CREATE", Block("Q", "NOPE"), "UNSUPPORTED_TYPE"),
-    ("Q", "CREATE", Block("X", "E_SR"), "INVALID_DST"),
-    ("R", "CREATE", Block("X", "NOPE"), "UNSUPPORTED_TYPE"),
-    ("R", "CREATE", Block("C", "E_CYCLE"), None),
-    ("R", "CREATE", Block("C", "E_CYCLE"), "INVALID_STATE"),
-    ("R", "CREATE", Block("N", "E_CTU"), None),
-    ("R", "CREATE", Block("F", "E_D_FF"), None),
-    ("R", "CREATE", Link("START.COLD", "C.START"), None),
-    ("R", "CREATE", Link("START.COLD", "C.START"), "INVALID_STATE"),
-    ("R", "CREATE", Link("START.COLDER", "C.START"), "NO_SUCH_OBJECT"),
-    ("R", "CREATE", Link("START.COLD", "C.STARTLE"), "NO_SUCH_OBJECT"),
-    ("R", "CREATE", Link("START.COLD", "X.START"), "NO_SUCH_OBJECT"),
-    ("R", "CREATE", Link("C.EO", "N.CU"), None),
-    ("R", "CREATE", Link("N.Q", "F.D"), None),
-    ("R", "CREATE", Link("N.CV", "F.D"), "INVALID_STATE"),
-    ("R", "CREATE", Link("F.Q", "F.D"), "INVALID_STATE"),
-    ("R", "DELETE", Link("N.Q", "F.D"), None),
-    ("R", "DELETE", Link("N.Q", "F.D"), "INVALID_STATE"),
-    ("R", "DELETE", Block("F", ""), None),
-    ("R", "DELETE", Block("F", ""), "NO_SUCH_OBJECT"),
-    ("R", "WRITE", Link("T#1500us", "C.DT"), None),
-    ("R", "WRITE", Link("soon", "C.DT"), "BAD_PARAMS"),
-    ("R", "WRITE", Link("1", "C.DX"), "NO_SUCH_OBJECT"),
-    ("R", "WRITE", Link("65536", "N.PV"), "BAD_PARAMS"),
-    ("R", "WRITE", Link("65535", "N.PV"), None),
-    ("R", "READ", Link("N.PV", "*"), None),
-    ("R", "READ", Link("N.PX", "*"), "NO_SUCH_OBJECT"),
-    ("R", "READ", Link("X.PV", "*"), "NO_SUCH_OBJECT"),
+    ("", "CREATE", ManagedBlock("Q", "NOPE"), "UNSUPPORTED_TYPE"),
+    ("Q", "CREATE", ManagedBlock("X", "E_SR"), "INVALID_DST"),
+    ("R", "CREATE", ManagedBlock("X", "NOPE"), "UNSUPPORTED_TYPE"),
+    ("R", "CREATE", ManagedBlock("C", "E_CYCLE"), None),
+    ("R", "CREATE", ManagedBlock("C", "E_CYCLE"), "INVALID_STATE"),
+    ("R", "CREATE", ManagedBlock("N", "E_CTU"), None),
+    ("R", "CREATE", ManagedBlock("F", "E_D_FF"), None),
+    ("R", "CREATE", ManagedConnection("START.COLD", "C.START"), None),
+    ("R", "CREATE", ManagedConnection("START.COLD", "C.START"), "INVALID_STATE"),
+    ("R", "CREATE", ManagedConnection("START.COLDER", "C.START"), "NO_SUCH_OBJECT"),
+    ("R", "CREATE", ManagedConnection("START.COLD", "C.STARTLE"), "NO_SUCH_OBJECT"),
+    ("R", "CREATE", ManagedConnection("START.COLD", "X.START"), "NO_SUCH_OBJECT"),
+    ("R", "CREATE", ManagedConnection("C.EO", "N.CU"), None),
+    ("R", "CREATE", ManagedConnection("N.Q", "F.D"), None),
+    ("R", "CREATE", ManagedConnection("N.CV", "F.D"), "INVALID_STATE"),
+    ("R", "CREATE", ManagedConnection("F.Q", "F.D"), "INVALID_STATE"),
+    ("R", "DELETE", ManagedConnection("N.Q", "F.D"), None),
+    ("R", "DELETE", ManagedConnection("N.Q", "F.D"), "INVALID_STATE"),
+    ("R", "DELETE", ManagedBlock("F", ""), None),
+    ("R", "DELETE", ManagedBlock("F", ""), "NO_SUCH_OBJECT"),
+    ("R", "WRITE", ManagedConnection("T#1500us", "C.DT"), None),
+    ("R", "WRITE", ManagedConnection("soon", "C.DT"), "BAD_PARAMS"),
+    ("R", "WRITE", ManagedConnection("1", "C.DX"), "NO_SUCH_OBJECT"),
+    ("R", "WRITE", ManagedConnection("65536", "N.PV"), "BAD_PARAMS"),
+    ("R", "WRITE", ManagedConnection("65535", "N.PV"), None),
+    ("R", "READ", ManagedConnection("N.PV", "*"), None),
+    ("R", "READ", ManagedConnection("N.PX", "*"), "NO_SUCH_OBJECT"),
+    ("R", "READ", ManagedConnection("X.PV", "*"), "NO_SUCH_OBJECT"),
     ("R", "CREATE", Watch("N.PV"), None),
     ("R", "CREATE", Watch("N.PV"), None),
     ("R", "CREATE", Watch("N.PX"), "NO_SUCH_OBJECT"),
@@ -63,7 +71,7 @@ TRANSCRIPT: list[tuple[str, Action, Subject | None, str | None]] = [
     ("R", "START", None, None),
     ("R", "START", None, "INVALID_STATE"),
     ("", "DELETE", R, "INVALID_STATE"),
-    ("R", "READ", Link("N.CV", "*"), None),
+    ("R", "READ", ManagedConnection("N.CV", "*"), None),
     ("R", "STOP", None, None),
     ("R", "STOP", None, "INVALID_STATE"),
     ("R", "START", None, None),
@@ -81,7 +89,10 @@ def replay(client: ManagementClient) -> None:
         resource, action, subject, reason = step
         response = client.request(resource, action, subject)
         assert response.reason == reason, step
-    assert client.request("", "CREATE", Type("NOPE", "no Lua")).reason in ("UNSUPPORTED_TYPE", "INVALID_OPERATION")
+    assert client.request("", "CREATE", ManagedType("NOPE", "no Lua")).reason in (
+        "UNSUPPORTED_TYPE",
+        "INVALID_OPERATION",
+    )
 
 
 NEEDS_FORTE = pytest.mark.skipif(not FORTE, reason=NO_FORTE)
@@ -168,10 +179,10 @@ def test_an_application_built_over_management_serves(served: ServedDevice) -> No
             assert client.read("R", "S.QI") == "FALSE"
         assert [block.name for block in client.blocks("R")] == ["START", "S", "D"]
         assert client.blocks("") == (R,)
-        links = client.demand("R", "QUERY", Link("*", "*")).links
+        links = client.demand("R", "QUERY", ManagedConnection("*", "*")).connections
         assert links is not None
-        assert Link("S.RD_1", "D.X") in links
-        assert "DOUBLER" in (client.demand("", "QUERY", Type("*")).names or ())
+        assert ManagedConnection("S.RD_1", "D.X") in links
+        assert "DOUBLER" in (client.demand("", "QUERY", ManagedType("*")).names or ())
 
 
 def test_unlike_types_are_not_connected(served: ServedDevice) -> None:

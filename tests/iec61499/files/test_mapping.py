@@ -7,8 +7,8 @@ import re
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.files.mapping import resource_network
 from dtwin.iec61499.library import Library
+from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.resource import Resource
 from tests.support.block_files import Write, line_of
 

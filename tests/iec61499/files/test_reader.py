@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.files.reader import read_type, split_condition, type_from_xml
+from dtwin.iec61499.files.block_types import read_type, split_condition, type_from_xml
 from dtwin.iec61499.files.xml import parse_xml
 from dtwin.iec61499.library import Library
-from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.types import INT, LREAL, TIME, ArrayType
 from tests.support.block_files import BASIC, Write, line_of

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.files.reader import read_type, type_from_xml
+from dtwin.iec61499.files.block_types import read_type, type_from_xml
 from dtwin.iec61499.files.xml import MAXIMUM_DEPTH, MAXIMUM_SIZE, parse_xml
 
 REFUSED = re.compile("entit|not well-formed|deeper than 64")

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.management.bootfile import Command, load_boot_file, parse_boot_file, print_boot_file
 from dtwin.iec61499.management.protocol import (
-    Action,
+    ManagedType,
     Request,
-    Type,
+    RequestAction,
 )
 from tests.support.requests import names, subjects
 
@@ -29,12 +29,14 @@ R;<Request ID="3" Action="START"/>
 def test_a_boot_file_reads_and_prints() -> None:
     commands = parse_boot_file(BOOT)
     assert [(command.resource, command.line) for command in commands] == [("", 1), ("R", 2), ("R", 5)]
-    assert commands[1].request.subject == Type("X", "line one\nline two")
+    assert commands[1].request.subject == ManagedType("X", "line one\nline two")
     assert parse_boot_file(BOOT.replace("\n", "\r\n"))[2].request == Request("3", "START")
     assert print_boot_file(commands) == BOOT.replace("\n\n", "\n")
 
 
-@given(st.lists(st.builds(Command, names, st.builds(Request, names, st.sampled_from(get_args(Action)), subjects))))
+@given(
+    st.lists(st.builds(Command, names, st.builds(Request, names, st.sampled_from(get_args(RequestAction)), subjects)))
+)
 def test_printed_boot_files_read_back(commands: list[Command]) -> None:
     read = parse_boot_file(print_boot_file(commands))
     assert [(c.resource, c.request) for c in read] == [(c.resource, c.request) for c in commands]
@@ -44,7 +46,10 @@ def test_printed_boot_files_read_back(commands: list[Command]) -> None:
     ("line", "complaint"),
     [
         ('<Request ID="1" Action="START"/>', r"^app\.fboot:2: expected RESOURCE;<Request"),
-        ('R;<Request ID="1" Action="GO"/>', r"^app\.fboot:2: expected <Request> with the Action CREATE, .* 'GO'$"),
+        (
+            'R;<Request ID="1" Action="GO"/>',
+            r"^app\.fboot:2: expected <Request> with the Action CREATE, .* 'GO'$",
+        ),
         ('R;<Request ID="1"', r"^app\.fboot:2: .*not well-formed"),
     ],
 )

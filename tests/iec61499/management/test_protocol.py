@@ -18,7 +18,6 @@ from dtwin.iec61499.management.protocol import (
     Request,
     RequestAction,
     Response,
-    Type,
     Watch,
     parse_request,
     parse_response,

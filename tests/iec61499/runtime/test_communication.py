@@ -199,7 +199,7 @@ class SlowTransport:
         self.closed = 0
         self.broken = False
 
-    def open(self, port: Port) -> SlowTransport:
+    def open(self, port: CommunicationPort) -> SlowTransport:
         self.ports.append(port)
         return self
 

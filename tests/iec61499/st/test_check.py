@@ -7,6 +7,7 @@ import pytest
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.st.check import check_algorithm, check_expression
 from dtwin.iec61499.st.functions import conversion, widens
+from dtwin.iec61499.st.parser import parse_algorithm, parse_expression
 from dtwin.iec61499.types import BOOL, ELEMENTARY, LREAL, ArrayType, DataType
 from tests.support.st_harness import check, scope_of
 

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dtwin.iec61499.st import (
-    lua_helpers,
-)
-from dtwin.iec61499.st.lua.helpers import HELPERS
+from dtwin.iec61499.st.lua.helpers import HELPERS, lua_helpers
 from tests.support.st_harness import LUA
 
 

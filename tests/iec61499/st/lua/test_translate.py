@@ -5,9 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.st import (
-    lua_source,
-)
+from dtwin.iec61499.st.lua.translate import lua_source
 from tests.support.st_cases import TYPES
 from tests.support.st_harness import check
 

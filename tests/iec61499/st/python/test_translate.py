@@ -7,16 +7,11 @@ import math
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.st import (
-    CONDITION_GLOBALS,
-    check_expression,
-    compile_algorithm,
-    compile_condition,
-    lua_condition,
-    parse_expression,
-    python_source,
-)
-from dtwin.iec61499.st.python.runtime import ITERATION_LIMIT
+from dtwin.iec61499.st.check import check_expression
+from dtwin.iec61499.st.lua.translate import lua_condition
+from dtwin.iec61499.st.parser import parse_expression
+from dtwin.iec61499.st.python.translate import CONDITION_GLOBALS, compile_algorithm, compile_condition, python_source
+from dtwin.iec61499.st.semantics import ITERATION_LIMIT
 from tests.support.st_cases import SCOPE, TYPES, inf, results
 from tests.support.st_harness import LUA, check, instance, run_lua, run_python, scope_of
 
