@@ -43,8 +43,8 @@ from dtwin.parameters import PERIOD
 from dtwin.signals import Event, Sensors, Voltages
 from services.parts.gate import STALE
 from services.parts.strides import strides
-from services.safe_stop import Stops
 from services.service import Link, Service, main
+from services.stops import Stops
 
 log = logging.getLogger(__name__)
 

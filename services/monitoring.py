@@ -26,7 +26,7 @@ from dtwin.monitoring.monitor import ALARMS_PER_HOUR, Monitor, MonitorSettings
 from dtwin.monitoring.verdict import Verdict, unit_of
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.signals import Event, Sensors, Voltages
-from services.safe_stop import Demands
+from services.demands import Demands
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)

@@ -12,7 +12,7 @@ from dtwin.errors import CommunicationError
 from dtwin.monitoring.verdict import Finding
 from dtwin.signals import Event, Sensors
 from services.runfile import join
-from services.safe_stop import Demands
+from services.demands import Demands
 from tests.support.desk import Desk, boxes
 from tests.support.waiting import free_port, until
 
