@@ -17,17 +17,14 @@ from typing import Final
 
 from dtwin.bus.messages import (
     EVENTS,
-    GAINS,
-    MODEL,
     PATH,
     PREDICT,
     ROLL_BACK,
     SENSORS,
     SETTINGS,
     UPLOAD,
-    GainsSetting,
-    ModelSetting,
     SettingsInForce,
+    SettingsRequest,
 )
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.pairs import Pairs
@@ -40,6 +37,7 @@ from dtwin.bus.twin_messages import (
     Upload,
     UploadRequest,
 )
+from dtwin.controller.bounds import check_bounds
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.parameters import ArmParameters, Gains
@@ -74,23 +72,26 @@ class BridgePort:
     """The running controller as uploads see it: through the bridge, which alone talks to the device.
 
     Args:
-        bus: joined.
+        bus: session of this service.
     """
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
 
-    def send_gains(self, gains: Gains, target_time: float) -> None:
+    def send_gains(self, gains: Gains, target_time: float) -> ControlSettings:
         """Raises CommunicationError when the device does not take them over."""
-        self._bus.ask(GAINS, GainsSetting(gains, target_time), GainsSetting)
+        return self._ask(SettingsRequest(gains, target_time))
 
-    def send_model(self, model: ArmParameters) -> None:
+    def send_model(self, model: ArmParameters) -> ControlSettings:
         """Raises CommunicationError when the device does not take it over."""
-        self._bus.ask(MODEL, ModelSetting(model), ModelSetting)
+        return self._ask(SettingsRequest(model=model))
 
     def read_back(self) -> ControlSettings:
         """Raises CommunicationError when the device does not answer."""
-        s = self._bus.ask(SETTINGS, None, SettingsInForce)
+        return self._ask(None)
+
+    def _ask(self, request: SettingsRequest | None) -> ControlSettings:
+        s = self._bus.ask(SETTINGS, request, SettingsInForce)
         return ControlSettings(s.target_time, s.gains, s.law, s.model, s.payload, s.payload_model)
 
 
@@ -198,6 +199,7 @@ class Simulation:
         with self._lock:
             uploader = self._there()
             settings = changed(uploader.settings, asked.gains, asked.target_time, asked.model)
+            check_bounds(settings)
             found = self._checker.simulate(settings, asked.arm or settings.model, asked.box)
             version = uploader.version
         return Predicted(

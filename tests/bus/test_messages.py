@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.bus.codec import SIZE_LIMIT, MessageError, Reader, encode
-from dtwin.bus.messages import TOPICS, GainsSetting, ModelSetting, TargetSetting
+from dtwin.bus.messages import TOPICS, SettingsRequest
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.signals import Sensors, Voltages
 
@@ -125,9 +125,9 @@ def test_refusals(old: bytes, new: bytes, reason: str) -> None:
 @pytest.mark.parametrize(
     ("message", "payload", "said"),
     [
-        (GainsSetting, b'{"schema":1,"gains":{"kp":[1,2,-3]}}', "kp3"),
-        (ModelSetting, b'{"schema":1,"model":{"mass":[0.1,0,0.1]}}', "m2"),
-        (TargetSetting, b'{"schema":1,"target_time":0}', "above 0"),
+        (SettingsRequest, b'{"schema":1,"gains":{"kp":[1,2,-3]}}', "kp3"),
+        (SettingsRequest, b'{"schema":1,"model":{"mass":[0.1,0,0.1]}}', "m2"),
+        (SettingsRequest, b'{"schema":1,"target_time":"2"}', "target_time"),
     ],
 )
 def test_settings_are_checked_where_they_arrive(message: type, payload: bytes, said: str) -> None:
@@ -136,8 +136,8 @@ def test_settings_are_checked_where_they_arrive(message: type, payload: bytes, s
 
 
 def test_settings_come_back_as_they_were() -> None:
-    for setting in (GainsSetting(Gains((1.0, 2.0, 3.0))), ModelSetting(ArmParameters()), TargetSetting(1.5)):
-        assert Reader(type(setting))(encode(setting)) == setting
+    for request in (SettingsRequest(Gains((1.0, 2.0, 3.0)), 1.5), SettingsRequest(model=ArmParameters())):
+        assert Reader(SettingsRequest)(encode(request)) == request
 
 
 @given(finite, finite, finite, volts, st.integers(0, 2**53), st.floats(0, 1e9))

@@ -11,8 +11,8 @@ from dtwin.bus.session import Bus, open_peer
 from dtwin.errors import CommunicationError
 from dtwin.monitoring.verdict import Finding
 from dtwin.signals import Event, Sensors
-from services.runfile import join
 from services.demands import Demands
+from services.runfile import join
 from tests.support.desk import Desk, boxes
 from tests.support.waiting import free_port, until
 

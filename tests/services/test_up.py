@@ -47,9 +47,7 @@ def test_a_cell_is_started_watched_set_and_stopped(desk: Desk, tmp_path: Path) -
     assert summary["latency_ms"]["p50"] < 10
     lines = desk.run("watch", "--count", "6").splitlines()
     assert all(line.startswith("dtwin/cell/arm/") and '"schema":1' in line for line in lines)
-    assert json.loads(desk.run("gains", "set", "--kp", "210", "500", "300"))["gains"]["kp"] == [210, 500, 300]
-    assert json.loads(desk.run("target", "set", "--time", "1.5"))["target_time"] == 1.5
-    assert "above 0" in desk.run("model", "set", "--set", "m1=-1", status=2)
+    assert "dtwin up --simulation" in desk.run("target", "set", "--time", "1.5", status=2)
     assert "is down" in desk.run("down")
     until(lambda: not desk.processes(), "all processes end")
     assert recording.stat().st_size > 100_000

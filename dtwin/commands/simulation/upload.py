@@ -13,7 +13,7 @@ import tyro
 from dtwin.bus.messages import ROLL_BACK, UPLOAD
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
-from dtwin.errors import CommunicationError, ModelError
+from dtwin.errors import CommunicationError, ModelError, UnansweredError
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import ArmParameters, Gains, Triple
 from services.runfile import join
@@ -22,6 +22,18 @@ _LOOK = 0.2
 """s between two looks at a trial"""
 _PATIENCE = 120.0
 """s for a trial to end"""
+
+
+def in_force(bus: Bus) -> Upload:
+    """The settings in force, as the simulation service tells them.
+
+    Raises:
+        CommunicationError: the cell has no such service, or its controller does not answer.
+    """
+    try:
+        return bus.ask(UPLOAD, None, Upload)
+    except UnansweredError as error:
+        raise CommunicationError(f"{error} Settings need the service: dtwin up --simulation") from None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,8 +61,8 @@ class RollBack(_Request):
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Upload(_Request):
-    """What every upload has."""
+class UploadCommand(_Request):
+    """Options and course of every upload."""
 
     based_on: int | None = None
     """Version of the settings that you have seen; those in force if not given. An old version is refused."""
@@ -63,7 +75,7 @@ class _Upload(_Request):
 
     def execute(self) -> int:
         with join(self.cell, self.zenoh) as bus:
-            now = bus.ask(UPLOAD, None, Upload)
+            now = in_force(bus)
             request = UploadRequest(
                 who=self.who or getpass.getuser(),
                 why=self.why,
@@ -101,7 +113,7 @@ class Tuning(msgspec.Struct, frozen=True):
 
 
 @dataclass(frozen=True, kw_only=True)
-class UploadGains(_Upload):
+class UploadGains(UploadCommand):
     """Upload gains, those not given stay, or gains and target time from a file that dtwin optimise saved."""
 
     kp: Triple | None = None
@@ -121,7 +133,7 @@ class UploadGains(_Upload):
 
 
 @dataclass(frozen=True, kw_only=True)
-class UploadTarget(_Upload):
+class UploadTarget(UploadCommand):
     """Upload how long every motion takes, from the next one on."""
 
     time: float
@@ -132,7 +144,7 @@ class UploadTarget(_Upload):
 
 
 @dataclass(frozen=True, kw_only=True)
-class UploadModel(_Upload):
+class UploadModel(UploadCommand):
     """Upload an identified model of the arm."""
 
     model: str
@@ -143,7 +155,7 @@ class UploadModel(_Upload):
 
 
 @dataclass(frozen=True, kw_only=True)
-class UploadVersion(_Upload):
+class UploadVersion(UploadCommand):
     """Upload the settings of an earlier version, as dtwin history shows them; checked and tried like new ones."""
 
     version: tyro.conf.Positional[int]
