@@ -35,7 +35,7 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.iec61499.net.address import Address, parse_address
 from dtwin.parameters import PERIOD
-from dtwin.signals import Event, Sensors, Voltages
+from dtwin.signals import Event, EventKind, Sensors, Voltages
 from services.parts.gate import STALE
 from services.parts.strides import strides
 from services.service import Link, Service, main
@@ -175,7 +175,7 @@ class Bridge:
         return self._controller
 
     def _note(self, event: Event) -> None:
-        if event.kind == "safe":
+        if event.kind == EventKind.SAFE:
             self._restart = True
 
     def _settings(self, asked: SettingsRequest | None) -> SettingsInForce:

@@ -12,7 +12,7 @@ from dtwin.bus.messages import EVENTS, STOP, StopRequest, StopState
 from dtwin.bus.session import Bus
 from dtwin.errors import CommunicationError
 from dtwin.monitoring.verdict import Finding, arm_state
-from dtwin.signals import Event
+from dtwin.signals import MONITOR, Event, EventKind
 
 log = logging.getLogger(__name__)
 
@@ -63,5 +63,5 @@ class Demands:
             return False
         said = f"asked for a safe stop ({finding.text()}): the blocks answer {answer.stop}"
         log.warning("%s", said)
-        self._tell(Event(answer.time, "monitor_stop", said[:1000]))
+        self._tell(Event(answer.time, MONITOR + EventKind.STOP, said[:1000]))
         return True

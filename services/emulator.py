@@ -25,7 +25,6 @@ from dtwin.bus.messages import (
     SENSORS,
     TRUTH,
     VOLTAGES,
-    BoxCounts,
     Done,
     FaultRequest,
     ResetRequest,
@@ -36,7 +35,7 @@ from dtwin.errors import CommunicationError, DtwinError
 from dtwin.parameters import PERIOD, PHYSICS_STEP, ArmParameters, assignment
 from dtwin.run.cell import CellSettings
 from dtwin.run.loop import tick_count
-from dtwin.signals import Event, Sensors, Truth, Voltages
+from dtwin.signals import Event, EventKind, Sensors, Truth, Voltages
 from services.parts.gate import STALE, Gate
 from services.parts.journal import Journal
 from services.parts.journaled import JournaledCell, without_volts
@@ -229,13 +228,13 @@ class Emulator:
         if not self._gate.take(command, came):
             if self._gate.rivals:
                 self._gate.rivals = False
-                self._announce("rivals", "two publishers of voltages: the first answer to each sample counts")
+                self._announce(EventKind.RIVALS, "two publishers of voltages: the first answer to each sample counts")
             return
         if self._began is not None and self._gate.expected - command.sequence < _REMEMBERED:
             now = time.monotonic()
             self._latencies.add(now - self._sent[command.sequence % _REMEMBERED], now)
         if self._state == "safe":
-            self._announce("resumed", "commands have come back: the arm obeys them again")
+            self._announce(EventKind.RESUMED, "commands have come back: the arm obeys them again")
         self._state = "running"
         if self._began is None:
             self._began = (came, self._read().time)
@@ -245,9 +244,9 @@ class Emulator:
         """0 V; a held box stays held."""
         self._state = "safe"
         self._cell.obey(without_volts(self._cell.command))
-        self._announce("safe", "no valid command in time: the arm gets 0 V")
+        self._announce(EventKind.SAFE, "no valid command in time: the arm gets 0 V")
 
-    def _announce(self, kind: str, text: str) -> None:
+    def _announce(self, kind: EventKind, text: str) -> None:
         log.warning("%s", text)
         self._publish_event(Event(self._read().time, kind, text))
 
@@ -292,7 +291,6 @@ class Emulator:
         sensors = self._read()
         wall, plant = self._began or (math.inf, 0.0)
         elapsed = time.monotonic() - wall
-        score = self._cell.emulation.score
         self._service.report(
             state,
             sensors.sequence,
@@ -300,7 +298,7 @@ class Emulator:
             late_ticks=self._late,
             real_time_factor=round((sensors.time - plant) / elapsed, 4) if elapsed > 0 else 0.0,
             latency_ms=self._latencies.summary(),
-            boxes=BoxCounts(score.arrived, score.dropped_arrivals, score.picked, score.delivered, score.misplaced),
+            boxes=self._cell.emulation.box_counts,
         )
 
 

@@ -47,7 +47,7 @@ from dtwin.identification.options import free_names, settings_for
 from dtwin.identification.passing import PIECES, Passing, estimate_from, renewed
 from dtwin.identification.store import STORE, ModelStore
 from dtwin.parameters import PERIOD, ArmParameters
-from dtwin.signals import Event, Sensors, Voltages
+from dtwin.signals import Event, EventKind, Sensors, Voltages
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)
@@ -254,7 +254,7 @@ class Identification:
 
     def _enter(self, state: IdentificationState) -> None:
         if state.phase != self._phase:
-            self._tell(Event(self._time, NAME, f"{state.phase}: {state.text}"[:1000]))
+            self._tell(Event(self._time, EventKind.IDENTIFICATION, f"{state.phase}: {state.text}"[:1000]))
         self._state, self._phase = state, state.phase
         self._publish(state)
         log.info("%s: %s", state.phase, state.text)

@@ -41,7 +41,7 @@ from dtwin.controller.bounds import check_bounds
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.parameters import ArmParameters, Gains
-from dtwin.signals import Event, Sensors
+from dtwin.signals import Event, EventKind, Sensors
 from dtwin.simulation.checks import MOTIONS, Checker
 from dtwin.simulation.history import HISTORY, Entry, History
 from dtwin.simulation.upload import Proposal, Uploader, changed
@@ -214,7 +214,7 @@ class Simulation:
         self._done += 1
         text = f"version {entry.version} of the settings, {entry.kind}: {entry.text or entry.why}"
         log.info("%s: %s", entry.action, text)
-        self._publish(Event(entry.time, entry.action, text[:1000]))
+        self._publish(Event(entry.time, EventKind(entry.action), text[:1000]))
 
 
 def _proposal(uploader: Uploader, request: UploadRequest) -> Proposal:

@@ -11,7 +11,7 @@ from dtwin.bus.messages import EVENTS, RELEASE, STOP, ReleaseRequest, StopReques
 from dtwin.bus.session import Bus
 from dtwin.controller.device import SafeStop
 from dtwin.errors import CommunicationError
-from dtwin.signals import Event, Stop
+from dtwin.signals import Event, EventKind, Stop
 
 log = logging.getLogger(__name__)
 
@@ -96,7 +96,7 @@ class Stops:
             text = f"safe stop: {'released' if stop == 'none' else stop}{why}"
             self.stop = stop
             log.warning("%s", text)
-            self._tell(Event(state.time, "stop", text[:1000]))
+            self._tell(Event(state.time, EventKind.STOP, text[:1000]))
         if stop != "none" and not self._latched:
             self._latched = True
             self.follow()

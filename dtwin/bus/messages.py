@@ -24,7 +24,20 @@ from dtwin.bus.twin_messages import (
     UploadRequest,
 )
 from dtwin.parameters import ArmParameters, Gains, Law, PayloadModel, Triple
-from dtwin.signals import SCHEMA, ArmState, Count, Event, Line, Seconds, Sensors, Stop, Truth, Voltages, Word
+from dtwin.signals import (
+    SCHEMA,
+    ArmState,
+    BoxCounts,
+    Count,
+    Event,
+    Line,
+    Seconds,
+    Sensors,
+    Stop,
+    Truth,
+    Voltages,
+    Word,
+)
 
 State = Literal["starting", "running", "waiting", "safe", "stopped", "stopping"]
 """starting: not ready yet; waiting: for a peer; safe: the arm has no voltage because commands stay away; stopped: a
@@ -38,16 +51,6 @@ class Latency(msgspec.Struct, frozen=True):
     p99: float
     max: float
     trend_per_minute: float
-
-
-class BoxCounts(msgspec.Struct, frozen=True):
-    """What became of the boxes since the cell started."""
-
-    arrived: int
-    dropped_arrivals: int
-    picked: int
-    delivered: int
-    misplaced: int
 
 
 class Status(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

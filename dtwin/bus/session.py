@@ -354,7 +354,8 @@ class Bus:
             CommunicationError: the answer is a refusal or no valid message.
         """
         key = self.key(topic)
-        nobody = f"{key}: nobody answered within {timeout:g} s; is the service {topic.sender} there, and may this session ask it?"
+        hint = f"is the service {topic.sender} there, and may this session ask it?"
+        nobody = f"{key}: nobody answered within {timeout:g} s; {hint}"
         there = threading.Event()
         querier = self._session.declare_querier(key, timeout=timeout)
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from dtwin.bus.codec import SIZE_LIMIT, MessageError, Reader, encode
 from dtwin.bus.messages import TOPICS, SettingsRequest
 from dtwin.parameters import ArmParameters, Gains
-from dtwin.signals import Sensors, Voltages
+from dtwin.signals import MONITOR, Event, EventKind, Sensors, Voltages
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "zenoh.md").read_text()
 COMMAND = Voltages(7, 0.07, (1.0, -8.0, 8.0, 3.0), True)
@@ -120,6 +120,15 @@ def test_refusals(old: bytes, new: bytes, reason: str) -> None:
         Reader(Voltages)(payload.replace(old, new))
     assert refusal.value.reason == reason
     assert "\n" not in str(refusal.value)
+
+
+def test_all_kinds_of_events_are_described_and_unknown_ones_are_passed_on() -> None:
+    described = set(re.findall(r"`([a-z_ ]+)`", PAGE.partition("### Event\n")[2].partition("### Status\n")[0]))
+    assert set(EventKind) <= described
+    assert described - set(EventKind) <= {"time", "kind", "text", MONITOR, MONITOR + EventKind.STOP}
+    newer = encode(Event(1.0, "of a newer peer", ""))
+    assert encode(Reader(Event)(newer)) == newer
+    assert encode(Event(1.0, EventKind.ROLL_BACK, "")) == encode(Event(1.0, "roll back", ""))
 
 
 @pytest.mark.parametrize(

@@ -169,7 +169,7 @@ def _print(summary: Summary, record: Path | None, log: Path | None) -> None:
         "plant time": f"{summary.duration:g} s in {summary.wall_seconds:.2f} s,"
         f" {summary.real_time_factor:.0f} x real time",
         "boxes": f"{boxes.arrived} arrived, {boxes.picked} picked, {boxes.delivered} delivered,"
-        f" {boxes.misplaced} misplaced, {boxes.held_at_end} held at the end, {boxes.dropped_arrivals} turned away",
+        f" {boxes.misplaced} misplaced, {boxes.held} held at the end, {boxes.dropped_arrivals} turned away",
         "placement error": f"{errors.max:.2f} mm at most, {errors.mean:.2f} mm on average",
         "tracking error": f"{worst} rad at most, joints 1 to 3",
         "saturated ticks": str(summary.saturated_ticks),
