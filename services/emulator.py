@@ -30,11 +30,10 @@ from dtwin.bus.messages import (
     ResetRequest,
     State,
 )
-from dtwin.emulation import MODEL_FILE, NoiseKind, parse_fault
 from dtwin.errors import CommunicationError, DtwinError
-from dtwin.parameters import PERIOD, PHYSICS_STEP, ArmParameters, assignment
-from dtwin.run.cell import CellSettings
+from dtwin.parameters import PERIOD
 from dtwin.run.loop import tick_count
+from dtwin.run.options import PlantOptions
 from dtwin.signals import Event, EventKind, Sensors, Truth, Voltages
 from services.parts.gate import STALE, Gate
 from services.parts.journal import Journal
@@ -57,47 +56,17 @@ R = TypeVar("R")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options(Link):
+class Options(PlantOptions, Link):
     """Run the emulated cell on the bus."""
 
     pace: Pace = "realtime"
     """realtime: ticks on the wall clock; lockstep: every tick waits for its command; free: no tick waits."""
     duration: float | None = None
     """Plant time after which to end, s; without it, never."""
-    seed: int = 0
-    """Of the boxes and the noise."""
-    noise: float = 0.0
-    """Encoder noise, rad."""
-    noise_kind: NoiseKind = "uniform"
-    """uniform is biased by half of the noise; gaussian is not biased."""
-    fault: tuple[str, ...] = ()
-    """TARGET OP VALUE @ START[-END]; repeatable."""
-    set: tuple[str, ...] = ()
-    """A parameter of the arm, e.g. m1=0.15; repeatable."""
-    step: float = PHYSICS_STEP
-    """Physics step, s."""
-    model: Path = MODEL_FILE
-    """MJCF file of the arm."""
     stale: float = STALE
     """s without a command, in real time, after which the arm gets 0 V."""
     journal: Path | None = None
     """File of commands and faults; a killed emulator that finds its own goes on where it was."""
-
-    def settings(self) -> CellSettings:
-        """The cell that the options stand for.
-
-        Raises:
-            DtwinError: an option is out of range or cannot be read.
-        """
-        return CellSettings(
-            seed=self.seed,
-            noise=self.noise,
-            noise_kind=self.noise_kind,
-            faults=tuple(parse_fault(text) for text in self.fault),
-            arm=ArmParameters().with_values(dict(assignment(text) for text in self.set)),
-            step=self.step,
-            model_file=self.model,
-        )
 
     def run(self) -> int:
         settings = self.settings()

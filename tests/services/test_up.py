@@ -81,6 +81,8 @@ def test_killed_services_come_back_and_end_with_their_supervisor(desk: Desk, tmp
         (["--controller", "nonsense"], "expected embedded, forte://HOST:PORT or tcp://HOST:PORT"),
         (["--duration", "0"], "duration"),
         (["--log", "/nowhere/run.parquet"], "/nowhere/run.parquet"),
+        (["--mjcf", "nowhere.xml"], "nowhere.xml"),
+        (["--step", "0.003"], "step"),
     ],
 )
 def test_bad_options_are_one_line(desk: Desk, options: list[str], expected: str) -> None:
