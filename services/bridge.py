@@ -45,11 +45,11 @@ log = logging.getLogger(__name__)
 
 NAME: Final = "bridge"
 RETRY: Final = 0.2
-"""s between two attempts to reach the controller"""
+"""Time between two attempts to reach the controller, s."""
 PATIENCE: Final = 3.0
-"""s without a controller that are no trouble yet: it may be starting"""
+"""Time without a controller that is no trouble yet, because it may be starting, s."""
 GAP: Final = round(STALE / PERIOD)
-"""ticks without an answer after which the path is planned anew"""
+"""Number of ticks without an answer after which the path is planned anew."""
 S = TypeVar("S")
 
 

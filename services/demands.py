@@ -17,7 +17,7 @@ from dtwin.signals import MONITOR, Event, EventKind
 log = logging.getLogger(__name__)
 
 RETRY: Final = 0.5
-"""s before a demand that nobody answered is made again"""
+"""Time after which a demand that nobody answered is made again, s."""
 
 
 class Demands:

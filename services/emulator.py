@@ -45,11 +45,11 @@ log = logging.getLogger(__name__)
 
 NAME: Final = "emulator"
 REPEAT: Final = 0.2
-"""s after which a sample that nobody answers is published again"""
+"""Time after which a sample that nobody answers is published again, s."""
 _REMEMBERED: Final = 256
-"""samples whose times are kept, for the latency of commands that come late"""
+"""Number of samples whose times are kept, for the latency of commands that come late."""
 REQUEST_TIMEOUT: Final = 4.0
-"""s that a request waits for its turn between two ticks"""
+"""Longest time that a request waits for its turn between two ticks, s."""
 
 Pace = Literal["realtime", "lockstep", "free"]
 R = TypeVar("R")
@@ -62,9 +62,9 @@ class Options(PlantOptions, Link):
     pace: Pace = "realtime"
     """realtime: ticks on the wall clock; lockstep: every tick waits for its command; free: no tick waits."""
     duration: float | None = None
-    """Plant time after which to end, s; without it, never."""
+    """Plant time after which the run ends, s; without it, it never ends."""
     stale: float = STALE
-    """s without a command, in real time, after which the arm gets 0 V."""
+    """Time without a command, in real time, after which the arm gets 0 V, s."""
     journal: Path | None = None
     """File of commands and faults; a killed emulator that finds its own goes on where it was."""
 
@@ -81,9 +81,10 @@ class Emulator:
     """The cell between its inbox and its publications.
 
     Args:
-        cell: to run.
-        pace: to run it at.
-        stale: s without a command, in real time, after which the arm gets 0 V.
+        service: frame of this service.
+        cell: emulated cell that runs.
+        pace: how long a tick waits for its command.
+        stale: time without a command, in real time, after which the arm gets 0 V, s.
     """
 
     def __init__(self, service: Service, cell: JournaledCell, pace: Pace, stale: float) -> None:

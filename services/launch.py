@@ -36,9 +36,9 @@ from services.service import free_port
 from services.supervisor import Program, Supervisor
 
 READY_TIMEOUT: Final = 30.0
-"""s for all services to be ready"""
+"""Time in which all services must be ready, s."""
 LOOK: Final = 0.1
-"""s between two looks at the processes"""
+"""Time between two looks at the processes, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +68,7 @@ class CellOptions(PlantOptions, ControlOptions):
     safe_stop: bool = False
     """Let the monitoring service ask the function blocks to stop the arm when a failure is confirmed."""
     simulation: bool = False
-    """Start the simulation service too: it checks, uploads and watches new settings (dtwin upload)."""
+    """Start the simulation service too: it checks, uploads and watches new settings (dtwin upload, gains set and the like)."""
     history: Path = HISTORY
     """History of the settings that the simulation service keeps."""
     cell: str = "cell"
@@ -159,9 +159,9 @@ class Launched:
     """A cell whose services have been started.
 
     Attributes:
-        bus: of the operator.
-        supervisor: of the services.
-        stop: set by Ctrl-C and a polite kill.
+        bus: session of the operator.
+        supervisor: keeper of the services.
+        stop: event that Ctrl-C and a polite kill set.
     """
 
     bus: Bus

@@ -51,7 +51,7 @@ log = logging.getLogger(__name__)
 
 NAME: Final = "simulation"
 RETRY: Final = 0.2
-"""s between two attempts to reach the controller"""
+"""Time between two attempts to reach the controller, s."""
 
 
 @dataclass(frozen=True, kw_only=True)

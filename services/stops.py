@@ -16,7 +16,7 @@ from dtwin.signals import Event, EventKind, Stop
 log = logging.getLogger(__name__)
 
 LOOK: Final = 0.1
-"""s between two looks at a stop in force"""
+"""Time between two looks at a stop in force, s."""
 
 
 class Stops:

@@ -11,7 +11,7 @@ from dtwin.errors import ParameterError
 from dtwin.parameters import PARAMETER_NAMES
 
 HIGHEST_GAINS: Final = {"kp": 1e5, "ki": 1e5, "kd": 1e3}
-"""1/s^2, 1/s^3 and 1/s: a hundred times what is of use; a typing error more often than a wish"""
+"""Greatest gains, 1/s^2, 1/s^3 and 1/s: a hundred times what is of use."""
 MODEL_RANGES: Final = {
     "K": (1e-2, 1.0),
     "m": (1e-3, 1.0),

@@ -94,9 +94,11 @@ class Application:
         Raises:
             CommunicationError: no answer, or no number.
         """
+        # One request each, so that the path is not kept waiting by a long list. A watch for each would have to be
+        # made and taken back, two requests instead of one, or would make every reading of the path longer for good.
         texts = {}
         for name in names:
-            with self._lock:  # one by one: nobody shall wait for a long list
+            with self._lock:
                 texts[name] = self._management.read(self._resource, name)
         return self._numbers(names, texts)
 

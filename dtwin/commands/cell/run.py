@@ -23,7 +23,7 @@ from dtwin.run.options import ControlOptions, PlantOptions
 from dtwin.run.recording import Log, ensure_writable
 
 SAME_VOLTS: Final = 1e-9
-"""V, within which two controllers count as the same"""
+"""Difference of their voltages within which two controllers count as the same, V."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 import tyro
 
-from dtwin.bus.messages import ROLL_BACK, UPLOAD
+from dtwin.bus.messages import ROLL_BACK, UPLOAD, Topic
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
 from dtwin.errors import CommunicationError, ModelError, UnansweredError
@@ -19,9 +19,9 @@ from dtwin.parameters import ArmParameters, Gains, Triple
 from services.runfile import join
 
 _LOOK = 0.2
-"""s between two looks at a trial"""
+"""Time between two looks at a trial, s."""
 _PATIENCE = 120.0
-"""s for a trial to end"""
+"""Time for a trial to end, s."""
 
 
 def in_force(bus: Bus) -> Upload:
@@ -30,15 +30,19 @@ def in_force(bus: Bus) -> Upload:
     Raises:
         CommunicationError: the cell has no such service, or its controller does not answer.
     """
+    return _ask(bus, UPLOAD, None)
+
+
+def _ask(bus: Bus, topic: Topic, request: UploadRequest | RollBackRequest | None) -> Upload:
     try:
-        return bus.ask(UPLOAD, None, Upload)
+        return bus.ask(topic, request, Upload)
     except UnansweredError as error:
-        raise CommunicationError(f"{error} Settings need the service: dtwin up --simulation") from None
+        raise CommunicationError(f"{error} Settings go through that service: dtwin up --simulation") from None
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Request:
-    """Who wants it, and where."""
+    """Who wants a change of the settings, why, and in which cell."""
 
     why: str
     """Reason, for the history."""
@@ -56,7 +60,7 @@ class RollBack(_Request):
 
     def execute(self) -> int:
         with join(self.cell, self.zenoh) as bus:
-            _print(bus.ask(ROLL_BACK, RollBackRequest(self.who or getpass.getuser(), self.why), Upload))
+            _print(_ask(bus, ROLL_BACK, RollBackRequest(self.who or getpass.getuser(), self.why)))
         return 0
 
 
@@ -82,7 +86,7 @@ class UploadCommand(_Request):
                 based_on=now.version if self.based_on is None else self.based_on,
                 arm=None if self.arm is None else self._model(self.arm),
             )
-            answer = bus.ask(UPLOAD, self.change(request, now), Upload)
+            answer = _ask(bus, UPLOAD, self.change(request, now))
             _print(answer)
             return self._outcome(bus, answer) if self.wait else 0
 
@@ -100,7 +104,7 @@ class UploadCommand(_Request):
             if time.monotonic() > deadline:
                 raise CommunicationError(f"the trial of version {answer.version} goes on after {_PATIENCE:g} s")
             time.sleep(_LOOK)
-            answer = bus.ask(UPLOAD, None, Upload)
+            answer = in_force(bus)
         _print(answer)
         return 0 if answer.action == "confirm" else 1
 
