@@ -20,15 +20,15 @@ def run(settings: CellSettings) -> tuple[Log, Summary]:
     return log, cell.summary(log)
 
 
-@pytest.mark.parametrize("row_sum", [1, 2])
+@pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize(("noise", "placement_mm"), [(0.0, 1.0), (0.005, 10.0)])
 def test_every_picked_box_is_delivered(seed: int, noise: float, placement_mm: float) -> None:
     _, summary = run(CellSettings(duration=600.0, seed=seed, noise=noise))
     boxes = summary.boxes
     assert boxes.picked > 20
     assert boxes.misplaced == 0
-    assert boxes.delivered == boxes.picked - boxes.held_at_end
-    assert boxes.held_at_end <= 1
+    assert boxes.delivered == boxes.picked - boxes.held
+    assert boxes.held <= 1
     assert "grip_missed" not in summary.events
     assert summary.placement_error_mm.max <= placement_mm
     if noise == 0.0:

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
-from dtwin.bus.messages import GAINS, PATH, PREDICT, SENSORS, UPLOAD, GainsSetting
+from dtwin.bus.messages import PATH, PREDICT, SENSORS, SETTINGS, UPLOAD, SettingsInForce, SettingsRequest
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Predicted, PredictionRequest, Upload, UploadRequest
@@ -50,6 +51,8 @@ def test_settings_are_uploaded_watched_and_taken_back(cell: Desk, tmp_path: Path
     from_live_state(cell)
     predictions()
     by_hand(cell, tmp_path / "history.jsonl")
+    by_value(cell)
+    out_of_range(cell)
     from_files(cell, tmp_path)
 
 
@@ -94,7 +97,7 @@ def by_hand(cell: Desk, history: Path) -> None:
     assert (first["version"], first["action"], first["on_trial"]) == (2, "upload", True)
     assert first["gains"]["kp"] == [250.0, 500.0, 350.0]
     with join("cell") as bus:
-        assert bus.ask(GAINS, None, GainsSetting).gains == HIGHER
+        assert bus.ask(SETTINGS, None, SettingsInForce).gains == HIGHER
         until(lambda: not now(bus).on_trial, "the trial of good gains ends")
         assert now(bus).action == "confirm"
         for request, reason in (
@@ -104,14 +107,14 @@ def by_hand(cell: Desk, history: Path) -> None:
         ):
             with pytest.raises(CommunicationError, match=reason):
                 bus.ask(UPLOAD, request, Upload)
-        assert bus.ask(GAINS, None, GainsSetting).gains == HIGHER
+        assert bus.ask(SETTINGS, None, SettingsInForce).gains == HIGHER
         wrong = scaled(ArmParameters(), "D", 2.5)
         answer = bus.ask(UPLOAD, UploadRequest("bob", "a wrong model", 2, model=wrong), Upload)
         assert (answer.version, answer.model) == (3, wrong)
         until(lambda: not now(bus).on_trial, "the trial of a wrong model ends")
         last = now(bus)
         assert (last.action, last.version, last.model) == ("roll back", 4, ArmParameters())
-        bus.ask(GAINS, GainsSetting(Gains()), GainsSetting)
+        bus.ask(SETTINGS, SettingsRequest(Gains(), 2.0), SettingsInForce)
         with pytest.raises(CommunicationError, match="expected version 5, got 4"):
             bus.ask(UPLOAD, UploadRequest("anna", "unaware of bob", 4, target_time=1.8), Upload)
     entries = History(history).entries()
@@ -121,6 +124,59 @@ def by_hand(cell: Desk, history: Path) -> None:
     assert actions[-4:] == ["upload", "roll back", "start", "refuse"]
     summary = cell.summary()
     assert summary["services"]["simulation"]["restarts"] == 0
+
+
+def by_value(cell: Desk) -> None:
+    """An operator's values pass the same checks, and stand in the same history."""
+    with join("cell") as bus:
+        before = now(bus)
+        for words, found in (
+            (
+                ["gains", "set", "--kp", "210", "500", "300"],
+                lambda said: said["gains"]["kp"] == [210.0, 500.0, 300.0],
+            ),
+            (["target", "set", "--time", "2.2"], lambda said: said["target_time"] == 2.2),
+            (["model", "set", "--set", "m1=0.119"], lambda said: said["model"]["mass"][0] == 0.119),
+        ):
+            said = json.loads(cell.run(*words))
+            assert (said["action"], said["on_trial"], said["text"]) == ("upload", True, "by hand")
+            assert found(said)
+            assert json.loads(cell.run("upload", "rollback", "--why", "enough"))["action"] == "roll back"
+        after = now(bus)
+        assert (after.gains, after.target_time, after.model) == (before.gains, before.target_time, before.model)
+
+
+def out_of_range(cell: Desk) -> None:
+    """Finite numbers that no arm can have are refused with the range, by the service and by the bridge."""
+    heavy = scaled(ArmParameters(), "m", 1e300)
+    wild = Gains(kp=(1e308, 500.0, 300.0))
+    with join("cell") as bus:
+        before = bus.ask(SETTINGS, None, SettingsInForce)
+        asked = UploadRequest("bob", "wild", now(bus).version)
+        for upload, request, reason in (
+            (replace(asked, gains=wild), SettingsRequest(wild, 2.0), "kp1: expected 0 to 100000, got 1e.308"),
+            (replace(asked, model=heavy), SettingsRequest(model=heavy), "m1: expected 0.001 to 1, got 1"),
+            (
+                replace(asked, target_time=1e-300),
+                SettingsRequest(Gains(), 1e-300),
+                "target time: expected 0.1 to 60 s, got 1e-300",
+            ),
+            (replace(asked, target_time=-1.0), SettingsRequest(Gains(), -1.0), "target time: expected"),
+            (
+                replace(asked, gains=Gains(), model=ArmParameters()),
+                SettingsRequest(Gains(), 2.0, ArmParameters()),
+                "or a model alone",
+            ),
+        ):
+            with pytest.raises(CommunicationError, match=reason):
+                bus.ask(UPLOAD, upload, Upload)
+            with pytest.raises(CommunicationError, match=reason):
+                bus.ask(SETTINGS, request, SettingsInForce)
+        for request in (PredictionRequest(target_time=1e300), PredictionRequest(gains=wild)):
+            with pytest.raises(CommunicationError, match="expected 0"):
+                bus.ask(PREDICT, request, Predicted)
+        assert bus.ask(SETTINGS, None, SettingsInForce) == before
+    assert "kp1: expected 0 to 100000" in cell.run("gains", "set", "--kp", "1e308", "1", "1", status=2)
 
 
 def test_a_service_that_is_killed_finds_old_or_new_settings_and_watches_the_new(cell: Desk, tmp_path: Path) -> None:
@@ -134,7 +190,7 @@ def test_a_service_that_is_killed_finds_old_or_new_settings_and_watches_the_new(
             return last is not None and last.action == "upload"
 
         def sent() -> bool:
-            return bus.ask(GAINS, None, GainsSetting).gains != before.gains
+            return bus.ask(SETTINGS, None, SettingsInForce).gains != before.gains
 
         for number, (moment, when) in enumerate((("checks", lambda: True), ("written", written), ("sent", sent))):
             before = now(bus)
@@ -146,7 +202,7 @@ def test_a_service_that_is_killed_finds_old_or_new_settings_and_watches_the_new(
             os.kill(cell.find("services.simulation"), signal.SIGKILL)
             asked.exception()
             after = until_there(bus)
-            in_force = bus.ask(GAINS, None, GainsSetting).gains
+            in_force = bus.ask(SETTINGS, None, SettingsInForce).gains
             assert in_force in (before.gains, wanted), moment
             assert after.gains == in_force, moment
             last = history.last()

@@ -7,9 +7,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from dtwin.cli import main
+from dtwin.signals import BoxCounts
 from tests.support.waiting import ROOT, until
 
 
@@ -56,6 +58,6 @@ class Desk:
         return pid
 
 
-def boxes(desk: Desk) -> dict[str, int]:
+def boxes(desk: Desk) -> BoxCounts:
     """The count of boxes, once the emulator has told it."""
-    return until(lambda: desk.summary()["boxes"], "the boxes are counted")
+    return msgspec.convert(until(lambda: desk.summary()["boxes"], "the boxes are counted"), BoxCounts)
