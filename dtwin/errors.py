@@ -64,6 +64,10 @@ class CommunicationError(DtwinError):
     """A peer is unreachable, late, or speaks another protocol."""
 
 
+class UnansweredError(CommunicationError):
+    """Nobody answers a query: the service that should is not there, or may not be asked."""
+
+
 def choices(names: Iterable[str]) -> str:
     """`a, b or c`: the end of a message that lists what would have been valid."""
     items = list(names)

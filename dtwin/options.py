@@ -1,4 +1,4 @@
-"""Reads command-line options into a dataclass; what cannot be read is one line that says why."""
+"""Reads command-line options into a dataclass, and writes them; what cannot be read is one line that says why."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import contextlib
 import io
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 from dtwin.errors import DtwinError, choices
@@ -32,6 +34,26 @@ def parse_options(options: Callable[..., Any], prog: str, arguments: Sequence[st
         if exit_.code == 0:
             raise
         raise DtwinError(_one_line(complaint.getvalue(), prog)) from None
+
+
+def arguments(options: Any, declared: type) -> list[str]:
+    """Command-line arguments for the options that the dataclass `declared`, a base of theirs, declares.
+
+    `parse_options` reads the same values from them, in any folder: paths are made absolute. What has its default is
+    left out.
+    """
+    words = []
+    for field in fields(declared):
+        value = getattr(options, field.name)
+        if value == field.default:
+            continue
+        flag = f"--{field.name.replace('_', '-')}"
+        if isinstance(value, bool):
+            words += [flag]
+        else:
+            for item in value if isinstance(value, tuple) else (value,):
+                words += [flag, str(item.resolve() if isinstance(item, Path) else item)]
+    return words
 
 
 def _one_line(box: str, prog: str) -> str:

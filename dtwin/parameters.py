@@ -175,8 +175,10 @@ class Place:
     theta: Triple
 
 
+Colour = Literal["blue", "red", "green"]
+"""Colour of a box, and name of the place it belongs to."""
 PICKUP: Final = Place(0.2, -0.2, (-0.6699, -1.5931, 2.2630))
-PLACES: Final[Mapping[str, Place]] = {
+PLACES: Final[Mapping[Colour, Place]] = {
     "blue": Place(0.1, 0.0, (2.1855, -3.5259, 1.3404)),
     "red": Place(0.15, 0.15, (2.5298, -2.0654, -0.4644)),
     "green": Place(0.15, 0.28, (1.8515, -0.5320, -1.3195)),

@@ -5,6 +5,7 @@ Ranges are checked where a signal is decoded, not where it is made.
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Annotated, Final, Literal, get_args
 
 import msgspec
@@ -27,6 +28,63 @@ ARM_STATES: Final[tuple[ArmState, ...]] = get_args(ArmState)
 Stop = Literal["none", "braking", "standstill", "torque off"]
 STOPS: Final[tuple[Stop, ...]] = get_args(Stop)
 """By the number that the blocks know them by. In terms of IEC 61800-5-2: no stop, SS2, SOS, STO."""
+
+
+class EventKind(StrEnum):
+    """What happens in a cell, and what its services do.
+
+    An event's kind is a word all the same: a reader passes on what a newer peer says, and compares with these.
+    """
+
+    ARRIVED = "arrived"
+    DROPPED_ARRIVAL = "dropped_arrival"
+    PICKED = "picked"
+    DELIVERED = "delivered"
+    MISPLACED = "misplaced"
+    SLIPPED = "slipped"
+    GRIP_MISSED = "grip_missed"
+    FAULT = "fault"
+    SAFE = "safe"
+    RESUMED = "resumed"
+    RIVALS = "rivals"
+    STOP = "stop"
+    SUSPECTED = "suspected"
+    DISMISSED = "dismissed"
+    FAILED = "failed"
+    RECOVERED = "recovered"
+    ACKNOWLEDGED = "acknowledged"
+    RESTART = "restart"
+    START = "start"
+    UPLOAD = "upload"
+    REFUSE = "refuse"
+    CONFIRM = "confirm"
+    ROLL_BACK = "roll back"
+    IDENTIFICATION = "identification"
+    OPERATOR = "operator"
+
+
+MONITOR: Final = "monitor_"
+"""Stands before the kind of every event that the monitoring service publishes, such as monitor_failed."""
+
+
+class BoxCounts(msgspec.Struct, frozen=True):
+    """What became of the boxes; every box that was picked was delivered or misplaced, or is held.
+
+    Attributes:
+        arrived: boxes that came to wait.
+        dropped_arrivals: boxes that were turned away because another one waited.
+        picked: boxes that were gripped.
+        delivered: boxes that lie at the place of their colour.
+        misplaced: boxes that were lost elsewhere.
+        held: boxes in the gripper, 0 or 1.
+    """
+
+    arrived: Count = 0
+    dropped_arrivals: Count = 0
+    picked: Count = 0
+    delivered: Count = 0
+    misplaced: Count = 0
+    held: Count = 0
 
 
 class Sensors(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA):
@@ -69,7 +127,7 @@ class Truth(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEM
 class Event(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA):
     """Something that happened at a plant time (s).
 
-    kind is a short name such as arrived, dropped_arrival, picked, delivered, misplaced, fault; text is for people.
+    kind is one of EventKind, after MONITOR if monitoring says it, or a newer peer's word; text is for people.
     """
 
     time: Seconds

@@ -18,43 +18,38 @@ from typing import Final, TypeVar
 
 from dtwin.bus.messages import (
     EVENTS,
-    GAINS,
-    MODEL,
     PATH,
     SENSORS,
     SETTINGS,
     SIGNAL,
-    TARGET,
     VOLTAGES,
-    GainsSetting,
     IdentificationSignal,
-    ModelSetting,
     Path,
     SettingsInForce,
     SettingsRequest,
     SignalRequest,
     State,
-    TargetSetting,
 )
-from dtwin.controller.device import ControlLoop, SafeStop
-from dtwin.errors import CommunicationError
+from dtwin.controller.device import ControlLoop, SafeStop, Settings
+from dtwin.controller.settings import ControlSettings
+from dtwin.errors import CommunicationError, ParameterError
 from dtwin.iec61499.net.address import Address, parse_address
 from dtwin.parameters import PERIOD
-from dtwin.signals import Event, Sensors, Voltages
+from dtwin.signals import Event, EventKind, Sensors, Voltages
 from services.parts.gate import STALE
 from services.parts.strides import strides
-from services.safe_stop import Stops
 from services.service import Link, Service, main
+from services.stops import Stops
 
 log = logging.getLogger(__name__)
 
 NAME: Final = "bridge"
 RETRY: Final = 0.2
-"""s between two attempts to reach the controller"""
+"""Time between two attempts to reach the controller, s."""
 PATIENCE: Final = 3.0
-"""s without a controller that are no trouble yet: it may be starting"""
+"""Time without a controller that is no trouble yet, because it may be starting, s."""
 GAP: Final = round(STALE / PERIOD)
-"""ticks without an answer after which the path is planned anew"""
+"""Number of ticks without an answer after which the path is planned anew."""
 S = TypeVar("S")
 
 
@@ -94,9 +89,6 @@ class Bridge:
         bus.subscribe(SENSORS, Sensors, service.inbox.put)
         bus.subscribe(EVENTS, Event, self._note)
         self._settings_lock = threading.Lock()
-        bus.answer(GAINS, GainsSetting, self._gains)
-        bus.answer(MODEL, ModelSetting, self._model)
-        bus.answer(TARGET, TargetSetting, self._target)
         bus.answer(SETTINGS, SettingsRequest, self._settings)
         bus.answer(SIGNAL, SignalRequest, self._signal)
         self._stops = Stops(bus, self._safe_stop, lambda: 0.0 if self._last is None else self._last.time)
@@ -183,24 +175,11 @@ class Bridge:
         return self._controller
 
     def _note(self, event: Event) -> None:
-        if event.kind == "safe":
+        if event.kind == EventKind.SAFE:
             self._restart = True
 
-    def _gains(self, asked: GainsSetting | None) -> GainsSetting:
-        if asked is None:
-            return GainsSetting(*self._do(lambda c: c.settings.tuning()))
-        return GainsSetting(*self._do(lambda c: c.settings.set_tuning(asked.gains, asked.target_time)))
-
-    def _target(self, asked: TargetSetting | None) -> TargetSetting:
-        if asked is None:
-            return TargetSetting(self._do(lambda c: c.settings.tuning())[1])
-        return TargetSetting(self._do(lambda c: c.settings.set_tuning(None, asked.target_time))[1])
-
-    def _model(self, asked: ModelSetting | None) -> ModelSetting:
-        return ModelSetting(self._do(lambda c: c.settings.set_model(asked.model) if asked else c.settings.model()))
-
     def _settings(self, asked: SettingsRequest | None) -> SettingsInForce:
-        s = self._do(lambda c: c.settings.in_force())
+        s = self._do(lambda c: c.settings.in_force() if asked is None else _set(c.settings, asked))
         return SettingsInForce(s.gains, s.target_time, s.model, s.law, s.payload, s.box_counts)
 
     def _signal(self, asked: SignalRequest | None) -> IdentificationSignal:
@@ -231,6 +210,20 @@ class Bridge:
             time=0.0 if last is None else last.time,
             late_ticks=self._skipped,
         )
+
+
+def _set(settings: Settings, asked: SettingsRequest) -> ControlSettings:
+    """What is in force after a change.
+
+    Raises:
+        ParameterError: a value is out of range, or it is not one message that is asked for.
+    """
+    gains, target_time, model = asked.gains, asked.target_time, asked.model
+    if gains is not None and target_time is not None and model is None:
+        return settings.set_tuning(gains, target_time)
+    if model is not None and gains is None and target_time is None:
+        return settings.set_model(model)
+    raise ParameterError("settings: expected gains and target time together, or a model alone")
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.model import Block, FBNetwork, System
 from dtwin.iec61499.net.address import Address, parse_numeric_address
 from dtwin.iec61499.net.reactor import Reactor
-from dtwin.parameters import Law
+from dtwin.run.options import ControlOptions
 from services.service import REPORT_PERIOD, Link, Service, free_port, main
 
 log = logging.getLogger(__name__)
@@ -32,23 +32,19 @@ _LOCAL_PORT: Final = re.compile(r"localhost:(\d+)")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options(Link):
+class Options(ControlOptions, Link):
     """Serve the function blocks of the cell as a device."""
 
     listen: str = "127.0.0.1:61499"
     """HOST:PORT for device management."""
     free_ports: bool = False
     """Let the blocks listen on free ports instead of those of the system file; their ID inputs then tell which."""
-    target_time: float = 2.0
-    """Duration of every motion, s."""
-    law: Law = "default"
-    """Control law: computed torque, or the row-sum form without damping term."""
     blocks: Path = BLOCKS
     """Folder of the function-block library."""
 
     def run(self) -> int:
         address = parse_numeric_address(self.listen)
-        settings = ControlSettings(target_time=self.target_time, law=self.law)
+        settings = self.control()
         with Reactor() as reactor, Service(NAME, self, wake=reactor.stop) as service:
             library, system = self._load(settings)
             device = EmbeddedDevice(reactor, library, address.host)

@@ -25,18 +25,16 @@ from dtwin.bus.messages import (
     SENSORS,
     TRUTH,
     VOLTAGES,
-    BoxCounts,
     Done,
     FaultRequest,
     ResetRequest,
     State,
 )
-from dtwin.emulation import MODEL_FILE, NoiseKind, parse_fault
 from dtwin.errors import CommunicationError, DtwinError
-from dtwin.parameters import PERIOD, PHYSICS_STEP, ArmParameters, assignment
-from dtwin.run.cell import CellSettings
+from dtwin.parameters import PERIOD
 from dtwin.run.loop import tick_count
-from dtwin.signals import Event, Sensors, Truth, Voltages
+from dtwin.run.options import PlantOptions
+from dtwin.signals import Event, EventKind, Sensors, Truth, Voltages
 from services.parts.gate import STALE, Gate
 from services.parts.journal import Journal
 from services.parts.journaled import JournaledCell, without_volts
@@ -47,58 +45,28 @@ log = logging.getLogger(__name__)
 
 NAME: Final = "emulator"
 REPEAT: Final = 0.2
-"""s after which a sample that nobody answers is published again"""
+"""Time after which a sample that nobody answers is published again, s."""
 _REMEMBERED: Final = 256
-"""samples whose times are kept, for the latency of commands that come late"""
+"""Number of samples whose times are kept, for the latency of commands that come late."""
 REQUEST_TIMEOUT: Final = 4.0
-"""s that a request waits for its turn between two ticks"""
+"""Longest time that a request waits for its turn between two ticks, s."""
 
 Pace = Literal["realtime", "lockstep", "free"]
 R = TypeVar("R")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options(Link):
+class Options(PlantOptions, Link):
     """Run the emulated cell on the bus."""
 
     pace: Pace = "realtime"
     """realtime: ticks on the wall clock; lockstep: every tick waits for its command; free: no tick waits."""
     duration: float | None = None
-    """Plant time after which to end, s; without it, never."""
-    seed: int = 0
-    """Of the boxes and the noise."""
-    noise: float = 0.0
-    """Encoder noise, rad."""
-    noise_kind: NoiseKind = "uniform"
-    """uniform is biased by half of the noise; gaussian is not biased."""
-    fault: tuple[str, ...] = ()
-    """TARGET OP VALUE @ START[-END]; repeatable."""
-    set: tuple[str, ...] = ()
-    """A parameter of the arm, e.g. m1=0.15; repeatable."""
-    step: float = PHYSICS_STEP
-    """Physics step, s."""
-    model: Path = MODEL_FILE
-    """MJCF file of the arm."""
+    """Plant time after which the run ends, s; without it, it never ends."""
     stale: float = STALE
-    """s without a command, in real time, after which the arm gets 0 V."""
+    """Time without a command, in real time, after which the arm gets 0 V, s."""
     journal: Path | None = None
     """File of commands and faults; a killed emulator that finds its own goes on where it was."""
-
-    def settings(self) -> CellSettings:
-        """The cell that the options stand for.
-
-        Raises:
-            DtwinError: an option is out of range or cannot be read.
-        """
-        return CellSettings(
-            seed=self.seed,
-            noise=self.noise,
-            noise_kind=self.noise_kind,
-            faults=tuple(parse_fault(text) for text in self.fault),
-            arm=ArmParameters().with_values(dict(assignment(text) for text in self.set)),
-            step=self.step,
-            model_file=self.model,
-        )
 
     def run(self) -> int:
         settings = self.settings()
@@ -113,9 +81,10 @@ class Emulator:
     """The cell between its inbox and its publications.
 
     Args:
-        cell: to run.
-        pace: to run it at.
-        stale: s without a command, in real time, after which the arm gets 0 V.
+        service: frame of this service.
+        cell: emulated cell that runs.
+        pace: how long a tick waits for its command.
+        stale: time without a command, in real time, after which the arm gets 0 V, s.
     """
 
     def __init__(self, service: Service, cell: JournaledCell, pace: Pace, stale: float) -> None:
@@ -229,13 +198,13 @@ class Emulator:
         if not self._gate.take(command, came):
             if self._gate.rivals:
                 self._gate.rivals = False
-                self._announce("rivals", "two publishers of voltages: the first answer to each sample counts")
+                self._announce(EventKind.RIVALS, "two publishers of voltages: the first answer to each sample counts")
             return
         if self._began is not None and self._gate.expected - command.sequence < _REMEMBERED:
             now = time.monotonic()
             self._latencies.add(now - self._sent[command.sequence % _REMEMBERED], now)
         if self._state == "safe":
-            self._announce("resumed", "commands have come back: the arm obeys them again")
+            self._announce(EventKind.RESUMED, "commands have come back: the arm obeys them again")
         self._state = "running"
         if self._began is None:
             self._began = (came, self._read().time)
@@ -245,9 +214,9 @@ class Emulator:
         """0 V; a held box stays held."""
         self._state = "safe"
         self._cell.obey(without_volts(self._cell.command))
-        self._announce("safe", "no valid command in time: the arm gets 0 V")
+        self._announce(EventKind.SAFE, "no valid command in time: the arm gets 0 V")
 
-    def _announce(self, kind: str, text: str) -> None:
+    def _announce(self, kind: EventKind, text: str) -> None:
         log.warning("%s", text)
         self._publish_event(Event(self._read().time, kind, text))
 
@@ -292,7 +261,6 @@ class Emulator:
         sensors = self._read()
         wall, plant = self._began or (math.inf, 0.0)
         elapsed = time.monotonic() - wall
-        score = self._cell.emulation.score
         self._service.report(
             state,
             sensors.sequence,
@@ -300,7 +268,7 @@ class Emulator:
             late_ticks=self._late,
             real_time_factor=round((sensors.time - plant) / elapsed, 4) if elapsed > 0 else 0.0,
             latency_ms=self._latencies.summary(),
-            boxes=BoxCounts(score.arrived, score.dropped_arrivals, score.picked, score.delivered, score.misplaced),
+            boxes=self._cell.emulation.box_counts,
         )
 
 

@@ -2,7 +2,7 @@
 
 The data are a signal that the blocks excite the arm with, or the motions that pass anyway, where all but some
 parameters are known. The signal never waits for this service: the bridge passes the request on, samples and commands
-come off the bus. Only an accepted model is kept, and sent to the controller if the operator wants that, too.
+come off the bus. Only an accepted model is kept, and uploaded if the operator wants that, too.
 """
 
 from __future__ import annotations
@@ -21,16 +21,22 @@ from dtwin.bus.messages import (
     EVENTS,
     IDENTIFICATION,
     IDENTIFY,
-    MODEL,
     SENSORS,
     SIGNAL,
+    UPLOAD,
     VOLTAGES,
     IdentificationSignal,
-    ModelSetting,
     SignalRequest,
 )
-from dtwin.bus.twin_messages import Estimated, IdentificationDecision, IdentificationRequest, IdentificationState
-from dtwin.errors import DtwinError, IdentificationError
+from dtwin.bus.twin_messages import (
+    Estimated,
+    IdentificationDecision,
+    IdentificationRequest,
+    IdentificationState,
+    Upload,
+    UploadRequest,
+)
+from dtwin.errors import CommunicationError, DtwinError, IdentificationError
 from dtwin.identification.collector import SignalCollector, divided
 from dtwin.identification.data import Experiment
 from dtwin.identification.estimation.estimate import Estimate, EstimationSettings, identify, load_kernels
@@ -41,7 +47,7 @@ from dtwin.identification.operating_data import PIECES, OperatingData, estimate_
 from dtwin.identification.parsing import free_names, settings_for
 from dtwin.identification.store import STORE, ModelStore
 from dtwin.parameters import PERIOD, ArmParameters
-from dtwin.signals import Event, Sensors, Voltages
+from dtwin.signals import Event, EventKind, Sensors, Voltages
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)
@@ -137,11 +143,23 @@ class Identification:
         entry = self._store.save(model, decision.name)
         text = f"kept as {entry}"
         if decision.upload:
-            unopposed = model.arm.with_values({f"mu{joint}": 0.0 for joint in (1, 2, 3)})
-            self._service.bus.ask(MODEL, ModelSetting(unopposed), ModelSetting)
-            text += " and in effect in the controller"
-        self._enter(msgspec.structs.replace(self._state, phase="accepted", text=text, model_file=str(entry.path)))
+            text = f"{text}, {self._upload(model.arm, text)}"
+        self._enter(
+            msgspec.structs.replace(self._state, phase="accepted", text=text[:1000], model_file=str(entry.path))
+        )
         return self._state
+
+    def _upload(self, arm: ArmParameters, why: str) -> str:
+        """What became of the model in the controller, which knows no Coulomb friction; it is kept in any case."""
+        bus = self._service.bus
+        unopposed = arm.with_values({f"mu{joint}": 0.0 for joint in (1, 2, 3)})
+        try:
+            seen = bus.ask(UPLOAD, None, Upload).version
+            answer = bus.ask(UPLOAD, UploadRequest(NAME, why[:1000], seen, model=unopposed, arm=arm), Upload)
+        except CommunicationError as error:
+            log.warning("%s", error)
+            return f"not uploaded: {error}"
+        return f"on trial in the controller as version {answer.version} of the settings"
 
     def _deal_with(self, item: Sensors | Voltages | IdentificationRequest | None) -> None:
         if isinstance(item, IdentificationRequest):
@@ -236,7 +254,7 @@ class Identification:
 
     def _enter(self, state: IdentificationState) -> None:
         if state.phase != self._phase:
-            self._tell(Event(self._time, NAME, f"{state.phase}: {state.text}"[:1000]))
+            self._tell(Event(self._time, EventKind.IDENTIFICATION, f"{state.phase}: {state.text}"[:1000]))
         self._state, self._phase = state, state.phase
         self._publish(state)
         log.info("%s: %s", state.phase, state.text)

@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -17,14 +17,13 @@ import msgspec
 
 from dtwin.bus.session import Bus, open_configured, open_peer
 from dtwin.bus.signature import new_key
-from dtwin.controller.settings import ControlSettings
-from dtwin.emulation import NoiseKind, parse_fault
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.identification.store import STORE
 from dtwin.iec61499.net.address import parse_address
-from dtwin.parameters import ArmParameters, Law, assignment
-from dtwin.run.cell import CellSettings, metadata
+from dtwin.options import arguments
+from dtwin.run.cell import CellSettings, emulate, metadata
 from dtwin.run.loop import tick_count
+from dtwin.run.options import ArmOptions, ControlOptions, PlantOptions
 from dtwin.run.recording import ensure_writable
 from dtwin.simulation.history import HISTORY
 from dtwin.view import Ports, Viewer, free_ports
@@ -37,13 +36,13 @@ from services.service import free_port
 from services.supervisor import Program, Supervisor
 
 READY_TIMEOUT: Final = 30.0
-"""s for all services to be ready"""
+"""Time in which all services must be ready, s."""
 LOOK: Final = 0.1
-"""s between two looks at the processes"""
+"""Time between two looks at the processes, s."""
 
 
-@dataclass(frozen=True)
-class CellOptions:
+@dataclass(frozen=True, kw_only=True)
+class CellOptions(PlantOptions, ControlOptions):
     """Which services a cell has, and what they do."""
 
     controller: str = "embedded"
@@ -52,20 +51,6 @@ class CellOptions:
     """realtime, lockstep (as fast as every tick has its answer), or free (no tick waits)."""
     duration: float | None = None
     """Plant time to run, s; until Ctrl-C without it."""
-    seed: int = 0
-    """Of the boxes and the noise."""
-    noise: float = 0.0
-    """Encoder noise, rad."""
-    noise_kind: NoiseKind = "uniform"
-    """uniform is biased by half of the noise; gaussian is not biased."""
-    target_time: float = 2.0
-    """Duration of every motion, s."""
-    law: Law = "default"
-    """Control law: computed torque, or the row-sum form without damping term."""
-    fault: tuple[str, ...] = ()
-    """TARGET OP VALUE @ START[-END]; repeatable."""
-    set: tuple[str, ...] = ()
-    """A parameter of the emulated arm, e.g. m1=0.15; repeatable."""
     log: Path | None = None
     """Parquet log to write."""
     record: Path | None = None
@@ -83,7 +68,7 @@ class CellOptions:
     safe_stop: bool = False
     """Let the monitoring service ask the function blocks to stop the arm when a failure is confirmed."""
     simulation: bool = False
-    """Start the simulation service too: it checks, uploads and watches new settings (dtwin upload)."""
+    """Start the simulation service too, which checks, uploads and watches new settings (dtwin upload, gains set)."""
     history: Path = HISTORY
     """History of the settings that the simulation service keeps."""
     cell: str = "cell"
@@ -101,7 +86,7 @@ class CellOptions:
         """
         if self.duration is not None:
             tick_count(self.duration)
-        self.settings()
+        emulate(self.settings())
         for path in (self.log, self.record):
             if path is not None:
                 ensure_writable(path)
@@ -116,15 +101,12 @@ class CellOptions:
             )
 
     def settings(self) -> CellSettings:
-        """Of the emulated cell and its controller."""
-        return CellSettings(
-            seed=self.seed,
-            noise=self.noise,
-            noise_kind=self.noise_kind,
-            faults=tuple(parse_fault(text) for text in self.fault),
-            arm=ArmParameters().with_values(dict(assignment(text) for text in self.set)),
-            control=ControlSettings(target_time=self.target_time, law=self.law),
-        )
+        """The emulated cell and its controller that the options stand for.
+
+        Raises:
+            DtwinError: an option is out of range or cannot be read.
+        """
+        return replace(super().settings(), control=self.control())
 
     def bus(self, meet: str, key: bytes) -> Bus:
         """A session of the operator, who knows the key of the services."""
@@ -139,24 +121,13 @@ class CellOptions:
         programs = []
         management = self.controller.partition("://")[2]
         if self.controller.startswith("forte://"):
-            deploy_cell(parse_address(self.controller, "forte"), self.settings().control)
+            deploy_cell(parse_address(self.controller, "forte"), self.control())
         if self.controller == "embedded":
             management = f"127.0.0.1:{free_port()}"
-            options = [
-                "--listen",
-                management,
-                "--free-ports",
-                "--target-time",
-                str(self.target_time),
-                "--law",
-                self.law,
-            ]
-            programs.append(_service("controller", [*link, *options]))
+            listen = ["--listen", management, "--free-ports"]
+            programs.append(_service("controller", [*link, *listen, *arguments(self, ControlOptions)]))
         bridge = ["--controller", management, *urgent, *(["--lossless"] if self.pace != "realtime" else [])]
-        emulator = ["--pace", self.pace, *urgent, "--seed", str(self.seed), "--noise", str(self.noise)]
-        emulator += ["--noise-kind", self.noise_kind, "--journal", str(journal_of(file))]
-        emulator += [word for text in self.fault for word in ("--fault", text)]
-        emulator += [word for text in self.set for word in ("--set", text)]
+        emulator = ["--pace", self.pace, *urgent, "--journal", str(journal_of(file)), *arguments(self, PlantOptions)]
         emulator += [] if self.duration is None else ["--duration", str(self.duration)]
         if self.log or self.record or self.viewer != "none":
             programs.append(_service("recorder", [*link, *self._recorder_options(ports)]))
@@ -180,7 +151,7 @@ class CellOptions:
         options += ["--log", str(self.log.resolve())] if self.log else []
         options += ["--record", str(self.record.resolve())] if self.record else []
         options += ["--monitored"] if self.monitoring else []
-        return options + [word for text in self.set for word in ("--set", text)]
+        return options + arguments(self, ArmOptions)
 
 
 @dataclass(frozen=True)
@@ -188,9 +159,9 @@ class Launched:
     """A cell whose services have been started.
 
     Attributes:
-        bus: of the operator.
-        supervisor: of the services.
-        stop: set by Ctrl-C and a polite kill.
+        bus: session of the operator.
+        supervisor: keeper of the services.
+        stop: event that Ctrl-C and a polite kill set.
     """
 
     bus: Bus

@@ -25,8 +25,8 @@ from dtwin.monitoring.belief import Belief, assumed, identified
 from dtwin.monitoring.monitor import ALARMS_PER_HOUR, Monitor, MonitorSettings
 from dtwin.monitoring.verdict import Verdict, unit_of
 from dtwin.parameters import ArmParameters, Triple
-from dtwin.signals import Event, Sensors, Voltages
-from services.safe_stop import Demands
+from dtwin.signals import MONITOR, Event, Sensors, Voltages
+from services.demands import Demands
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)
@@ -134,7 +134,7 @@ class Monitoring:
             self._tell_verdict(verdict_message(monitor.verdict(), monitor.restarts))
         for event in news:
             log.info("%.2f s: %s: %s", event.time, event.kind, event.text)
-            self._tell_event(Event(event.time, f"monitor_{event.kind}", event.text))
+            self._tell_event(Event(event.time, MONITOR + event.kind, event.text))
         self._told = len(monitor.events)
         if news and self._demands is not None:
             self._demands.stand(frozenset(monitor.findings.current))

@@ -20,9 +20,9 @@ import numpy as np
 from dtwin.bus.messages import EVENTS, MONITORING, PATH, RESIDUALS, SENSORS, TRUTH, VOLTAGES, State
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.twin_messages import MonitoringResiduals, MonitoringVerdict
-from dtwin.emulation import MODEL_FILE
 from dtwin.errors import ParameterError
-from dtwin.parameters import ArmParameters, assignment
+from dtwin.parameters import ArmParameters
+from dtwin.run.options import ArmOptions
 from dtwin.run.recording import Log, RunLog, ensure_writable
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
 from dtwin.view import LiveView, Opinion, Ports, Predictions, Viewer, ViewerProcess
@@ -40,7 +40,7 @@ QUIET: Final = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options(Link):
+class Options(ArmOptions, Link):
     """Record the run on the bus."""
 
     log: Path | None = None
@@ -55,10 +55,6 @@ class Options(Link):
     """Where the viewer listens."""
     notes: str = "{}"
     """What the log shall say about how the run was made, as a JSON object."""
-    set: tuple[str, ...] = ()
-    """A parameter of the emulated arm, for drawing it; repeatable."""
-    model: Path = MODEL_FILE
-    """MJCF file of the arm."""
 
     def run(self) -> int:
         try:
@@ -68,7 +64,7 @@ class Options(Link):
         for path in (self.log, self.record):
             if path is not None:
                 ensure_writable(path)
-        arm = ArmParameters().with_values(dict(assignment(text) for text in self.set))
+        arm = self.parameters()
         with Service(NAME, self) as service:
             recorder = Recorder(service, self, notes, arm)
             try:
@@ -199,7 +195,7 @@ class Recorder:
         if options.record is not None or options.viewer != "none":
             file = None if options.record is None else self._numbered(options.record)
             url = "" if self._viewer is None else options.ports.data_url
-            self._view = LiveView(options.model, self._arm, file, url, options.monitored)
+            self._view = LiveView(options.mjcf, self._arm, file, url, options.monitored)
 
     def _numbered(self, path: Path) -> Path:
         return path if self._runs == 1 else path.with_stem(f"{path.stem}-{self._runs}")

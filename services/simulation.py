@@ -17,17 +17,14 @@ from typing import Final
 
 from dtwin.bus.messages import (
     EVENTS,
-    GAINS,
-    MODEL,
     PATH,
     PREDICT,
     ROLL_BACK,
     SENSORS,
     SETTINGS,
     UPLOAD,
-    GainsSetting,
-    ModelSetting,
     SettingsInForce,
+    SettingsRequest,
 )
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.pairs import Pairs
@@ -40,10 +37,11 @@ from dtwin.bus.twin_messages import (
     Upload,
     UploadRequest,
 )
+from dtwin.controller.bounds import check_bounds
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.parameters import ArmParameters, Gains
-from dtwin.signals import Event, Sensors
+from dtwin.signals import Event, EventKind, Sensors
 from dtwin.simulation.checks import MOTIONS, Checker
 from dtwin.simulation.history import HISTORY, Entry, History
 from dtwin.simulation.upload import Proposal, Uploader, changed
@@ -53,7 +51,7 @@ log = logging.getLogger(__name__)
 
 NAME: Final = "simulation"
 RETRY: Final = 0.2
-"""s between two attempts to reach the controller"""
+"""Time between two attempts to reach the controller, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,23 +72,26 @@ class BridgePort:
     """The running controller as uploads see it: through the bridge, which alone talks to the device.
 
     Args:
-        bus: joined.
+        bus: session of this service.
     """
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
 
-    def send_gains(self, gains: Gains, target_time: float) -> None:
+    def send_gains(self, gains: Gains, target_time: float) -> ControlSettings:
         """Raises CommunicationError when the device does not take them over."""
-        self._bus.ask(GAINS, GainsSetting(gains, target_time), GainsSetting)
+        return self._ask(SettingsRequest(gains, target_time))
 
-    def send_model(self, model: ArmParameters) -> None:
+    def send_model(self, model: ArmParameters) -> ControlSettings:
         """Raises CommunicationError when the device does not take it over."""
-        self._bus.ask(MODEL, ModelSetting(model), ModelSetting)
+        return self._ask(SettingsRequest(model=model))
 
     def read_back(self) -> ControlSettings:
         """Raises CommunicationError when the device does not answer."""
-        s = self._bus.ask(SETTINGS, None, SettingsInForce)
+        return self._ask(None)
+
+    def _ask(self, request: SettingsRequest | None) -> ControlSettings:
+        s = self._bus.ask(SETTINGS, request, SettingsInForce)
         return ControlSettings(s.target_time, s.gains, s.law, s.model, s.payload, s.payload_model)
 
 
@@ -198,6 +199,7 @@ class Simulation:
         with self._lock:
             uploader = self._there()
             settings = changed(uploader.settings, asked.gains, asked.target_time, asked.model)
+            check_bounds(settings)
             found = self._checker.simulate(settings, asked.arm or settings.model, asked.box)
             version = uploader.version
         return Predicted(
@@ -212,7 +214,7 @@ class Simulation:
         self._done += 1
         text = f"version {entry.version} of the settings, {entry.kind}: {entry.text or entry.why}"
         log.info("%s: %s", entry.action, text)
-        self._publish(Event(entry.time, entry.action, text[:1000]))
+        self._publish(Event(entry.time, EventKind(entry.action), text[:1000]))
 
 
 def _proposal(uploader: Uploader, request: UploadRequest) -> Proposal:

@@ -39,7 +39,7 @@ def test_data_sheet() -> None:
 
 
 def test_places() -> None:
-    for name, place in {"pickup": PICKUP, **PLACES}.items():
+    for name, place in (("pickup", PICKUP), *PLACES.items()):
         assert [float(cell) for cell in table_row(MODEL, name)] == [place.x, place.y, *place.theta]
 
 

@@ -6,7 +6,6 @@ know are ignored, missing or mistyped ones make it refuse the message. docs/zeno
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Final, Literal, NamedTuple
 
 import msgspec
@@ -24,9 +23,21 @@ from dtwin.bus.twin_messages import (
     Upload,
     UploadRequest,
 )
-from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters, Gains, Law, PayloadModel, Triple
-from dtwin.signals import SCHEMA, ArmState, Count, Event, Line, Seconds, Sensors, Stop, Truth, Voltages, Word
+from dtwin.signals import (
+    SCHEMA,
+    ArmState,
+    BoxCounts,
+    Count,
+    Event,
+    Line,
+    Seconds,
+    Sensors,
+    Stop,
+    Truth,
+    Voltages,
+    Word,
+)
 
 State = Literal["starting", "running", "waiting", "safe", "stopped", "stopping"]
 """starting: not ready yet; waiting: for a peer; safe: the arm has no voltage because commands stay away; stopped: a
@@ -40,16 +51,6 @@ class Latency(msgspec.Struct, frozen=True):
     p99: float
     max: float
     trend_per_minute: float
-
-
-class BoxCounts(msgspec.Struct, frozen=True):
-    """What became of the boxes since the cell started."""
-
-    arrived: int
-    dropped_arrivals: int
-    picked: int
-    delivered: int
-    misplaced: int
 
 
 class Status(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -94,47 +95,28 @@ class Path(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA
     theta: Triple
 
 
-class GainsSetting(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """Gains of the computed-torque law and, to come into force in the same tick, the target time.
+class SettingsRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Other settings for the controller's blocks, to come into force in one tick: gains and target time, or a model.
+
+    The simulation service alone sends it, after its checks; everybody else sends it an UploadRequest.
 
     Attributes:
-        gains: of the law.
-        target_time: s; in a query None for the one in force.
+        gains: gains of the computed-torque law, together with a target time.
+        target_time: duration of every motion from the next one on, s.
+        model: the arm as the controller shall believe it to be, alone; its Coulomb friction is not compensated.
     """
 
-    gains: Gains
+    gains: Gains | None = None
     target_time: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.target_time is not None:
-            _check_time(self.target_time)
-
-
-class ModelSetting(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """The arm as the controller shall believe it to be; its Coulomb friction is not compensated."""
-
-    model: ArmParameters
-
-
-class TargetSetting(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """Control target time: how long each motion takes from the next one on, s."""
-
-    target_time: float
-
-    def __post_init__(self) -> None:
-        _check_time(self.target_time)
-
-
-class SettingsRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """Asks for nothing in particular."""
+    model: ArmParameters | None = None
 
 
 class SettingsInForce(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """Everything that the controller's blocks have.
+    """All settings that the controller's blocks have.
 
     Attributes:
-        gains: of the computed-torque law.
-        target_time: of the next motion, s.
+        gains: gains of the computed-torque law.
+        target_time: duration of the next motion, s.
         model: the arm as the controller believes it to be.
         law: default or row_sum.
         payload: assumed mass of a box, kg.
@@ -261,9 +243,6 @@ EVENTS: Final = Topic("events", "publication", Event, None, "any service")
 STATUS: Final = Topic("status/*", "publication", Status, None, "every service")
 ALIVE: Final = Topic("alive/*", "token", None, None, "every service")
 PATH: Final = Topic("path", "publication", Path, None, "bridge")
-GAINS: Final = Topic("controller/gains", "query", GainsSetting, GainsSetting, "bridge")
-MODEL: Final = Topic("controller/model", "query", ModelSetting, ModelSetting, "bridge")
-TARGET: Final = Topic("controller/target", "query", TargetSetting, TargetSetting, "bridge")
 SETTINGS: Final = Topic("controller/settings", "query", SettingsRequest, SettingsInForce, "bridge")
 SIGNAL: Final = Topic("controller/signal", "query", SignalRequest, IdentificationSignal, "bridge")
 STOP: Final = Topic("controller/stop", "query", StopRequest, StopState, "bridge")
@@ -288,12 +267,7 @@ ACKNOWLEDGE: Final = Topic(
 RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, PATH, TRUTH, EVENTS, STATUS, ALIVE),
-    *(GAINS, MODEL, TARGET, SETTINGS, SIGNAL, STOP, RELEASE, FAULT, RESET, SUMMARY),
+    *(SETTINGS, SIGNAL, STOP, RELEASE, FAULT, RESET, SUMMARY),
     *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, MONITORING, RESIDUALS, ACKNOWLEDGE),
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""
-
-
-def _check_time(seconds: float) -> None:
-    if not (math.isfinite(seconds) and seconds > 0):
-        raise ParameterError(f"target time: expected a finite number of seconds above 0, got {seconds}")

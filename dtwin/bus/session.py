@@ -27,7 +27,7 @@ from zenoh.handlers import Callback
 from dtwin.bus.codec import M, MessageError, Reader, encode
 from dtwin.bus.messages import ALIVE, Topic
 from dtwin.bus.signature import Signer, Verifier
-from dtwin.errors import CommunicationError, DtwinError
+from dtwin.errors import CommunicationError, DtwinError, UnansweredError
 
 log = logging.getLogger(__name__)
 
@@ -367,12 +367,12 @@ class Bus:
             timeout: longest wait for the answer, s.
 
         Raises:
-            CommunicationError: no answer comes in time, or it is a refusal or no valid message.
+            UnansweredError: nobody answers in time.
+            CommunicationError: the answer is a refusal or no valid message.
         """
         key = self.key(topic)
-        nobody = (
-            f"{key}: nobody answered within {timeout:g} s; is there a {topic.sender}, and may this session ask it?"
-        )
+        hint = f"is the service {topic.sender} there, and may this session ask it?"
+        nobody = f"{key}: nobody answered within {timeout:g} s; {hint}"
         there = threading.Event()
         querier = self._session.declare_querier(key, timeout=timeout)
 
@@ -384,13 +384,13 @@ class Bus:
         try:
             # A session that has just joined does not know the others yet.
             if not (_matching(querier.matching_status) or there.wait(timeout)):
-                raise CommunicationError(nobody)
+                raise UnansweredError(nobody)
             for answer in querier.get(payload=b"" if message is None else encode(message), encoding=_JSON):
                 if answer.err is not None:
                     raise CommunicationError(f"{key}: {_bytes(answer.err.payload).decode(errors='replace')}")
                 if answer.ok is not None:
                     return Reader(reply)(_bytes(answer.ok.payload))
-            raise CommunicationError(nobody)
+            raise UnansweredError(nobody)
         finally:
             listener.undeclare()
             querier.undeclare()

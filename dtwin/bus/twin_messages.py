@@ -40,7 +40,7 @@ class IdentificationRequest(msgspec.Struct, frozen=True, tag_field="schema", tag
 
 
 class IdentificationDecision(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """An operator's answer to a proposed model: kept under a name or not, and sent to the controller or not."""
+    """An operator's answer to a proposed model: kept under a name or not, and uploaded to the controller or not."""
 
     accept: bool
     name: Name = "arm"

@@ -6,13 +6,13 @@ answer this has them at the ports of the library.
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from typing import Final, NamedTuple
 
+from dtwin.controller.bounds import check_bounds
 from dtwin.controller.ports import (
     ARM_MODEL,
     EMULATOR,
@@ -27,7 +27,7 @@ from dtwin.controller.ports import (
     received_voltages,
     sensor_values,
 )
-from dtwin.controller.settings import DIGITS, ControlSettings
+from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.protocol import ManagementError
@@ -94,9 +94,11 @@ class Application:
         Raises:
             CommunicationError: the device does not answer, or a value is no number.
         """
+        # One request each, so that the path is not kept waiting by a long list. A watch for each would have to be
+        # made and taken back, two requests instead of one, or would make every reading of the path longer for good.
         texts = {}
         for name in names:
-            with self._lock:  # one by one: nobody shall wait for a long list
+            with self._lock:
                 texts[name] = self._management.read(self._resource, name)
         return self._numbers(names, texts)
 
@@ -249,9 +251,9 @@ class ControlLoop:
 class Settings:
     """Reads and changes the settings of the running application; used from one thread at a time.
 
-    Its connections to the ports are made at once and kept: a FORTE serves one client per port, so no other client can
-    connect. All methods raise CommunicationError when the device does not answer or does not take over a value, and
-    ParameterError when the device has values that are out of range.
+    Its connections to the ports are there from the beginning: a FORTE serves one client, so nobody else can get in.
+    All methods raise CommunicationError when the device does not answer or does not take over a value, and
+    ParameterError when a value, sent or found, is out of range.
     """
 
     def __init__(self, application: Application) -> None:
@@ -272,47 +274,33 @@ class Settings:
         return any(port.lost for port in self._ports.values())
 
     def in_force(self) -> ControlSettings:
-        """All settings in force; the Coulomb friction in them is 0, since the controller does not compensate it."""
-        return ControlSettings.from_inputs(self._read(tuple(ControlSettings().inputs())))
+        """All settings; the controller knows no Coulomb friction."""
+        names = tuple(ControlSettings().inputs())
+        return ControlSettings.from_inputs(dict(zip(names, self._application.read(names), strict=True)))
 
-    def tuning(self) -> tuple[Gains, float]:
-        """The gains in force and the target time of the next motion (s)."""
-        settings = _settings(self._read(TUNING))
-        return settings.gains, settings.target_time
+    def set_tuning(self, gains: Gains, target_time: float) -> ControlSettings:
+        """Changes gains and target time (s) in one message between two ticks; returns what is in force then."""
+        return self._change(TUNING, ControlSettings(target_time, gains))
 
-    def model(self) -> ArmParameters:
-        """The arm model of the controller."""
-        return _settings(self._read(MODEL)).model
-
-    def set_tuning(self, gains: Gains | None, target_time: float | None) -> tuple[Gains, float]:
-        """Changes gains, target time (s) or both in one message between two ticks; returns what is in force then."""
-        if gains is None or target_time is None:
-            gains_now, time_now = self.tuning()
-            gains, target_time = gains or gains_now, target_time or time_now
-        found = _settings(self._change(TUNING, ControlSettings(target_time, gains)))
-        return found.gains, found.target_time
-
-    def set_model(self, model: ArmParameters) -> ArmParameters:
+    def set_model(self, model: ArmParameters) -> ControlSettings:
         """Changes the model in one message between two ticks; returns what is in force then."""
-        return _settings(self._change(MODEL, ControlSettings(model=model))).model
+        return self._change(MODEL, ControlSettings(model=model))
 
-    def _read(self, names: Sequence[str]) -> dict[str, float]:
-        return dict(zip(names, self._application.read(names), strict=True))
-
-    def _change(self, names: tuple[str, ...], settings: ControlSettings) -> dict[str, float]:
-        """Sends inputs and reads them back until they are in force: the blocks may act after they acknowledge."""
-        inputs = settings.inputs()
-        wanted = {name: inputs[name] for name in names}
-        self._ports[names].exchange(list(wanted.values()))
+    def _change(self, names: tuple[str, ...], wanted: ControlSettings) -> ControlSettings:
+        """Sends inputs; returns what is in force once they are: the blocks may run after they have acknowledged."""
+        check_bounds(wanted)
+        sent = wanted.inputs()
+        self._ports[names].exchange([sent[name] for name in names])
         deadline = time.monotonic() + _READ_BACK
         while True:
-            found = self._read(names)
-            other = {n: v for n, v in found.items() if not math.isclose(v, wanted[n], rel_tol=DIGITS)}
+            found = self.in_force()
+            other = wanted.differing(found) & set(names)
             if not other:
                 return found
             if time.monotonic() > deadline:
-                expected = {name: wanted[name] for name in other}
-                raise CommunicationError(f"the controller has {other} after an upload, expected {expected}")
+                has = {name: found.inputs()[name] for name in sorted(other)}
+                expected = {name: sent[name] for name in sorted(other)}
+                raise CommunicationError(f"the controller has {has} after an upload, expected {expected}")
 
 
 class SafeStop:
@@ -365,11 +353,6 @@ class SafeStop:
                 raise CommunicationError(f"{client.address}: the connection is given up")
             self._client = client
         return client
-
-
-def _settings(values: Mapping[str, float]) -> ControlSettings:
-    """Settings with the given inputs; all other inputs have default values."""
-    return ControlSettings.from_inputs({**ControlSettings().inputs(), **values})
 
 
 def _number(text: str) -> float:

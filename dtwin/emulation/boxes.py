@@ -1,16 +1,17 @@
-"""Boxes: their arrival, the grip, the places they belong to, and the score."""
+"""Boxes: their arrival, the grip, the places they belong to, and how many went where."""
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 from typing import Final
 
 import msgspec
 import numpy as np
 
-from dtwin.parameters import PICKUP, PLACES, GripperParameters, Place
-from dtwin.signals import Event
+from dtwin.parameters import PICKUP, PLACES, Colour, GripperParameters, Place
+from dtwin.signals import BoxCounts, Event, EventKind
 
 REACH: Final = 0.020
 """Largest distance between the tip and the pickup point or a place at which a box is gripped or delivered, m."""
@@ -21,25 +22,10 @@ Point = tuple[float, float]
 
 
 class Box(msgspec.Struct, frozen=True, gc=False):
-    """A box: its mass (kg) and its colour, which is the name of the place it belongs to."""
+    """A box of a mass (kg)."""
 
     mass: float
-    colour: str
-
-
-class Score(msgspec.Struct, frozen=True):
-    """What became of the boxes.
-
-    arrived counts those that came to wait, dropped_arrivals those that found the pickup point taken. Every picked box
-    ends as delivered (with its distance from the place in placement_errors_mm), misplaced, or is still held.
-    """
-
-    arrived: int = 0
-    dropped_arrivals: int = 0
-    picked: int = 0
-    delivered: int = 0
-    misplaced: int = 0
-    placement_errors_mm: tuple[float, ...] = ()
+    colour: Colour
 
 
 class Boxes:
@@ -57,7 +43,7 @@ class Boxes:
         self._stream = _stream(generator)
         self._closed = gripper.closed + GRIP_TOLERANCE
         self._arrival, self._coming = next(self._stream)
-        self._counts = dict.fromkeys(("arrived", "dropped_arrivals", "picked", "delivered", "misplaced"), 0)
+        self._counts: Counter[EventKind] = Counter()
         self._errors: list[float] = []
         self.waiting: Box | None = None
         self.held: Box | None = None
@@ -68,9 +54,22 @@ class Boxes:
         return self._arrival
 
     @property
-    def score(self) -> Score:
+    def counts(self) -> BoxCounts:
         """What became of the boxes so far."""
-        return Score(**self._counts, placement_errors_mm=tuple(self._errors))
+        counts = self._counts
+        return BoxCounts(
+            counts[EventKind.ARRIVED],
+            counts[EventKind.DROPPED_ARRIVAL],
+            counts[EventKind.PICKED],
+            counts[EventKind.DELIVERED],
+            counts[EventKind.MISPLACED] + counts[EventKind.SLIPPED],
+            int(self.held is not None),
+        )
+
+    @property
+    def placement_errors_mm(self) -> tuple[float, ...]:
+        """Distance of every delivered box from its place, mm."""
+        return tuple(self._errors)
 
     def arrive(self, time: float) -> Event:
         """Lets the next box arrive at a plant time (s); it is turned away when another one waits."""
@@ -78,9 +77,9 @@ class Boxes:
         self._arrival, self._coming = next(self._stream)
         if self.waiting:
             text = f"a {box.colour} box was turned away: a {self.waiting.colour} one is still waiting"
-            return self._count(time, "dropped_arrivals", "dropped_arrival", text)
+            return self._count(time, EventKind.DROPPED_ARRIVAL, text)
         self.waiting = box
-        return self._count(time, "arrived", "arrived", f"a {box.colour} box of {1000 * box.mass:.1f} g arrived")
+        return self._count(time, EventKind.ARRIVED, f"a {box.colour} box of {1000 * box.mass:.1f} g arrived")
 
     def grip(self, time: float, tip: Point, gripper: float) -> Event:
         """Tries to pick the waiting box with the tip at (x, y) in m and the gripper at an angle in rad."""
@@ -94,8 +93,8 @@ class Boxes:
         else:
             self.held, self.waiting = self.waiting, None
             text = f"picked the {self.held.colour} box, {1000 * distance:.1f} mm from the pickup point"
-            return self._count(time, "picked", "picked", text)
-        return Event(time, "grip_missed", f"nothing gripped: {missed}")
+            return self._count(time, EventKind.PICKED, text)
+        return Event(time, EventKind.GRIP_MISSED, f"nothing gripped: {missed}")
 
     def release(self, time: float, tip: Point) -> Event | None:
         """Lets go of the held box with the tip at (x, y) in m; None when no box was held."""
@@ -105,19 +104,19 @@ class Boxes:
         distance = _distance(tip, PLACES[box.colour])
         millimetres = f"{1000 * distance:.1f} mm from its place"
         if distance > REACH:
-            return self._count(time, "misplaced", "misplaced", f"the {box.colour} box was let go {millimetres}")
+            return self._count(time, EventKind.MISPLACED, f"the {box.colour} box was let go {millimetres}")
         self._errors.append(1000 * distance)
-        return self._count(time, "delivered", "delivered", f"the {box.colour} box was delivered, {millimetres}")
+        return self._count(time, EventKind.DELIVERED, f"the {box.colour} box was delivered, {millimetres}")
 
     def slip(self, time: float) -> Event | None:
         """Makes the gripper lose its box, which counts as misplaced; None when no box was held."""
         box, self.held = self.held, None
         if box is None:
             return None
-        return self._count(time, "misplaced", "slipped", f"the {box.colour} box slipped out of the gripper")
+        return self._count(time, EventKind.SLIPPED, f"the {box.colour} box slipped out of the gripper")
 
-    def _count(self, time: float, counter: str, kind: str, text: str) -> Event:
-        self._counts[counter] += 1
+    def _count(self, time: float, kind: EventKind, text: str) -> Event:
+        self._counts[kind] += 1
         return Event(time, kind, text)
 
 

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from dtwin.emulation.boxes import Boxes, Score
+from dtwin.emulation.boxes import Boxes
 from dtwin.emulation.encoders import Encoders, NoiseKind
 from dtwin.emulation.faults import Condition, Fault, schedule
 from dtwin.emulation.plant import MODEL_FILE, Plant
 from dtwin.errors import ParameterError
 from dtwin.parameters import HANGING, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
-from dtwin.signals import NO_COLOUR, Event, Sensors, Truth, Voltages
+from dtwin.signals import NO_COLOUR, BoxCounts, Event, EventKind, Sensors, Truth, Voltages
 
 _NEVER = 2**62
 _ROUNDING = 1e-6
@@ -80,9 +80,14 @@ class Emulation:
         self._sample()
 
     @property
-    def score(self) -> Score:
+    def box_counts(self) -> BoxCounts:
         """What became of the boxes so far."""
-        return self._boxes.score
+        return self._boxes.counts
+
+    @property
+    def placement_errors_mm(self) -> tuple[float, ...]:
+        """Distance of every delivered box from its place, mm."""
+        return self._boxes.placement_errors_mm
 
     def check_period(self, period: float) -> None:
         """Checks that the cell can be advanced by a period (s).
@@ -170,7 +175,7 @@ class Emulation:
         steps = self._plant.steps
         while self._transitions and self._steps_to(self._transitions[-1].time) <= steps:
             transition = self._transitions.pop()
-            self._events += (Event(self._plant.time, "fault", text) for text in transition.texts)
+            self._events += (Event(self._plant.time, EventKind.FAULT, text) for text in transition.texts)
             self._enter(transition.condition)
             if transition.slips:
                 self._record(self._boxes.slip(self._plant.time))

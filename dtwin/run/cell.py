@@ -20,6 +20,7 @@ from dtwin.emulation import MODEL_FILE, Emulation, Fault, NoiseKind
 from dtwin.parameters import PERIOD, PHYSICS_STEP, VOLTAGE_LIMIT, ArmParameters, Triple
 from dtwin.run.loop import Controller, Pacer, run, tick_count
 from dtwin.run.recording import Log, RunLog
+from dtwin.signals import BoxCounts
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,17 +47,6 @@ class CellSettings:
     blocks: Path = BLOCKS
 
 
-class Boxes(msgspec.Struct, frozen=True):
-    """What became of the boxes: all that were picked were delivered or misplaced, or are held at the end."""
-
-    arrived: int
-    dropped_arrivals: int
-    picked: int
-    delivered: int
-    misplaced: int
-    held_at_end: int
-
-
 class Millimetres(msgspec.Struct, frozen=True):
     max: float
     mean: float
@@ -74,7 +64,7 @@ class Summary(msgspec.Struct, frozen=True):
 
     duration: float
     seed: int
-    boxes: Boxes
+    boxes: BoxCounts
     placement_error_mm: Millimetres
     tracking_error_rad: PerJoint
     saturated_ticks: int
@@ -146,23 +136,15 @@ class Cell:
             self.log.add_events(self.emulation.drain_events())
 
     def summary(self, log: Log) -> Summary:
-        """The summary of the run from its frozen log and the score of the boxes."""
-        score = self.emulation.score
-        errors = np.array(score.placement_errors_mm or [0.0])
+        """Figures of the run from its frozen log and the boxes."""
+        errors = np.array(self.emulation.placement_errors_mm or [0.0])
         duration = len(log) * PERIOD
         tracking = np.abs(log.stack("target") - log.stack("theta")).max(axis=0, initial=0.0).tolist()
         saturated = (np.abs(log.stack("volts")[:, :3]) >= VOLTAGE_LIMIT).any(axis=1)
         return Summary(
             duration=round(duration, 9),
             seed=self.settings.seed,
-            boxes=Boxes(
-                score.arrived,
-                score.dropped_arrivals,
-                score.picked,
-                score.delivered,
-                score.misplaced,
-                held_at_end=score.picked - score.delivered - score.misplaced,
-            ),
+            boxes=self.emulation.box_counts,
             placement_error_mm=Millimetres(float(errors.max()), float(errors.mean())),
             tracking_error_rad=PerJoint(tuple(tracking)),
             saturated_ticks=int(saturated.sum()),

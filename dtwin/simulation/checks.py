@@ -2,37 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from dtwin.controller.bounds import check_bounds
 from dtwin.controller.motion import PICKUP_NAME
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import DivergenceError, ParameterError
-from dtwin.parameters import PARAMETER_NAMES, PLACES, ArmParameters, Triple
+from dtwin.parameters import PLACES, ArmParameters, Triple
 from dtwin.simulation.figures import Figures, triple
 from dtwin.simulation.places import angles_of
 from dtwin.simulation.stability import spectral_radius
 from dtwin.simulation.whatif import MotionCase, Simulator
 
-HIGHEST_GAINS: Final = {"kp": 1e5, "ki": 1e5, "kd": 1e3}
-"""Largest gains in 1/s^2, 1/s^3 and 1/s: a hundred times the useful ones, so that a larger one is a typing error."""
-MODEL_RANGES: Final = {
-    "K": (1e-2, 1.0),
-    "m": (1e-3, 1.0),
-    "I": (1e-6, 0.1),
-    "l": (1e-2, 0.5),
-    "c": (0.0, 0.5),
-    "D": (0.0, 5.0),
-    "mu": (0.0, 5.0),
-}
-"""Least and largest value of the parameters of an arm of this kind by symbol, SI units."""
-TARGET_TIMES: Final = (0.1, 60.0)
-"""Least and largest target time, s."""
 TAIL: Final = 0.5
 """Time after the end of a path for which a checked motion is simulated, s."""
 WORST_TRACKING: Final = 0.3
@@ -110,11 +97,11 @@ class Checker:
             Refused: a value is out of bounds, the loop is not stable, or a motion leaves its path; the message says
                 which and why.
         """
-        check_bounds(settings)
-        radius = self._stability(settings, arm, motions)
         try:
+            check_bounds(settings)
+            radius = self._stability(settings, arm, motions)
             prediction = self.predict(settings, arm, motions)
-        except DivergenceError as error:
+        except (ParameterError, DivergenceError) as error:
             raise Refused(str(error)) from None
         worst = max(prediction.tracking)
         if worst > WORST_TRACKING:
@@ -181,23 +168,3 @@ def _case(motion: Motion, settings: ControlSettings, arm: ArmParameters, box: fl
         carries=motion.carries,
         duration=settings.target_time + TAIL,
     )
-
-
-def check_bounds(settings: ControlSettings) -> None:
-    """Checks that all values of settings are in the range that such an arm can have.
-
-    Raises:
-        Refused: a value is out of its range.
-    """
-    low, high = TARGET_TIMES
-    if not low <= settings.target_time <= high:
-        raise Refused(f"target time: expected {low:g} to {high:g} s, got {settings.target_time:g}")
-    for field in fields(settings.gains):
-        values: Iterable[float] = getattr(settings.gains, field.name)
-        for joint, value in enumerate(values, 1):
-            if value > HIGHEST_GAINS[field.name]:
-                raise Refused(f"{field.name}{joint}: expected at most {HIGHEST_GAINS[field.name]:g}, got {value:g}")
-    for name, value in zip(PARAMETER_NAMES, settings.model.vector(), strict=True):
-        low, high = MODEL_RANGES[name.rstrip("123")]
-        if not low <= value <= high:
-            raise Refused(f"{name}: expected {low:g} to {high:g}, got {value:g}")

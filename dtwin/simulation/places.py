@@ -11,11 +11,14 @@ from dtwin.errors import ParameterError, choices
 from dtwin.parameters import HANGING, HOME, PICKUP, PLACES, ArmParameters, Triple
 from dtwin.twin.kinematics import inverse
 
-_POSES: Final[dict[str, Triple]] = {"home": HOME, "hanging": HANGING}
+_ANGLES: Final[dict[str, Triple]] = {
+    PICKUP_NAME: PICKUP.theta,
+    **{name: place.theta for name, place in PLACES.items()},
+    "home": HOME,
+    "hanging": HANGING,
+}
 _TURN: Final = 2.0 * math.pi
-FORMS: Final = (
-    f"a place ({', '.join((*NAMES, *_POSES))}), coordinates of the tip X,Y in m, or joint angles Q1,Q2,Q3 in rad"
-)
+FORMS: Final = f"a place ({', '.join(_ANGLES)}), coordinates of the tip X,Y in m, or joint angles Q1,Q2,Q3 in rad"
 
 
 def angles_of(place: str) -> Triple:
@@ -24,13 +27,9 @@ def angles_of(place: str) -> Triple:
     Raises:
         ParameterError: there is no place of that name.
     """
-    if place == PICKUP_NAME:
-        return PICKUP.theta
-    if place in PLACES:
-        return PLACES[place].theta
-    if place in _POSES:
-        return _POSES[place]
-    raise ParameterError(f"unknown place {place!r}: expected {choices((*NAMES, *_POSES))}")
+    if place not in _ANGLES:
+        raise ParameterError(f"unknown place {place!r}: expected {choices(_ANGLES)}")
+    return _ANGLES[place]
 
 
 def parse_start(text: str, arm: ArmParameters) -> Triple:

@@ -255,10 +255,10 @@ class Uploader:
 
     def _send(self, settings: ControlSettings, kind: Kind) -> None:
         if kind == "model":
-            self._port.send_model(settings.model)
+            found = self._port.send_model(settings.model)
         else:
-            self._port.send_gains(settings.gains, settings.target_time)
-        if settings.differing(self._port.read_back()):
+            found = self._port.send_gains(settings.gains, settings.target_time)
+        if settings.differing(found):
             raise CommunicationError(f"the controller has not taken the {kind} it was sent: its settings are others")
 
     def _record(

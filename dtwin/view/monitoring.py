@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dtwin.errors import RecordingError
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log, replacing
-from dtwin.signals import Event
+from dtwin.signals import Event, EventKind
 from dtwin.view import scene, style
 from dtwin.view.layout import cell_view, plot_view
 from dtwin.view.scene import Scene
@@ -39,7 +39,11 @@ _LINKS: Final = ("link_1", "link_2", "link_3", "tip")
 _TEXT: Final = f"{scene.ROOT}/verdicts/text"
 _TEXT_AT: Final = (0.0, -0.02, 0.4)
 """m, above the arm"""
-_LEVELS: Final = {"failed": rr.TextLogLevel.ERROR, "suspected": rr.TextLogLevel.WARN, "restart": rr.TextLogLevel.WARN}
+_LEVELS: Final[Mapping[str, rr.TextLogLevel]] = {
+    EventKind.FAILED: rr.TextLogLevel.ERROR,
+    EventKind.SUSPECTED: rr.TextLogLevel.WARN,
+    EventKind.RESTART: rr.TextLogLevel.WARN,
+}
 _NOMINAL: Final = ArmParameters()
 _BAND_COLOUR: Final[style.RGB] = (110, 120, 130)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dtwin.parameters import PLACES, VOLTAGE_LIMIT
 from dtwin.run.recording import Log
-from dtwin.signals import NO_COLOUR, Event
+from dtwin.signals import MONITOR, NO_COLOUR, Event, EventKind
 from dtwin.view import style
 from dtwin.view.boxes import Grasp, Waiting
 
@@ -25,15 +25,15 @@ PAYLOAD: Final = "payload"
 STATES: Final = "box"
 EVENTS: Final = "events"
 
-_LEVELS: Final = {
-    "misplaced": rr.TextLogLevel.ERROR,
-    "dropped_arrival": rr.TextLogLevel.WARN,
-    "fault": rr.TextLogLevel.WARN,
-    "safe": rr.TextLogLevel.WARN,
-    "rivals": rr.TextLogLevel.WARN,
-    "monitor_suspected": rr.TextLogLevel.WARN,
-    "monitor_failed": rr.TextLogLevel.ERROR,
-    "monitor_restart": rr.TextLogLevel.WARN,
+_LEVELS: Final[Mapping[str, rr.TextLogLevel]] = {
+    EventKind.MISPLACED: rr.TextLogLevel.ERROR,
+    EventKind.DROPPED_ARRIVAL: rr.TextLogLevel.WARN,
+    EventKind.FAULT: rr.TextLogLevel.WARN,
+    EventKind.SAFE: rr.TextLogLevel.WARN,
+    EventKind.RIVALS: rr.TextLogLevel.WARN,
+    MONITOR + EventKind.SUSPECTED: rr.TextLogLevel.WARN,
+    MONITOR + EventKind.FAILED: rr.TextLogLevel.ERROR,
+    MONITOR + EventKind.RESTART: rr.TextLogLevel.WARN,
 }
 _NO_BOX: Final = "none"
 
@@ -157,6 +157,7 @@ def log_events(stream: rr.RecordingStream, events: Sequence[Event]) -> None:
 
 
 def _told(event: Event) -> str:
-    """The text of an event; that of an event of the monitor starts with its kind."""
-    by, _, kind = event.kind.partition("_")
-    return f"monitor: {kind}: {event.text}" if by == "monitor" else event.text
+    """What an event says; what the monitor says needs its kind with it."""
+    if event.kind.startswith(MONITOR):
+        return f"monitor: {event.kind.removeprefix(MONITOR)}: {event.text}"
+    return event.text

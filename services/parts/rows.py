@@ -8,7 +8,7 @@ from typing import Final
 
 from dtwin.bus.messages import Path
 from dtwin.parameters import Triple
-from dtwin.signals import Event, Quad, Sensors, StepRecord, Truth, Voltages
+from dtwin.signals import Event, EventKind, Quad, Sensors, StepRecord, Truth, Voltages
 
 PATIENCE: Final = 2.0
 """s that a row waits for what belongs to it"""
@@ -96,7 +96,7 @@ class Rows:
 
     def event(self, event: Event) -> None:
         """Takes note when the arm has lost its voltage."""
-        if event.kind == "safe":
+        if event.kind == EventKind.SAFE:
             self._volts = _NO_VOLTS
 
     def flush(self) -> None:

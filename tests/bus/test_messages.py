@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.bus.codec import SIZE_LIMIT, MessageError, Reader, encode
-from dtwin.bus.messages import TOPICS, GainsSetting, ModelSetting, TargetSetting
+from dtwin.bus.messages import TOPICS, SettingsRequest
 from dtwin.parameters import ArmParameters, Gains
-from dtwin.signals import Sensors, Voltages
+from dtwin.signals import MONITOR, Event, EventKind, Sensors, Voltages
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "zenoh.md").read_text()
 COMMAND = Voltages(7, 0.07, (1.0, -8.0, 8.0, 3.0), True)
@@ -136,12 +136,21 @@ def test_refusals(old: bytes, new: bytes, reason: str) -> None:
     assert "\n" not in str(refusal.value)
 
 
+def test_all_kinds_of_events_are_described_and_unknown_ones_are_passed_on() -> None:
+    described = set(re.findall(r"`([a-z_ ]+)`", PAGE.partition("### Event\n")[2].partition("### Status\n")[0]))
+    assert set(EventKind) <= described
+    assert described - set(EventKind) <= {"time", "kind", "text", MONITOR, MONITOR + EventKind.STOP}
+    newer = encode(Event(1.0, "of a newer peer", ""))
+    assert encode(Reader(Event)(newer)) == newer
+    assert encode(Event(1.0, EventKind.ROLL_BACK, "")) == encode(Event(1.0, "roll back", ""))
+
+
 @pytest.mark.parametrize(
     ("message", "payload", "said"),
     [
-        (GainsSetting, b'{"schema":1,"gains":{"kp":[1,2,-3]}}', "kp3"),
-        (ModelSetting, b'{"schema":1,"model":{"mass":[0.1,0,0.1]}}', "m2"),
-        (TargetSetting, b'{"schema":1,"target_time":0}', "above 0"),
+        (SettingsRequest, b'{"schema":1,"gains":{"kp":[1,2,-3]}}', "kp3"),
+        (SettingsRequest, b'{"schema":1,"model":{"mass":[0.1,0,0.1]}}', "m2"),
+        (SettingsRequest, b'{"schema":1,"target_time":"2"}', "target_time"),
     ],
 )
 def test_settings_are_checked_where_they_arrive(message: type, payload: bytes, said: str) -> None:
@@ -150,8 +159,8 @@ def test_settings_are_checked_where_they_arrive(message: type, payload: bytes, s
 
 
 def test_settings_come_back_as_they_were() -> None:
-    for setting in (GainsSetting(Gains((1.0, 2.0, 3.0))), ModelSetting(ArmParameters()), TargetSetting(1.5)):
-        assert Reader(type(setting))(encode(setting)) == setting
+    for request in (SettingsRequest(Gains((1.0, 2.0, 3.0)), 1.5), SettingsRequest(model=ArmParameters())):
+        assert Reader(SettingsRequest)(encode(request)) == request
 
 
 @given(finite, finite, finite, volts, st.integers(0, 2**53), st.floats(0, 1e9))

@@ -9,9 +9,9 @@ import pytest
 import zenoh
 
 from dtwin.bus.codec import encode
-from dtwin.bus.messages import ALIVE, SENSORS, STATUS, TARGET, TOPICS, TargetSetting
+from dtwin.bus.messages import ALIVE, RESET, SENSORS, STATUS, TOPICS, Done, ResetRequest
 from dtwin.bus.session import Bus, open_configured, open_peer
-from dtwin.errors import CommunicationError, ParameterError
+from dtwin.errors import CommunicationError, ParameterError, UnansweredError
 from dtwin.parameters import ROOT
 from dtwin.signals import Sensors
 from tests.support.ports import free_port
@@ -150,40 +150,41 @@ def test_refused_messages_are_counted_by_reason(join: Join, caplog: pytest.LogCa
 
 def test_a_query_is_answered_with_what_was_applied(join: Join) -> None:
     asker, answerer = join(), join()
-    state = [TargetSetting(2.0)]
+    state = ["seed 0"]
 
-    def apply(asked: TargetSetting | None) -> TargetSetting:
+    def apply(asked: ResetRequest | None) -> Done:
         if asked is not None:
-            state[0] = asked
-        return state[0]
+            state[0] = f"seed {asked.seed}"
+        return Done(0.0, state[0])
 
-    answerer.answer(TARGET, TargetSetting, apply)
-    assert asker.ask(TARGET, None, TargetSetting) == TargetSetting(2.0)
-    assert asker.ask(TARGET, TargetSetting(1.5), TargetSetting) == TargetSetting(1.5)
+    answerer.answer(RESET, ResetRequest, apply)
+    assert asker.ask(RESET, None, Done).text == "seed 0"
+    assert asker.ask(RESET, ResetRequest(5), Done).text == "seed 5"
+    assert asker.ask(RESET, None, Done).text == "seed 5"
 
 
 def test_a_query_gets_the_reason_for_a_refusal(join: Join) -> None:
     asker, answerer = join(), join()
 
-    def refuse(asked: TargetSetting | None) -> TargetSetting:
+    def refuse(asked: ResetRequest | None) -> Done:
         raise ParameterError("not today")
 
-    answerer.answer(TARGET, TargetSetting, refuse)
-    with pytest.raises(CommunicationError, match="controller/target: not today"):
-        asker.ask(TARGET, TargetSetting(1.0), TargetSetting)
+    answerer.answer(RESET, ResetRequest, refuse)
+    with pytest.raises(CommunicationError, match="emulator/reset: not today"):
+        asker.ask(RESET, ResetRequest(1), Done)
 
 
 def test_a_malformed_query_never_reaches_the_handler(join: Join) -> None:
     asker, answerer = join(), join()
-    answerer.answer(TARGET, TargetSetting, lambda asked: pytest.fail("must not be called"))
+    answerer.answer(RESET, ResetRequest, lambda asked: pytest.fail("must not be called"))
     with pytest.raises(CommunicationError, match="invalid"):
-        asker.ask(TARGET, SAMPLE, TargetSetting)
+        asker.ask(RESET, SAMPLE, Done)
     assert answerer.refused == {"invalid": 1}
 
 
 def test_a_query_that_nobody_answers_says_who_is_missing(join: Join) -> None:
-    with pytest.raises(CommunicationError, match="is there a bridge"):
-        join().ask(TARGET, None, TargetSetting, 0.2)
+    with pytest.raises(UnansweredError, match="is the service emulator there"):
+        join().ask(RESET, None, Done, 0.2)
 
 
 def test_keys_of_all_topics_differ(join: Join) -> None:

@@ -49,7 +49,7 @@ def complain(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
         (["run", "--set", "m1=nan"], "got nan"),
         (["run", "--set", "m9=1"], "unknown parameter 'm9': expected K1, K2"),
         (["run", "--set", "m1"], "expected NAME=NUMBER"),
-        (["run", "--model", "nowhere.xml"], "nowhere.xml"),
+        (["run", "--mjcf", "nowhere.xml"], "nowhere.xml"),
         (["run", "--blocks", "nowhere"], "nowhere"),
         (["run", "--record", "nowhere/run.rrd"], "nowhere/run.rrd"),
         (["run", "--log", "nowhere/run.parquet"], "nowhere/run.parquet"),
@@ -114,7 +114,7 @@ def test_mistakes_in_the_system_name_the_valid_choices(
 def test_malformed_arm(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     model = tmp_path / "arm.xml"
     model.write_text(MODEL_FILE.read_text().replace("</worldbody>", "", 1))
-    assert "arm.xml" in complain(capsys, "run", "--json", "--model", str(model))
+    assert "arm.xml" in complain(capsys, "run", "--json", "--mjcf", str(model))
 
 
 def test_help_of_every_command(capsys: pytest.CaptureFixture[str]) -> None:

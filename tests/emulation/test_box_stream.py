@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dtwin.emulation.boxes import REACH, Boxes, Score
+from dtwin.emulation.boxes import REACH, Boxes
 from dtwin.parameters import PICKUP, PLACES, GripperParameters
+from dtwin.signals import BoxCounts
 
 GRIPPER = GripperParameters()
 AT_PICKUP = (PICKUP.x, PICKUP.y)
@@ -67,8 +68,8 @@ def test_stream_does_not_depend_on_what_happens_to_the_boxes() -> None:
         served.arrive(0.0)
         ignored.arrive(0.0)
         served.waiting = None
-    assert served.score.arrived == 50
-    assert (ignored.score.arrived, ignored.score.dropped_arrivals) == (1, 49)
+    assert served.counts.arrived == 50
+    assert (ignored.counts.arrived, ignored.counts.dropped_arrivals) == (1, 49)
 
 
 def test_gripping_and_delivering() -> None:
@@ -79,9 +80,9 @@ def test_gripping_and_delivering() -> None:
     event = stream.release(2.0, (place.x + 0.003, place.y - 0.004))
     assert event is not None
     assert (event.time, event.kind) == (2.0, "delivered")
-    (error,) = stream.score.placement_errors_mm
+    assert stream.counts == BoxCounts(arrived=1, picked=1, delivered=1)
+    (error,) = stream.placement_errors_mm
     assert error == pytest.approx(5.0)
-    assert stream.score == Score(arrived=1, picked=1, delivered=1, placement_errors_mm=(error,))
     assert stream.held is None
 
 
@@ -93,7 +94,7 @@ def test_letting_go_away_from_the_place_misplaces() -> None:
     event = stream.release(2.0, (wrong.x, wrong.y))
     assert event is not None
     assert event.kind == "misplaced"
-    assert stream.score == Score(arrived=1, picked=1, misplaced=1)
+    assert stream.counts == BoxCounts(arrived=1, picked=1, misplaced=1)
 
 
 @pytest.mark.parametrize(
@@ -113,7 +114,7 @@ def test_missed_grip_says_why(arrived: bool, tip: tuple[float, float], gripper: 
     assert reason in event.text
     assert stream.held is None
     assert (stream.waiting is not None) == arrived
-    assert stream.score.picked == 0
+    assert stream.counts.picked == 0
 
 
 def test_a_slipped_box_is_misplaced() -> None:
@@ -123,7 +124,7 @@ def test_a_slipped_box_is_misplaced() -> None:
     assert event.kind == "slipped"
     assert stream.release(3.0, AT_PICKUP) is None
     assert stream.slip(4.0) is None
-    assert stream.score == Score(arrived=1, picked=1, misplaced=1)
+    assert stream.counts == BoxCounts(arrived=1, picked=1, misplaced=1)
 
 
 @given(st.lists(st.sampled_from(("arrive", "grip", "release", "slip")), max_size=40), st.integers(0, 5))
@@ -140,8 +141,9 @@ def test_every_box_is_accounted_for(actions: list[str], seed: int) -> None:
                 stream.release(0.0, (place.x, place.y))
             case "slip":
                 stream.slip(0.0)
-    score = stream.score
-    assert score.arrived == score.picked + (stream.waiting is not None)
-    assert score.picked == score.delivered + score.misplaced + (stream.held is not None)
-    assert score.arrived + score.dropped_arrivals == actions.count("arrive")
-    assert len(score.placement_errors_mm) == score.delivered
+    counts = stream.counts
+    assert counts.held == (stream.held is not None)
+    assert counts.arrived == counts.picked + (stream.waiting is not None)
+    assert counts.picked == counts.delivered + counts.misplaced + counts.held
+    assert counts.arrived + counts.dropped_arrivals == actions.count("arrive")
+    assert len(stream.placement_errors_mm) == counts.delivered

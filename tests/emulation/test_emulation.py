@@ -108,10 +108,10 @@ def test_gripping_loads_the_arm_and_letting_go_unloads_it() -> None:
     assert 0.190 <= cell.truth().payload_mass < 0.210
     assert (cell.read().box_present, cell.read().box_colour) == (False, "")
     run(cell, 10, CLOSE, gripped=True)
-    assert cell.score.picked == 1
+    assert cell.box_counts.picked == 1
     run(cell, 1, CLOSE, gripped=False)
     assert cell.truth().payload_mass == 0.0
-    assert cell.score.misplaced == 1
+    assert cell.box_counts.misplaced == 1
     assert colour in next(event.text for event in cell.drain_events() if event.kind == "misplaced")
 
 
@@ -146,7 +146,7 @@ def test_slip_loses_the_box() -> None:
     assert cell.truth().payload_mass == 0.0
     assert [kind for kind in kinds(cell.drain_events()) if "arriv" not in kind] == ["picked", "fault", "slipped"]
     run(cell, 1, CLOSE, gripped=False)
-    assert (cell.score.picked, cell.score.misplaced) == (1, 1)
+    assert (cell.box_counts.picked, cell.box_counts.misplaced) == (1, 1)
 
 
 def test_fault_acts_from_its_time_to_its_end() -> None:

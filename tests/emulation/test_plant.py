@@ -154,7 +154,7 @@ def test_file_agrees_with_the_default_parameters() -> None:
     assert file.opt.timestep == PHYSICS_STEP
     assert file.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
     assert file.opt.gravity.tolist() == [0.0, 0.0, -GRAVITY]
-    for name, place in {"pickup": PICKUP, **PLACES}.items():
+    for name, place in (("pickup", PICKUP), *PLACES.items()):
         body = file.body(file.site(name).bodyid[0])
         assert (body.pos + file.site(name).pos).tolist() == [place.x, 0.0, place.y], name
 

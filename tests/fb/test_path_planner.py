@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dtwin.parameters import PICKUP, PLACES
+from dtwin.parameters import PICKUP, PLACES, Colour
 from tests.support.driven import Driven, triple
 
 angles = st.lists(st.floats(-7, 7), min_size=3, max_size=3)
 
 
 @given(start=angles, duration=st.floats(0.05, 1.5), colour=st.sampled_from(sorted(PLACES)))
-def test_path_is_the_cubic_with_rest_at_both_ends(start: list[float], duration: float, colour: str) -> None:
+def test_path_is_the_cubic_with_rest_at_both_ends(start: list[float], duration: float, colour: Colour) -> None:
     planner = Driven("PATH_PLANNER")
     assert planner.fire("TIMING", T=duration) == []
     assert planner.fire("TARGET", DESTINATION=colour, **triple("THETA", start)) == ["RESET"]
@@ -33,7 +33,7 @@ def test_path_is_the_cubic_with_rest_at_both_ends(start: list[float], duration: 
 
 def test_targets_are_the_places() -> None:
     planner = Driven("PATH_PLANNER")
-    for name, place in {"pickup": PICKUP, **PLACES}.items():
+    for name, place in (("pickup", PICKUP), *PLACES.items()):
         planner.fire("TARGET", DESTINATION=name)
         planner.fire("REQ")
         np.testing.assert_array_equal(planner.triple("THETA_T"), place.theta)

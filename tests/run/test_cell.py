@@ -28,8 +28,8 @@ def test_every_picked_box_is_delivered(seed: int, noise: float, placement_mm: fl
     boxes = summary.boxes
     assert boxes.picked > 20
     assert boxes.misplaced == 0
-    assert boxes.delivered == boxes.picked - boxes.held_at_end
-    assert boxes.held_at_end <= 1
+    assert boxes.delivered == boxes.picked - boxes.held
+    assert boxes.held <= 1
     assert "grip_missed" not in summary.events
     assert summary.placement_error_mm.max <= placement_mm
     if noise == 0.0:

@@ -14,16 +14,13 @@ import pytest
 from msgspec.structs import replace
 
 from dtwin.bus.messages import (
-    GAINS,
-    MODEL,
     SETTINGS,
     SIGNAL,
     UPLOAD,
     VOLTAGES,
-    GainsSetting,
     IdentificationSignal,
-    ModelSetting,
     SettingsInForce,
+    SettingsRequest,
     SignalRequest,
 )
 from dtwin.bus.session import Bus
@@ -111,19 +108,19 @@ def uploads(bus: Bus) -> None:
 
 def by_hand(desk: Desk, bus: Bus) -> None:
     desk.run("upload", "gains", "--why", "to try", "--who", "anna", "--kp", "260", "500", "300")
-    assert bus.ask(GAINS, None, GainsSetting).gains.kp == (260.0, 500.0, 300.0)
+    assert bus.ask(SETTINGS, None, SettingsInForce).gains.kp == (260.0, 500.0, 300.0)
     answer = json.loads(desk.run("upload", "rollback", "--why", "no good", "--who", "bob"))
     assert (answer["action"], answer["on_trial"], answer["gains"]["kp"]) == (
         "roll back",
         False,
         [210.0, 480.0, 310.0],
     )
-    assert bus.ask(GAINS, None, GainsSetting).gains.kp == (210.0, 480.0, 310.0)
+    assert bus.ask(SETTINGS, None, SettingsInForce).gains.kp == (210.0, 480.0, 310.0)
     assert "nothing is on trial" in desk.run("upload", "rollback", "--why", "again", status=2)
     assert "between two messages" in desk.run("upload", "version", "1", "--why", "as before", status=2)
     answer = json.loads(desk.run("upload", "version", "3", "--why", "slower again", "--who", "bob"))
     assert (answer["action"], answer["on_trial"], answer["target_time"]) == ("upload", True, 2.2)
-    assert bus.ask(GAINS, None, GainsSetting).target_time == 2.2
+    assert bus.ask(SETTINGS, None, SettingsInForce).target_time == 2.2
 
 
 def now(bus: Bus) -> Upload:
@@ -133,6 +130,7 @@ def now(bus: Bus) -> Upload:
 def test_the_running_arm_is_identified(controller: str, desk: Desk, tmp_path: Path) -> None:
     store = tmp_path / "store"
     options = ["--noise", "0.002", "--identification", "--store", str(store)]
+    options += ["--simulation", "--history", str(tmp_path / "history.jsonl")]
     desk.up("--detach", "--controller", controller, "--pace", "lockstep", "--seed", "2", *options)
     with join("cell") as bus:
         signal_ = bus.ask(SIGNAL, None, IdentificationSignal)
@@ -143,7 +141,7 @@ def test_the_running_arm_is_identified(controller: str, desk: Desk, tmp_path: Pa
         assert (said["phase"], said["samples"]) == ("accepted", 350)
         played = sum(abs(command.volts[0]) == 6.0 for command in volts)
         assert played >= 350
-        assert bus.ask(MODEL, None, ModelSetting).model.damping != ArmParameters().damping
+        assert bus.ask(SETTINGS, None, SettingsInForce).model.damping != ArmParameters().damping
         model = open_model("arm", ModelStore(store))
         np.testing.assert_allclose(model.arm.damping, ArmParameters().damping, rtol=0.05)
         # asked for and taken back: the controller has the arm again long before the signal would end
@@ -167,8 +165,8 @@ def test_sending_the_same_settings_again_changes_no_voltage(controller: str, des
     until(lambda: (up := runfile.find("cell")) is not None and up.ready, "the cell is up")
     with join("cell") as bus, suppress(CommunicationError):  # at its end nobody answers
         while process.poll() is None:
-            bus.ask(GAINS, GainsSetting(Gains(), 2.0), GainsSetting, 1.0)
-            bus.ask(MODEL, ModelSetting(ArmParameters()), ModelSetting, 1.0)
+            bus.ask(SETTINGS, SettingsRequest(Gains(), 2.0), SettingsInForce, 1.0)
+            bus.ask(SETTINGS, SettingsRequest(model=ArmParameters()), SettingsInForce, 1.0)
             sent += 1
     assert process.wait(60.0) == 0
     assert sent > 10

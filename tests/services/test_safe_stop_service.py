@@ -11,8 +11,8 @@ from dtwin.bus.session import Bus, open_peer
 from dtwin.errors import CommunicationError
 from dtwin.monitoring.verdict import Finding
 from dtwin.signals import Event, Sensors
+from services.demands import Demands
 from services.runfile import join
-from services.safe_stop import Demands
 from tests.support.bus import noting
 from tests.support.desk import Desk, boxes
 from tests.support.ports import free_port
@@ -66,9 +66,9 @@ def test_a_fault_stops_the_arm_until_an_operator_releases_it(desk: Desk) -> None
         assert min(event.time for event in watch.events if event.kind in ("stop", "monitor_stop")) > began
         until(lambda: desk.summary()["services"]["bridge"]["state"] == "stopped", "the status says so")
         kill_controller(desk, watch)
-        stood, reached = boxes(desk)["delivered"], watch.time
+        stood, reached = boxes(desk).delivered, watch.time
         until(lambda: watch.time > reached + 60.0, "the cell goes on")
-        assert boxes(desk)["delivered"] == stood
+        assert boxes(desk).delivered == stood
         bus.ask(FAULT, FaultRequest(("K2*=10@0",)), Done)
         assert desk.run("release", "--why", "repaired", "--who", "anna") == "none: the arm moves\n"
         until(lambda: "safe stop: released (anna: repaired)" in watch.texts("stop"), "the release is told")
@@ -80,7 +80,7 @@ def sorts_on(desk: Desk, watch: Watch, delivered: int) -> bool:
     """Whether so many boxes are delivered; the monitor may first take the repaired arm for another failure."""
     if watch.stands():
         desk.run("release")
-    return boxes(desk)["delivered"] > delivered
+    return boxes(desk).delivered > delivered
 
 
 def kill_controller(desk: Desk, watch: Watch) -> None:
@@ -104,10 +104,10 @@ def test_an_operator_stops_and_releases_the_arm(desk: Desk) -> None:
         until(lambda: watch.stop() == "standstill", "the arm stands")
         assert watch.texts("stop")[0] == "safe stop: braking (anna: look at it)"
         assert "is held where it is" in desk.run("stop")
-        stood = boxes(desk)["delivered"]
+        stood = boxes(desk).delivered
         assert desk.run("release") == "none: the arm moves\n"
         assert desk.run("release") == "none: the arm moves\n"
-        until(lambda: boxes(desk)["delivered"] > stood + 1, "the arm sorts on")
+        until(lambda: boxes(desk).delivered > stood + 1, "the arm sorts on")
     desk.run("down")
 
 

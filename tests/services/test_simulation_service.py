@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
-from dtwin.bus.messages import GAINS, PATH, PREDICT, SENSORS, UPLOAD, GainsSetting
+from dtwin.bus.messages import PATH, PREDICT, SENSORS, SETTINGS, UPLOAD, SettingsInForce, SettingsRequest
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Predicted, PredictionRequest, Upload, UploadRequest
@@ -112,7 +113,7 @@ def test_gains_are_checked_uploaded_and_confirmed(cell: Desk, history: History) 
         )
         assert (first["version"], first["action"], first["on_trial"]) == (before + 1, "upload", True)
         assert first["gains"]["kp"] == [250.0, 500.0, 350.0]
-        assert bus.ask(GAINS, None, GainsSetting).gains == HIGHER
+        assert bus.ask(SETTINGS, None, SettingsInForce).gains == HIGHER
         until(lambda: not now(bus).on_trial, "the trial of good gains ends")
         assert now(bus).action == "confirm"
     entries = history.entries()
@@ -137,7 +138,7 @@ def test_what_is_refused_changes_nothing(cell: Desk, history: History) -> None:
         after = now(bus)
         assert (after.version, after.gains, after.target_time) == (held, before.gains, before.target_time)
         assert (after.model, after.on_trial) == (before.model, False)
-        assert bus.ask(GAINS, None, GainsSetting).gains == before.gains
+        assert bus.ask(SETTINGS, None, SettingsInForce).gains == before.gains
     assert [entry.action for entry in history.entries()[count:]] == ["refuse"] * 2, (
         "a request for nothing is not written down"
     )
@@ -147,7 +148,7 @@ def test_an_upload_by_somebody_unaware_of_a_direct_setting_is_refused(cell: Desk
     """Gains set past the simulation service are found to be in force, as a version of their own."""
     with join("cell") as bus:
         before, count = now(bus).version, len(history.entries())
-        bus.ask(GAINS, GainsSetting(Gains(kp=(220.0, 500.0, 300.0))), GainsSetting)
+        bus.ask(SETTINGS, SettingsRequest(Gains(kp=(220.0, 500.0, 300.0)), 2.0), SettingsInForce)
         with pytest.raises(CommunicationError, match=f"expected version {before + 1}, got {before}"):
             bus.ask(UPLOAD, UploadRequest("anna", "unaware of bob", before, target_time=1.8), Upload)
     assert [entry.action for entry in history.entries()[count:]] == ["start", "refuse"]
@@ -163,6 +164,59 @@ def test_a_wrong_model_is_rolled_back(cell: Desk, history: History) -> None:
         last = now(bus)
         assert (last.action, last.version, last.model) == ("roll back", before.version + 2, before.model)
     assert [entry.action for entry in history.entries()[count:]] == ["upload", "roll back"]
+
+
+def test_values_set_by_hand_pass_the_same_checks_and_stand_in_the_same_history(cell: Desk) -> None:
+    """An operator's values pass the same checks, and stand in the same history."""
+    with join("cell") as bus:
+        before = now(bus)
+        for words, found in (
+            (
+                ["gains", "set", "--kp", "210", "500", "300"],
+                lambda said: said["gains"]["kp"] == [210.0, 500.0, 300.0],
+            ),
+            (["target", "set", "--time", "2.2"], lambda said: said["target_time"] == 2.2),
+            (["model", "set", "--set", "m1=0.119"], lambda said: said["model"]["mass"][0] == 0.119),
+        ):
+            said = json.loads(cell.run(*words))
+            assert (said["action"], said["on_trial"], said["text"]) == ("upload", True, "by hand")
+            assert found(said)
+            assert json.loads(cell.run("upload", "rollback", "--why", "enough"))["action"] == "roll back"
+        after = now(bus)
+        assert (after.gains, after.target_time, after.model) == (before.gains, before.target_time, before.model)
+
+
+def test_numbers_that_no_arm_can_have_are_refused_with_the_range(cell: Desk) -> None:
+    """Finite numbers that no arm can have are refused with the range, by the service and by the bridge."""
+    heavy = scaled(ArmParameters(), "m", 1e300)
+    wild = Gains(kp=(1e308, 500.0, 300.0))
+    with join("cell") as bus:
+        before = bus.ask(SETTINGS, None, SettingsInForce)
+        asked = UploadRequest("bob", "wild", now(bus).version)
+        for upload, request, reason in (
+            (replace(asked, gains=wild), SettingsRequest(wild, 2.0), "kp1: expected 0 to 100000, got 1e.308"),
+            (replace(asked, model=heavy), SettingsRequest(model=heavy), "m1: expected 0.001 to 1, got 1"),
+            (
+                replace(asked, target_time=1e-300),
+                SettingsRequest(Gains(), 1e-300),
+                "target time: expected 0.1 to 60 s, got 1e-300",
+            ),
+            (replace(asked, target_time=-1.0), SettingsRequest(Gains(), -1.0), "target time: expected"),
+            (
+                replace(asked, gains=Gains(), model=ArmParameters()),
+                SettingsRequest(Gains(), 2.0, ArmParameters()),
+                "or a model alone",
+            ),
+        ):
+            with pytest.raises(CommunicationError, match=reason):
+                bus.ask(UPLOAD, upload, Upload)
+            with pytest.raises(CommunicationError, match=reason):
+                bus.ask(SETTINGS, request, SettingsInForce)
+        for question in (PredictionRequest(target_time=1e300), PredictionRequest(gains=wild)):
+            with pytest.raises(CommunicationError, match="expected 0"):
+                bus.ask(PREDICT, question, Predicted)
+        assert bus.ask(SETTINGS, None, SettingsInForce) == before
+    assert "kp1: expected 0 to 100000" in cell.run("gains", "set", "--kp", "1e308", "1", "1", status=2)
 
 
 def test_identified_models_and_optimised_gains_come_from_files(cell: Desk, tmp_path: Path) -> None:
@@ -195,7 +249,7 @@ def test_a_killed_service_finds_old_or_new_settings_and_watches_the_new(started:
             return last is not None and last.action == "upload"
 
         def sent() -> bool:
-            return bus.ask(GAINS, None, GainsSetting).gains != before.gains
+            return bus.ask(SETTINGS, None, SettingsInForce).gains != before.gains
 
         for number, (moment, when) in enumerate((("checks", lambda: True), ("written", written), ("sent", sent))):
             before = now(bus)
@@ -206,7 +260,7 @@ def test_a_killed_service_finds_old_or_new_settings_and_watches_the_new(started:
             os.kill(started.find("services.simulation"), signal.SIGKILL)
             asked.exception()
             after = until_there(bus)
-            in_force = bus.ask(GAINS, None, GainsSetting).gains
+            in_force = bus.ask(SETTINGS, None, SettingsInForce).gains
             assert in_force in (before.gains, wanted), moment
             assert after.gains == in_force, moment
             last = history.last()

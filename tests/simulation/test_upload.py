@@ -184,7 +184,7 @@ def test_settings_that_others_have_changed_are_noticed(desk: UploadingCell) -> N
 
 def test_a_controller_that_does_not_take_settings_over_is_an_error(desk: UploadingCell) -> None:
     class Deaf:
-        send_gains = send_model = lambda self, *values: None
+        send_gains = send_model = lambda self, *values: ControlSettings()
 
         def read_back(self) -> ControlSettings:
             return ControlSettings()
@@ -203,7 +203,7 @@ def test_an_upload_that_a_crash_cut_short_is_old_or_new(desk: UploadingCell, arr
         read_back = desk.port.read_back
         send_model = desk.port.send_model
 
-        def send_gains(self, values: Gains, target_time: float) -> None:
+        def send_gains(self, values: Gains, target_time: float) -> ControlSettings:
             if arrived:
                 desk.port.send_gains(values, target_time)
             raise SystemExit

@@ -11,10 +11,12 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from dtwin.cli import main
 from dtwin.parameters import ROOT
+from dtwin.signals import BoxCounts
 from tests.support.waiting import until
 
 
@@ -73,6 +75,6 @@ def desk_in(folder: Path) -> Iterator[Desk]:
             os.kill(pid, signal.SIGKILL)
 
 
-def boxes(desk: Desk) -> dict[str, int]:
+def boxes(desk: Desk) -> BoxCounts:
     """The count of boxes, once the emulator has told it."""
-    return until(lambda: desk.summary()["boxes"], "the boxes are counted")
+    return msgspec.convert(until(lambda: desk.summary()["boxes"], "the boxes are counted"), BoxCounts)

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from dtwin.parameters import PLACES
+from dtwin.parameters import PLACES, Colour
 from dtwin.run.recording import COLUMNS, Log
 from dtwin.view.boxes import Grasp, Waiting, grasps, placements, waiting
 
@@ -47,7 +47,7 @@ def test_neither_grip_nor_payload_alone_is_a_box() -> None:
 
 
 @pytest.mark.parametrize("name", PLACES)
-def test_a_box_is_at_the_place_it_was_released_over(name: str) -> None:
+def test_a_box_is_at_the_place_it_was_released_over(name: Colour) -> None:
     place = PLACES[name]
     spots = np.array([[place.x + 0.004, 0.0, place.y], [place.x, 0.0, place.y + 0.06]])
     near, far = placements([Grasp(2, 5, "red"), Grasp(8, 9, "blue")], spots)

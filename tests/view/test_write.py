@@ -11,7 +11,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 from dtwin.errors import ModelError, RecordingError
-from dtwin.parameters import PICKUP, PLACES, ROOT, ArmParameters
+from dtwin.parameters import PICKUP, PLACES, ROOT, ArmParameters, Colour
 from dtwin.run.recording import Log, RunLog
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
 from dtwin.view import write_recording
@@ -34,7 +34,7 @@ def record(tick: int, colour: str, theta: tuple[float, float, float], held: bool
     )
 
 
-def run_to(place: str) -> Log:
+def run_to(place: Colour) -> Log:
     """A box waits for 1 s, is held for 1 s at the pickup point, then released at a place."""
     run = RunLog({"seed": 3})
     for tick in range(TICKS):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -15,20 +15,19 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.remote import RemoteController
-from dtwin.controller.settings import ControlSettings
-from dtwin.emulation import MODEL_FILE, NoiseKind, parse_fault
 from dtwin.errors import DtwinError
 from dtwin.iec61499.net.address import parse_address
-from dtwin.parameters import PERIOD, PHYSICS_STEP, ArmParameters, Law, assignment
+from dtwin.parameters import PERIOD
 from dtwin.run.cell import Cell, CellSettings, Summary
+from dtwin.run.options import ControlOptions, PlantOptions
 from dtwin.run.recording import Log, ensure_writable
 
 SAME_VOLTS: Final = 1e-9
-"""V, within which two controllers count as the same"""
+"""Difference of their voltages within which two controllers count as the same, V."""
 
 
-@dataclass(frozen=True)
-class Run:
+@dataclass(frozen=True, kw_only=True)
+class Run(PlantOptions, ControlOptions):
     """Run the cell: the emulated arm sorts boxes under its function blocks, as fast as the machine allows.
 
     Writes a recording for the Rerun viewer and prints a summary. Ctrl-C ends the run and keeps what was recorded.
@@ -36,21 +35,6 @@ class Run:
 
     duration: float = 120.0
     """Plant time to run, s."""
-    seed: int = 0
-    """Of the boxes and the noise; equal seeds give equal logs."""
-    noise: float = 0.0
-    """Encoder noise, rad: amplitude (uniform) or standard deviation (gaussian)."""
-    noise_kind: NoiseKind = "uniform"
-    """uniform adds noise * u with u in [0, 1), so it is biased by half of it; gaussian is not biased."""
-    target_time: float = 2.0
-    """Duration of every motion, s."""
-    law: Law = "default"
-    """Control law. default: computed torque with a held box as a point mass; row_sum: the row-sum form of the thesis,
-    without damping term and with the box's weight alone."""
-    fault: tuple[str, ...] = ()
-    """TARGET OP VALUE @ START[-END], e.g. K2*=0.1@45 or freeze3@30-40; repeatable."""
-    set: tuple[str, ...] = ()
-    """A parameter of the emulated arm, e.g. m1=0.15; repeatable. The controller's model stays as it is."""
     record: Path | None = None
     """Recording for the Rerun viewer; run.rrd if not given, none with --json."""
     log: Path | None = None
@@ -62,10 +46,6 @@ class Run:
     """Run no faster than the wall clock."""
     json: bool = False
     """Print one JSON object on standard output and nothing else."""
-    step: float = PHYSICS_STEP
-    """Physics step, s; the 10 ms period must be a whole multiple of it."""
-    model: Path = MODEL_FILE
-    """MJCF file of the arm."""
     blocks: Path = BLOCKS
     """Folder of the function-block library."""
 
@@ -105,23 +85,12 @@ class Run:
         return 130 if interruption.requested else 0
 
     def settings(self) -> CellSettings:
-        """The settings the options stand for.
+        """The run that the options stand for.
 
         Raises:
             DtwinError: an option is out of range or cannot be read.
         """
-        return CellSettings(
-            duration=self.duration,
-            seed=self.seed,
-            noise=self.noise,
-            noise_kind=self.noise_kind,
-            faults=tuple(parse_fault(text) for text in self.fault),
-            arm=ArmParameters().with_values(dict(assignment(text) for text in self.set)),
-            control=ControlSettings(target_time=self.target_time, law=self.law),
-            step=self.step,
-            model_file=self.model,
-            blocks=self.blocks,
-        )
+        return replace(super().settings(), duration=self.duration, control=self.control(), blocks=self.blocks)
 
     def _remote(self, settings: CellSettings) -> RemoteController:
         assert self.controller is not None
@@ -134,7 +103,7 @@ class Run:
         if record is not None and len(log):
             from dtwin.view import write_recording  # rerun takes half a second to import
 
-            write_recording(log, self.model, record, cell.settings.arm)
+            write_recording(log, self.mjcf, record, cell.settings.arm)
 
 
 class _Interruption:
@@ -169,7 +138,7 @@ def _print(summary: Summary, record: Path | None, log: Path | None) -> None:
         "plant time": f"{summary.duration:g} s in {summary.wall_seconds:.2f} s,"
         f" {summary.real_time_factor:.0f} x real time",
         "boxes": f"{boxes.arrived} arrived, {boxes.picked} picked, {boxes.delivered} delivered,"
-        f" {boxes.misplaced} misplaced, {boxes.held_at_end} held at the end, {boxes.dropped_arrivals} turned away",
+        f" {boxes.misplaced} misplaced, {boxes.held} held at the end, {boxes.dropped_arrivals} turned away",
         "placement error": f"{errors.max:.2f} mm at most, {errors.mean:.2f} mm on average",
         "tracking error": f"{worst} rad at most, joints 1 to 3",
         "saturated ticks": str(summary.saturated_ticks),

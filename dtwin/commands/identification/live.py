@@ -45,7 +45,7 @@ class IdentifyLive:
     accept: bool = False
     """Keep the model without asking, if its residuals are white."""
     upload: bool = False
-    """Send an accepted model to the controller, too."""
+    """Upload an accepted model to the controller, too. Needs dtwin up --simulation."""
     name: str = "arm"
     """To keep the model under."""
     timeout: float = 60.0

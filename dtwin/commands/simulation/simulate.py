@@ -14,8 +14,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Column, Table
 
-from dtwin.bus.messages import GAINS, MODEL, SENSORS, TARGET, GainsSetting, ModelSetting, TargetSetting
+from dtwin.bus.messages import SENSORS
 from dtwin.bus.session import Bus
+from dtwin.commands.simulation.upload import in_force
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import CommunicationError, ParameterError
@@ -46,7 +47,7 @@ class Simulate:
     start: str = "pickup"
     """Where from."""
     live: bool = False
-    """Start from the state of the running cell, with its gains, target time and model."""
+    """Start from the state of the running cell, with its gains, target time and model: needs up --simulation."""
     cell: str = "cell"
     """Name of that cell."""
     goal: str = "red"
@@ -143,15 +144,13 @@ class Simulate:
         """The case from where the arm of a running cell is and how fast it is."""
         with join(self.cell) as bus:
             last = _latest(bus)
-            gains = bus.ask(GAINS, None, GainsSetting).gains
-            target_time = bus.ask(TARGET, None, TargetSetting).target_time
-            model = bus.ask(MODEL, None, ModelSetting).model
-        settings = replace(base.settings, gains=gains, target_time=target_time, model=model)
+            now = in_force(bus)
+        settings = replace(base.settings, gains=now.gains, target_time=now.target_time, model=now.model)
         theta = last[-1].theta
         # A parabola through several samples: a difference of two would show the encoders' noise.
         times = PERIOD * np.arange(1 - len(last), 1)
         speeds = np.polyfit(times, np.array([sample.theta for sample in last]), 2)[1]
-        arm = base.arm if self.model or self.set else model
+        arm = base.arm if self.model or self.set else now.model
         goal = parse_goal(self.goal, arm, theta)
         return replace(base, goal=goal, settings=settings, theta=theta, omega=triple(speeds), arm=arm)
 

@@ -10,23 +10,39 @@ from pathlib import Path
 import msgspec
 import tyro
 
-from dtwin.bus.messages import ROLL_BACK, UPLOAD
+from dtwin.bus.messages import ROLL_BACK, UPLOAD, Topic
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
-from dtwin.errors import CommunicationError, ModelError
+from dtwin.errors import CommunicationError, ModelError, UnansweredError
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import ArmParameters, Gains, Triple
 from services.runfile import join
 
 _LOOK = 0.2
-"""s between two looks at a trial"""
+"""Time between two looks at a trial, s."""
 _PATIENCE = 120.0
-"""s for a trial to end"""
+"""Time for a trial to end, s."""
+
+
+def in_force(bus: Bus) -> Upload:
+    """The settings in force, as the simulation service tells them.
+
+    Raises:
+        CommunicationError: the cell has no such service, or its controller does not answer.
+    """
+    return _ask(bus, UPLOAD, None)
+
+
+def _ask(bus: Bus, topic: Topic, request: UploadRequest | RollBackRequest | None) -> Upload:
+    try:
+        return bus.ask(topic, request, Upload)
+    except UnansweredError as error:
+        raise CommunicationError(f"{error} Settings go through that service: dtwin up --simulation") from None
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Request:
-    """Who wants it, and where."""
+    """Who wants a change of the settings, why, and in which cell."""
 
     why: str
     """Reason, for the history."""
@@ -44,13 +60,13 @@ class RollBack(_Request):
 
     def execute(self) -> int:
         with join(self.cell, self.zenoh) as bus:
-            _print(bus.ask(ROLL_BACK, RollBackRequest(self.who or getpass.getuser(), self.why), Upload))
+            _print(_ask(bus, ROLL_BACK, RollBackRequest(self.who or getpass.getuser(), self.why)))
         return 0
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Upload(_Request):
-    """What every upload has."""
+class UploadCommand(_Request):
+    """Options and course of every upload."""
 
     based_on: int | None = None
     """Version of the settings that you have seen; those in force if not given. An old version is refused."""
@@ -63,14 +79,14 @@ class _Upload(_Request):
 
     def execute(self) -> int:
         with join(self.cell, self.zenoh) as bus:
-            now = bus.ask(UPLOAD, None, Upload)
+            now = in_force(bus)
             request = UploadRequest(
                 who=self.who or getpass.getuser(),
                 why=self.why,
                 based_on=now.version if self.based_on is None else self.based_on,
                 arm=None if self.arm is None else self._model(self.arm),
             )
-            answer = bus.ask(UPLOAD, self.change(request, now), Upload)
+            answer = _ask(bus, UPLOAD, self.change(request, now))
             _print(answer)
             return self._outcome(bus, answer) if self.wait else 0
 
@@ -88,7 +104,7 @@ class _Upload(_Request):
             if time.monotonic() > deadline:
                 raise CommunicationError(f"the trial of version {answer.version} goes on after {_PATIENCE:g} s")
             time.sleep(_LOOK)
-            answer = bus.ask(UPLOAD, None, Upload)
+            answer = in_force(bus)
         _print(answer)
         return 0 if answer.action == "confirm" else 1
 
@@ -101,7 +117,7 @@ class Tuning(msgspec.Struct, frozen=True):
 
 
 @dataclass(frozen=True, kw_only=True)
-class UploadGains(_Upload):
+class UploadGains(UploadCommand):
     """Upload gains, those not given stay, or gains and target time from a file that dtwin optimise saved."""
 
     kp: Triple | None = None
@@ -121,7 +137,7 @@ class UploadGains(_Upload):
 
 
 @dataclass(frozen=True, kw_only=True)
-class UploadTarget(_Upload):
+class UploadTarget(UploadCommand):
     """Upload how long every motion takes, from the next one on."""
 
     time: float
@@ -132,7 +148,7 @@ class UploadTarget(_Upload):
 
 
 @dataclass(frozen=True, kw_only=True)
-class UploadModel(_Upload):
+class UploadModel(UploadCommand):
     """Upload an identified model of the arm."""
 
     model: str
@@ -143,7 +159,7 @@ class UploadModel(_Upload):
 
 
 @dataclass(frozen=True, kw_only=True)
-class UploadVersion(_Upload):
+class UploadVersion(UploadCommand):
     """Upload the settings of an earlier version, as dtwin history shows them; checked and tried like new ones."""
 
     version: tyro.conf.Positional[int]

@@ -15,8 +15,9 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.identification.estimation.problem import START
 from dtwin.parameters import PERIOD, ArmParameters, Gains, Triple
-from dtwin.run.cell import Boxes, Cell, CellSettings
+from dtwin.run.cell import Cell, CellSettings
 from dtwin.run.recording import Log
+from dtwin.signals import BoxCounts
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.figures import triple
 from dtwin.simulation.history import Entry, History
@@ -65,7 +66,7 @@ class UploadRun:
     """
 
     log: Log
-    boxes: Boxes
+    boxes: BoxCounts
     phases: tuple[Phase, ...]
     entries: tuple[Entry, ...]
     acknowledged: tuple[float, ...]

@@ -1,26 +1,22 @@
-"""The safe stop between the bus and the blocks, which decide on it: who asks for it, and who passes that on."""
+"""The safe stop beside the bridge: passes verdicts and releases on to the blocks, which decide on the stop."""
 
 from __future__ import annotations
 
 import logging
 import threading
 from collections.abc import Callable
-from queue import SimpleQueue
 from typing import Final
 
 from dtwin.bus.messages import EVENTS, RELEASE, STOP, ReleaseRequest, StopRequest, StopState
 from dtwin.bus.session import Bus
 from dtwin.controller.device import SafeStop
 from dtwin.errors import CommunicationError
-from dtwin.monitoring.verdict import Finding, arm_state
-from dtwin.signals import Event, Stop
+from dtwin.signals import Event, EventKind, Stop
 
 log = logging.getLogger(__name__)
 
 LOOK: Final = 0.1
-"""s between two looks at a stop in force"""
-RETRY: Final = 0.5
-"""s before a demand that nobody answered is made again"""
+"""Time between two looks at a stop in force, s."""
 
 
 class Stops:
@@ -29,12 +25,12 @@ class Stops:
     A controller that starts anew knows of no stop: it is told again of one that nobody has released here.
 
     Args:
-        bus: where others ask.
-        blocks: the safe stop of the controller; raises CommunicationError while there is none.
-        time: plant time of the last sample, s.
+        bus: session on which others ask.
+        blocks: gives the safe stop of the controller, or raises CommunicationError while there is no controller.
+        time: gives the plant time of the last sample, s.
 
     Attributes:
-        stop: in force, as last seen.
+        stop: the stop that was in force when the blocks were last asked.
     """
 
     def __init__(self, bus: Bus, blocks: Callable[[], SafeStop], time: Callable[[], float]) -> None:
@@ -100,55 +96,8 @@ class Stops:
             text = f"safe stop: {'released' if stop == 'none' else stop}{why}"
             self.stop = stop
             log.warning("%s", text)
-            self._tell(Event(state.time, "stop", text[:1000]))
+            self._tell(Event(state.time, EventKind.STOP, text[:1000]))
         if stop != "none" and not self._latched:
             self._latched = True
             self.follow()
         return state
-
-
-class Demands:
-    """Asks the blocks to stop an arm that has failed, once a failure, on a thread of its own.
-
-    While nobody answers it asks again, for as long as the failure stands.
-
-    Args:
-        bus: to ask on.
-    """
-
-    def __init__(self, bus: Bus) -> None:
-        self._bus = bus
-        self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
-        self._failures: SimpleQueue[Finding] = SimpleQueue()
-        self._standing: frozenset[str] = frozenset()
-        threading.Thread(target=self._work, name="safe stop", daemon=True).start()
-
-    def failed(self, finding: Finding) -> None:
-        """A failure has been confirmed."""
-        self._failures.put(finding)
-
-    def stand(self, parameters: frozenset[str]) -> None:
-        """Says which findings stand, by parameter."""
-        self._standing = parameters
-
-    def _work(self) -> None:
-        pause = threading.Event()
-        while True:
-            finding = self._failures.get()
-            while finding.parameter in self._standing and not self._ask(finding):
-                pause.wait(RETRY)
-
-    def _ask(self, finding: Finding) -> bool:
-        """Whether the blocks have answered."""
-        request = StopRequest(
-            "monitoring", finding.text(), arm_state(finding), min(max(finding.confidence, 0.0), 1.0)
-        )
-        try:
-            answer = self._bus.ask(STOP, request, StopState)
-        except CommunicationError as error:
-            log.warning("the safe stop was not answered: %s", error)
-            return False
-        said = f"asked for a safe stop ({finding.text()}): the blocks answer {answer.stop}"
-        log.warning("%s", said)
-        self._tell(Event(answer.time, "monitor_stop", said[:1000]))
-        return True

@@ -1,0 +1,80 @@
+"""Command-line options of the emulated cell and of its controller, declared once for all who start one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from dtwin.controller.settings import ControlSettings
+from dtwin.emulation import MODEL_FILE, NoiseKind, parse_fault
+from dtwin.parameters import PHYSICS_STEP, ArmParameters, Law, assignment
+from dtwin.run.cell import CellSettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmOptions:
+    """The emulated arm, as it is simulated and drawn."""
+
+    set: tuple[str, ...] = ()
+    """A parameter of the emulated arm, e.g. m1=0.15; repeatable. The controller's model stays as it is."""
+    mjcf: Path = MODEL_FILE
+    """MJCF file of the arm."""
+
+    def parameters(self) -> ArmParameters:
+        """The parameters of the emulated arm.
+
+        Raises:
+            ParameterError: a parameter is unknown or out of range.
+        """
+        return ArmParameters().with_values(dict(assignment(text) for text in self.set))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantOptions(ArmOptions):
+    """The emulated cell: arm, boxes and encoders."""
+
+    seed: int = 0
+    """Number of the random generators of boxes and noise; equal seeds give equal logs."""
+    noise: float = 0.0
+    """Encoder noise, rad: amplitude (uniform) or standard deviation (gaussian)."""
+    noise_kind: NoiseKind = "uniform"
+    """uniform adds noise * u with u in [0, 1), so it is biased by half of it; gaussian is not biased."""
+    fault: tuple[str, ...] = ()
+    """TARGET OP VALUE @ START[-END], e.g. K2*=0.1@45 or freeze3@30-40; repeatable."""
+    step: float = PHYSICS_STEP
+    """Physics step, s; the 10 ms period must be a whole multiple of it."""
+
+    def settings(self) -> CellSettings:
+        """The cell that the options stand for, under a controller with its usual settings.
+
+        Raises:
+            DtwinError: an option is out of range or cannot be read.
+        """
+        return CellSettings(
+            seed=self.seed,
+            noise=self.noise,
+            noise_kind=self.noise_kind,
+            faults=tuple(parse_fault(text) for text in self.fault),
+            arm=self.parameters(),
+            step=self.step,
+            model_file=self.mjcf,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlOptions:
+    """What the controller is set to."""
+
+    target_time: float = 2.0
+    """Duration of every motion, s."""
+    law: Law = "default"
+    """Control law. default: computed torque with a held box as a point mass; row_sum: the row-sum form of the thesis,
+    without damping term and with the box's weight alone."""
+
+    def control(self) -> ControlSettings:
+        """The settings of the controller that the options stand for.
+
+        Raises:
+            ParameterError: an option is out of range.
+        """
+        return ControlSettings(target_time=self.target_time, law=self.law)

@@ -1,0 +1,67 @@
+"""The safe stop beside monitoring: asks the blocks to stop an arm that has failed."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from queue import SimpleQueue
+from typing import Final
+
+from dtwin.bus.messages import EVENTS, STOP, StopRequest, StopState
+from dtwin.bus.session import Bus
+from dtwin.errors import CommunicationError
+from dtwin.monitoring.verdict import Finding, arm_state
+from dtwin.signals import MONITOR, Event, EventKind
+
+log = logging.getLogger(__name__)
+
+RETRY: Final = 0.5
+"""Time after which a demand that nobody answered is made again, s."""
+
+
+class Demands:
+    """Asks the blocks to stop an arm that has failed, once a failure, on a thread of its own.
+
+    While nobody answers it asks again, for as long as the failure stands.
+
+    Args:
+        bus: session on which to ask.
+    """
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+        self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
+        self._failures: SimpleQueue[Finding] = SimpleQueue()
+        self._standing: frozenset[str] = frozenset()
+        threading.Thread(target=self._work, name="safe stop", daemon=True).start()
+
+    def failed(self, finding: Finding) -> None:
+        """A failure has been confirmed."""
+        self._failures.put(finding)
+
+    def stand(self, parameters: frozenset[str]) -> None:
+        """Tells which findings stand, by the parameters that changed."""
+        self._standing = parameters
+
+    def _work(self) -> None:
+        pause = threading.Event()
+        while True:
+            finding = self._failures.get()
+            while finding.parameter in self._standing and not self._ask(finding):
+                pause.wait(RETRY)
+
+    def _ask(self, finding: Finding) -> bool:
+        """Whether the blocks have answered."""
+        request = StopRequest(
+            "monitoring", finding.text(), arm_state(finding), min(max(finding.confidence, 0.0), 1.0)
+        )
+        try:
+            answer = self._bus.ask(STOP, request, StopState)
+        except CommunicationError as error:
+            log.warning("the safe stop was not answered: %s", error)
+            return False
+        said = f"asked for a safe stop ({finding.text()}): the blocks answer {answer.stop}"
+        log.warning("%s", said)
+        self._tell(Event(answer.time, MONITOR + EventKind.STOP, said[:1000]))
+        return True

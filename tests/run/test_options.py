@@ -1,0 +1,60 @@
+"""The options of the cell, and the command lines that services are started with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import get_args
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dtwin.emulation import NoiseKind
+from dtwin.options import arguments, parse_options
+from dtwin.parameters import Law
+from dtwin.run.options import ArmOptions, ControlOptions, PlantOptions
+from services.controller import Options as ControllerOptions
+from services.emulator import Options as EmulatorOptions
+from services.recorder import Options as RecorderOptions
+
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+words = st.tuples() | st.tuples(st.just("K2*=0.1@45"), st.just("-1"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell(PlantOptions, ControlOptions):
+    """Options of a cell that starts services."""
+
+    other: int = 1
+    """What no service knows."""
+
+
+@given(
+    st.builds(
+        Cell,
+        seed=st.integers(0, 2**63),
+        noise=numbers,
+        noise_kind=st.sampled_from(get_args(NoiseKind)),
+        fault=words,
+        set=words,
+        step=numbers,
+        mjcf=st.sampled_from([Path("/tmp/other.xml"), PlantOptions().mjcf]),
+        target_time=numbers,
+        law=st.sampled_from(get_args(Law)),
+        other=st.integers(),
+    )
+)
+def test_services_are_started_with_the_options_of_the_cell(cell: Cell) -> None:
+    for declared, service in (
+        (PlantOptions, EmulatorOptions),
+        (ArmOptions, RecorderOptions),
+        (ControlOptions, ControllerOptions),
+    ):
+        read = parse_options(service, "service", arguments(cell, declared))
+        for name in declared.__dataclass_fields__:
+            assert getattr(read, name) == getattr(cell, name)
+
+
+def test_paths_of_arguments_hold_in_any_folder() -> None:
+    assert arguments(PlantOptions(mjcf=Path("arm.xml")), PlantOptions) == ["--mjcf", str(Path("arm.xml").resolve())]
+    assert arguments(PlantOptions(), PlantOptions) == []
