@@ -367,7 +367,7 @@ class Bus:
             timeout: longest wait for the answer, s.
 
         Raises:
-            UnansweredError: nobody answers in time.
+            UnansweredError: no answer comes in time.
             CommunicationError: the answer is a refusal or no valid message.
         """
         key = self.key(topic)

@@ -251,8 +251,8 @@ class ControlLoop:
 class Settings:
     """Reads and changes the settings of the running application; used from one thread at a time.
 
-    Its connections to the ports are there from the beginning: a FORTE serves one client, so nobody else can get in.
-    All methods raise CommunicationError when the device does not answer or does not take over a value, and
+    Its connections to the ports are made at once and kept: a FORTE serves one client per port, so no other client can
+    connect. All methods raise CommunicationError when the device does not answer or does not take over a value, and
     ParameterError when a value, sent or found, is out of range.
     """
 
@@ -274,7 +274,7 @@ class Settings:
         return any(port.lost for port in self._ports.values())
 
     def in_force(self) -> ControlSettings:
-        """All settings; the controller knows no Coulomb friction."""
+        """All settings in force; the Coulomb friction in them is 0, since the controller does not compensate it."""
         names = tuple(ControlSettings().inputs())
         return ControlSettings.from_inputs(dict(zip(names, self._application.read(names), strict=True)))
 
@@ -287,7 +287,7 @@ class Settings:
         return self._change(MODEL, ControlSettings(model=model))
 
     def _change(self, names: tuple[str, ...], wanted: ControlSettings) -> ControlSettings:
-        """Sends inputs; returns what is in force once they are: the blocks may run after they have acknowledged."""
+        """Sends inputs and reads them back until they are in force: the blocks may act after they acknowledge."""
         check_bounds(wanted)
         sent = wanted.inputs()
         self._ports[names].exchange([sent[name] for name in names])

@@ -15,11 +15,16 @@ from dtwin.parameters import ArmParameters, Gains
 
 
 class SettingsPort(Protocol):
-    """A running controller as uploads see it: every method returns the settings that are in force then."""
+    """A running controller whose settings can be changed and read back; each method returns those in force then."""
 
-    def send_gains(self, gains: Gains, target_time: float) -> ControlSettings: ...
-    def send_model(self, model: ArmParameters) -> ControlSettings: ...
-    def read_back(self) -> ControlSettings: ...
+    def send_gains(self, gains: Gains, target_time: float) -> ControlSettings:
+        """Puts gains into force from the next tick, the target time (s) from the next motion."""
+
+    def send_model(self, model: ArmParameters) -> ControlSettings:
+        """Puts an arm model into force from the next tick."""
+
+    def read_back(self) -> ControlSettings:
+        """The settings in the blocks of the controller."""
 
 
 class EmbeddedPort:
@@ -38,13 +43,13 @@ class EmbeddedPort:
         self._model = self._resource.server(ARM_MODEL.block)
 
     def send_gains(self, gains: Gains, target_time: float) -> ControlSettings:
-        """Puts gains and target time (s) into force from the next tick; the time from the next motion."""
+        """Puts gains into force from the next tick, the target time (s) from the next motion."""
         values = ControlSettings(target_time, gains).inputs()
         self._gains.exchange([values[name] for name in TUNING])
         return self.read_back()
 
     def send_model(self, model: ArmParameters) -> ControlSettings:
-        """Puts a model into force from the next tick."""
+        """Puts an arm model into force from the next tick."""
         values = ControlSettings(model=model).inputs()
         self._model.exchange([values[name] for name in MODEL])
         return self.read_back()

@@ -22,7 +22,7 @@ Point = tuple[float, float]
 
 
 class Box(msgspec.Struct, frozen=True, gc=False):
-    """A box of a mass (kg)."""
+    """A box: its mass (kg) and its colour, which is the name of the place it belongs to."""
 
     mass: float
     colour: Colour

@@ -136,7 +136,7 @@ class Cell:
             self.log.add_events(self.emulation.drain_events())
 
     def summary(self, log: Log) -> Summary:
-        """Figures of the run from its frozen log and the boxes."""
+        """The summary of the run from its frozen log and what became of the boxes."""
         errors = np.array(self.emulation.placement_errors_mm or [0.0])
         duration = len(log) * PERIOD
         tracking = np.abs(log.stack("target") - log.stack("theta")).max(axis=0, initial=0.0).tolist()

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.parameters import PLACES
+from dtwin.parameters import PLACES, Colour
 from dtwin.run.recording import Log
 from dtwin.signals import NO_COLOUR
 
@@ -54,7 +54,7 @@ class Placed:
     tick: int
     colour: str
     position: NDArray[np.float64]
-    place: str | None
+    place: Colour | None
 
 
 def waiting(log: Log) -> list[Waiting]:
@@ -95,7 +95,7 @@ def placements(carried: Sequence[Grasp], released_at: NDArray[np.float64]) -> li
     ]
 
 
-def _place_at(position: NDArray[np.float64]) -> str | None:
+def _place_at(position: NDArray[np.float64]) -> Colour | None:
     distances = {
         name: float(np.hypot(position[0] - place.x, position[2] - place.y)) for name, place in PLACES.items()
     }

@@ -157,7 +157,7 @@ def log_events(stream: rr.RecordingStream, events: Sequence[Event]) -> None:
 
 
 def _told(event: Event) -> str:
-    """What an event says; what the monitor says needs its kind with it."""
+    """The text of an event; that of an event of the monitor starts with its kind."""
     if event.kind.startswith(MONITOR):
         return f"monitor: {event.kind.removeprefix(MONITOR)}: {event.text}"
     return event.text
