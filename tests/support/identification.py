@@ -3,7 +3,7 @@
 import numpy as np
 
 from dtwin.controller.excitation import ExcitationController
-from dtwin.experiments.identification.experiments import standard_settings
+from dtwin.experiments.identification.standard import standard_settings
 from dtwin.identification.data import Experiment, Start
 from dtwin.identification.excitation.plan import PLAIN, Plan
 from dtwin.identification.excitation.rig import Rig
