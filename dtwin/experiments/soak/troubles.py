@@ -11,7 +11,7 @@ from functools import partial
 from typing import Final, NamedTuple
 
 from dtwin.experiments.soak.cell import TroubledCell
-from dtwin.signals import BoxCounts, Event
+from dtwin.signals import BoxCounts, Event, EventKind
 
 FROZEN: Final = 2.0
 """s for which a process is stopped"""
@@ -42,7 +42,7 @@ class Aftermath:
     @property
     def made_safe(self) -> bool:
         """Whether the arm was made safe meanwhile."""
-        return any(event.kind in ("safe", "resumed") for event in self.events)
+        return any(event.kind in (EventKind.SAFE, EventKind.RESUMED) for event in self.events)
 
     @property
     def misplaced(self) -> int:
@@ -78,10 +78,10 @@ def recovered(cell: TroubledCell, seen: Aftermath) -> bool:
 
 
 def count_kept(cell: TroubledCell, seen: Aftermath) -> bool:
-    """The count of boxes goes on, and no box but the one in the gripper is unaccounted for."""
+    """The count of boxes goes on, and every box that was picked is delivered, misplaced or held."""
     before, after = seen.before, seen.after
-    held = after.picked - after.delivered - after.misplaced
-    return after.arrived >= before.arrived and after.delivered >= before.delivered and held in (0, 1)
+    known = after.delivered + after.misplaced + after.held
+    return after.arrived >= before.arrived and after.delivered >= before.delivered and after.picked == known
 
 
 def kill(service: str, cell: TroubledCell) -> None:
