@@ -20,7 +20,7 @@ DESCRIPTION: Final = "A digital twin of a box-sorting arm controlled by IEC 6149
 
 
 @dataclass(frozen=True)
-class Entry:
+class Subcommand:
     """A subcommand: the module under dtwin.commands that holds its options, the class there, and a line of help."""
 
     module: str
@@ -28,90 +28,107 @@ class Entry:
     summary: str
 
 
-GROUPS: Final[dict[str, dict[str, Entry]]] = {
+GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
     "the cell": {
-        "run": Entry("cell.run", "Run", "run the cell: arm, boxes and function blocks; record and summarise"),
-        "validate": Entry("cell.validate", "Validate", "hold the emulation against the analytic twin"),
-        "bench": Entry("cell.bench", "Bench", "measure the speed of the parts on this machine"),
+        "run": Subcommand("cell.run", "Run", "run the cell: arm, boxes and function blocks; record and summarise"),
+        "validate": Subcommand("cell.validate", "Validate", "hold the emulation against the analytic twin"),
+        "bench": Subcommand("cell.bench", "Bench", "measure the speed of the parts on this machine"),
+        "experiment soak": Subcommand(
+            "cell.soak", "ExperimentSoak", "run all services for long, or trouble them; report"
+        ),
     },
     "function blocks": {
-        "fb check": Entry("blocks.library", "FbCheck", "check function-block files"),
-        "fb export": Entry("blocks.library", "FbExport", "write block types as Lua, or systems as boot files"),
-        "fb run": Entry("blocks.device", "FbRun", "serve function blocks as a device that management can build on"),
-        "fb deploy": Entry("blocks.library", "FbDeploy", "build a system on a device"),
-        "fb watch": Entry("blocks.device", "FbWatch", "read values of a running device"),
-        "fb stop": Entry("blocks.device", "FbStop", "stop what runs on a device"),
+        "fb check": Subcommand("blocks.library", "FbCheck", "check function-block files"),
+        "fb export": Subcommand("blocks.library", "FbExport", "write block types as Lua, or systems as boot files"),
+        "fb run": Subcommand(
+            "blocks.device", "FbRun", "serve function blocks as a device that management can build on"
+        ),
+        "fb deploy": Subcommand("blocks.library", "FbDeploy", "build a system on a device"),
+        "fb watch": Subcommand("blocks.device", "FbWatch", "read values of a running device"),
+        "fb stop": Subcommand("blocks.device", "FbStop", "stop what runs on a device"),
     },
     "the cell as services": {
-        "up": Entry("live.up", "UpCommand", "start the services of a cell on Zenoh and keep them running"),
-        "status": Entry("live.up", "StatusCommand", "show how the services of a cell do"),
-        "down": Entry("live.up", "DownCommand", "stop a cell that is up"),
-        "watch": Entry("live.watch", "WatchCommand", "print what passes on a cell's bus"),
-        "gains set": Entry("live.settings", "GainsSet", "set gains of the running controller"),
-        "model set": Entry("live.settings", "ModelSet", "set the arm model of the running controller"),
-        "target set": Entry("live.settings", "TargetSet", "set how long the motions take"),
-        "stop": Entry("live.stop", "StopCommand", "let the function blocks stop the arm"),
-        "release": Entry("live.stop", "ReleaseCommand", "let a stopped arm move again"),
+        "up": Subcommand("live.up", "UpCommand", "start the services of a cell on Zenoh and keep them running"),
+        "status": Subcommand("live.up", "StatusCommand", "show how the services of a cell do"),
+        "down": Subcommand("live.up", "DownCommand", "stop a cell that is up"),
+        "watch": Subcommand("live.watch", "WatchCommand", "print what passes on a cell's bus"),
+        "gains set": Subcommand("live.settings", "GainsSet", "set gains of the running controller"),
+        "model set": Subcommand("live.settings", "ModelSet", "set the arm model of the running controller"),
+        "target set": Subcommand("live.settings", "TargetSet", "set how long the motions take"),
+        "stop": Subcommand("live.stop", "StopCommand", "let the function blocks stop the arm"),
+        "release": Subcommand("live.stop", "ReleaseCommand", "let a stopped arm move again"),
     },
     "identification": {
-        "identify": Entry(
+        "identify": Subcommand(
             "identification.identify",
             "Identify",
             "identify the arm from a log or a simulated experiment",
         ),
-        "identify live": Entry("identification.live", "IdentifyLive", "excite and identify the running arm"),
-        "model list": Entry("identification.model", "ModelList", "list the identified models"),
-        "model show": Entry("identification.model", "ModelShow", "show an identified model"),
-        "model diff": Entry("identification.model", "ModelDiff", "compare two identified models"),
-        "model export": Entry(
+        "identify live": Subcommand("identification.live", "IdentifyLive", "excite and identify the running arm"),
+        "model list": Subcommand("identification.model", "ModelList", "list the identified models"),
+        "model show": Subcommand("identification.model", "ModelShow", "show an identified model"),
+        "model diff": Subcommand("identification.model", "ModelDiff", "compare two identified models"),
+        "model export": Subcommand(
             "identification.model", "ModelExport", "write an identified model as MJCF or parameters"
         ),
-        "bench identify": Entry("identification.bench", "BenchIdentify", "time a fit against mujoco.sysid"),
-        "experiment noise": Entry(
+        "bench identify": Subcommand("identification.bench", "BenchIdentify", "time a fit against mujoco.sysid"),
+        "experiment noise": Subcommand(
             "identification.experiment", "ExperimentNoise", "identify under encoder noise; report"
         ),
-        "experiment mass": Entry("identification.experiment", "ExperimentMass", "identify with a wrong load; report"),
-        "experiment friction": Entry(
+        "experiment mass": Subcommand(
+            "identification.experiment", "ExperimentMass", "identify with a wrong load; report"
+        ),
+        "experiment friction": Subcommand(
             "identification.experiment", "ExperimentFriction", "compare friction laws; report"
         ),
     },
     "monitoring": {
-        "monitor": Entry("monitoring.monitor", "MonitorCommand", "find faults of the arm in a log"),
-        "monitor acknowledge": Entry(
+        "monitor": Subcommand("monitoring.monitor", "MonitorCommand", "find faults of the arm in a log"),
+        "monitor acknowledge": Subcommand(
             "monitoring.acknowledge",
             "MonitorAcknowledge",
             "take the running arm as it is to be normal",
         ),
-        "experiment failure": Entry("monitoring.experiment", "ExperimentFailure", "monitor K2 failing; report"),
-        "experiment faults": Entry("monitoring.experiment", "ExperimentFaults", "score the monitor on faults"),
-        "experiment sampling": Entry("monitoring.experiment", "ExperimentSampling", "limits of the monitors"),
-        "experiment stop": Entry("monitoring.experiment", "ExperimentStop", "stop the arm on faults; report"),
+        "experiment failure": Subcommand("monitoring.experiment", "ExperimentFailure", "monitor K2 failing; report"),
+        "experiment faults": Subcommand(
+            "monitoring.experiment", "ExperimentFaults", "score the monitor on faults; report"
+        ),
+        "experiment sampling": Subcommand(
+            "monitoring.experiment", "ExperimentSampling", "find the limits of the monitors; report"
+        ),
+        "experiment stop": Subcommand("monitoring.experiment", "ExperimentStop", "stop the arm on faults; report"),
     },
     "simulation": {
-        "simulate": Entry(
+        "simulate": Subcommand(
             "simulation.simulate", "Simulate", "try a motion on the twin with the real function blocks"
         ),
-        "optimise": Entry("simulation.optimise", "Optimise", "search the best gains and target time on the twin"),
-        "upload gains": Entry(
+        "optimise": Subcommand(
+            "simulation.optimise", "Optimise", "search the best gains and target time on the twin"
+        ),
+        "upload gains": Subcommand(
             "simulation.upload", "UploadGains", "check gains, upload them to a running cell, on trial"
         ),
-        "upload model": Entry("simulation.upload", "UploadModel", "the same with an identified model"),
-        "upload target": Entry("simulation.upload", "UploadTarget", "the same with the target time"),
-        "upload version": Entry("simulation.upload", "UploadVersion", "the same with an earlier version"),
-        "upload rollback": Entry("simulation.upload", "RollBack", "take back the settings on trial"),
-        "history": Entry("simulation.history", "ShowHistory", "show all changes of the controller's settings"),
-        "bench upload": Entry("simulation.bench", "BenchUpload", "time uploads to a running cell"),
-        "experiment accuracy": Entry(
+        "upload model": Subcommand(
+            "simulation.upload", "UploadModel", "check an identified model, upload it, on trial"
+        ),
+        "upload target": Subcommand("simulation.upload", "UploadTarget", "check a target time, upload it, on trial"),
+        "upload version": Subcommand(
+            "simulation.upload", "UploadVersion", "check an earlier version, upload it, on trial"
+        ),
+        "upload rollback": Subcommand("simulation.upload", "RollBack", "take back the settings on trial"),
+        "history": Subcommand("simulation.history", "ShowHistory", "show all changes of the controller's settings"),
+        "bench upload": Subcommand("simulation.bench", "BenchUpload", "time uploads to a running cell"),
+        "experiment accuracy": Subcommand(
             "simulation.experiment",
             "ExperimentAccuracy",
             "hold the twin's motions against the arm's; report",
         ),
-        "experiment upload": Entry(
+        "experiment upload": Subcommand(
             "simulation.experiment",
             "ExperimentUpload",
             "upload gains and a model to a running cell; report",
         ),
-        "demo recovery": Entry("simulation.demo", "DemoRecovery", "let the twin find a fault and put it right"),
+        "demo recovery": Subcommand("simulation.demo", "DemoRecovery", "let the twin find a fault and put it right"),
     },
 }
 COMMANDS: Final = {name: entry for group in GROUPS.values() for name, entry in group.items()}

@@ -11,10 +11,11 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 FLOORS = [
     {"dtwin.errors"},
-    {"dtwin.options", "dtwin.parameters", "dtwin.iec61499"},
+    {"dtwin.options", "dtwin.parameters", "dtwin.pool", "dtwin.iec61499"},
     {"dtwin.signals"},
     {"dtwin.bus", "dtwin.emulation", "dtwin.twin", "dtwin.controller"},
     {"dtwin.run"},
+    {"dtwin.pictures"},
     {"dtwin.view", "dtwin.identification"},
     {"dtwin.monitoring", "dtwin.simulation"},
     {"services"},

@@ -6,23 +6,25 @@ Both integrate with RK4 at 2.5 ms, so where neither is chaotic the two must agre
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.emulation.plant import Plant
 from dtwin.parameters import HANGING, HOME, PHYSICS_STEP, ArmParameters, Triple, scaled
+from dtwin.pictures import COLOURS, new_figure, save
 from dtwin.twin.rollout import rollout
 
 Array = NDArray[np.float64]
 
 UPRIGHT: Triple = (math.pi / 2, 0.0, 0.0)
 TOLERANCE = 5e-4
-"""rad and s, of every expected value"""
+"""rad and s, by which a value may differ from the expected one"""
 AGREEMENT = 1e-11
-"""rad, largest difference of the two physics"""
+"""rad, by which the two physics may differ"""
 AT_REST = 0.005
 """rad, within which the arm counts as resting"""
 FALLEN = 0.5
@@ -30,10 +32,10 @@ FALLEN = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class ValidationCase:
     """One unpowered run from rest.
 
-    expected gives values by the name of a `Motion` property, rad or s; within gives (low, high) bounds, s;
+    expected gives values by the name of a `Trajectory` property, rad or s; within gives (low, high) bounds, s;
     agreement_until is the time (s) to which the two physics are compared (beyond it rounding decides).
     """
 
@@ -48,7 +50,7 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class Trajectory:
     """A trajectory: time (n,) s, theta (n, 3) rad."""
 
     time: Array
@@ -64,12 +66,12 @@ class Motion:
 
     @property
     def rests_at(self) -> float:
-        """s, after which the arm stays within AT_REST of hanging; inf if it never does."""
+        """Time after which the arm stays within AT_REST of hanging, s; inf if it never does."""
         return self._first_after(np.abs(self.theta - np.array(HANGING)).max(axis=1) > AT_REST)
 
     @property
     def falls_at(self) -> float:
-        """s, when the arm first is further than FALLEN from where it started; inf if it never is."""
+        """Time at which the arm first is further than FALLEN from where it started, s; inf if it never is."""
         away = np.abs(self.theta - self.theta[0]).max(axis=1) > FALLEN
         return float(self.time[away.argmax()]) if away.any() else math.inf
 
@@ -94,12 +96,12 @@ class Check:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class ValidationOutcome:
     """A case after both physics ran it; difference is their largest, rad, up to the case's agreement_until."""
 
-    case: Case
-    emulation: Motion
-    twin: Motion
+    case: ValidationCase
+    emulation: Trajectory
+    twin: Trajectory
     difference: float
     checks: tuple[Check, ...]
 
@@ -108,11 +110,11 @@ class Outcome:
         return all(check.passed for check in self.checks)
 
 
-def cases() -> tuple[Case, ...]:
+def cases() -> tuple[ValidationCase, ...]:
     """The validation runs: the four of the arm's data sheet and the first once more with a box in the gripper."""
     arm = ArmParameters()
     return (
-        Case(
+        ValidationCase(
             "drop",
             HOME,
             arm,
@@ -120,8 +122,8 @@ def cases() -> tuple[Case, ...]:
             expected={"min_theta_1": -2.3422, "time_of_min": 0.670},
             within={"rests_at": (9.0, 10.5)},
         ),
-        Case("drop with 0.2 kg", HOME, arm, 40.0, payload=0.2),
-        Case(
+        ValidationCase("drop with 0.2 kg", HOME, arm, 40.0, payload=0.2),
+        ValidationCase(
             "masses x 1.5",
             HOME,
             scaled(arm, "m", 1.5),
@@ -129,14 +131,14 @@ def cases() -> tuple[Case, ...]:
             expected={"min_theta_1": -2.4867, "time_of_min": 0.6575},
             within={"rests_at": (14.0, 15.5)},
         ),
-        Case(
+        ValidationCase(
             "inertias x 2", HOME, scaled(arm, "I", 2.0), 20.0, expected={"min_theta_1": -2.3475, "time_of_min": 0.680}
         ),
-        Case("upright", UPRIGHT, arm, 30.0, within={"falls_at": (8.0, 9.0)}, agreement_until=2.0),
+        ValidationCase("upright", UPRIGHT, arm, 30.0, within={"falls_at": (8.0, 9.0)}, agreement_until=2.0),
     )
 
 
-def validate(between: Callable[[Case], None] = lambda case: None) -> tuple[Outcome, ...]:
+def validate(between: Callable[[ValidationCase], None] = lambda case: None) -> tuple[ValidationOutcome, ...]:
     """Runs every case on both physics; `between` is told the case about to run."""
     outcomes = []
     for case in cases():
@@ -145,7 +147,7 @@ def validate(between: Callable[[Case], None] = lambda case: None) -> tuple[Outco
     return tuple(outcomes)
 
 
-def emulated(case: Case) -> Motion:
+def emulated(case: ValidationCase) -> Trajectory:
     """The case on MuJoCo, sampled every physics step."""
     plant = Plant(case.parameters)
     plant.set_payload(case.payload)
@@ -156,18 +158,18 @@ def emulated(case: Case) -> Motion:
     for k in range(1, steps + 1):
         plant.advance(PHYSICS_STEP)
         theta[k] = plant.theta
-    return Motion(PHYSICS_STEP * np.arange(steps + 1, dtype=np.float64), theta)
+    return Trajectory(PHYSICS_STEP * np.arange(steps + 1, dtype=np.float64), theta)
 
 
-def predicted(case: Case) -> Motion:
+def predicted(case: ValidationCase) -> Trajectory:
     """The case on the analytic twin, sampled every physics step."""
     steps = round(case.duration / PHYSICS_STEP)
     state = np.array([*case.start, 0.0, 0.0, 0.0])
     states = rollout(case.parameters, state, np.zeros((steps, 3)), case.payload, period=PHYSICS_STEP, substeps=1)
-    return Motion(PHYSICS_STEP * np.arange(steps + 1, dtype=np.float64), states[:, :3])
+    return Trajectory(PHYSICS_STEP * np.arange(steps + 1, dtype=np.float64), states[:, :3])
 
 
-def _examine(case: Case, emulation: Motion, twin: Motion) -> Outcome:
+def _examine(case: ValidationCase, emulation: Trajectory, twin: Trajectory) -> ValidationOutcome:
     compared = emulation.time <= case.agreement_until
     difference = float(np.abs(emulation.theta - twin.theta)[compared].max())
     checks = [Check("emulation_vs_twin", difference, f"at most {AGREEMENT:g} rad", difference <= AGREEMENT)]
@@ -181,4 +183,35 @@ def _examine(case: Case, emulation: Motion, twin: Motion) -> Outcome:
             checks.append(Check(f"{name} {quantity}", value, f"{low:g} to {high:g} s", low <= value <= high))
         resting = max(abs(a - b) for a, b in zip(motion.final, HANGING, strict=True))
         checks.append(Check(f"{name} final", resting, f"hanging within {TOLERANCE:g} rad", resting <= TOLERANCE))
-    return Outcome(case, emulation, twin, difference, tuple(checks))
+    return ValidationOutcome(case, emulation, twin, difference, tuple(checks))
+
+
+def draw(outcomes: Sequence[ValidationOutcome], path: Path) -> None:
+    """Draws every run, the emulation's angles as lines and the twin's as dots, to a PNG file.
+
+    Raises:
+        RecordingError: the file cannot be written.
+    """
+    figure = new_figure(10, 2.3 * len(outcomes))
+    axes = figure.subplots(len(outcomes), 1, squeeze=False)[:, 0]
+    for axis, outcome in zip(axes, outcomes, strict=True):
+        motion, twin = outcome.emulation, outcome.twin
+        sparse = np.arange(0, len(twin.time), max(1, len(twin.time) // 80))
+        for joint, colour in enumerate(COLOURS[:3]):
+            axis.plot(
+                motion.time, motion.theta[:, joint], color=colour, lw=1.2, label=f"theta {joint + 1}, emulation"
+            )
+            axis.plot(
+                twin.time[sparse],
+                twin.theta[sparse, joint],
+                ".",
+                color=colour,
+                ms=4,
+                label=f"theta {joint + 1}, twin",
+            )
+        axis.set_title(f"{outcome.case.name}: largest difference {outcome.difference:.1e} rad", fontsize=10)
+        axis.set_ylabel("rad")
+        axis.grid(alpha=0.3)
+    axes[0].legend(ncols=3, fontsize=8, loc="upper right")
+    axes[-1].set_xlabel("time, s")
+    save(figure, path)

@@ -11,15 +11,12 @@ from dtwin.identification.data import Array
 from dtwin.identification.estimation.estimate import NINETY_FIVE, Estimate
 from dtwin.identification.held_out import Comparison
 from dtwin.parameters import PERIOD, ArmParameters
-from dtwin.run.recording import replacing
+from dtwin.pictures import COLOURS, DARK, RED, new_figure, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MEASURED: Final = "#444444"
-OLD: Final = "#c44e52"
-NEW: Final = "#4c72b0"
 _SHOWN: Final = 1000
 """Largest number of samples of a motion that a picture shows."""
 
@@ -40,9 +37,7 @@ def draw(
     Raises:
         RecordingError: the path cannot be written.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(13, 9), layout="constrained")
+    figure = new_figure(13, 9)
     figure.suptitle(title)
     grid = figure.add_gridspec(3, 2, width_ratios=(1.25, 1))
     for joint in range(3):
@@ -54,22 +49,12 @@ def draw(
     save(figure, path)
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Writes a figure as a PNG file; equal figures give equal bytes.
-
-    Raises:
-        RecordingError: the path cannot be written.
-    """
-    with replacing(path) as temporary:
-        figure.savefig(temporary, format="png", dpi=110, metadata={"Software": None})
-
-
 def _motion(axis: Axes, joint: int, old: Comparison, new: Comparison) -> None:
     time = np.arange(len(new.measured))[:_SHOWN] * PERIOD
     lines: tuple[tuple[Array, str, str], ...] = (
-        (new.measured, MEASURED, "measured"),
-        (old.predicted, OLD, f"model before, fit {old.fit[joint]:.3f}"),
-        (new.predicted, NEW, f"identified, fit {new.fit[joint]:.3f}"),
+        (new.measured, DARK, "measured"),
+        (old.predicted, RED, f"model before, fit {old.fit[joint]:.3f}"),
+        (new.predicted, COLOURS[0], f"identified, fit {new.fit[joint]:.3f}"),
     )
     for angles, colour, label in lines:
         wide = label == "measured"
@@ -97,8 +82,10 @@ def _intervals(axis: Axes, estimate: Estimate, names: list[str], truth: ArmParam
     centre = np.array([reference.get(name) for name in names])
     half = NINETY_FIVE * np.array([estimate.standard_errors[name] for name in names])
     position = np.arange(len(names))
-    axis.errorbar(position, 100 * (value - centre) / size, 100 * half / size, fmt="o", color=NEW, ms=4, capsize=3)
-    axis.axhline(0, color=MEASURED, lw=1)
+    axis.errorbar(
+        position, 100 * (value - centre) / size, 100 * half / size, fmt="o", color=COLOURS[0], ms=4, capsize=3
+    )
+    axis.axhline(0, color=DARK, lw=1)
     axis.set_xticks(position, names)
     axis.set_ylabel("%")
     axis.set_title(f"estimate and 95 % interval, from {'the truth' if truth else 'the start'}", fontsize=10)

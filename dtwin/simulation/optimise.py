@@ -9,12 +9,8 @@ results, whatever the number of processes.
 from __future__ import annotations
 
 import math
-import multiprocessing
-import os
 import time
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
@@ -25,6 +21,7 @@ from scipy.stats import qmc
 
 from dtwin.errors import ParameterError
 from dtwin.parameters import Gains
+from dtwin.pool import Workers
 from dtwin.simulation.figures import Array, triple
 from dtwin.simulation.objective import UNLIMITED, CandidateScore, Objective, score
 
@@ -103,18 +100,16 @@ def optimise(
     upper = np.log([high, *(value for value in HIGHEST for _ in range(3))])
     scores: list[CandidateScore] = []
 
-    def judge(pool: Executor | None, _: Any, rows: Iterable[Array]) -> list[float]:
+    def judge(workers: Workers, _: Any, rows: Iterable[Array]) -> list[float]:
         points = [tuple(row.tolist()) for row in np.atleast_2d(np.array(list(rows)))]
-        task = partial(_judge, objective)
-        found = list(pool.map(task, points, chunksize=2) if pool is not None else map(task, points))
+        found = workers.map(partial(_judge, objective), points)
         scores.extend(found)
         between(len(scores), min(each.cost for each in scores))
         return [each.cost for each in found]
 
-    with _pool(processes) as pool:
-        if pool is not None:
-            warm = [(*lower.tolist(),)] * (2 * (processes or cores()))
-            list(pool.map(partial(_judge, objective), warm))
+    with Workers(processes) as workers:
+        if workers.count > 1:
+            workers.map(partial(_judge, objective), [(*lower.tolist(),)] * (2 * workers.count))
         began = time.perf_counter()
         differential_evolution(
             _unused,
@@ -123,7 +118,7 @@ def optimise(
             maxiter=candidates // POPULATION - 1,
             tol=0.0,
             updating="deferred",
-            workers=partial(judge, pool),
+            workers=partial(judge, workers),
             polish=False,
             rng=seed,
         )
@@ -144,11 +139,6 @@ def check_search(target_times: tuple[float, float], candidates: int, processes: 
         raise ParameterError(f"candidates: expected at least {2 * POPULATION}, got {candidates}")
     if processes is not None and processes < 1:
         raise ParameterError(f"processes: expected at least 1, got {processes}")
-
-
-def cores() -> int:
-    """Number of cores that this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 def _first_generation(lower: Array, upper: Array, target_time: float, gains: Gains, seed: int) -> Array:
@@ -172,10 +162,3 @@ def _judge(objective: Objective, point: Sequence[float]) -> CandidateScore:
 
 def _unused(_: Array) -> float:
     raise AssertionError("generations are judged as a whole")
-
-
-def _pool(processes: int | None) -> Any:
-    if processes == 1:
-        return nullcontext()
-    # Processes are not forked: the thread of a progress bar may hold a lock that the child would wait for.
-    return ProcessPoolExecutor(processes or cores(), multiprocessing.get_context("spawn"))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+from dtwin.pictures import COLOURS, DARK, new_figure, save
 from dtwin.simulation.optimise import Optimum
-from dtwin.simulation.plots import save
 
 _LABELS: Final = {
     "time": "settling time, s",
@@ -23,9 +23,7 @@ def draw_front(found: Optimum, path: Path) -> None:
     Raises:
         RecordingError: the path cannot be written.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(15, 5), layout="constrained")
+    figure = new_figure(15, 5)
     usable = [each for each in found.scores if not each.broken]
     figure.suptitle(f"{len(usable)} of {len(found.scores)} candidates keep all limits, in every scenario")
     for axis, (first, second) in zip(figure.subplots(1, len(_PAIRS)), _PAIRS, strict=True):
@@ -33,11 +31,11 @@ def draw_front(found: Optimum, path: Path) -> None:
         front = [(each.terms[first], each.terms[second]) for each in found.front(first, second)]
         if points:
             axis.scatter(*zip(*points, strict=True), s=10, color="#b0b8c4", label="candidates")
-            axis.plot(*zip(*front, strict=True), "o-", ms=4, lw=1.2, color="#4c72b0", label="Pareto front")
+            axis.plot(*zip(*front, strict=True), "o-", ms=4, lw=1.2, color=COLOURS[0], label="Pareto front")
             best = found.best.terms
-            axis.plot(best[first], best[second], "*", ms=14, color="#dd8452", label="least cost")
+            axis.plot(best[first], best[second], "*", ms=14, color=COLOURS[1], label="least cost")
         reference = found.reference.terms
-        axis.plot(reference[first], reference[second], "D", ms=7, color="#444444", label="in use")
+        axis.plot(reference[first], reference[second], "D", ms=7, color=DARK, label="in use")
         axis.set_xlabel(_LABELS[first])
         axis.set_ylabel(_LABELS[second])
         axis.grid(alpha=0.3)

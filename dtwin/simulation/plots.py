@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT
-from dtwin.run.recording import replacing
+from dtwin.pictures import COLOURS, DARK, new_figure, save
 from dtwin.simulation.measured import MotionComparison
 from dtwin.simulation.whatif import Outcome
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-COLOURS: Final = ("#4c72b0", "#dd8452", "#55a868", "#8172b3", "#937860", "#da8bc3", "#8c8c8c", "#ccb974", "#64b5cd")
-MEASURED: Final = "#444444"
 
 
 def draw_motions(outcomes: Mapping[str, Outcome], path: Path, comparison: MotionComparison | None = None) -> None:
@@ -32,18 +28,16 @@ def draw_motions(outcomes: Mapping[str, Outcome], path: Path, comparison: Motion
     Raises:
         RecordingError: the path cannot be written.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(14, 9), layout="constrained")
+    figure = new_figure(14, 9)
     axes = figure.subplots(3, 3, sharex=True)
     for joint in range(3):
         angle, error, volts = axes[:, joint]
         if comparison is not None:
             time = np.arange(len(comparison.measured)) * PERIOD
             measured = comparison.measured[:, joint]
-            angle.plot(time, measured, color=MEASURED, lw=2.5, alpha=0.6, label="measured")
-            error.plot(time, comparison.path[:, joint] - measured, color=MEASURED, lw=2.5, alpha=0.6)
-            volts.plot(time, comparison.volts[:, joint], color=MEASURED, lw=2.5, alpha=0.6)
+            angle.plot(time, measured, color=DARK, lw=2.5, alpha=0.6, label="measured")
+            error.plot(time, comparison.path[:, joint] - measured, color=DARK, lw=2.5, alpha=0.6)
+            volts.plot(time, comparison.volts[:, joint], color=DARK, lw=2.5, alpha=0.6)
         for number, (name, outcome) in enumerate(outcomes.items()):
             _one(angle, error, volts, joint, name, outcome, COLOURS[number % len(COLOURS)])
         angle.set_title(f"joint {joint + 1}")
@@ -63,13 +57,3 @@ def _one(angle: Axes, error: Axes, volts: Axes, joint: int, name: str, outcome: 
     angle.plot(time, outcome.path[:, joint], color=colour, lw=1.0, ls=":", label=f"{name}, path")
     error.plot(time, outcome.path[:, joint] - outcome.theta[:, joint], color=colour, lw=1.2)
     volts.step(time, outcome.volts[:, joint], color=colour, lw=1.0, where="post")
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Writes a figure as a PNG file, which appears complete or not at all; equal figures give equal bytes.
-
-    Raises:
-        RecordingError: the path cannot be written.
-    """
-    with replacing(path) as temporary:
-        figure.savefig(temporary, format="png", dpi=110, metadata={"Software": None})

@@ -10,9 +10,10 @@ from typing import Any
 import pytest
 
 from dtwin.cli import main
-from dtwin.experiments.monitoring import report
+from dtwin.experiments.monitoring.numbers import CHART
 from dtwin.experiments.monitoring.scorecard import Scorecard, faults_experiment, label, summary
-from dtwin.experiments.monitoring.trial import Outcome, Trial, run_trial, true_cause
+from dtwin.experiments.monitoring.scorecard_report import faults_report
+from dtwin.experiments.monitoring.trial import FaultOutcome, FaultTrial, run_trial, true_cause
 from dtwin.run.recording import Log
 
 
@@ -100,6 +101,10 @@ def test_a_recording_shows_what_the_monitor_made_of_it(
         (["experiment", "faults", "--hours", "-1"], "--hours"),
         (["experiment", "failure", "--runs", "0"], "--runs"),
         (["experiment", "stop", "--runs", "0"], "--runs"),
+        (["experiment", "stop", "--seed", "-1"], "--seed"),
+        (["experiment", "stop", "--workers", "0"], "--workers"),
+        (["experiment", "stop", "--out", "/dev/null/page"], "/dev/null"),
+        (["experiment", "soak", "chaos", "9"], "expected no time"),
         (["experiment", "stop", "--fault", "K9*=2"], "unknown fault target"),
     ],
 )
@@ -120,10 +125,10 @@ def test_bad_input_is_one_line_and_status_2(
     assert list(tmp_path.iterdir()) == []
 
 
-def outcome(fault: str, cause: str, joint: int, **values: Any) -> Outcome:
+def outcome(fault: str, cause: str, joint: int, **values: Any) -> FaultOutcome:
     defaults = {"latency_s": 0.1, "motion_latency_s": 0.1, "size": -0.19, "size_true": -0.2, "deviation": 0.004}
     merged = {"detected": True, **defaults, **values}
-    return Outcome(
+    return FaultOutcome(
         seed=0,
         fault=fault,
         method="default",
@@ -160,12 +165,12 @@ def test_a_line_of_the_scorecard_counts_what_was_missed() -> None:
 
 
 def test_equal_trials_have_equal_outcomes() -> None:
-    trial = Trial(3, "bias1+=0.02", noise=0.002, start=12.0)
+    trial = FaultTrial(3, "bias1+=0.02", noise=0.002, start=12.0)
     assert run_trial(trial) == run_trial(trial)
 
 
 def test_the_thesis_monitor_watches_the_same_trials() -> None:
-    seen = run_trial(Trial(3, "K2*=0.1", "thesis", noise=0.003, start=31.0, patience=12.0, motion=math.inf))
+    seen = run_trial(FaultTrial(3, "K2*=0.1", "thesis", noise=0.003, start=31.0, patience=12.0, motion=math.inf))
     assert seen.detected
     assert seen.latency_s is not None
     assert 4.5 < seen.latency_s < 12.0
@@ -176,11 +181,13 @@ def test_a_scorecard_is_written_as_a_page_with_a_chart(tmp_path: Path) -> None:
     card = faults_experiment(seeds=1, hours=0.01, faults=("cut1", "bias2+=0.02"), workers=1)
     assert card.false_alarms == 0
     assert card.hours > 0.01
-    text = report.faults_text(card)
-    page = report.write(tmp_path / "out", text, lambda figure: report.draw_faults(card, figure))
-    assert page.read_text() == f"{text}\n![chart]({report.CHART})\n"
+    report = faults_report(card)
+    text = report.text
+    assert report.write(tmp_path / "out").read_text() == text
+    assert text.endswith(f"]({CHART})\n")
+    assert CHART not in report.words.text
     assert max(map(len, re.findall(r"^\|.*\|$", text, re.M))) <= 80
     assert "| `cut1` | 1 | 100 % |" in text
     assert "| encoder bias 2 | 1 | 1 |  |" in text
     assert "0 false alarms" in text
-    assert (tmp_path / "out" / report.CHART).read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "out" / CHART).read_bytes().startswith(b"\x89PNG")

@@ -3,9 +3,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dtwin.experiments.identification.campaign import run_trials
-from dtwin.experiments.identification.experiments import FREE, mass_experiment, noise_experiment
-from dtwin.experiments.identification.report import CHART, Page, write_report
+from dtwin.experiments.identification.groups import run_groups
+from dtwin.experiments.identification.mass import mass_experiment
+from dtwin.experiments.identification.noise import noise_experiment
+from dtwin.experiments.identification.pages import identification_report
+from dtwin.experiments.identification.standard import FREE
 
 
 def test_the_number_of_processes_does_not_change_the_outcome() -> None:
@@ -19,7 +21,7 @@ def test_the_number_of_processes_does_not_change_the_outcome() -> None:
     assert lower is not None
     assert higher is not None
     assert higher["K1"] == pytest.approx(5 * lower["K1"])
-    assert run_trials([]) == []
+    assert run_groups([]) == []
 
 
 def test_a_wrong_load_scales_all_forces() -> None:
@@ -35,12 +37,12 @@ def test_a_refusal_is_reported_and_the_report_is_whole(tmp_path: Path) -> None:
     groups = noise_experiment(2, (0.005, 2.0), workers=1)
     assert all(outcome.values is None for outcome in groups[1].outcomes)
     assert "no motion" in groups[1].outcomes[0].reason or "diverged" in groups[1].outcomes[0].reason
-    page = Page("A title", "The setup.", "Found before.", "The conclusion.")
-    path = write_report(page, groups, tmp_path / "new" / "folder")
+    report = identification_report("A title", "The setup.", "Found before.", "The conclusion.", groups)
+    path = report.write(tmp_path / "new" / "folder")
     text = path.read_text()
-    for part in ("# A title", "The setup.", "Found before.", "The conclusion.", f"]({CHART})", "- refused: "):
+    for part in ("# A title", "The setup.", "Found before.", "The conclusion.", "](errors.png)", "- refused: "):
         assert part in text
     assert text.count("\n| K1 |") == 1
-    assert (path.parent / CHART).read_bytes().startswith(b"\x89PNG")
+    assert (path.parent / "errors.png").read_bytes().startswith(b"\x89PNG")
     assert len(groups[0].truth) == len(FREE)
     assert np.isnan(groups[1].root_mean_square("K1"))

@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 
 from dtwin.cli import main
-from dtwin.experiments.monitoring import report
-from dtwin.experiments.monitoring.stopping import StopOutcome, StopTrial, stop_trial
+from dtwin.experiments.monitoring.stopping import StopOutcome, StopTrial, stop_trial, stopping_report
 
 
 def test_an_arm_whose_motor_2_has_lost_its_torque_ends_without_voltage() -> None:
@@ -53,7 +52,7 @@ def test_the_page_counts_what_was_held_and_what_was_not() -> None:
         outcome(torque_off_s=2.0, demanded_s=0.5, stop="torque off"),
         outcome(demanded_s=None, moving=False),
     ]
-    row = next(line for line in report.stopping_text(runs).splitlines() if line.startswith("| K2"))
+    row = next(line for line in stopping_report(runs).text.splitlines() if line.startswith("| K2"))
     assert row == "| K2*=0.1 | 4 | 3 | 0.30 | 0.50 | 2 | 2 | 0.50 | 0.50 | 1 | 2.00 | 2.00 |"
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dtwin.errors import ModelError, ParameterError
-from dtwin.experiments.monitoring.trial import Trial, run_trial
+from dtwin.experiments.monitoring.trial import FaultTrial, run_trial
 from dtwin.monitoring.belief import Belief, assumed, identified
 from dtwin.monitoring.monitor import BRIDGED, Monitor, MonitorSettings
 from dtwin.monitoring.offline import Stream, stream, watch
@@ -38,7 +38,7 @@ def followed(belief: Belief, seen: Stream, stop: int | None = None) -> Monitor:
     ],
 )
 def test_faults_are_found_named_and_sized(fault: str, largest_error: float | None) -> None:
-    outcome = run_trial(Trial(seed=5, fault=fault, noise=0.003, start=31.0))
+    outcome = run_trial(FaultTrial(seed=5, fault=fault, noise=0.003, start=31.0))
     assert outcome.detected
     assert outcome.named, f"named {outcome.cause} of {outcome.joint}"
     assert outcome.false_alarms == 0

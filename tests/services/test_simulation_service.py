@@ -20,7 +20,7 @@ from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Predicted, PredictionRequest, Upload, UploadRequest
 from dtwin.controller.excitation import ExcitationController
 from dtwin.errors import CommunicationError
-from dtwin.experiments.identification.experiments import standard_settings
+from dtwin.experiments.identification.standard import standard_settings
 from dtwin.identification.estimation.estimate import identify
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from dtwin.controller.excitation import ExcitationController
-from dtwin.experiments.identification.experiments import standard_settings
+from dtwin.experiments.identification.standard import standard_settings
 from dtwin.identification.data import Experiment, Start
 from dtwin.identification.excitation.plan import PLAIN, Excitation, Plan
 from dtwin.identification.excitation.rig import Rig

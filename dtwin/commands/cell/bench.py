@@ -4,30 +4,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import msgspec
 from rich.console import Console
 from rich.table import Table
 
-from dtwin.errors import ParameterError
+from dtwin.commands.frame import JsonOption, at_least, print_json
 from dtwin.experiments.benchmark import benchmark
 
 
 @dataclass(frozen=True)
-class Bench:
+class Bench(JsonOption):
     """Measure raw MuJoCo steps, the closed loop, the twin's rollout and the controller; medians of several rounds."""
 
-    json: bool = False
-    """Print one JSON object on standard output and nothing else."""
     rounds: int = 5
-    """How often each part is measured; the parts take turns."""
+    """Number of times that each part is measured; the parts take turns."""
 
     def execute(self) -> int:
-        if self.rounds < 1:
-            raise ParameterError(f"--rounds: expected at least 1, got {self.rounds}")
+        at_least("--rounds", self.rounds, 1)
         with Console(stderr=True).status("measuring") as status:
             result = benchmark(self.rounds, lambda name: status.update(f"measuring {name}"))
         if self.json:
-            print(msgspec.json.encode(result).decode())
+            print_json(result)
             return 0
         table = Table("part", "measure", "median", title=f"medians of {self.rounds} rounds")
         for part, measures in result.items():

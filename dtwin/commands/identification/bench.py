@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
-import msgspec
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from dtwin.commands.frame import JsonOption, at_least, print_json
 from dtwin.controller.excitation import ExcitationController
 from dtwin.emulation import peer
-from dtwin.errors import ParameterError
-from dtwin.experiments.identification.experiments import FREE, standard_settings
+from dtwin.experiments.identification.standard import FREE, standard_settings
 from dtwin.identification.data import Experiment
 from dtwin.identification.estimation.estimate import Loss, identify, load_kernels
 from dtwin.identification.estimation.problem import LOWER, UPPER, symbol
@@ -28,24 +27,22 @@ _PEER = "mujoco.sysid"
 
 
 @dataclass(frozen=True)
-class BenchIdentify:
+class BenchIdentify(JsonOption):
     """Time the fit of 12 parameters and 3 offsets to 350 samples against mujoco.sysid at its best settings.
 
     The peer needs `pip install 'mujoco[sysid]'`; without it only this project's fits are timed.
     """
 
     rounds: int = 5
-    """Data sets; on each all programs take turns."""
+    """Number of data sets; on each all programs take turns."""
     noise: float = 0.010
-    """Encoder noise, rad: noise * u with u uniform in [0, 1)."""
+    """Magnitude of the encoder noise, rad, which is noise * u with u uniform in [0, 1)."""
     seed: int = 0
-    """Of the noise."""
-    json: bool = False
-    """Print one JSON object on standard output and nothing else."""
+    """Number of the random generator of the noise."""
 
     def execute(self) -> int:
-        if self.rounds < 1:
-            raise ParameterError(f"--rounds: expected at least 1, got {self.rounds}")
+        at_least("--rounds", self.rounds, 1)
+        at_least("--seed", self.seed, 0)
         truth, plan, blocks = ArmParameters(), Plan(), ExcitationController()
         rig = Rig(truth, self.noise)
         load_kernels()
@@ -67,7 +64,7 @@ class BenchIdentify:
         }
         ratio = median(seconds[_PEER]) / median(seconds["dtwin"]) if _PEER in seconds else None
         if self.json:
-            print(msgspec.json.encode({"fits": report, "times_faster": ratio, "rounds": self.rounds}).decode())
+            print_json({"fits": report, "times_faster": ratio, "rounds": self.rounds})
         else:
             _print(report, ratio, self.rounds)
         return 0

@@ -30,9 +30,9 @@ from dtwin.parameters import PERIOD, ArmParameters, assignment, load_arm
 from dtwin.run.recording import Log, ensure_writable, read_log
 
 _HELD_OUT_SHARE = 0.2
-"""of a log, kept for judging the model"""
+"""share of a log that is kept for judging the model"""
 _MOST_SEGMENTS = 60
-"""of one second that a fit takes from a log; more, each with six unknowns of its own, would take minutes"""
+"""number of segments of one second that a fit takes from a log; each has six unknowns, and more would take minutes"""
 _DESIGN_NOISE = 0.003
 
 
@@ -50,13 +50,13 @@ class Identify:
     noise_kind: Literal["uniform", "gaussian"] = "uniform"
     """uniform adds noise * u with u in [0, 1), so it is biased by half of it; gaussian is not biased."""
     payload: list[float] = field(default_factory=list)
-    """Known load at the tip, kg, 0.2 if not given; repeat for several runs. For a log: taken for every box."""
+    """Known load at the tip, kg, 0.2 if not given; repeat it for several runs. With a log, the mass of every box."""
     payload_model: Literal["weight", "point"] = "weight"
-    """weight: a load whose inertia does not act on the arm; point: a box in the gripper."""
+    """weight is a load whose inertia does not act on the arm; point is a box in the gripper."""
     free: str = "K,I,c,D"
-    """What to estimate: symbols (K, m, I, l, c, D, mu) for three joints, names such as m2, or all but mu: all."""
+    """What to estimate: symbols (K, m, I, l, c, D, mu) of all joints, names such as m2, or "all", without mu."""
     friction: Literal["viscous", "coulomb", "both", "auto"] | None = None
-    """Friction law to estimate in place of what --free says of it; auto takes the one of least criterion (BIC)."""
+    """Friction law to estimate, in place of D and mu of --free; auto takes the law with the least criterion (BIC)."""
     prior: list[str] = field(default_factory=list)
     """Knowledge of a free parameter from elsewhere, NAME=MEAN+-DEVIATION, such as m2=0.116+-0.001."""
     loss: Literal["adaptive", "gaussian", "huber"] = "adaptive"
@@ -68,9 +68,9 @@ class Identify:
     set: list[str] = field(default_factory=list)
     """A parameter of the simulated arm, NAME=NUMBER."""
     known: Path | None = None
-    """JSON with the parameters that are not estimated, by name; the arm's data sheet if not given."""
+    """JSON file with the parameters that are not estimated, by name; the arm's data sheet if not given."""
     seed: int = 0
-    """Of noise, further starting points and the design."""
+    """Number of the random generators of noise, further starting points and the design of the signal."""
     save: str | None = "arm"
     """Name to keep the model under; None keeps it nowhere."""
     store: Path = STORE
@@ -78,7 +78,7 @@ class Identify:
     plot: Path | None = None
     """Draw motion, intervals and correlation to this PNG file."""
     record: Path | None = None
-    """Write the same to this .rrd file for the Rerun viewer."""
+    """Write motion, intervals and correlation to this .rrd file for the Rerun viewer."""
     json: bool = False
     """Print one JSON object on standard output and nothing else."""
 

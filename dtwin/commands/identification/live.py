@@ -28,13 +28,13 @@ _LOOK = 0.2
 class IdentifyLive:
     """Identify the arm of a running cell, excited or at work; the model is shown, then kept or not.
 
-    Needs the service: dtwin up --identification. The exit status is 1 when no model is kept.
+    The cell must have been started with `dtwin up --identification`. The exit status is 1 when no model is kept.
     """
 
     free: str = IdentificationRequest().free
     """What to estimate; without a known load something must set the scale of the forces: by default K1."""
     box_mass: float = IdentificationRequest().box_mass
-    """Taken for a box held meanwhile, kg."""
+    """Mass that a box in the gripper is taken to have, kg."""
     source: DataSource = "signal"
     """signal: the blocks excite the arm; motion: the arm goes on working, and its motions with an empty gripper tell
     what of the known model (dtwin up --model) has changed."""
@@ -47,9 +47,9 @@ class IdentifyLive:
     upload: bool = False
     """Upload an accepted model to the controller, too. Needs dtwin up --simulation."""
     name: str = "arm"
-    """To keep the model under."""
+    """Name to keep the model under."""
     timeout: float = 60.0
-    """s to wait for the model."""
+    """Time to wait for the model, s."""
     cell: str = "cell"
     """Name of the cell."""
     zenoh: Path | None = None

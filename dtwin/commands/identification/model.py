@@ -102,7 +102,7 @@ class ModelDiff:
     first: Annotated[str, tyro.conf.Positional]
     """NAME, NAME@REVISION or a file that ends in .json."""
     second: Annotated[str, tyro.conf.Positional]
-    """The other one."""
+    """The model to compare it with, named in the same way."""
     store: Path = STORE
     """Folder of the models."""
     json: bool = False
@@ -153,7 +153,7 @@ class ModelExport:
     model: Annotated[str, tyro.conf.Positional]
     """NAME, NAME@REVISION or a file that ends in .json."""
     file: Annotated[Path, tyro.conf.Positional]
-    """To write: .xml for an MJCF, .json for parameters by name."""
+    """File to write: .xml for an MJCF, .json for parameters by name."""
     store: Path = STORE
     """Folder of the models."""
     format: Literal["mjcf", "parameters"] | None = None

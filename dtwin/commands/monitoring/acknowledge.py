@@ -21,11 +21,11 @@ class MonitorAcknowledge:
 
     A changed constant, friction or offset is measured from its present value on, a locked joint or a stopped encoder
     is reported again after it has worked. What has no known cause comes back if it shows again. A monitoring service
-    that starts anew has forgotten it. Needs the service: dtwin up --monitoring.
+    that starts anew has forgotten it. The cell must have been started with `dtwin up --monitoring`.
     """
 
     parameter: tyro.conf.Positional[str] = ""
-    """Of one finding, as `dtwin watch twin/monitoring/verdict` shows it, e.g. K2; all of them if not given."""
+    """Parameter of one finding, as `dtwin watch twin/monitoring/verdict` shows it, e.g. K2; all if not given."""
     cell: str = "cell"
     """Name of the cell."""
     zenoh: Path | None = None

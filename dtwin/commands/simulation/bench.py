@@ -13,12 +13,12 @@ import msgspec
 from dtwin.bus.messages import ROLL_BACK, SUMMARY, UPLOAD, Summary
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
-from dtwin.errors import ParameterError
+from dtwin.commands.frame import at_least, print_json
 from services.runfile import join
 
 _WHY = "dtwin bench upload"
 _CHANGE = 1.001
-"""of the proportional gains: another setting, hardly another controller"""
+"""factor on a setting: the setting is another one, the controller hardly"""
 _PAUSE = 0.1
 """s between two uploads"""
 _SETTLE = 1.2
@@ -29,26 +29,25 @@ _SETTLE = 1.2
 class BenchUpload:
     """Time uploads to a running cell from request to acknowledgement; each is taken back at once.
 
-    Gains and model take turns: slightly changed ones, with all checks. Needs the service: dtwin up --simulation.
-    Prints one JSON object.
+    Gains and the arm model take turns, each slightly changed and with all checks. The cell must have been started
+    with `dtwin up --simulation`. One JSON object is printed.
     """
 
     rounds: int = 40
-    """Uploads."""
+    """Number of uploads."""
     cell: str = "cell"
     """Name of the cell."""
     zenoh: Path | None = None
     """Zenoh configuration file, for a cell on another machine."""
 
     def execute(self) -> int:
-        if self.rounds < 2:
-            raise ParameterError(f"--rounds: expected at least 2, got {self.rounds}")
+        at_least("--rounds", self.rounds, 2)
         with join(self.cell, self.zenoh) as bus:
             before = _late(bus)
             spent = [1e3 * _upload(bus, "model" if number % 2 else "gains") for number in range(self.rounds)]
             late = _late(bus) - before
         result = {"uploads": self.rounds, "median_ms": median(spent), "worst_ms": max(spent), "late_ticks": late}
-        print(msgspec.json.encode(result).decode())
+        print_json(result)
         return 0
 
 

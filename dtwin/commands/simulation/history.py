@@ -16,7 +16,7 @@ class ShowHistory:
     """Show every change of the controller's settings: when, who, why, what, and what came of it."""
 
     file: Path = HISTORY
-    """History that the simulation service keeps."""
+    """File of the history that the simulation service keeps."""
     json: bool = False
     """Print one JSON object on standard output and nothing else."""
 

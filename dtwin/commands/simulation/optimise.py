@@ -31,16 +31,17 @@ _UNITS = {"time": "s", "tracking": "rad", "energy": "J", "voltage": "V"}
 class Optimise:
     """Search gains and target time of least cost on the twin, under limits that must hold for all arms and boxes.
 
-    The cost is the weighted mean of settling time, largest distance from the path, energy a motion and peak voltage,
-    each relative to the settings in use, so that 1 is as good as those. Differential evolution on all cores.
+    The cost is the weighted mean of settling time, largest distance from the path, energy of a motion and peak
+    voltage, each relative to the settings in use, so that 1 is as good as those. Settings are sought by differential
+    evolution.
     """
 
     cost: tuple[str, ...] = ("time=1",)
-    """Term and weight: time, tracking, energy or voltage, e.g. tracking=2; repeatable."""
+    """Term of the cost and its weight: time, tracking, energy or voltage, e.g. tracking=2; repeatable."""
     motion: tuple[str, ...] = ()
-    """A motion FROM:TO that counts; repeatable; all that the cell makes if not given."""
+    """A motion FROM:TO that counts; repeatable; all motions that the cell makes if not given."""
     target_time: tuple[float, float] = (0.5, 4.0)
-    """Between which to search, s; equal ones keep it."""
+    """Shortest and longest target time of the search, s; equal ones keep the target time."""
     in_use: float = 2.0
     """Target time in use, s."""
     kp: Triple = Gains().kp
@@ -50,31 +51,31 @@ class Optimise:
     kd: Triple = Gains().kd
     """Derivative gains in use, 1/s."""
     law: Law = "default"
-    """Control law."""
+    """Control law: computed torque, or the row-sum form without damping term."""
     model: str | None = None
     """Identified model, a file or a name in --store; its covariance says what arms are possible."""
     store: Path = STORE
     """Folder of the kept models."""
     arms: int = 2
-    """Possible arms drawn from the covariance that must keep the limits too."""
+    """Number of possible arms, drawn from the covariance, that must keep the limits too."""
     box: tuple[float, float] = (0.19, 0.21)
     """Least and largest mass of a carried box, kg."""
     noise: float = 0.001
     """Standard deviation of the encoder noise, rad."""
     saturated: float = Limits().saturated
-    """Limit: share of the samples of a motion with a voltage at its limit."""
+    """Largest share of the samples of a motion that may have a voltage at its limit."""
     overshoot: float = Limits().overshoot
-    """Limit: beyond the target, rad."""
+    """Largest distance that a joint may go beyond its target, rad."""
     tracking: float = Limits().tracking
-    """Limit: from the path, rad."""
+    """Largest distance of a joint from its path, rad."""
     voltage: float = Limits().voltage
-    """Limit of the voltage, V."""
+    """Largest voltage of a motor, V."""
     candidates: int = 1000
-    """How many settings to judge."""
+    """Number of settings to judge."""
     processes: int | None = None
-    """That share the work; one a core if not given."""
+    """Number of processes that share the work, one for each core if not given."""
     seed: int = 0
-    """Of the search; equal seeds give equal settings."""
+    """Number of the random generator of the search; equal numbers give equal settings."""
     plot: Path | None = None
     """Draw all candidates and the Pareto fronts to this PNG file."""
     save: Path | None = None

@@ -32,9 +32,9 @@ from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
 from services.runfile import join
 
 _SAMPLES = 9
-"""that the velocity of a running arm is taken from"""
+"""number of samples that the velocity of a running arm is taken from"""
 _PATIENCE = 5.0
-"""s for the samples of a running cell"""
+"""s that the samples of a running cell may take"""
 
 
 @dataclass(frozen=True)
@@ -45,13 +45,13 @@ class Simulate:
     """
 
     start: str = "pickup"
-    """Where from."""
+    """Place that the motion starts from."""
     live: bool = False
     """Start from the state of the running cell, with its gains, target time and model: needs up --simulation."""
     cell: str = "cell"
-    """Name of that cell."""
+    """Name of the running cell."""
     goal: str = "red"
-    """Where to."""
+    """Place that the motion goes to."""
     target_time: float = 2.0
     """Duration of the path, s."""
     kp: Triple = Gains().kp
@@ -63,15 +63,15 @@ class Simulate:
     law: Law = "default"
     """Control law."""
     payload: float = 0.0
-    """Mass at the tip, kg; the controller counts on its own --box when this is not 0."""
+    """Mass at the tip, kg; the controller counts on the mass of --box when this is not 0."""
     box: float = 0.2
-    """Mass of a box as the controller counts on, kg."""
+    """Mass that the controller takes a box to have, kg."""
     noise: float = 0.0
     """Encoder noise, rad: amplitude (uniform) or standard deviation (gaussian)."""
     noise_kind: NoiseKind = "uniform"
-    """uniform is biased by half of the noise."""
+    """Kind of the encoder noise; uniform noise is biased by half of its amplitude."""
     seed: int = 0
-    """Of the noise."""
+    """Number of the random generator of the noise."""
     duration: float | None = None
     """How long to look at the motion, s; the target time and 2 s more if not given."""
     set: list[str] = field(default_factory=list)
@@ -169,7 +169,7 @@ class Simulate:
 
 
 def _latest(bus: Bus) -> list[Sensors]:
-    """Samples in a row."""
+    """The latest samples of a running arm, one after the other without a gap."""
     inbox: SimpleQueue[Sensors] = SimpleQueue()
     bus.subscribe(SENSORS, Sensors, inbox.put)
     found: list[Sensors] = []

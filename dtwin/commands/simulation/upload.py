@@ -109,7 +109,7 @@ class UploadCommand(_Request):
         return 0 if answer.action == "confirm" else 1
 
 
-class Tuning(msgspec.Struct, frozen=True):
+class SavedSettings(msgspec.Struct, frozen=True):
     """What `dtwin optimise --save` writes."""
 
     gains: Gains
@@ -130,7 +130,7 @@ class UploadGains(UploadCommand):
     """JSON file of dtwin optimise."""
 
     def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
-        tuning = Tuning(now.gains) if self.file is None else _read(self.file)
+        tuning = SavedSettings(now.gains) if self.file is None else _read(self.file)
         given = {name: value for name in ("kp", "ki", "kd") if (value := getattr(self, name)) is not None}
         gains = replace(tuning.gains, **given)
         return msgspec.structs.replace(request, gains=gains, target_time=tuning.target_time)
@@ -173,9 +173,9 @@ def _print(answer: Upload) -> None:
     print(msgspec.json.encode(answer).decode(), flush=True)
 
 
-def _read(path: Path) -> Tuning:
+def _read(path: Path) -> SavedSettings:
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Tuning)
+        return msgspec.json.decode(path.read_bytes(), type=SavedSettings)
     except OSError as error:
         raise ModelError(f"{path}: {error.strerror}") from None
     except msgspec.MsgspecError as error:

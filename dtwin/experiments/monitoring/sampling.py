@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Sequence
-from typing import Final
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
 
 import msgspec
 import numpy as np
 
 from dtwin.emulation import parse_fault
 from dtwin.experiments.monitoring.failure import FAULT, START
+from dtwin.experiments.monitoring.numbers import CHART, number
 from dtwin.experiments.monitoring.trial import Method, identified_belief
+from dtwin.experiments.report import Picture, Report, page, table
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
+from dtwin.pictures import new_figure
+from dtwin.pool import Progress
 from dtwin.run.cell import Cell, CellSettings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 STEPS: Final = (0.001, 0.002, 0.005, 0.01)
 """s"""
@@ -29,11 +37,11 @@ class Speed(msgspec.Struct, frozen=True):
     """What one combination took.
 
     Attributes:
-        method: of monitoring.
-        step, sample_time: s.
-        core_share: of one core at 100 samples a second.
+        method: the method of monitoring.
+        step, sample_time: step of the simulation and time between two comparisons, s.
+        core_share: share of one core that the monitor takes at 100 samples a second.
         real_time_factor: how much faster than the plant.
-        latency_s: of K2 to 10 %, s; None if it was not reported.
+        latency_s: time from the drop of K2 to its report, s; None if it was not reported.
     """
 
     method: Method
@@ -50,7 +58,7 @@ def sampling_experiment(
     steps: Sequence[float] = STEPS,
     sample_times: Sequence[float] = SAMPLE_TIMES,
     duration: float = DURATION,
-    progress: Callable[[int, int], None] = lambda done, of: None,
+    progress: Progress = lambda done, of: None,
 ) -> list[Speed]:
     """Watches one run with the thesis's method in every combination, and with the default method.
 
@@ -58,10 +66,10 @@ def sampling_experiment(
 
     Args:
         noise: magnitude of the encoder noise, rad.
-        seed: of the run.
-        steps: of the simulation, s.
-        sample_times: of the comparison, s.
-        duration: of the run, s.
+        seed: number of the random generators of the run.
+        steps: steps of the simulation, s.
+        sample_times: times between two comparisons, s.
+        duration: plant time of the run, s.
         progress: told the numbers of combinations done and in all.
     """
     cell = Cell(CellSettings(duration, seed, noise, faults=(parse_fault(f"{FAULT}@{START:g}"),)))
@@ -87,3 +95,49 @@ def _timed(method: Method, monitor: Monitor | ThesisMonitor, seen: Stream, step:
     reports = [e.time for e in monitor.events if e.kind in ("suspected", "failed") and e.time >= START]
     latency = float(np.round(reports[0] - START, 6)) if reports else None
     return Speed(method, step, sample_time, share, 1.0 / share, latency)
+
+
+def sampling_report(speeds: Sequence[Speed]) -> Report:
+    """The page of the limits test."""
+    rows = [
+        [
+            s.method,
+            f"{1e3 * s.step:g}",
+            f"{1e3 * s.sample_time:g}",
+            f"{100 * s.core_share:.2f} %",
+            f"{s.real_time_factor:.0f}",
+            number(s.latency_s),
+        ]
+        for s in speeds
+    ]
+    return page(
+        "Simulation step and sample time",
+        "One run of the emulated cell is watched in every combination; processor time is measured.",
+        table(["method", "step, ms", "sample, ms", "of a core", "x real time", "found, s"], rows),
+        "*step*: of the simulation. *sample*: time between two samples. *found*: time after which the drop of K2 to "
+        "10 % was reported.",
+        "The thesis's monitor could not keep up below a simulation step of 5 ms or a sample time of 100 ms.",
+        Picture(CHART, "Share of a core and latency over the sample time, a line for each step", _chart(speeds)),
+    )
+
+
+def _chart(speeds: Sequence[Speed]) -> Figure:
+    figure = new_figure(12, 4)
+    share, latency = figure.subplots(1, 2)
+    for step in dict.fromkeys(s.step for s in speeds if s.method == "thesis"):
+        chosen = [s for s in speeds if s.method == "thesis" and s.step == step]
+        times = [s.sample_time for s in chosen]
+        share.plot(
+            times, [100 * s.core_share for s in chosen], ".-", label=f"thesis's method, step {1e3 * step:g} ms"
+        )
+        latency.plot(times, [s.latency_s or math.nan for s in chosen], ".-")
+    for s in speeds:
+        if s.method == "default":
+            share.plot(s.sample_time, 100 * s.core_share, "k*", ms=10, label="default method")
+            latency.plot(s.sample_time, s.latency_s or math.nan, "k*", ms=10)
+    share.set(xlabel="sample time, s", ylabel="of a core, %", xscale="log", yscale="log")
+    latency.set(xlabel="sample time, s", ylabel="K2 to 10 % found after, s", xscale="log", yscale="log")
+    share.legend(fontsize=8)
+    for axis in (share, latency):
+        axis.grid(alpha=0.3)
+    return figure

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,14 +11,14 @@ import numpy as np
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation import Emulation
-from dtwin.experiments.monitoring.trial import Outcome, Trial, identified_belief, run_trial, true_cause
-from dtwin.experiments.pool import spread
+from dtwin.experiments.monitoring.trial import FaultOutcome, FaultTrial, identified_belief, run_trial, true_cause
 from dtwin.monitoring.monitor import Monitor, MonitorSettings
+from dtwin.pool import Progress, spread
 from dtwin.run.loop import run, tick_count
 from dtwin.signals import StepRecord
 
 NOISES: Final = (0.001, 0.002, 0.005)
-"""rad, one after the other over the seeds"""
+"""magnitudes of the encoder noise, rad, taken by the runs in turn"""
 FAULTS: Final = (
     *("K1*=0.5", "K1*=0.8", "K2*=0.1", "K2*=0.8", "K3*=0.8", "K3*=0.9"),
     *("D1*=2", "D2*=2", "D3*=2", "D2*=1.5", "D1*=4", "mu1+=0.01", "mu2+=0.01", "mu3+=0.005"),
@@ -27,9 +27,9 @@ FAULTS: Final = (
     *("drift1+=0.01", "drift2+=0.01", "drift3+=0.02"),
     *("freeze1", "freeze2", "freeze3", "lock1", "lock2", "lock3", "cut1", "cut2", "cut3"),
 )
-"""Of the arm, in the notation of faults without their start."""
+"""faults in the notation of `parse_fault`, without their start"""
 CHUNK_HOURS: Final = 1.0
-"""length of the longest healthy run"""
+"""plant time of the longest healthy run, hours"""
 WITHIN: Final = 2.0
 """s of motion in which a fault should be detected"""
 _TWO_SIGMA: Final = 1.959964
@@ -38,7 +38,14 @@ _TWO_SIGMA: Final = 1.959964
 
 @dataclass(frozen=True, slots=True)
 class Healthy:
-    """Normal work without fault: seed of boxes, noise and identification; magnitude of the noise, rad; hours."""
+    """Normal work without fault.
+
+    Attributes:
+        seed: number of the random generators of boxes, noise and identification.
+        noise: magnitude of the encoder noise, rad.
+        hours: plant time, hours.
+        settings: what the monitor is run with.
+    """
 
     seed: int
     noise: float
@@ -47,7 +54,12 @@ class Healthy:
 
 
 class Quiet(msgspec.Struct, frozen=True):
-    """What came of normal work: hours of plant time and the failures reported."""
+    """What came of normal work.
+
+    Attributes:
+        seed, noise, hours: what the work was run with.
+        alarms: the failures reported.
+    """
 
     seed: int
     noise: float
@@ -56,16 +68,17 @@ class Quiet(msgspec.Struct, frozen=True):
 
 
 class Line(msgspec.Struct, frozen=True):
-    """What came of one fault over the seeds.
+    """What came of all runs with one fault.
 
     Attributes:
-        fault: without its start.
-        runs: number of them.
-        detected: share.
-        in_motion: share detected within WITHIN of motion.
+        fault: the fault, without its start.
+        runs: number of runs.
+        detected: share of the runs in which it was detected.
+        in_motion: share of the runs in which it was detected within WITHIN of motion.
         named: share of the runs with the true cause and joint.
-        latency_median, latency_95: s, of plant time; infinite if fewer were detected.
-        motion_median, motion_95: s, of motion.
+        latency_median, latency_95: plant time to the report, median and 95 % of the runs, s; infinite if there are
+            fewer reports.
+        motion_median, motion_95: time in motion to the report, median and 95 % of the runs, s.
         size_median, size_worst: error relative to the true size, of runs named right; None where there is no size.
         covered: share of those sizes whose 95 % interval, by their stated standard deviation, holds the true one.
     """
@@ -88,21 +101,21 @@ class Line(msgspec.Struct, frozen=True):
 class Scorecard:
     """All runs: with faults and without."""
 
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[FaultOutcome, ...]
     quiet: tuple[Quiet, ...]
 
     @property
     def hours(self) -> float:
-        """Of plant time without fault, before the faults included."""
+        """Plant time without fault, hours, the time before the faults included."""
         return sum(q.hours for q in self.quiet) + sum(o.hours for o in self.outcomes)
 
     @property
     def false_alarms(self) -> int:
-        """In those hours."""
+        """Number of failures reported in the hours without fault."""
         return sum(len(q.alarms) for q in self.quiet) + sum(o.false_alarms for o in self.outcomes)
 
     def lines(self) -> list[Line]:
-        """One a fault."""
+        """What came of each fault, in the order of the faults."""
         return [
             summary(fault, [o for o in self.outcomes if o.fault == fault])
             for fault in dict.fromkeys(o.fault for o in self.outcomes)
@@ -122,7 +135,7 @@ def label(cause: str, joint: int) -> str:
     return f"{cause} {joint}" if joint else cause or "not named"
 
 
-def summary(fault: str, outcomes: Sequence[Outcome]) -> Line:
+def summary(fault: str, outcomes: Sequence[FaultOutcome]) -> Line:
     """What came of runs with one fault."""
     latency = np.array([np.inf if o.latency_s is None else o.latency_s for o in outcomes])
     motion = np.array([np.inf if o.motion_latency_s is None else o.motion_latency_s for o in outcomes])
@@ -168,9 +181,9 @@ def run_healthy(work: Healthy) -> Quiet:
     return Quiet(work.seed, work.noise, work.hours, alarms)
 
 
-def run_job(job: Trial | Healthy) -> Outcome | Quiet:
-    """Runs either."""
-    return run_trial(job) if isinstance(job, Trial) else run_healthy(job)
+def run_job(job: FaultTrial | Healthy) -> FaultOutcome | Quiet:
+    """Runs a trial with a fault, or normal work."""
+    return run_trial(job) if isinstance(job, FaultTrial) else run_healthy(job)
 
 
 def faults_experiment(
@@ -181,18 +194,18 @@ def faults_experiment(
     seed: int = 0,
     settings: MonitorSettings | None = None,
     workers: int | None = None,
-    progress: Callable[[int, int], None] = lambda done, of: None,
+    progress: Progress = lambda done, of: None,
 ) -> Scorecard:
     """Runs every fault with every seed, and normal work.
 
     Args:
-        seeds: runs of each fault, at the noises in turn.
-        hours: of normal work.
-        faults: in the notation of faults without their start.
+        seeds: number of runs with each fault, at the noises in turn.
+        hours: plant time of normal work, hours.
+        faults: the faults, in the notation of `parse_fault`, without their start.
         noises: magnitudes of the encoder noise, rad.
-        seed: the first one.
-        settings: of the monitor.
-        workers: processes, as many as there are cores unless given.
+        seed: number of the first run's random generators; each further run takes the next one.
+        settings: what the monitor is run with.
+        workers: number of processes, as many as there are cores if None.
         progress: told the numbers of runs done and in all.
 
     Raises:
@@ -201,18 +214,18 @@ def faults_experiment(
     settings = settings or MonitorSettings()
     for fault in faults:
         true_cause(fault)
-    jobs: list[Trial | Healthy] = []
+    jobs: list[FaultTrial | Healthy] = []
     while hours > 1e-6:
         number = len(jobs)
         jobs.append(Healthy(seed + 1000 + number, noises[number % len(noises)], min(hours, CHUNK_HOURS), settings))
         hours -= CHUNK_HOURS
     jobs += [
-        Trial(seed + k, fault, noise=noises[k % len(noises)], settings=settings)
+        FaultTrial(seed + k, fault, noise=noises[k % len(noises)], settings=settings)
         for fault in faults
         for k in range(seeds)
     ]
     results = spread(run_job, jobs, workers, progress)
     return Scorecard(
-        tuple(result for result in results if isinstance(result, Outcome)),
+        tuple(result for result in results if isinstance(result, FaultOutcome)),
         tuple(result for result in results if isinstance(result, Quiet)),
     )

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import msgspec
 import numpy as np
@@ -14,19 +14,25 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import STOP, VERDICT
 from dtwin.emulation import Emulation, parse_fault
 from dtwin.errors import DivergenceError
+from dtwin.experiments.monitoring.numbers import CHART, median_and_largest
 from dtwin.experiments.monitoring.trial import MOVING, identified_belief, true_cause
-from dtwin.experiments.pool import spread
+from dtwin.experiments.report import Picture, Report, page, table
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.verdict import arm_state
 from dtwin.parameters import PERIOD, Triple
+from dtwin.pictures import new_figure
+from dtwin.pool import Progress, spread
 from dtwin.run.loop import run, tick_count
 from dtwin.signals import ARM_STATES, STOPS, StepRecord, Stop
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FAULTS: Final = (
     *("K2*=0.1", "K2*=0.8", "K1*=0.5", "cut1", "cut2", "D1*=4", "D2*=4"),
     *("payload*=1.5", "lock2", "bias2+=0.02", "freeze2"),
 )
-"""In the notation of faults without their start."""
+"""faults in the notation of `parse_fault`, without their start"""
 PATIENCE: Final = 30.0
 """s after the fault at which a run without a demand ends"""
 WATCHED: Final = 10.0
@@ -37,7 +43,13 @@ STEADY: Final = 0.3
 
 @dataclass(frozen=True, slots=True)
 class StopTrial:
-    """A run: seed of boxes, noise, identification and start of the fault; the fault; noise of the encoders, rad."""
+    """A run.
+
+    Attributes:
+        seed: number of the random generators of boxes, noise, identification and start of the fault.
+        fault: the fault, in the notation of `parse_fault`, without its start.
+        noise: magnitude of the encoder noise, rad.
+    """
 
     seed: int
     fault: str
@@ -48,14 +60,14 @@ class StopOutcome(msgspec.Struct, frozen=True):
     """What came of a run.
 
     Attributes:
-        seed, fault: of the trial.
-        demanded_s: from the fault to the demand, s; None if the monitor did not settle on a failure.
+        seed, fault: what the trial was run with.
+        demanded_s: time from the fault to the demand, s; None if the monitor did not settle on a failure.
         moving: whether the arm moved at the demand.
-        rest_s: from the demand until the arm began to be slower than MOVING for STEADY, s; None if it never was, or
-            with the torque off.
-        torque_off_s: from the demand until the motors had no voltage, s; None if they kept it.
+        rest_s: time from the demand until the arm began to be slower than MOVING for STEADY, s; None if it never was,
+            or with the torque off.
+        torque_off_s: time from the demand until the motors had no voltage, s; None if they kept it.
         crept_rad: largest true motion of a joint while it counted as standing.
-        stop: in force at the end.
+        stop: the stop in force at the end.
     """
 
     seed: int
@@ -70,7 +82,7 @@ class StopOutcome(msgspec.Struct, frozen=True):
 
 def stop_trial(trial: StopTrial) -> StopOutcome:
     """Runs the cell until the arm has been stopped for WATCHED, or PATIENCE is at an end."""
-    return _Run(trial).outcome()
+    return _StopRun(trial).outcome()
 
 
 def stop_experiment(
@@ -79,16 +91,16 @@ def stop_experiment(
     noise: float = 0.003,
     seed: int = 0,
     workers: int | None = None,
-    progress: Callable[[int, int], None] = lambda done, of: None,
+    progress: Progress = lambda done, of: None,
 ) -> list[StopOutcome]:
     """Runs every fault with every seed.
 
     Args:
-        runs: of each fault.
-        faults: in the notation of faults without their start.
+        runs: number of runs with each fault.
+        faults: the faults, in the notation of `parse_fault`, without their start.
         noise: magnitude of the encoder noise, rad.
-        seed: the first one.
-        workers: processes, as many as there are cores unless given.
+        seed: number of the first run's random generators; each further run takes the next one.
+        workers: number of processes, as many as there are cores if None.
         progress: told the numbers of runs done and in all.
 
     Raises:
@@ -100,7 +112,7 @@ def stop_experiment(
     return spread(stop_trial, trials, workers, progress)
 
 
-class _Run:
+class _StopRun:
     def __init__(self, trial: StopTrial) -> None:
         self._trial = trial
         start = 30.0 + 30.0 * float(np.random.default_rng((trial.seed, 2)).random())
@@ -166,3 +178,59 @@ class _Run:
             self._crept = max(self._crept, *(abs(a - b) for a, b in zip(truth.theta, self._stood, strict=True)))
         elif self._stop == "torque off" and self._off is None:
             self._off = truth.time
+
+
+def stopping_report(outcomes: Sequence[StopOutcome]) -> Report:
+    """The page of the safe stop."""
+    header = [
+        "fault", "runs", "demanded", "after s, median", "largest", "in motion", "standing at the end",
+        "in motion: at rest after s, median", "largest", "torque off at the end", "after s, median", "largest",
+    ]  # fmt: skip
+    rows = []
+    for fault in dict.fromkeys(o.fault for o in outcomes):
+        runs = [o for o in outcomes if o.fault == fault]
+        demanded = [o.demanded_s for o in runs if o.demanded_s is not None]
+        rested = [o.rest_s for o in runs if o.moving and o.rest_s is not None]
+        off = [o.torque_off_s for o in runs if o.torque_off_s is not None]
+        standing = sum(o.stop == "standstill" for o in runs)
+        moving = sum(o.moving for o in runs)
+        row = [
+            fault,
+            str(len(runs)),
+            str(len(demanded)),
+            *median_and_largest(demanded),
+            str(moving),
+            str(standing),
+            *median_and_largest(rested),
+        ]
+        rows.append([*row, str(len(off)), *median_and_largest(off)])
+    return page(
+        "Safe stop",
+        "Every fault comes at a random time between 30 s and 60 s into normal work with random boxes. The monitor's "
+        "verdict goes to the function blocks once its diagnosis is settled; times to rest and to torque off count "
+        f"from there. A run ends {WATCHED:g} s later.",
+        table(header, rows),
+        Picture(CHART, "Times from fault to demand, and from there to rest or torque off", _chart(outcomes)),
+    )
+
+
+def _chart(outcomes: Sequence[StopOutcome]) -> Figure:
+    figure = new_figure(12, 5)
+    faults = list(dict.fromkeys(o.fault for o in outcomes))
+    left, right = figure.subplots(1, 2, sharey=True)
+    for axis, title, names in (
+        (left, "from the fault to the demand", {"demanded_s": "C0"}),
+        (right, "from the demand", {"rest_s": "C2", "torque_off_s": "C3"}),
+    ):
+        for name, colour in names.items():
+            known = [o for o in outcomes if getattr(o, name) is not None]
+            times = [max(getattr(o, name), 0.01) for o in known]
+            rows = [faults.index(o.fault) for o in known]
+            axis.plot(times, rows, ".", color=colour, alpha=0.6, label=name.removesuffix("_s").replace("_", " "))
+        axis.set_xscale("log")
+        axis.set(xlabel="s", title=title)
+        axis.grid(alpha=0.3)
+        axis.legend()
+    left.set_yticks(range(len(faults)), faults)
+    left.invert_yaxis()
+    return figure

@@ -10,12 +10,9 @@ import msgspec
 import numpy as np
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.controller.excitation import ExcitationController
 from dtwin.emulation import Emulation, Fault, NoiseKind, parse_fault
 from dtwin.errors import DivergenceError
-from dtwin.experiments.identification.experiments import standard_settings
-from dtwin.identification.estimation.estimate import identify
-from dtwin.identification.excitation.plan import Plan
+from dtwin.experiments.identification.standard import standard_estimate
 from dtwin.identification.excitation.rig import Rig
 from dtwin.identification.model import from_estimate
 from dtwin.monitoring.belief import Belief, identified
@@ -30,7 +27,7 @@ Method = Literal["default", "thesis"]
 METHODS: Final[tuple[Method, ...]] = get_args(Method)
 
 NOMINAL_BOX: Final = 0.2
-"""kg, what the monitor expects a box to weigh"""
+"""kg, the mass that the monitor expects a box to have"""
 MOVING: Final = 0.05
 """rad/s of any joint: the arm moves"""
 _GRASPED: Final = 0.3
@@ -40,20 +37,20 @@ _AFTER: Final = 0.3
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class FaultTrial:
     """What defines a run.
 
     Attributes:
-        seed: of boxes, noise, the identification's noise and the start of the fault.
-        fault: in the notation of faults without its start, such as `K2*=0.1`; "" for a healthy arm.
-        method: of monitoring.
+        seed: number of the random generators of boxes, noise, identification and start of the fault.
+        fault: the fault, in the notation of `parse_fault`, without its start, such as `K2*=0.1`; "" for none.
+        method: the method of monitoring.
         noise: magnitude of the encoder noise, rad.
-        noise_kind: of it.
-        start: of the fault, s; None is any time between 30 s and 60 s.
-        patience: s after the start at which the run ends.
-        motion: s of motion after the start at which the run ends.
-        thesis_settings: of the thesis's monitor.
-        settings: of the default monitor.
+        noise_kind: distribution of the encoder noise.
+        start: plant time at which the fault comes, s; None is any time between 30 s and 60 s.
+        patience: time after the start of the fault at which the run ends, s.
+        motion: time in motion after the start of the fault at which the run ends, s.
+        thesis_settings: what the thesis's monitor is run with.
+        settings: what the default monitor is run with.
     """
 
     seed: int
@@ -68,22 +65,22 @@ class Trial:
     settings: MonitorSettings = field(default_factory=MonitorSettings)
 
 
-class Outcome(msgspec.Struct, frozen=True):
+class FaultOutcome(msgspec.Struct, frozen=True):
     """What came of a run.
 
     Attributes:
-        seed, fault, method: of the trial.
+        seed, fault, method: what the trial was run with.
         detected: whether a failure was reported once the fault was there.
-        latency_s: from when the fault was there to the report, s; for a payload from when a box was held.
-        motion_latency_s: of that, the time in which the arm moved, s.
+        latency_s: time from the fault to its report, s; for a payload from when a box was held.
+        motion_latency_s: the part of that time in which the arm moved, s.
         moving: whether the arm moved when the fault came.
-        cause, joint: as named first by a complete diagnosis; "" and 0 if none.
-        size, size_true: of the change, as in `Finding`; None where a cause has none.
+        cause, joint: the cause and joint named first by a complete diagnosis; "" and 0 if none.
+        size, size_true: size of the change as stated and in truth, as in `Finding`; None where a cause has none.
         deviation: standard deviation of the size, as stated; None without a size.
-        confidence: of the cause.
+        confidence: confidence in the cause.
         named: whether cause and joint are the true ones.
         false_alarms: failures reported before the fault.
-        hours: of plant time without fault.
+        hours: plant time without fault, hours.
     """
 
     seed: int
@@ -106,10 +103,7 @@ class Outcome(msgspec.Struct, frozen=True):
 
 def identified_belief(noise: float, noise_kind: NoiseKind, seed: int) -> Belief:
     """A model of the healthy arm from one identification run at the given noise, as imperfect as that makes it."""
-    experiment = Rig(noise=noise, noise_kind=noise_kind).measure(
-        Plan(), ExcitationController(), np.random.default_rng((seed, 1))
-    )
-    estimate = identify([experiment], standard_settings())
+    estimate = standard_estimate(Rig(noise=noise, noise_kind=noise_kind), np.random.default_rng((seed, 1)))
     return identified(from_estimate(estimate, np.ones(3), "simulated"))
 
 
@@ -119,13 +113,13 @@ def true_cause(fault: str) -> tuple[Cause, int]:
     return CAUSE_OF[target.rstrip("123")], joint_of(target)
 
 
-def run_trial(trial: Trial) -> Outcome:
+def run_trial(trial: FaultTrial) -> FaultOutcome:
     """Runs the cell until the diagnosis is complete, patience is at an end, or the arm leaves the finite numbers."""
-    return _Run(trial).outcome()
+    return _FaultRun(trial).outcome()
 
 
-class _Run:
-    def __init__(self, trial: Trial) -> None:
+class _FaultRun:
+    def __init__(self, trial: FaultTrial) -> None:
         self.trial = trial
         start = trial.start
         if start is None:
@@ -158,7 +152,7 @@ class _Run:
         self.false_alarms = 0
         self.ended: float | None = None
 
-    def outcome(self) -> Outcome:
+    def outcome(self) -> FaultOutcome:
         trial = self.trial
         ticks = round((self.start + trial.patience) / PERIOD)
         with contextlib.suppress(DivergenceError):  # a monitor that has not reported by then has failed to
@@ -171,7 +165,7 @@ class _Run:
         same = finding is not None and self.fault is not None and finding.parameter == self.fault.target
         detected = self.reported is not None
         began = self.began if self.began is not None else self.start
-        return Outcome(
+        return FaultOutcome(
             trial.seed,
             trial.fault,
             trial.method,

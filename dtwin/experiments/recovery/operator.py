@@ -59,7 +59,7 @@ SLOWER: Final = (1.0, 1.1, 1.25, 1.5)
 STIFFER: Final = (1.0, 1.15, 1.3, 1.5)
 """factors on Kp and Ki that are tried for each; beyond the last, encoder noise gets the better of the gain"""
 NAME: Final = "operator"
-"""of this one, in the history and among the events"""
+"""name of the operator in the history and among the events"""
 _LOOK: Final = 0.1
 """s"""
 
@@ -71,7 +71,7 @@ class Story:
     Attributes:
         fault: when the friction grew.
         started: when the model of the healthy arm was in force.
-        finding: of the monitor.
+        finding: what the monitor found.
         refitted: the parameter that the finding names, identified anew, SI units.
         uploaded: when the new model was acknowledged.
         trouble: why not all was done, "" if it was.
@@ -93,7 +93,7 @@ class Operator:
     """Makes a fault, and puts it right.
 
     Args:
-        bus: of the cell, at which all the services are.
+        bus: the bus of the cell, at which all the services are.
         healthy: the arm as it was identified.
         over: whether the cell has ended, asked all the time.
         progress: told the plant time, s.

@@ -33,7 +33,7 @@ _WHO: Final = {
 }
 
 
-class Moment(NamedTuple):
+class TimelineEntry(NamedTuple):
     """Something that somebody did, at a plant time (s)."""
 
     time: float
@@ -48,7 +48,7 @@ class Tracked(NamedTuple):
         start, stop: plant time, s.
         place: where the box goes to, or has gone.
         carries: whether it is held.
-        mass: of the box, kg.
+        mass: mass of the box, kg.
         error: root mean square of the distance from the path over all joints, rad; where the path was recorded.
     """
 
@@ -81,13 +81,13 @@ class Recovery:
     """A run.
 
     Attributes:
-        seed: of boxes, noise and fault.
-        fault: in the notation of `dtwin run --fault`, without its time.
-        story: of the operator.
-        motions: since the fault.
+        seed: number of the random generators of boxes, noise and fault.
+        fault: the fault, in the notation of `dtwin run --fault`, without its time.
+        story: what the operator saw and did.
+        motions: the motions since the fault.
         recovered: when the first motion that tracked as before ended; none after it did worse. None if there is none.
         moments: who did what.
-        log: of the run.
+        log: the log of the run.
     """
 
     seed: int
@@ -95,7 +95,7 @@ class Recovery:
     story: Story
     motions: tuple[Judged, ...]
     recovered: float | None
-    moments: tuple[Moment, ...]
+    moments: tuple[TimelineEntry, ...]
     log: Log
 
     @property
@@ -130,7 +130,7 @@ def judge(seed: int, fault: str, story: Story, log: Log, healthy: Log) -> Recove
             break
         recovered = one.motion.stop
     moments = [
-        Moment(event.time, who, event.text)
+        TimelineEntry(event.time, who, event.text)
         for event in log.events
         if (who := _WHO.get(event.kind.partition("_")[0])) and event.time >= began - PERIOD / 2
     ]
@@ -175,9 +175,9 @@ def healthy_run(settings: CellSettings, model: ArmParameters, started: float) ->
     """The log of the same cell without the fault.
 
     Args:
-        settings: of the cell.
-        model: that its controller is given,
-        started: at this plant time, s.
+        settings: what the cell is run with.
+        model: the model that its controller is given.
+        started: plant time at which it is given, s.
     """
     cell = Cell(settings, _Relieved(EmbeddedController(settings.control, settings.blocks), model, started))
     cell.run()

@@ -1,20 +1,22 @@
-"""The thesis's upload test: 180 s of work, better gains uploaded at 60 s and a better model at 120 s."""
+"""The thesis's upload experiment: 180 s of work, better gains uploaded at 60 s and a better model at 120 s."""
 
 from __future__ import annotations
 
 import time as wall
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.settings import ControlSettings
 from dtwin.controller.settings_port import EmbeddedPort
+from dtwin.experiments.report import Picture, Report, page, table
 from dtwin.identification.estimation.problem import START
 from dtwin.parameters import PERIOD, ArmParameters, Gains, Triple
+from dtwin.pictures import COLOURS, RED, new_figure
 from dtwin.run.cell import Cell, CellSettings
 from dtwin.run.recording import Log
 from dtwin.signals import BoxCounts
@@ -23,6 +25,9 @@ from dtwin.simulation.figures import triple
 from dtwin.simulation.history import Entry, History
 from dtwin.simulation.upload import Proposal, Uploader
 from dtwin.simulation.watched_controller import WatchedController
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 DURATION: Final = 180.0
 GAINS_AT: Final = 60.0
@@ -39,10 +44,10 @@ class Phase:
 
     Attributes:
         name: what was in force.
-        start, stop: s.
-        rms: of the distance from the path, of each joint, rad.
-        largest: distance from the path, of each joint, rad.
-        delivered: boxes.
+        start, stop: plant time, s.
+        rms: root mean square of the distance of each joint from its path, rad.
+        largest: largest distance of each joint from its path, rad.
+        delivered: number of boxes delivered.
     """
 
     name: str
@@ -58,10 +63,10 @@ class UploadRun:
     """What came of the run.
 
     Attributes:
-        log: of the run.
-        boxes: what became of them.
-        phases: of the run, in order.
-        entries: of the history, in order.
+        log: the log of the run.
+        boxes: what became of the boxes.
+        phases: the parts of the run, in order.
+        entries: the entries of the history, in order.
         acknowledged: seconds of wall time from every upload to its acknowledgement, checks included.
     """
 
@@ -82,10 +87,10 @@ def upload_run(
     """Makes the run.
 
     Args:
-        model: good, to be uploaded at 120 s.
+        model: the good model, which is uploaded at 120 s.
         history: file for the history of the settings, not there yet.
-        seed: of the boxes and the noise.
-        noise: rad, of the encoders.
+        seed: number of the random generators of the boxes and the noise.
+        noise: magnitude of the encoder noise, rad.
         progress: told the seconds of plant time done.
 
     Raises:
@@ -126,3 +131,55 @@ def _phase(name: str, start: float, stop: float, log: Log) -> Phase:
     delivered = sum(event.kind == "delivered" and start <= event.time < stop for event in log.events)
     rms, largest = np.sqrt(np.mean(away**2, axis=0)), np.abs(away).max(axis=0)
     return Phase(name, start, stop, triple(rms), triple(largest), delivered)
+
+
+def upload_report(run: UploadRun) -> Report:
+    """The page of the experiment."""
+    phases = [
+        [p.name, f"{p.start:g} to {p.stop:g} s", _mrad(p.rms), _mrad(p.largest), str(p.delivered)] for p in run.phases
+    ]
+    entries = [[f"{e.time:.2f} s", str(e.version), e.action, e.kind, e.who, e.why, e.text] for e in run.entries]
+    waited = ", ".join(f"{1e3 * seconds:.0f} ms" for seconds in run.acknowledged)
+    return page(
+        "Uploading gains and a model into the running controller",
+        "The cell works for 180 s without a stop. Its controller starts with all gains zero and a poor model; the "
+        f"usual gains are uploaded at {GAINS_AT:g} s and an identified model at {MODEL_AT:g} s, through the function "
+        "blocks, after a check on the twin, each with a trial period.",
+        "## Outcome",
+        "Distance from the path of joints 1 to 3 in mrad, without the 5 s after each upload.",
+        table(["in force", "from", "root mean square", "largest", "boxes delivered"], phases),
+        f"Acknowledged after {waited} of wall time, checks included. {len(run.log)} ticks, none missing.",
+        Picture("run.png", "Angles, distance from the path and voltages", _chart(run.log)),
+        "## History",
+        table(["time", "version", "what", "of", "who", "why", "remark"], entries),
+        "## What the thesis found",
+        "Both uploads arrived without stopping the cell (the model at 122 s). Without gains the arm did not reach "
+        "the pickup point within 60 s, with them it worked; the model changed little more.",
+    )
+
+
+def _mrad(values: Sequence[float]) -> str:
+    return ", ".join(f"{1e3 * value:.1f}" for value in values)
+
+
+def _chart(log: Log) -> Figure:
+    figure = new_figure(14, 9)
+    angle, error, volts = figure.subplots(3, 1, sharex=True)
+    time = log.columns["t"]
+    theta, goal, applied = (log.stack(name) for name in ("theta", "target", "volts"))
+    for joint in range(3):
+        colour = COLOURS[joint]
+        angle.plot(time, theta[:, joint], color=colour, lw=1.2, label=f"joint {joint + 1}")
+        angle.plot(time, goal[:, joint], color=colour, lw=0.8, ls=":")
+        error.semilogy(time, np.maximum(np.abs(goal - theta)[:, joint], 1e-5), color=colour, lw=0.8)
+        volts.plot(time, applied[:, joint], color=colour, lw=0.6)
+    for axis in (angle, error, volts):
+        axis.axvline(GAINS_AT, color=RED, ls="--", lw=1.2)
+        axis.axvline(MODEL_AT, color=COLOURS[2], ls="--", lw=1.2)
+        axis.grid(alpha=0.3)
+    angle.set_title("gains uploaded at the red line, model at the green one")
+    for axis, label in ((angle, "angle and path, rad"), (error, "distance from path, rad"), (volts, "voltage, V")):
+        axis.set_ylabel(label)
+    volts.set_xlabel("time, s")
+    angle.legend(fontsize=8)
+    return figure

@@ -1,0 +1,127 @@
+"""What the commands that measure something share: options, a progress bar, and where their results go."""
+
+from __future__ import annotations
+
+import sys
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Generic, TypeVar
+
+import msgspec
+from rich.console import Console
+from rich.markdown import Markdown
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from dtwin import pool
+from dtwin.errors import ParameterError
+from dtwin.experiments.report import Report, ensure_folder
+
+R = TypeVar("R")
+
+
+@dataclass(frozen=True)
+class JsonOption:
+    """The option of every command whose result programs may read."""
+
+    json: bool = False
+    """Print one JSON object on standard output and nothing else."""
+
+
+@dataclass(frozen=True)
+class ExperimentCommand(JsonOption, ABC, Generic[R]):
+    """An experiment on the command line, from its options to its report.
+
+    Attributes:
+        name: the word after `dtwin experiment`.
+    """
+
+    name: ClassVar[str]
+
+    out: Path | None = None
+    """Folder for the report page and its pictures, experiment-NAME if not given; NAME is the experiment's."""
+    seed: int = 0
+    """Number of the first random generator of boxes, noise and faults; equal numbers give equal figures."""
+
+    @abstractmethod
+    def measure(self, progress: pool.Progress) -> R:
+        """What comes of the experiment.
+
+        Raises:
+            DtwinError: an option is wrong, or the experiment cannot be made.
+        """
+
+    @abstractmethod
+    def report(self, result: R) -> Report:
+        """The page that tells the result to people."""
+
+    @abstractmethod
+    def figures(self, result: R) -> dict[str, Any]:
+        """The object that tells the result to programs."""
+
+    def passed(self, result: R) -> bool:
+        """Whether all that was promised was kept; an experiment that promises nothing passes."""
+        return True
+
+    @property
+    def folder(self) -> Path:
+        """Where the report goes."""
+        return self.out or Path(f"experiment-{self.name}")
+
+    def execute(self) -> int:
+        at_least("--seed", self.seed, 0)
+        ensure_folder(self.folder)
+        began = time.perf_counter()
+        with progress_bar(f"experiment {self.name}") as progress:
+            result = self.measure(progress)
+        seconds = time.perf_counter() - began
+        report = self.report(result)
+        page = report.write(self.folder)
+        if self.json:
+            print_json({**self.figures(result), "seconds": seconds, "report": str(page)})
+        else:
+            console = Console()
+            console.print(Markdown(report.words.text))
+            console.print(f"{seconds:.1f} s; report {page}", highlight=False, soft_wrap=True)
+        return 0 if self.passed(result) else 1
+
+
+@dataclass(frozen=True)
+class SeriesCommand(ExperimentCommand[R]):
+    """An experiment of many runs that share the cores of the machine."""
+
+    workers: int | None = None
+    """Number of processes that share the runs, one for each core if not given; the figures do not depend on it."""
+
+    def execute(self) -> int:
+        if self.workers is not None:
+            at_least("--workers", self.workers, 1)
+        return super().execute()
+
+
+@contextmanager
+def progress_bar(title: str) -> Iterator[pool.Progress]:
+    """A bar on standard error, where that is a terminal; gives what is to be told the progress."""
+    console = Console(file=sys.stderr)
+    columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("", total=None)
+        yield lambda done, of: bar.update(task, completed=done, total=of)
+
+
+def print_json(value: Any) -> None:
+    """Prints one JSON object on standard output."""
+    print(msgspec.json.encode(value).decode())
+
+
+def at_least(option: str, value: float, least: float) -> None:
+    """Checks a number given as an option.
+
+    Raises:
+        ParameterError: it is less than `least`, or not finite.
+    """
+    if not least <= value < float("inf"):
+        raise ParameterError(f"{option}: expected at least {least:g}, got {value}")

@@ -1,0 +1,152 @@
+"""A whole cell in processes of its own, to be troubled."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+from dtwin.bus.messages import EVENTS, SUMMARY, Summary
+from dtwin.errors import CommunicationError
+from dtwin.experiments.soak.proxy import Proxy
+from dtwin.parameters import ROOT
+from dtwin.signals import Event
+from services.runfile import find, join
+from services.service import free_port
+
+_ROUTED: Final = ROOT / "config" / "routed"
+_ADDRESS: Final = "127.0.0.1:7447"
+"""address of the router in the configuration files of its clients"""
+_LISTENED: Final = "0.0.0.0:7447"
+"""address that the router listens at in its configuration file"""
+_RATE: Final = 90.0
+"""Hz, from which ticks pass in real time"""
+_LOOK: Final = 0.5
+"""s between the two looks that show that ticks pass"""
+
+
+class TroubledCell:
+    """A cell behind a router, the bridge behind a proxy, and what the bus tells of it; a context manager.
+
+    Args:
+        folder: where its configuration, log and parts of the log are kept.
+        name: the name of the cell, of no other cell on this machine.
+        seed: number of the random generator of the boxes.
+
+    Attributes:
+        folder: where its configuration, log and parts of the log are kept.
+        log: path of the Parquet log, which is there once the cell is down.
+        proxy: the network of the bridge.
+        bus: the cell's bus, joined as operator.
+        events: what the bus has told since the cell was up.
+
+    Raises:
+        CommunicationError: the cell does not come up.
+    """
+
+    def __init__(self, folder: Path, name: str, seed: int = 0) -> None:
+        self.folder = folder
+        self.log = folder / "run.parquet"
+        self.events: list[Event] = []
+        self._name = name
+        port = free_port()
+        self.proxy = Proxy(port)
+        self._configure("router", "router", _LISTENED, port)
+        self._configure("service", "service", _ADDRESS, port)
+        self._configure("bridge", "service", _ADDRESS, self.proxy.port)
+        self._start_router()
+        try:
+            dtwin(
+                "up", "--detach", "--cell", name, "--seed", str(seed), "--zenoh", str(folder), "--log", str(self.log)
+            )
+            self.bus = join(name)
+        except BaseException:
+            self._clear()
+            raise
+        self.bus.subscribe(EVENTS, Event, self.events.append)
+
+    def __enter__(self) -> TroubledCell:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.bus.close()
+        self._clear()
+
+    def summary(self) -> Summary:
+        """The cell at a glance.
+
+        Raises:
+            CommunicationError: nobody answers.
+        """
+        return self.bus.ask(SUMMARY, None, Summary)
+
+    def services(self) -> dict[str, int]:
+        """Process ids of the cell's services, by their names."""
+        found = {}
+        for entry in Path("/proc").iterdir():
+            try:
+                words = (entry / "cmdline").read_bytes().decode().split("\0") if entry.name.isdigit() else []
+            except (OSError, UnicodeDecodeError):
+                continue
+            if len(words) > 2 and words[2].startswith("services.") and self._name in words:
+                found[words[2].removeprefix("services.")] = int(entry.name)
+        return found
+
+    def is_calm(self) -> bool:
+        """Whether every service is well and ticks pass in real time."""
+        try:
+            first = self.summary()
+            time.sleep(_LOOK)
+            second = self.summary()
+        except CommunicationError:
+            return False
+        well = all(service.state == "running" for service in second.services.values())
+        return well and second.ticks >= first.ticks and second.services["emulator"].rate_hz > _RATE
+
+    def restart_router(self, pause: float) -> None:
+        """Kills the router, and starts another one after a pause, s."""
+        self._router.kill()
+        self._router.wait()
+        time.sleep(pause)
+        self._start_router()
+
+    def _configure(self, name: str, source: str, address: str, port: int) -> None:
+        text = (_ROUTED / f"{source}.json5").read_text()
+        (self.folder / f"{name}.json5").write_text(text.replace(address, f"127.0.0.1:{port}"))
+
+    def _start_router(self) -> None:
+        command = [sys.executable, "-m", "services.router", "--zenoh", str(self.folder)]
+        with (self.folder / "router.log").open("ab") as output:
+            self._router = subprocess.Popen(command, cwd=ROOT, stdout=output, stderr=output)
+
+    def _clear(self) -> None:
+        if find(self._name) is not None:
+            dtwin("down", "--cell", self._name)
+        self._router.terminate()
+        self._router.wait()
+        self.proxy.close()
+
+
+def dtwin(*words: str) -> str:
+    """What a dtwin command in a process of its own prints on standard output.
+
+    Raises:
+        CommunicationError: its exit status is not 0; the message is what it says of that.
+    """
+    command = [sys.executable, "-m", "dtwin", *words]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    if done.returncode:
+        said = done.stderr.strip().splitlines()
+        raise CommunicationError(said[-1].removeprefix("dtwin: ") if said else f"dtwin {words[0]} failed")
+    return done.stdout
+
+
+def cell_name() -> str:
+    """A name that no other cell on this machine has."""
+    return f"soak-{os.getpid()}"
