@@ -89,8 +89,8 @@ class Bridge:
         bus.subscribe(SENSORS, Sensors, service.inbox.put)
         bus.subscribe(EVENTS, Event, self._note)
         self._settings_lock = threading.Lock()
-        bus.answer(SETTINGS, SettingsRequest, self._settings)
-        bus.answer(SIGNAL, SignalRequest, self._signal)
+        bus.answer(SETTINGS, SettingsRequest, self._set, self._in_force, trusted=True)
+        bus.answer(SIGNAL, SignalRequest, self._play, self._signal)
         self._stops = Stops(bus, self._safe_stop, lambda: 0.0 if self._last is None else self._last.time)
 
     def run(self) -> None:
@@ -178,13 +178,17 @@ class Bridge:
         if event.kind == EventKind.SAFE:
             self._restart = True
 
-    def _settings(self, asked: SettingsRequest | None) -> SettingsInForce:
-        s = self._do(lambda c: c.settings.in_force() if asked is None else _set(c.settings, asked))
-        return SettingsInForce(s.gains, s.target_time, s.model, s.law, s.payload, s.box_counts)
+    def _set(self, asked: SettingsRequest) -> SettingsInForce:
+        return _told(self._do(lambda c: _change(c.settings, asked)))
 
-    def _signal(self, asked: SignalRequest | None) -> IdentificationSignal:
-        if asked is not None:
-            self._do(lambda c: c.request_signal(asked.run))
+    def _in_force(self) -> SettingsInForce:
+        return _told(self._do(lambda c: c.settings.in_force()))
+
+    def _play(self, asked: SignalRequest) -> IdentificationSignal:
+        self._do(lambda c: c.request_signal(asked.run))
+        return self._signal()
+
+    def _signal(self) -> IdentificationSignal:
         return IdentificationSignal(*self._do(lambda c: c.signal()))
 
     def _do(self, action: Callable[[ControlLoop], S]) -> S:
@@ -212,7 +216,18 @@ class Bridge:
         )
 
 
-def _set(settings: Settings, asked: SettingsRequest) -> ControlSettings:
+def _told(settings: ControlSettings) -> SettingsInForce:
+    return SettingsInForce(
+        settings.gains,
+        settings.target_time,
+        settings.model,
+        settings.law,
+        settings.payload,
+        settings.box_counts,
+    )
+
+
+def _change(settings: Settings, asked: SettingsRequest) -> ControlSettings:
     """What is in force after a change.
 
     Raises:

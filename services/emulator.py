@@ -223,13 +223,11 @@ class Emulator:
     def _read(self) -> Sensors:
         return self._cell.emulation.read()
 
-    def _inject(self, request: FaultRequest | None) -> Done:
-        if request is None:
-            raise CommunicationError("expected the faults to inject")
+    def _inject(self, request: FaultRequest) -> Done:
         return Done(self._read().time, "injected " + ", ".join(self._cell.inject(request.faults)))
 
-    def _reset(self, request: ResetRequest | None) -> Done:
-        seed = self._cell.seed if request is None else request.seed
+    def _reset(self, request: ResetRequest) -> Done:
+        seed = request.seed
         self._cell.restart(seed)
         self._gate.restart(0)
         self._state = "waiting"

@@ -101,8 +101,8 @@ class Identification:
         self._tell = bus.publisher(EVENTS)
         bus.subscribe(SENSORS, Sensors, service.inbox.put)
         bus.subscribe(VOLTAGES, Voltages, service.inbox.put)
-        bus.answer(IDENTIFY, IdentificationRequest, self._ask)
-        bus.answer(DECIDE, IdentificationDecision, self._decide)
+        bus.answer(IDENTIFY, IdentificationRequest, self._ask, lambda: self._state)
+        bus.answer(DECIDE, IdentificationDecision, self._decide, lambda: self._state)
 
     def run(self) -> None:
         """Works until it is asked to end."""
@@ -118,22 +118,19 @@ class Identification:
             if service.report_due():
                 service.report("running", self._finished)
 
-    def _ask(self, request: IdentificationRequest | None) -> IdentificationState:
+    def _ask(self, request: IdentificationRequest) -> IdentificationState:
         """Answers on Zenoh's thread; the work is the main thread's."""
-        if request is not None:
-            if self._state.phase in ("measuring", "estimating"):
-                raise IdentificationError(f"an identification is {self._state.phase}; wait for it")
-            if request.source == "signal":
-                settings_for(request.free)
-            else:
-                self._renewed(request)
-            self._state = IdentificationState("measuring", f"waits for the {request.source}")
-            self._service.inbox.put(request)
+        if self._state.phase in ("measuring", "estimating"):
+            raise IdentificationError(f"an identification is {self._state.phase}; wait for it")
+        if request.source == "signal":
+            settings_for(request.free)
+        else:
+            self._renewed(request)
+        self._state = IdentificationState("measuring", f"waits for the {request.source}")
+        self._service.inbox.put(request)
         return self._state
 
-    def _decide(self, decision: IdentificationDecision | None) -> IdentificationState:
-        if decision is None:
-            return self._state
+    def _decide(self, decision: IdentificationDecision) -> IdentificationState:
         model = self._model
         if self._state.phase != "proposed" or model is None:
             raise IdentificationError(f"no model waits for a decision: the identification is {self._state.phase}")

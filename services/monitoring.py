@@ -78,7 +78,7 @@ class Monitoring:
         self._tell_residuals: Callable[[MonitoringResiduals], None] = bus.publisher(RESIDUALS)
         bus.subscribe(SENSORS, Sensors, service.inbox.put)
         bus.subscribe(VOLTAGES, Voltages, service.inbox.put)
-        bus.answer(ACKNOWLEDGE, AcknowledgeRequest, self._ask)
+        bus.answer(ACKNOWLEDGE, AcknowledgeRequest, self._ask, lambda: self._ask(None))
 
     def run(self) -> None:
         """Works until it is asked to end."""

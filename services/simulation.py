@@ -111,9 +111,9 @@ class Simulation:
         self._publish = bus.publisher(EVENTS)
         self._path: Subscription | None = None
         bus.subscribe(SENSORS, Sensors, service.inbox.put)
-        bus.answer(UPLOAD, UploadRequest, self._answer)
+        bus.answer(UPLOAD, UploadRequest, self._answer, self._now)
         bus.answer(PREDICT, PredictionRequest, self._predict)
-        bus.answer(ROLL_BACK, RollBackRequest, self._roll_back)
+        bus.answer(ROLL_BACK, RollBackRequest, self._roll_back, self._now)
 
     def run(self) -> None:
         """Works until it is asked to end."""
@@ -164,15 +164,14 @@ class Simulation:
             self._path.end()
             self._path = None
 
-    def _answer(self, request: UploadRequest | None) -> Upload:
+    def _now(self) -> Upload:
+        return _upload(self._there())
+
+    def _answer(self, request: UploadRequest) -> Upload:
         """Answers on a thread of its own: a check may take longer than a tick."""
-        if request is None:
-            return _upload(self._there())
         return self._change(lambda uploader: uploader.upload(_proposal(uploader, request), self._time, request.arm))
 
-    def _roll_back(self, request: RollBackRequest | None) -> Upload:
-        if request is None:
-            return _upload(self._there())
+    def _roll_back(self, request: RollBackRequest) -> Upload:
         return self._change(lambda uploader: uploader.roll_back(request.who, request.why, self._time))
 
     def _there(self) -> Uploader:
@@ -193,9 +192,8 @@ class Simulation:
                     self._tell(uploader.last)
             return _upload(uploader)
 
-    def _predict(self, request: PredictionRequest | None) -> Predicted:
+    def _predict(self, asked: PredictionRequest) -> Predicted:
         """Answers on a thread of its own, too; one at a time, because all use the same blocks."""
-        asked = request or PredictionRequest()
         with self._lock:
             uploader = self._there()
             settings = changed(uploader.settings, asked.gains, asked.target_time, asked.model)

@@ -42,24 +42,24 @@ class Stops:
         self._wake = threading.Event()
         self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
         threading.Thread(target=self._follow, name="safe stop", daemon=True).start()
-        bus.answer(STOP, StopRequest, self._judge)
-        bus.answer(RELEASE, ReleaseRequest, self._release)
+        bus.answer(STOP, StopRequest, self._judge, self._ask)
+        bus.answer(RELEASE, ReleaseRequest, self._release, self._ask)
 
     def follow(self) -> None:
         """Looks at the blocks, now and for as long as they keep a stop; returns at once."""
         self._wake.set()
 
-    def _judge(self, asked: StopRequest | None) -> StopState:
+    def _ask(self) -> StopState:
         with self._lock:
-            if asked is None:
-                return self._noted(self._now())
+            return self._noted(self._now())
+
+    def _judge(self, asked: StopRequest) -> StopState:
+        with self._lock:
             stop = self._blocks().judge(asked.state, asked.confidence)
             return self._noted(stop, f" ({asked.who}: {asked.why})")
 
-    def _release(self, asked: ReleaseRequest | None) -> StopState:
+    def _release(self, asked: ReleaseRequest) -> StopState:
         with self._lock:
-            if asked is None:
-                return self._noted(self._now())
             stop = self._blocks().release()
             self._latched = stop != "none"
             return self._noted(stop, f" ({asked.who}: {asked.why})")

@@ -172,7 +172,7 @@ class Supervisor:
         self._children = {program.name: _Child(program, self._lifeline, key) for program in programs}
         bus.watch_alive(self._note_token)
         bus.subscribe(STATUS, Status, self._note_status)
-        bus.answer(SUMMARY, SummaryRequest, lambda request: self.summary())
+        bus.answer(SUMMARY, SummaryRequest, None, self.summary)
 
     def start(self) -> None:
         """Starts all programs."""

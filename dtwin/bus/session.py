@@ -227,6 +227,7 @@ class Bus:
         self._lock = threading.Lock()
         self._session = session
         self._key = key
+        self._signer = Signer(key) if key else None
         self._declared: list[Any] = []
 
     def __enter__(self) -> Bus:
@@ -304,8 +305,7 @@ class Bus:
             try:
                 sender = b""
                 if verify is not None:
-                    attachment = None if sample.attachment is None else _bytes(sample.attachment)
-                    sender = verify(str(sample.key_expr), payload, attachment)
+                    sender = verify(str(sample.key_expr), payload, _attached(sample))
                 receive(reader(payload), sender)
             except MessageError as error:
                 self.refuse(error.reason, f"{sample.key_expr}: {error}")
@@ -331,22 +331,49 @@ class Bus:
 
         self._declare(declare, self.key(ALIVE), take)
 
-    def answer(self, topic: Topic, message: type[M], handle: Callable[[M | None], Any]) -> None:
+    def answer(
+        self,
+        topic: Topic,
+        message: type[M],
+        act: Callable[[M], Any] | None,
+        read: Callable[[], Any] | None = None,
+        *,
+        trusted: bool = False,
+    ) -> None:
         """Answers the queries of a topic.
 
+        A query that carries a message acts, and must name the exact key for that. A query without one only reads,
+        also when its key expression has wildcards. The text of a DtwinError is sent as the answer. Both functions
+        run on a thread of their own.
+
         Args:
-            topic: topic of the queries.
-            message: type of the message that a query may carry.
-            handle: returns the answer to a message, or to None for a query without one; it runs on a thread of
-                its own, and the text of a DtwinError that it raises is sent as the answer.
+            topic: Topic of the queries.
+            message: Type of the message that a query may carry.
+            act: Function that returns the answer to a message; without it, a message only reads.
+            read: Function that returns the answer to a query without message; without it, such a query is refused.
+            trusted: Whether only the services of a cell with a key may act.
         """
         reader = Reader(message)
+        key = self.key(topic)
+        verify = Verifier(self._key) if self._key and trusted else None
+
+        def found(query: zenoh.Query) -> Any:
+            payload = _bytes(query.payload) if query.payload else b""
+            if payload and str(query.key_expr) != key:
+                raise MessageError("inexact", f"expected the exact key {key} for a message that acts")
+            if payload and verify is not None:
+                verify(key, payload, _attached(query))
+            asked = reader(payload) if payload else None
+            if asked is not None and act is not None:
+                return act(asked)
+            if read is None:
+                raise MessageError("empty", f"expected a {message.__name__}, without which there is nothing to do")
+            return read()
 
         def take(query: zenoh.Query) -> None:
             with query:
                 try:
-                    asked = reader(_bytes(query.payload)) if query.payload else None
-                    query.reply(query.key_expr, encode(handle(asked)), encoding=_JSON)
+                    query.reply(key, encode(found(query)), encoding=_JSON)
                 except MessageError as error:
                     self.refuse(error.reason, f"{query.key_expr}: {error}")
                     query.reply_err(str(error))
@@ -355,7 +382,7 @@ class Bus:
 
         # A thread of its own: what is asked for may take a while, and signals come in on Zenoh's own thread.
         handler = Callback(take, lambda: None, indirect=True)
-        self._declared.append(self._session.declare_queryable(self.key(topic), handler))
+        self._declared.append(self._session.declare_queryable(key, handler))
 
     def ask(self, topic: Topic, message: msgspec.Struct | None, reply: type[M], timeout: float = TIMEOUT) -> M:
         """Sends a query and returns its answer.
@@ -385,7 +412,9 @@ class Bus:
             # A session that has just joined does not know the others yet.
             if not (_matching(querier.matching_status) or there.wait(timeout)):
                 raise UnansweredError(nobody)
-            for answer in querier.get(payload=b"" if message is None else encode(message), encoding=_JSON):
+            payload = b"" if message is None else encode(message)
+            attachment = self._signer(key, payload) if self._signer else None
+            for answer in querier.get(payload=payload, encoding=_JSON, attachment=attachment):
                 if answer.err is not None:
                     raise CommunicationError(f"{key}: {_bytes(answer.err.payload).decode(errors='replace')}")
                 if answer.ok is not None:
@@ -409,6 +438,10 @@ def _matching(status: Any) -> bool:
 
 def _bytes(payload: zenoh.ZBytes) -> bytes:
     return payload.to_bytes()
+
+
+def _attached(received: zenoh.Sample | zenoh.Query) -> bytes | None:
+    return None if received.attachment is None else _bytes(received.attachment)
 
 
 def _line(error: Exception) -> str:

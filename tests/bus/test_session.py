@@ -11,6 +11,7 @@ import zenoh
 from dtwin.bus.codec import encode
 from dtwin.bus.messages import ALIVE, RESET, SENSORS, STATUS, TOPICS, Done, ResetRequest
 from dtwin.bus.session import Bus, open_configured, open_peer
+from dtwin.bus.signature import new_key
 from dtwin.errors import CommunicationError, ParameterError, UnansweredError
 from dtwin.parameters import ROOT
 from dtwin.signals import Sensors
@@ -148,25 +149,92 @@ def test_refused_messages_are_counted_by_reason(join: Join, caplog: pytest.LogCa
     assert all("\n" not in record.getMessage() for record in caplog.records)
 
 
-def test_a_query_is_answered_with_what_was_applied(join: Join) -> None:
+class Counter:
+    """Answers queries, and counts what acted."""
+
+    def __init__(self, bus: Bus, *, trusted: bool = False) -> None:
+        self.acted: list[ResetRequest] = []
+        bus.answer(RESET, ResetRequest, self._act, self._read, trusted=trusted)
+
+    def _act(self, asked: ResetRequest) -> Done:
+        self.acted.append(asked)
+        return self._read()
+
+    def _read(self) -> Done:
+        return Done(0.0, f"{len(self.acted)} actions")
+
+
+def test_a_query_with_a_message_acts_and_one_without_reads(join: Join) -> None:
     asker, answerer = join(), join()
-    state = ["seed 0"]
+    counter = Counter(answerer)
+    assert asker.ask(RESET, None, Done).text == "0 actions"
+    assert asker.ask(RESET, ResetRequest(5), Done).text == "1 actions"
+    assert asker.ask(RESET, None, Done).text == "1 actions"
+    assert counter.acted == [ResetRequest(5)]
 
-    def apply(asked: ResetRequest | None) -> Done:
-        if asked is not None:
-            state[0] = f"seed {asked.seed}"
-        return Done(0.0, state[0])
 
-    answerer.answer(RESET, ResetRequest, apply)
-    assert asker.ask(RESET, None, Done).text == "seed 0"
-    assert asker.ask(RESET, ResetRequest(5), Done).text == "seed 5"
-    assert asker.ask(RESET, None, Done).text == "seed 5"
+def test_a_wildcard_reads_and_never_acts(rendezvous: str, join: Join) -> None:
+    counter = Counter(join())
+    with open_peer(rendezvous) as session:
+        until(lambda: replies(session, "dtwin/**", b"") == ["ok"], "the answerer is found")
+        message = encode(ResetRequest(5))
+        for expression in ("dtwin/**", "dtwin/cell/arm/emulator/*", "*/cell/arm/emulator/reset"):
+            assert replies(session, expression, message) == ["error"]
+        assert counter.acted == []
+        assert replies(session, "dtwin/cell/arm/emulator/reset", message) == ["ok"]
+    assert counter.acted == [ResetRequest(5)]
+
+
+def replies(session: zenoh.Session, expression: str, payload: bytes) -> list[str]:
+    found = session.get(expression, payload=payload, timeout=5.0)
+    return ["ok" if reply.ok is not None else "error" for reply in found]
+
+
+def test_an_empty_query_for_an_action_is_refused(join: Join) -> None:
+    asker, answerer = join(), join()
+    answerer.answer(RESET, ResetRequest, lambda asked: pytest.fail("must not be called"))
+    with pytest.raises(CommunicationError, match="expected a ResetRequest"):
+        asker.ask(RESET, None, Done)
+    assert answerer.refused == {"empty": 1}
+
+
+def test_only_services_with_the_key_may_do_what_is_trusted_to_them(rendezvous: str, join: Join) -> None:
+    key = new_key()
+    with Bus(open_peer(rendezvous), key=key) as answerer, Bus(open_peer(rendezvous), key=key) as service:
+        counter = Counter(answerer, trusted=True)
+        with pytest.raises(CommunicationError, match="unsigned"):
+            join().ask(RESET, ResetRequest(1), Done)
+        with Bus(open_peer(rendezvous), key=new_key()) as stranger:
+            with pytest.raises(CommunicationError, match="forged"):
+                stranger.ask(RESET, ResetRequest(2), Done)
+            assert stranger.ask(RESET, None, Done).text == "0 actions"
+        assert service.ask(RESET, ResetRequest(3), Done).text == "1 actions"
+        assert counter.acted == [ResetRequest(3)]
+
+
+def test_a_cell_with_a_key_hears_only_its_services(rendezvous: str) -> None:
+    key = new_key()
+    with (
+        Bus(open_peer(rendezvous), key=key) as receiver,
+        Bus(open_peer(rendezvous), key=key) as service,
+        Bus(open_peer(rendezvous)) as rival,
+        Bus(open_peer(rendezvous)) as watcher,
+    ):
+        heard, seen = Heard(receiver), Heard(watcher)
+        forge, publish = rival.publisher(SENSORS, lossless=True), service.publisher(SENSORS, lossless=True)
+        until(lambda: forge.wanted and publish.wanted and receiver.peers() == 3, "all know each other")
+        forge(SAMPLE)
+        until(lambda: receiver.refused["unsigned"] == 1, "the forged sample is refused")
+        publish(SAMPLE)
+        assert heard.messages.get(timeout=WAIT) == SAMPLE
+        assert heard.messages.empty()
+        assert [seen.messages.get(timeout=WAIT) for _ in range(2)] == [SAMPLE, SAMPLE]
 
 
 def test_a_query_gets_the_reason_for_a_refusal(join: Join) -> None:
     asker, answerer = join(), join()
 
-    def refuse(asked: ResetRequest | None) -> Done:
+    def refuse(asked: ResetRequest) -> Done:
         raise ParameterError("not today")
 
     answerer.answer(RESET, ResetRequest, refuse)

@@ -163,7 +163,7 @@ def test_sending_the_same_settings_again_changes_no_voltage(controller: str, des
     sent = 0
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL)
     until(lambda: (up := runfile.find("cell")) is not None and up.ready, "the cell is up")
-    with join("cell") as bus, suppress(CommunicationError):  # at its end nobody answers
+    with desk.join_as_service() as bus, suppress(CommunicationError):  # at its end nobody answers
         while process.poll() is None:
             bus.ask(SETTINGS, SettingsRequest(Gains(), 2.0), SettingsInForce, 1.0)
             bus.ask(SETTINGS, SettingsRequest(model=ArmParameters()), SettingsInForce, 1.0)

@@ -144,11 +144,21 @@ def test_what_is_refused_changes_nothing(cell: Desk, history: History) -> None:
     )
 
 
-def test_an_upload_by_somebody_unaware_of_a_direct_setting_is_refused(cell: Desk, history: History) -> None:
-    """Gains set past the simulation service are found to be in force, as a version of their own."""
+def test_nobody_sets_anything_past_the_checks(cell: Desk, history: History) -> None:
+    """The bridge takes settings from the services of the cell alone."""
     with join("cell") as bus:
+        before, count = bus.ask(SETTINGS, None, SettingsInForce), len(history.entries())
+        with pytest.raises(CommunicationError, match="unsigned: expected the signature of a service of this cell"):
+            bus.ask(SETTINGS, SettingsRequest(Gains(kp=(220.0, 500.0, 300.0)), 2.0), SettingsInForce)
+        assert bus.ask(SETTINGS, None, SettingsInForce) == before
+    assert len(history.entries()) == count
+
+
+def test_an_upload_by_somebody_unaware_of_another_one_is_refused(cell: Desk, history: History) -> None:
+    """Gains set by another service are found to be in force, as a version of their own."""
+    with join("cell") as bus, cell.join_as_service() as service:
         before, count = now(bus).version, len(history.entries())
-        bus.ask(SETTINGS, SettingsRequest(Gains(kp=(220.0, 500.0, 300.0)), 2.0), SettingsInForce)
+        service.ask(SETTINGS, SettingsRequest(Gains(kp=(220.0, 500.0, 300.0)), 2.0), SettingsInForce)
         with pytest.raises(CommunicationError, match=f"expected version {before + 1}, got {before}"):
             bus.ask(UPLOAD, UploadRequest("anna", "unaware of bob", before, target_time=1.8), Upload)
     assert [entry.action for entry in history.entries()[count:]] == ["start", "refuse"]
@@ -190,7 +200,7 @@ def test_numbers_that_no_arm_can_have_are_refused_with_the_range(cell: Desk) -> 
     """Finite numbers that no arm can have are refused with the range, by the service and by the bridge."""
     heavy = scaled(ArmParameters(), "m", 1e300)
     wild = Gains(kp=(1e308, 500.0, 300.0))
-    with join("cell") as bus:
+    with join("cell") as bus, cell.join_as_service() as service:
         before = bus.ask(SETTINGS, None, SettingsInForce)
         asked = UploadRequest("bob", "wild", now(bus).version)
         for upload, request, reason in (
@@ -211,7 +221,7 @@ def test_numbers_that_no_arm_can_have_are_refused_with_the_range(cell: Desk) -> 
             with pytest.raises(CommunicationError, match=reason):
                 bus.ask(UPLOAD, upload, Upload)
             with pytest.raises(CommunicationError, match=reason):
-                bus.ask(SETTINGS, request, SettingsInForce)
+                service.ask(SETTINGS, request, SettingsInForce)
         for question in (PredictionRequest(target_time=1e300), PredictionRequest(gains=wild)):
             with pytest.raises(CommunicationError, match="expected 0"):
                 bus.ask(PREDICT, question, Predicted)

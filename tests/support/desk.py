@@ -14,9 +14,12 @@ from typing import Any
 import msgspec
 import pytest
 
+from dtwin.bus.session import Bus, open_peer
 from dtwin.cli import main
 from dtwin.parameters import ROOT
 from dtwin.signals import BoxCounts
+from services import runfile
+from services.supervisor import KEY
 from tests.support.waiting import until
 
 
@@ -60,6 +63,14 @@ class Desk:
         """The id of the process whose command line has this part."""
         (pid,) = (pid for pid, line in self.processes().items() if part in line)
         return pid
+
+    def join_as_service(self) -> Bus:
+        """The bus of the cell that is up, with the key that its services were given."""
+        up = runfile.require("cell")
+        pid = self.find("services.bridge")
+        environment = (Path("/proc") / str(pid) / "environ").read_bytes().decode().split("\0")
+        key = next(word.partition("=")[2] for word in environment if word.startswith(f"{KEY}="))
+        return Bus(open_peer(up.meet), "cell", up.arm, bytes.fromhex(key))
 
 
 @contextmanager
