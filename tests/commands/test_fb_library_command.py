@@ -16,7 +16,7 @@ from dtwin.iec61499.library import Library
 from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell, CellSettings
 from tests.commands.test_fb_command import device
-from tests.support.lua_bench import LuaBench
+from tests.support.iec61499.lua_bench import LuaBench
 
 BLOCKS = ROOT / "fb"
 

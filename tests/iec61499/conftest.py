@@ -10,8 +10,8 @@ import pytest
 
 from dtwin.iec61499.library import Library
 from dtwin.parameters import ROOT
-from tests.support.block_files import Write
-from tests.support.served_device import ServedDevice
+from tests.support.iec61499.block_files import Write
+from tests.support.iec61499.served_device import ServedDevice
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.library import Library
-from tests.support.block_files import BASIC, Write
+from tests.support.iec61499.block_files import BASIC, Write
 
 
 def test_library_finds_types_in_subfolders(write: Write, tmp_path: Path) -> None:

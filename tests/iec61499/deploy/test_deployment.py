@@ -35,7 +35,7 @@ from dtwin.iec61499.net.reactor import Reactor
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.standard.notation import interface
 from dtwin.parameters import ROOT
-from tests.support.networks import Types, chart, network
+from tests.support.iec61499.networks import Types, chart, network
 
 BLOCKS = ROOT / "fb"
 

@@ -15,8 +15,8 @@ from dtwin.iec61499.standard.notation import interface
 from dtwin.iec61499.types import ElementaryType
 from dtwin.parameters import ROOT
 from tests.iec61499.runtime.test_chart import STATES, Interpreter, action_lists, transition_lists
-from tests.support.lua_bench import INTERPRETERS, LuaBench, same
-from tests.support.networks import Bench, chart
+from tests.support.iec61499.lua_bench import INTERPRETERS, LuaBench, same
+from tests.support.iec61499.networks import Bench, chart
 
 LIBRARY = Library([ROOT / "fb"])
 ALGORITHMIC = [

@@ -14,7 +14,16 @@ from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.parameters import ROOT
-from tests.support.served_device import BOOT, DOUBLING, PATIENCE, ServedDevice, build, free_address, samples, wait_for
+from tests.support.iec61499.served_device import (
+    BOOT,
+    DOUBLING,
+    PATIENCE,
+    ServedDevice,
+    build,
+    free_address,
+    samples,
+    wait_for,
+)
 
 
 def test_cycles_run_on_the_clock(served: ServedDevice) -> None:

@@ -24,8 +24,16 @@ from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.wire import Signature
 from dtwin.iec61499.types import BOOL
 from tests.support.forte import FORTE, NO_FORTE, forte
-from tests.support.hostile import drain
-from tests.support.served_device import DOUBLING, NUMBER, PATIENCE, ServedDevice, build, free_address, wait_for
+from tests.support.iec61499.hostile import drain
+from tests.support.iec61499.served_device import (
+    DOUBLING,
+    NUMBER,
+    PATIENCE,
+    ServedDevice,
+    build,
+    free_address,
+    wait_for,
+)
 from tests.support.waiting import connected
 
 R = ManagedBlock("R", "EMB_RES")

@@ -10,7 +10,7 @@ from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.resource import Resource
-from tests.support.block_files import Write, line_of
+from tests.support.iec61499.block_files import Write, line_of
 
 SYSTEM = """<?xml version="1.0" encoding="UTF-8"?>
 <System Name="TEST">

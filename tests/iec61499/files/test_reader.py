@@ -18,7 +18,7 @@ from dtwin.iec61499.files.xml import parse_xml
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.types import INT, LREAL, TIME, ArrayType
-from tests.support.block_files import BASIC, Write, line_of
+from tests.support.iec61499.block_files import BASIC, Write, line_of
 
 
 def test_basic_block(write: Write) -> None:

@@ -16,7 +16,7 @@ from dtwin.iec61499.management.protocol import (
     Request,
     RequestAction,
 )
-from tests.support.requests import names, subjects
+from tests.support.iec61499.requests import names, subjects
 
 BOOT = """;<Request ID="1" Action="CREATE"><FB Name="R" Type="EMB_RES" /></Request>
 R;<Request ID="2" Action="CREATE"><FBType Name="X">line one

@@ -23,7 +23,7 @@ from dtwin.iec61499.management.protocol import (
     parse_response,
     request_id,
 )
-from tests.support.requests import names, subjects
+from tests.support.iec61499.requests import names, subjects
 
 
 @given(st.builds(Request, names, st.sampled_from(get_args(RequestAction)), subjects))

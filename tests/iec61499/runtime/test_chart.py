@@ -10,7 +10,7 @@ from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.standard.notation import interface
-from tests.support.networks import Bench, Types, chart, network
+from tests.support.iec61499.networks import Bench, Types, chart, network
 
 
 def test_transitions_are_tried_in_order() -> None:

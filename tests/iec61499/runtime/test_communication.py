@@ -11,7 +11,7 @@ from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime.communication import CommunicationPort
 from dtwin.iec61499.runtime.local_transport import LocalTransport
 from dtwin.iec61499.runtime.resource import Resource
-from tests.support.networks import Types, chart, network
+from tests.support.iec61499.networks import Types, chart, network
 
 WORK = chart(
     "WORK",

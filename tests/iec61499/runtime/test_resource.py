@@ -12,7 +12,7 @@ from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime import resource as runtime
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.standard.notation import interface
-from tests.support.networks import Types, chart, connections, network
+from tests.support.iec61499.networks import Types, chart, connections, network
 
 LOG = chart(
     "LOG",

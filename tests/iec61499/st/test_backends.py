@@ -11,8 +11,8 @@ from dtwin.iec61499.st import ast
 from dtwin.iec61499.st.check import check_algorithm
 from dtwin.iec61499.st.parser import parse_algorithm
 from dtwin.iec61499.st.printer import print_algorithm
-from tests.support.st_harness import LUA, run_exact, run_lua, run_python, same
-from tests.support.st_programs import SCOPE, programs, states
+from tests.support.iec61499.st_harness import LUA, run_exact, run_lua, run_python, same
+from tests.support.iec61499.st_programs import SCOPE, programs, states
 
 relaxed = settings(deadline=None, suppress_health_check=list(HealthCheck), max_examples=80, derandomize=True)
 

@@ -9,7 +9,7 @@ from dtwin.iec61499.st.check import check_algorithm, check_expression
 from dtwin.iec61499.st.functions import conversion, widens
 from dtwin.iec61499.st.parser import parse_algorithm, parse_expression
 from dtwin.iec61499.types import BOOL, ELEMENTARY, LREAL, ArrayType, DataType
-from tests.support.st_harness import check, scope_of
+from tests.support.iec61499.st_harness import check, scope_of
 
 TYPES: dict[str, str | DataType] = {
     **{name[0].lower() + name[1:].lower(): name for name in ELEMENTARY},

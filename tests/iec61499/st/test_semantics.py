@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from tests.support.st_cases import TYPES, inf, nan, results
-from tests.support.st_harness import check, same
+from tests.support.iec61499.st_cases import TYPES, inf, nan, results
+from tests.support.iec61499.st_harness import check, same
 
 STATEMENTS = [
     ("X := 1; Y := X + 0.5;", {"X": 1.0, "Y": 1.5}),

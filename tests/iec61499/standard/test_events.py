@@ -8,7 +8,7 @@ from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.standard.catalogue import find_standard, standard_names
-from tests.support.networks import Bench, network
+from tests.support.iec61499.networks import Bench, network
 
 
 def test_split_issues_its_outputs_in_order() -> None:

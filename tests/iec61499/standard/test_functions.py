@@ -10,7 +10,7 @@ import pytest
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime.resource import Resource
-from tests.support.networks import Bench, network
+from tests.support.iec61499.networks import Bench, network
 
 
 @pytest.mark.parametrize(

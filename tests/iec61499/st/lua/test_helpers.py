@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dtwin.iec61499.st.lua.helpers import HELPERS, lua_helpers
-from tests.support.st_harness import LUA
+from tests.support.iec61499.st_harness import LUA
 
 
 @pytest.mark.parametrize("interpreter", LUA)

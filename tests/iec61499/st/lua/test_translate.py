@@ -6,8 +6,8 @@ import pytest
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.st.lua.translate import lua_source
-from tests.support.st_cases import TYPES
-from tests.support.st_harness import check
+from tests.support.iec61499.st_cases import TYPES
+from tests.support.iec61499.st_harness import check
 
 
 @pytest.mark.parametrize(

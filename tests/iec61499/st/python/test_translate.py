@@ -12,8 +12,8 @@ from dtwin.iec61499.st.lua.translate import lua_condition
 from dtwin.iec61499.st.parser import parse_expression
 from dtwin.iec61499.st.python.translate import CONDITION_GLOBALS, compile_algorithm, compile_condition, python_source
 from dtwin.iec61499.st.semantics import ITERATION_LIMIT
-from tests.support.st_cases import SCOPE, TYPES, inf, results
-from tests.support.st_harness import LUA, check, instance, run_lua, run_python, scope_of
+from tests.support.iec61499.st_cases import SCOPE, TYPES, inf, results
+from tests.support.iec61499.st_harness import LUA, check, instance, run_lua, run_python, scope_of
 
 
 @pytest.mark.parametrize(

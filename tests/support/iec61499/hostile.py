@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 
 from dtwin.iec61499.management.protocol import REQUESTS
 from dtwin.iec61499.net.address import Address
-from tests.support.served_device import BOOT, PATIENCE
+from tests.support.iec61499.served_device import BOOT, PATIENCE
 
 
 @contextmanager

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from dtwin.iec61499.types import DINT, LREAL, ArrayType, DataType
-from tests.support.st_harness import LUA, check, run_exact, run_lua, run_python, same, scope_of
+from tests.support.iec61499.st_harness import LUA, check, run_exact, run_lua, run_python, same, scope_of
 
 TYPES: dict[str, str | DataType] = {
     **dict.fromkeys(("X", "Y", "Z"), "LREAL"), "R": "REAL", **dict.fromkeys(("I", "J", "K"), "DINT"),
