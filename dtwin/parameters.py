@@ -47,6 +47,15 @@ PARAMETER_NAMES: Final = tuple(f"{symbol}{joint}" for symbol in _SYMBOLS for joi
 """The names K1, K2, K3, m1, ..., D3, mu1, mu2, mu3, in the order of `ArmParameters.vector`."""
 
 
+def symbol_of(name: str) -> str:
+    """The symbol in one of PARAMETER_NAMES: `K` of `K2`, `mu` of `mu3`.
+
+    Raises:
+        ParameterError: there is no such parameter.
+    """
+    return tuple(_SYMBOLS)[_index(name) // 3]
+
+
 @dataclass(frozen=True, slots=True)
 class ArmParameters:
     """Parameters of the three links, one value per link.

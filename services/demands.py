@@ -11,7 +11,8 @@ from typing import Final
 from dtwin.bus.messages import EVENTS, STOP, StopRequest, StopState
 from dtwin.bus.session import Bus
 from dtwin.errors import CommunicationError
-from dtwin.monitoring.verdict import Finding, arm_state
+from dtwin.monitoring.kinds import arm_state
+from dtwin.monitoring.verdict import Finding
 from dtwin.signals import MONITOR, Event, EventKind
 
 log = logging.getLogger(__name__)
@@ -53,9 +54,8 @@ class Demands:
 
     def _ask(self, finding: Finding) -> bool:
         """Whether the blocks have answered."""
-        request = StopRequest(
-            "monitoring", finding.text(), arm_state(finding), min(max(finding.confidence, 0.0), 1.0)
-        )
+        confidence = min(max(finding.confidence, 0.0), 1.0)
+        request = StopRequest("monitoring", finding.text(), arm_state(finding.fault), confidence)
         try:
             answer = self._bus.ask(STOP, request, StopState)
         except CommunicationError as error:

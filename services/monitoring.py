@@ -18,12 +18,11 @@ import numpy as np
 
 from dtwin.bus.messages import ACKNOWLEDGE, EVENTS, MONITORING, RESIDUALS, SENSORS, VOLTAGES
 from dtwin.bus.pairs import Pairs
-from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoredUnit, MonitoringResiduals, MonitoringVerdict
+from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringResiduals, MonitoringVerdict
 from dtwin.errors import CommunicationError, DtwinError
 from dtwin.identification.model import read_model
 from dtwin.monitoring.belief import Belief, assumed, identified
 from dtwin.monitoring.monitor import ALARMS_PER_HOUR, Monitor, MonitorSettings
-from dtwin.monitoring.verdict import Verdict, unit_of
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.signals import MONITOR, Event, Sensors, Voltages
 from services.demands import Demands
@@ -113,7 +112,7 @@ class Monitoring:
             if asked.request is not None:
                 self._monitor.acknowledge(asked.request.parameter)
                 self._tell_news()
-            asked.verdict.set_result(verdict_message(self._monitor.verdict(), self._monitor.restarts))
+            asked.verdict.set_result(self._monitor.verdict())
         except DtwinError as error:
             asked.verdict.set_exception(error)
 
@@ -124,14 +123,14 @@ class Monitoring:
         if sensors.sequence % RESIDUAL_EVERY == 0:
             self._tell_residuals(residuals(sensors.sequence, sensors.theta, monitor))
         if not self._tell_news() and sensors.sequence % VERDICT_EVERY == 0:
-            self._tell_verdict(verdict_message(monitor.verdict(), monitor.restarts))
+            self._tell_verdict(monitor.verdict())
 
     def _tell_news(self) -> bool:
         """Publishes what the monitor has noticed since the last time; whether that was anything."""
         monitor = self._monitor
         news = monitor.events[self._told :]
         if news:
-            self._tell_verdict(verdict_message(monitor.verdict(), monitor.restarts))
+            self._tell_verdict(monitor.verdict())
         for event in news:
             log.info("%.2f s: %s: %s", event.time, event.kind, event.text)
             self._tell_event(Event(event.time, MONITOR + event.kind, event.text))
@@ -149,27 +148,6 @@ class _Asked(NamedTuple):
 
     request: AcknowledgeRequest | None
     verdict: Future[MonitoringVerdict]
-
-
-def verdict_message(verdict: Verdict, restarts: int) -> MonitoringVerdict:
-    """A verdict as it is published; of several findings on a unit the last."""
-    units = {unit: MonitoredUnit(state) for unit, state in verdict.states.items()}
-    for finding in verdict.findings:
-        unit = unit_of(finding.joint)
-        units[unit] = MonitoredUnit(
-            verdict.states[unit],
-            finding.cause,
-            finding.parameter,
-            finding.size,
-            finding.deviation,
-            finding.confidence,
-            finding.since,
-            finding.detected,
-            finding.settled,
-            finding.text(),
-        )
-    forecasts = tuple(forecast.text() for forecast in verdict.forecasts)
-    return MonitoringVerdict(verdict.time, units, forecasts, verdict.unobservable, verdict.missed, restarts)
 
 
 def residuals(sequence: int, theta: Triple, monitor: Monitor) -> MonitoringResiduals:

@@ -25,7 +25,7 @@ from dtwin.parameters import ArmParameters
 from dtwin.run.options import ArmOptions
 from dtwin.run.recording import Log, RunLog, ensure_writable
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
-from dtwin.view import LiveView, Opinion, Ports, Predictions, Viewer, ViewerProcess
+from dtwin.view import LiveView, Ports, Predictions, Viewer, ViewerProcess
 from services.parts.log_parts import Parts
 from services.parts.rows import Rows
 from services.service import Link, Service, main
@@ -92,7 +92,7 @@ class Recorder:
         self._viewer = ViewerProcess(kind, options.ports) if kind != "none" else None
         self._time = 0.0
         self._residuals: list[MonitoringResiduals] = []
-        self._opinions: list[Opinion] = []
+        self._verdicts: list[MonitoringVerdict] = []
         self._begin()
         bus = service.bus
         take = service.inbox.put
@@ -142,12 +142,7 @@ class Recorder:
         self._residuals.append(message)
 
     def _take_verdict(self, message: MonitoringVerdict, now: float) -> None:
-        opinion = Opinion(
-            message.time,
-            {name: unit.state for name, unit in message.units.items()},
-            {name: unit.text for name, unit in message.units.items() if unit.text},
-        )
-        self._opinions.append(opinion)
+        self._verdicts.append(message)
 
     def _add_row(self, record: StepRecord) -> None:
         self._run_log.append(record)
@@ -166,8 +161,8 @@ class Recorder:
             self._parts.add(part)
         if self._view is not None:
             self._view.add(part)
-            self._view.add_monitoring(predictions(self._residuals), self._opinions)
-        self._residuals, self._opinions = [], []
+            self._view.add_monitoring(predictions(self._residuals), self._verdicts)
+        self._residuals, self._verdicts = [], []
 
     def _join(self, part: Log) -> None:
         """Goes on with what an earlier recorder left, if this part follows it."""

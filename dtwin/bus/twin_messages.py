@@ -5,7 +5,7 @@ The rules of `dtwin.bus.messages` hold, which has their topics.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 import msgspec
 
@@ -198,14 +198,19 @@ class Predicted(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     motions: tuple[PredictedMotion, ...]
 
 
+UnitState = Literal["nominal", "may be degrading", "failed"]
+UNITS: Final = ("joint 1", "joint 2", "joint 3", "gripper")
+"""What has a state of its own in a verdict."""
+
+
 class MonitoredUnit(msgspec.Struct, frozen=True):
     """A joint or the gripper as the monitor sees it.
 
     Attributes:
         state: nominal, may be degrading or failed.
-        cause: in words, "" for none.
+        cause: cause of what is wrong in words, "" for none.
         parameter: what changed, in the notation of faults, "" for nothing.
-        size: of the change: of a voltage constant relative, of others in SI units.
+        size: size of the change, relative for a voltage constant and in SI units for the others.
         deviation: standard deviation of the size.
         confidence: probability of the cause.
         since: plant time at which it began, s.
@@ -214,7 +219,7 @@ class MonitoredUnit(msgspec.Struct, frozen=True):
         text: all of that in words.
     """
 
-    state: Word
+    state: UnitState
     cause: Word = ""
     parameter: Word = ""
     size: float = 0.0
@@ -231,7 +236,7 @@ class MonitoringVerdict(msgspec.Struct, frozen=True, tag_field="schema", tag=SCH
 
     Attributes:
         time: plant time, s.
-        units: joint 1, joint 2, joint 3 and gripper.
+        units: the units by their names in UNITS.
         forecasts: slow changes that will reach a limit, in words.
         unobservable: causes that the last seconds could not have shown.
         missed: samples that did not arrive since the service started.
@@ -250,7 +255,7 @@ class AcknowledgeRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SC
     """An operator knows what is wrong: the arm as it is now counts as normal.
 
     Attributes:
-        parameter: of the finding or forecast, as in `MonitoredUnit`; "" for all.
+        parameter: what the finding or forecast names, as in `MonitoredUnit`; "" for all.
     """
 
     parameter: Word = ""
@@ -260,12 +265,13 @@ class MonitoringResiduals(msgspec.Struct, frozen=True, gc=False, tag_field="sche
     """What the encoders said beyond what was expected, rad; ten times a second.
 
     Attributes:
-        sequence, time: of the sample.
+        sequence: number of the sample's tick.
+        time: plant time of the sample, s.
         predicted: what the encoders should have read, rad.
         residual: reading minus prediction, rad.
         deviation: standard deviation that a healthy arm's residuals have, rad.
-        evidence: of a sudden change, 2 log likelihood ratio.
-        threshold: of the evidence.
+        evidence: evidence of a sudden change, 2 log likelihood ratio.
+        threshold: evidence from which on a change is diagnosed.
     """
 
     sequence: Count

@@ -8,7 +8,7 @@ from typing import Final
 
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
-from dtwin.parameters import PARAMETER_NAMES
+from dtwin.parameters import PARAMETER_NAMES, symbol_of
 
 HIGHEST_GAINS: Final = {"kp": 1e5, "ki": 1e5, "kd": 1e3}
 """Greatest gains, 1/s^2, 1/s^3 and 1/s: a hundred times what is of use."""
@@ -38,7 +38,7 @@ def check_bounds(settings: ControlSettings) -> None:
         for joint, value in enumerate(values, 1):
             _check(f"{field.name}{joint}", value, 0.0, HIGHEST_GAINS[field.name])
     for name, value in zip(PARAMETER_NAMES, settings.model.vector(), strict=True):
-        _check(name, value, *MODEL_RANGES[name.rstrip("123")])
+        _check(name, value, *MODEL_RANGES[symbol_of(name)])
 
 
 def _check(name: str, value: float, low: float, high: float, unit: str = "") -> None:

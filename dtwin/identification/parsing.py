@@ -9,8 +9,8 @@ from typing import Final
 from dtwin.errors import ParameterError
 from dtwin.identification.estimation.estimate import EstimationSettings, Loss
 from dtwin.identification.estimation.friction import START_COULOMB
-from dtwin.identification.estimation.problem import START, Prior, symbol
-from dtwin.parameters import PARAMETER_NAMES, ArmParameters
+from dtwin.identification.estimation.problem import START, Prior
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, symbol_of
 
 SYMBOLS: Final = ("K", "m", "I", "l", "c", "D", "mu")
 
@@ -71,6 +71,6 @@ def settings_for(
         ParameterError: a text cannot be read.
     """
     names = free_names(free)
-    starts = {name: START_COULOMB if symbol(name) == "mu" else START.get(name) for name in names}
+    starts = {name: START_COULOMB if symbol_of(name) == "mu" else START.get(name) for name in names}
     arm = (known or ArmParameters()).with_values(starts)
     return EstimationSettings(names, arm, priors=dict(map(prior, priors)), loss=loss, seed=seed)

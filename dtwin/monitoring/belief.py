@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dtwin.errors import ModelError, ParameterError
 from dtwin.identification.model import IdentifiedModel
 from dtwin.monitoring.layout import ARM_NAMES
-from dtwin.parameters import ArmParameters, Triple
+from dtwin.parameters import ArmParameters, Triple, symbol_of
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ class Belief:
 
 def assumed(arm: ArmParameters, noise: Triple) -> Belief:
     """A belief in parameters whose covariance is not known."""
-    deviations = [TOLERANCE[name.rstrip("123")] * arm.get(name) for name in ARM_NAMES]
+    deviations = [TOLERANCE[symbol_of(name)] * arm.get(name) for name in ARM_NAMES]
     return Belief(arm, np.diag(np.square(deviations)), noise)
 
 

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.monitoring.estimator import Change
+from dtwin.monitoring.kinds import FREE, KINDS, LOCK, UNKNOWN, FaultId, Hypothesis, faults
 from dtwin.monitoring.layout import INDEX
 from dtwin.monitoring.signatures import SPACING, Onset, Suspicion
-from dtwin.monitoring.verdict import CAUSE_OF, joint_of
 
 Array = NDArray[np.float64]
 
@@ -34,8 +34,6 @@ MOST: Final = 500
 """samples after the alarm at which the most likely cause is taken"""
 _PRECISE: Final = 0.02
 """standard deviation of what changed, relative to a plausible change, that is small enough to settle"""
-_LOADS: Final = (-0.15, -0.1, -0.05, 0.1, 0.2)
-"""kg, changes of the payload to start from: the arm answers to them too unlike linearly to start from none"""
 _SERIOUS: Final = 0.6
 """share of the best statistic that makes a suspicion's onset one that a joint may have been locked at"""
 _HOPELESS: Final = 25.0
@@ -48,11 +46,11 @@ class Moment(NamedTuple):
     Attributes:
         volts: (3,), the command that led to it, V.
         gripped: whether a box was held.
-        doubt: about the torques of the command, N m.
+        doubt: standard deviation of the torques that the command leaves in doubt, N m.
         measured: (3,), rad.
         used: (3,), which readings were taken in.
         counts: whether it is evidence.
-        likelihood: logarithm, under the arm as believed so far.
+        likelihood: logarithm of the likelihood of the readings under the arm as believed so far.
     """
 
     volts: Array
@@ -68,12 +66,11 @@ class Candidate:
     """A hypothesis and its estimator.
 
     Args:
-        parameter: what changed, in the notation of faults; `friction2` is D2 and mu2 together, `free` a joint that is
-            locked no more.
-        onset: after which it changed, with the estimate of before.
-        sizes: plausible sizes of changes.
-        expected: changes to start from, by state.
-        delay: samples from the onset to the loss of all of a parameter, for `cut2` and `slip`.
+        fault: what changed.
+        onset: the sample after which it changed, with the estimate of before.
+        sizes: plausible sizes of changes by state.
+        expected: changes to start from by state.
+        delay: samples from the onset to the loss, for faults by which something is lost.
 
     Attributes:
         estimator: the arm under the hypothesis.
@@ -82,19 +79,19 @@ class Candidate:
 
     def __init__(
         self,
-        parameter: str,
+        fault: FaultId,
         onset: Onset,
         sizes: dict[str, float],
         expected: dict[str, float] | None = None,
         delay: int = 0,
     ) -> None:
-        self.parameter, self.onset = parameter, onset
+        self.fault, self.onset = fault, onset
         self.gain = 0.0
         self._opening = onset.gap
-        kind, joint = parameter.rstrip("123"), joint_of(parameter)
-        self._lost = {"slip": "payload", "cut": f"K{joint}"}.get(kind, "")
+        hypothesis = fault.about.hypothesis
+        self._lost = fault.states[0] if hypothesis == "loss" else ""
         self._delay = self._first_delay = delay
-        opened = {"friction": (f"D{joint}", f"mu{joint}")}.get(kind, (parameter,) if parameter in INDEX else ())
+        opened = {"jump": (str(fault),), "jumps": fault.states}.get(hypothesis, ())
         self._variance = {name: sizes[name] ** 2 / onset.gap for name in opened}
         self.estimator = estimator = onset.estimator.copy()
         self._states = (self._lost,) if self._lost else opened
@@ -105,10 +102,10 @@ class Candidate:
             estimator.x[INDEX[name]] += change
             if name == "payload":
                 estimator.box_mass += change
-        if kind in ("lock", "free"):
-            estimator.lock(joint)
-        elif kind == "unknown":
-            estimator.disturb(joint)
+        if hypothesis == "hold":
+            estimator.lock(fault.joint)
+        elif hypothesis == "torque":
+            estimator.disturb(fault.joint)
 
     def follow(self, moment: Moment) -> None:
         """Takes in a sample."""
@@ -148,14 +145,14 @@ class Candidate:
         if not begun.gripped:
             start["payload"] = begun.box_mass
         found = {name: change.value - start[name] for name, change in self.changes().items() if not self._lost}
-        return Candidate(self.parameter, self.onset, sizes, found, self._first_delay)
+        return Candidate(self.fault, self.onset, sizes, found, self._first_delay)
 
 
 class Diagnosis:
     """The candidates and what speaks for them.
 
     Args:
-        suspicions: from the signature bank, most likely first.
+        suspicions: suspicions of the signature bank, most likely first.
         history: samples up to the alarm, the last one last.
         sample: number of the last sample.
         sizes: plausible sizes of the changes.
@@ -176,20 +173,17 @@ class Diagnosis:
         serious = [s.onset for s in likely if s.statistic > _SERIOUS * likely[0].statistic]
         onsets = list({onset.sample: onset for onset in serious}.values())
         hypotheses = [(suspicion.fault, suspicion.onset) for suspicion in likely]
-        hypotheses += [(f"friction{s.fault[-1]}", s.onset) for s in likely if s.fault[0] == "D"]
-        hypotheses += [(f"lock{joint}", onset) for joint in (1, 2, 3) for onset in onsets]
-        hypotheses += [(f"unknown{joint}", onsets[0]) for joint in (1, 2, 3)]
-        hypotheses += [("free", onset) for onset in onsets if locked]
-        self.candidates = [Candidate(parameter, onset, sizes) for parameter, onset in hypotheses]
-        for suspicion in likely:
-            if suspicion.fault[0] == "K" or suspicion.fault == "payload":
-                name = "slip" if suspicion.fault == "payload" else f"cut{suspicion.fault[-1]}"
-                delays = range(min(suspicion.onset.gap, SPACING))
-                self.candidates += [Candidate(name, suspicion.onset, sizes, delay=delay) for delay in delays]
-            if suspicion.fault == "payload":
-                self.candidates += [
-                    Candidate("payload", suspicion.onset, sizes, {"payload": change}) for change in _LOADS
-                ]
+        hypotheses += [(fault, s.onset) for s in likely for fault in _told_by(s.fault, "jumps")]
+        hypotheses += [(fault, onset) for fault in faults(LOCK) for onset in onsets]
+        hypotheses += [(fault, onsets[0]) for fault in faults(UNKNOWN)]
+        hypotheses += [(FaultId(FREE), onset) for onset in onsets if locked]
+        self.candidates = [Candidate(fault, onset, sizes) for fault, onset in hypotheses]
+        for fault, onset, *_ in likely:
+            for lost in _told_by(fault, "loss"):
+                delays = range(min(onset.gap, SPACING))
+                self.candidates += [Candidate(lost, onset, sizes, delay=delay) for delay in delays]
+            starts = fault.about.starts
+            self.candidates += [Candidate(fault, onset, sizes, {str(fault): change}) for change in starts]
         for candidate in self.candidates:
             candidate.catch_up(history, sample)
         self._prune()
@@ -227,5 +221,10 @@ class Diagnosis:
 
 
 def _cause(candidate: Candidate) -> tuple[str, int]:
-    kind = candidate.parameter.rstrip("123")
-    return CAUSE_OF.get(kind, kind), joint_of(candidate.parameter)
+    return candidate.fault.about.cause, candidate.fault.joint
+
+
+def _told_by(suspected: FaultId, hypothesis: Hypothesis) -> list[FaultId]:
+    """The faults of one hypothesis that a suspected jump may be: those whose first state is the one that jumped."""
+    kinds = [k for k, row in KINDS.items() if row.hypothesis == hypothesis and row.states[0] == suspected.kind]
+    return [FaultId(kind, suspected.joint) for kind in kinds]

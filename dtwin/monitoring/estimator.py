@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dtwin.monitoring import kernels
 from dtwin.monitoring.belief import NOISE_FLOOR, Belief
 from dtwin.monitoring.layout import ARM, ARM_NAMES, BIAS, DRIFT, INDEX, MOVING, PAYLOAD, SIZE, W
-from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters
+from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters, symbol_of
 from dtwin.twin.dynamics import coefficients
 from dtwin.twin.sensitivity import integrate_linearised
 
@@ -65,7 +65,7 @@ class Tuning:
 
 
 class Change(NamedTuple):
-    """Of a state: its value before and now, and the standard deviation of their difference."""
+    """A state's value before and now, and the standard deviation of their difference."""
 
     before: float
     value: float
@@ -76,19 +76,19 @@ class Estimator:
     """Mean and covariance of the state after the last sample, and of what single states were before they changed.
 
     Args:
-        belief: of the healthy arm.
-        tuning: of the filter.
+        belief: what is known of the healthy arm.
+        tuning: how much the healthy arm may differ from moment to moment.
 
     Attributes:
         x: (28,), mean; see `layout`.
         P: (28, 28), covariance.
         F: (6, 22), derivatives over the last sample.
-        gains: (3, 28), of the last correction.
+        gains: (3, 28), gains of the last correction.
         innovation: (3,), reading minus prediction, rad.
-        variance: (3,), of the innovations, rad^2.
+        variance: (3,), variance of the innovations, rad^2.
         gripped: whether a box is held since the last prediction.
-        box_mass: that a box is expected to have when it is gripped, kg.
-        payload_variance: of that, kg^2.
+        box_mass: mass that a box is expected to have when it is gripped, kg.
+        payload_variance: variance of that mass, kg^2.
     """
 
     def __init__(self, belief: Belief, tuning: Tuning) -> None:
@@ -254,7 +254,7 @@ class Estimator:
             self._C = np.ascontiguousarray(np.delete(self._C, place, axis=1))
 
     def change(self, name: str) -> Change | None:
-        """Of a state that is remembered."""
+        """How a state has changed since it was remembered; None if it was not."""
         if name not in self._cloned:
             return None
         place, index = self._cloned.index(name), INDEX[name]
@@ -310,7 +310,7 @@ def _bounds(arm: ArmParameters) -> tuple[Array, Array]:
     for name in ARM_NAMES:
         value, index = arm.get(name), INDEX[name]
         least, most = {"K": (0.0, 3.0 * value), "D": (0.0, 0.23), "mu": (0.0, 0.015)}.get(
-            name.rstrip("123"), (0.5 * value, 2.0 * value)
+            symbol_of(name), (0.5 * value, 2.0 * value)
         )
         lower[index], upper[index] = min(least, value), max(most, value)
     lower[PAYLOAD], upper[PAYLOAD] = 0.0, 1.0

@@ -2,23 +2,24 @@
 
 A finding ends when its change is undone, when it has turned out to be none, or when an operator acknowledges it.
 What concerns the box ends with the box; what no cause explains is examined again: it ends once the arm as believed
-has explained the joint's motion for a while.
+has explained the joint's motion for a while. Findings only report: what follows from them for the estimator and the
+trend they return as an `Aftermath`, and the monitor applies it.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
-from typing import Final
+from collections.abc import Mapping, Sequence
+from typing import Final, NamedTuple
 
 import msgspec
 
 from dtwin.errors import ParameterError, choices
 from dtwin.monitoring.diagnosis import Candidate
 from dtwin.monitoring.estimator import Change, Estimator
-from dtwin.monitoring.layout import INDEX, W
-from dtwin.monitoring.trend import WATCHED, Trend
-from dtwin.monitoring.verdict import CAUSE_OF, Finding, joint_of
+from dtwin.monitoring.kinds import FREE, KINDS, LOCK, RELATIVE, UNKNOWN, FaultId, faults, parse_fault_id
+from dtwin.monitoring.layout import W
+from dtwin.monitoring.verdict import Finding, finding
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event
 
@@ -28,11 +29,27 @@ _MOVES: Final = 0.1
 """rad/s"""
 _LOST: Final = 0.02
 """share of a voltage constant that is as good as none"""
-_NOTHING: Final = {"K": 0.02, "D": 0.1, "mu": 0.1, "bias": 0.02, "drift": 0.02, "payload": 0.1}
-"""change, relative to what is plausible, below which a parameter counts as back to normal"""
 _SURE: Final = 3.0
 """standard deviations"""
-_ON_BOX: Final = ("payload", "slip")
+_ON_BOX: Final = tuple(str(fault) for kind, row in KINDS.items() if row.on_box for fault in faults(kind))
+
+
+class Aftermath(NamedTuple):
+    """What the monitor has to do after the findings have changed.
+
+    Attributes:
+        forget: states that count as always having been what they are now.
+        boxes: whether the next boxes are expected to be as boxes should be.
+        jumped: the state that changed suddenly, whose trend ends; "" for none.
+    """
+
+    forget: tuple[str, ...] = ()
+    boxes: bool = False
+    jumped: str = ""
+
+
+PUT_DOWN: Final = Aftermath(("payload",), boxes=True)
+"""What follows when a box leaves the gripper."""
 
 
 class Findings:
@@ -40,7 +57,6 @@ class Findings:
 
     Args:
         sizes: plausible sizes of changes, by state.
-        trend: told of sudden changes.
 
     Attributes:
         current: what is wrong now, by parameter.
@@ -48,9 +64,8 @@ class Findings:
         events: everything that was noticed, in order.
     """
 
-    def __init__(self, sizes: Mapping[str, float], trend: Trend) -> None:
+    def __init__(self, sizes: Mapping[str, float]) -> None:
         self._sizes = sizes
-        self._trend = trend
         self._explained: dict[str, int] = {}
         self._tolerated: set[str] = set()
         self._gripped = self._released = -1.0
@@ -65,51 +80,49 @@ class Findings:
     def assess(self, candidate: Candidate, probability: float, detected: float) -> Finding:
         """What a candidate amounts to so far, noticed at a plant time (s)."""
         changes = candidate.changes()
-        name, size, deviation = candidate.parameter, 0.0, 0.0
+        fault, size, deviation = candidate.fault, 0.0, 0.0
         if changes:
             state = max(changes, key=lambda name: abs(changes[name].value - changes[name].before) / self._sizes[name])
-            size, deviation = _size(state, changes[state], candidate.estimator)
-            if state[0] == "K" and _is_none(state, changes[state].value, candidate.estimator):
-                name = f"cut{joint_of(state)}"
-            name = name if name not in self._sizes and not name.startswith("friction") else state
-        if name == "free":
-            name = f"lock{candidate.onset.estimator.locked}"
-        cause, joint = CAUSE_OF[name.rstrip("123")], joint_of(name)
+            changed = parse_fault_id(state)
+            size, deviation = _size(changed, changes[state], candidate.estimator)
+            if changed.about.none and _is_none(state, changes[state].value, candidate.estimator):
+                fault = FaultId(changed.about.none, changed.joint)
+            elif fault.about.hypothesis != "loss":
+                fault = changed
+        if fault.kind == FREE:
+            fault = FaultId(LOCK, candidate.onset.estimator.locked)
         since = (candidate.onset.sample + 1) * PERIOD
-        if name in _ON_BOX:
+        if fault.about.on_box:
             since = max(since, self._gripped)
-        return Finding(name, cause, joint, size, deviation, probability, since, detected, False)
+        return finding(fault, since, detected, size, deviation, probability, settled=False)
 
-    def settle(self, time: float, candidate: Candidate, finding: Finding) -> None:
+    def settle(self, time: float, candidate: Candidate, pending: Finding) -> Aftermath:
         """Enters a diagnosis that is complete, or strikes out what it undoes; plant time in s."""
         changes = candidate.changes()
-        known = [entry for entry in self.current.values() if _same_matter(entry, finding)]
-        undone = candidate.parameter == "free"
+        known = [entry for entry in self.current.values() if entry.fault.same_matter(pending.fault)]
+        undone = candidate.fault.kind == FREE
         if known and changes:
             undone = all(self._is_nothing(name, change) for name, change in changes.items())
         for entry in known:
             del self.current[entry.parameter]
         if undone:
-            for name in changes:
-                candidate.estimator.forget(name)
-            self.note(time, "recovered", finding.text())
-            return
-        since = min([finding.since, *(entry.since for entry in known)])
-        finding = self.assess(candidate, finding.confidence, finding.detected)
-        self.enter(time, msgspec.structs.replace(finding, since=since, settled=True))
-        if finding.parameter in _ON_BOX and since <= self._released:
-            self.put_down(self._released, candidate.estimator)
+            self.note(time, "recovered", pending.text())
+            return Aftermath(tuple(changes))
+        since = min([pending.since, *(entry.since for entry in known)])
+        settled = self.assess(candidate, pending.confidence, pending.detected)
+        self.enter(time, msgspec.structs.replace(settled, since=since, settled=True))
+        if settled.fault.about.on_box and since <= self._released:
+            return self.put_down(self._released)._replace(jumped=settled.parameter)
+        return Aftermath(jumped=settled.parameter)
 
-    def enter(self, time: float, finding: Finding) -> None:
-        """Enters a finding at a plant time (s)."""
-        if finding.parameter in self._tolerated:
+    def enter(self, time: float, found: Finding) -> None:
+        """Enters a finding at a plant time (s), unless it is tolerated."""
+        if found.parameter in self._tolerated:
             return
-        self.current[finding.parameter] = finding
-        self.history.append(finding)
-        self._explained[finding.parameter] = 0
-        if finding.parameter in WATCHED:
-            self._trend.restart()
-        self.note(time, "failed", finding.text())
+        self.current[found.parameter] = found
+        self.history.append(found)
+        self._explained[found.parameter] = 0
+        self.note(time, "failed", found.text())
 
     def give_up(self, time: float, since: float, last: Finding, sound: Mapping[str, Finding]) -> None:
         """Replaces one cause after the other by the only thing that is sure: that the cause is unknown.
@@ -117,137 +130,118 @@ class Findings:
         Args:
             time: plant time, s.
             since: plant time (s) from which on all that was noticed is in doubt.
-            last: of that.
-            sound: findings of before.
+            last: the last finding of that time.
+            sound: findings by parameter that stood before.
         """
-        recent = [last, *(finding for finding in self.history if finding.detected >= since)]
-        for finding in recent:
-            if finding.cause != "encoder freeze":
-                self.current.pop(finding.parameter, None)
-        for name, finding in sound.items():
-            if name not in _ON_BOX or finding.since > self._released:
-                self.current.setdefault(name, finding)
-        joint = Counter(finding.joint or 1 for finding in recent).most_common(1)[0][0]
-        began = min(finding.since for finding in recent)
-        self.enter(time, Finding(f"unknown{joint}", "unknown", joint, 0.0, 0.0, 1.0, began, since, True))
+        recent = [last, *(found for found in self.history if found.detected >= since)]
+        for found in recent:
+            if found.fault.about.hypothesis != "none":
+                self.current.pop(found.parameter, None)
+        for name, found in sound.items():
+            if not found.fault.about.on_box or found.since > self._released:
+                self.current.setdefault(name, found)
+        joint = Counter(found.joint or 1 for found in recent).most_common(1)[0][0]
+        self.enter(time, finding(FaultId(UNKNOWN, joint), min(found.since for found in recent), since))
 
     def end(self, time: float, parameter: str, why: str = "") -> None:
         """Strikes a finding out if there is one, and tolerates it no more."""
         self._tolerated.discard(parameter)
-        finding = self.current.pop(parameter, None)
-        if finding is not None:
-            self.note(time, "recovered", why or finding.text())
+        found = self.current.pop(parameter, None)
+        if found is not None:
+            self.note(time, "recovered", why or found.text())
 
-    def refined(self, finding: Finding, estimator: Estimator) -> Finding:
+    def refined(self, found: Finding, estimator: Estimator) -> Finding:
         """The finding with the size as it is known now."""
-        change = estimator.change(finding.parameter)
+        change = estimator.change(found.parameter)
         if change is None:
-            return finding
-        size, deviation = _size(finding.parameter, change, estimator)
-        return msgspec.structs.replace(finding, size=size, deviation=deviation)
+            return found
+        size, deviation = _size(found.fault, change, estimator)
+        return msgspec.structs.replace(found, size=size, deviation=deviation)
 
     def pick_up(self, time: float) -> None:
         """A box is gripped, at a plant time (s)."""
         self._gripped = time
 
-    def put_down(self, time: float, estimator: Estimator) -> None:
+    def put_down(self, time: float) -> Aftermath:
         """The gripper lets go, at a plant time (s): with the box goes what was wrong with it."""
         self._released = time
         for name in _ON_BOX:
             self.end(time, name, "the box that differed is put down")
-        estimator.forget("payload")
-        estimator.expect_boxes()
+        return PUT_DOWN
 
-    def examine(self, time: float, estimator: Estimator) -> None:
+    def examine(self, time: float, estimator: Estimator) -> Aftermath:
         """Ends what has turned out to be none; to be called at every sample at which nothing is suspected."""
-        for finding in list(self.current.values()):
-            name, change = finding.parameter, estimator.change(finding.parameter)
-            if finding.cause == "unknown":
-                self._explained[name] += abs(estimator.x[W + finding.joint - 1]) > _MOVES
+        forget = []
+        for found in list(self.current.values()):
+            name, change = found.parameter, estimator.change(found.parameter)
+            if found.fault.kind == UNKNOWN:
+                self._explained[name] += abs(estimator.x[W + found.joint - 1]) > _MOVES
                 if self._explained[name] >= EXPLAINED:
-                    self.end(time, name, f"what was unknown of joint {finding.joint} does not show any more")
+                    self.end(time, name, f"what was unknown of joint {found.joint} does not show any more")
             elif change is not None and abs(change.value - change.before) < _SURE * change.deviation < self._least(
                 name
             ):
-                self.end(time, name, f"{self.refined(finding, estimator).text()}: none after all")
-                estimator.forget(name)
+                self.end(time, name, f"{self.refined(found, estimator).text()}: none after all")
+                forget.append(name)
+        return Aftermath(tuple(forget))
 
     @property
     def unexplained(self) -> bool:
         """Whether something unknown goes on."""
-        return any(finding.cause == "unknown" for finding in self.current.values())
+        return any(found.fault.kind == UNKNOWN for found in self.current.values())
 
     def doubt(self) -> None:
         """What is unknown has shown again."""
         for name in self._explained:
             self._explained[name] = 0
 
-    def acknowledge(self, time: float, parameter: str, estimator: Estimator) -> list[str]:
-        """Takes the state of the arm as it is now to be known: its findings, or one, are struck out.
+    def acknowledge(
+        self, time: float, parameter: str, forecast: Sequence[str], estimator: Estimator
+    ) -> list[FaultId]:
+        """Strikes out the findings, or one: the operator knows.
 
-        The estimator keeps what it has learned - a changed constant, a joint that is locked - so that only a further
-        change is found, and measured from here. Nothing was learned of an unknown cause: it is found again if it
-        shows again. An encoder that has stopped is not reported again until it has worked. A trend counts from here.
+        What is seen in the readings themselves, such as an encoder that has stopped, is not reported again until it
+        has ended.
 
         Args:
             time: plant time, s.
-            parameter: as in findings and forecasts, "" for all.
-            estimator: of the arm.
+            parameter: name of a finding or forecast, "" for all.
+            forecast: names of the parameters that are forecast to reach a limit.
+            estimator: the arm as believed, which tells the sizes.
 
         Returns:
-            the parameters that were struck out.
+            what was struck out, whose states are to be taken to be as they are now.
 
         Raises:
             ParameterError: nothing of that name is wrong.
         """
-        known = list(dict.fromkeys([*self.current, *(forecast.parameter for forecast in self._trend.forecasts())]))
+        known = list(dict.fromkeys([*self.current, *forecast]))
         if parameter and parameter not in known:
             there = f"expected {choices(known)}" if known else "there is nothing to acknowledge"
             raise ParameterError(f"no finding {parameter!r}: {there}")
-        accepted = [parameter] if parameter else known
-        for name in accepted:
-            finding = self.current.pop(name, None)
-            if name.startswith("freeze"):
+        accepted = [parse_fault_id(name) for name in ([parameter] if parameter else known)]
+        for fault in accepted:
+            name = str(fault)
+            found = self.current.pop(name, None)
+            if fault.about.hypothesis == "none":
                 self._tolerated.add(name)
-            text = self.refined(finding, estimator).text() if finding else f"the trend of {name}"
-            for state in _states(name):
-                estimator.forget(state)
-                self._trend.accept(state, estimator)
+            text = self.refined(found, estimator).text() if found else f"the trend of {name}"
             self.note(time, "acknowledged", text)
         return accepted
 
     def _least(self, name: str) -> float:
-        return _NOTHING[name.rstrip("123")] * self._sizes[name]
+        return parse_fault_id(name).about.nothing * self._sizes[name]
 
     def _is_nothing(self, name: str, change: Change) -> bool:
         return abs(change.value - change.before) < max(self._least(name), _SURE * change.deviation)
 
 
-def _size(name: str, change: Change, estimator: Estimator) -> tuple[float, float]:
-    """Of a change of a state, and its standard deviation, in the unit of a finding."""
-    unit = estimator.belief.arm.get(name) if name[0] == "K" else 1.0
+def _size(state: FaultId, change: Change, estimator: Estimator) -> tuple[float, float]:
+    """The size of a change of a state, and its standard deviation, in the unit of a finding."""
+    unit = estimator.belief.arm.get(str(state)) if state.about.unit == RELATIVE else 1.0
     return (change.value - change.before) / unit, change.deviation / unit
 
 
 def _is_none(name: str, value: float, estimator: Estimator) -> bool:
-    """Whether a voltage constant is as good as zero."""
+    """Whether a parameter of the arm is as good as zero."""
     return abs(value) < max(_LOST * estimator.belief.arm.get(name), 2.5 * estimator.deviation(name))
-
-
-def _states(parameter: str) -> tuple[str, ...]:
-    """The states that a finding is about."""
-    kind, joint = parameter.rstrip("123"), joint_of(parameter)
-    by_kind = {
-        "cut": (f"K{joint}",),
-        "slip": ("payload",),
-        "D": (f"D{joint}", f"mu{joint}"),
-        "mu": (f"D{joint}", f"mu{joint}"),
-    }
-    return by_kind.get(kind, (parameter,) if parameter in INDEX else ())
-
-
-def _same_matter(one: Finding, other: Finding) -> bool:
-    """Whether a new finding tells anew of what an old one told of."""
-    pairs = (("voltage constant", "voltage not arriving"), ("payload differs", "gripper slip"))
-    alike = any(one.cause in pair and other.cause in pair for pair in pairs)
-    return one.joint == other.joint and (one.cause == other.cause or alike)

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field, replace
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dtwin.bus.twin_messages import UNITS, MonitoringVerdict, UnitState
 from dtwin.errors import ParameterError
-from dtwin.identification.estimation.quality import noise
-from dtwin.monitoring.belief import NOISE_FLOOR, Belief
-from dtwin.monitoring.diagnosis import Diagnosis, Moment
+from dtwin.monitoring.belief import Belief
+from dtwin.monitoring.diagnosis import Candidate, Diagnosis, Moment
 from dtwin.monitoring.estimator import Estimator, Tuning
-from dtwin.monitoring.findings import Findings
-from dtwin.monitoring.signatures import LONGEST, SPACING, SignatureBank, plausible_sizes, threshold
-from dtwin.monitoring.trend import Trend
-from dtwin.monitoring.verdict import CAUSE_OF, UNITS, Finding, State, Verdict, joint_of, unit_of
+from dtwin.monitoring.findings import Aftermath, Findings
+from dtwin.monitoring.kinds import FREEZE, UNKNOWN, FaultId, faults, parse_fault_id, plausible_sizes
+from dtwin.monitoring.modes import Diagnosing, Lost, Mode, Settling, Turn, Turns, Watching
+from dtwin.monitoring.readings import FROZEN, Readings
+from dtwin.monitoring.signatures import LONGEST, SPACING, SignatureBank, threshold
+from dtwin.monitoring.trend import WATCHED, Trend
+from dtwin.monitoring.verdict import Finding, Forecast, finding, monitored_units, unit_of
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event
 
@@ -27,28 +30,18 @@ ALARMS_PER_HOUR: Final = 0.01
 """false alarms to be expected unless something else is asked for"""
 CERTAIN: Final = 8.0
 """log odds of a fault against the arm as believed at which it counts as failed"""
-FROZEN: Final = 5
-"""equal readings in a row that a working encoder does not give"""
 BRIDGED: Final = 10
 """samples that may be missing in a row, with the gripper unchanged, before the motion is estimated anew"""
 SETTLING: Final = 50
 """samples after a start before anything is suspected"""
 STARTING: Final = 10
 """samples after a start that are no evidence: the speeds are not known"""
-LISTENING: Final = 100
-"""samples from which the noise of the encoders is judged"""
 _BLIND: Final = 0.1
 """N m, doubt about the torques in a sample whose command was not received"""
 _DOUBT: Final = 0.1
 """N m/V, further doubt where the commands before and after differ"""
 _UNSETTLED: Final = 10
 """samples after one that did not arrive that are no evidence: how wrong the guess was is not known well"""
-_NOISIER: Final = 1.3
-"""how much more noise than believed a second of readings must show to be believed instead"""
-LOST: Final = 5
-"""diagnoses within LOST_WITHIN that show that none of them was right"""
-LOST_WITHIN: Final = 600
-"""samples"""
 _LEAST_LIKELY: Final = -1e4
 """log-likelihood of a sample that cannot be: the arm as believed has nothing to do with it any more"""
 
@@ -59,8 +52,8 @@ class MonitorSettings:
 
     Attributes:
         alarms_per_hour: false alarms to be expected of a healthy arm.
-        warnings_per_hour: the same for "may be degrading".
-        tuning: of the estimator.
+        warnings_per_hour: false reports of "may be degrading" to be expected of a healthy arm.
+        tuning: how the estimator is tuned.
 
     Raises:
         ParameterError: a rate is not above 0.
@@ -76,30 +69,21 @@ class MonitorSettings:
                 raise ParameterError(f"{name}: expected a number above 0, got {getattr(self, name)}")
 
 
-class _Turn(NamedTuple):
-    """A diagnosis that was settled at a sample: when (s) it had been noticed, and what was believed before."""
-
-    sample: int
-    detected: float
-    estimator: Estimator
-    findings: dict[str, Finding]
-
-
 class Monitor:
     """Follows one arm.
 
     Args:
-        belief: of the healthy arm.
+        belief: what is known of the healthy arm.
         settings: how to decide.
 
     Attributes:
         estimator: the arm as believed now.
         findings: what is wrong now, and all that was noticed.
         missed: samples that did not arrive.
-        trend: of the parameters over hours.
+        trend: course of the parameters over hours.
         restarts: how often the estimate of the motion had to start anew.
         sample: number of the last sample, -1 before the first.
-        threshold: of `statistic`.
+        threshold: value of `statistic` from which on a change is diagnosed.
     """
 
     def __init__(self, belief: Belief, settings: MonitorSettings | None = None) -> None:
@@ -107,26 +91,20 @@ class Monitor:
         self._sizes = plausible_sizes(belief.arm)
         self.threshold = threshold(self.settings.alarms_per_hour)
         self._warning = threshold(self.settings.warnings_per_hour)
-        self._noisy = np.array(belief.noise) > NOISE_FLOOR
         self._belief = belief
         self.estimator = Estimator(belief, self.settings.tuning)
-        self._heard: list[Array] = []
+        self._readings = Readings(belief.noise)
         self.trend = Trend(self.estimator)
         self._bank = SignatureBank(self._sizes)
         self._moments: deque[Moment] = deque(maxlen=LONGEST + 2 * SPACING)
-        self._diagnosis: Diagnosis | None = None
-        self._pending: Finding | None = None
-        self._settled: deque[_Turn] = deque(maxlen=LOST)
-        self._sound: Estimator | None = None
-        self.findings = Findings(self._sizes, self.trend)
+        self._mode: Mode = Watching()
+        self._turns = Turns()
+        self.findings = Findings(self._sizes)
         self.missed = self.restarts = 0
         self.sample = -1
-        self._last = np.full(3, np.nan)
-        self._equal = np.zeros(3, dtype=int)
         self._command = np.zeros(3)
         self._gripped = False
-        self._quiet = self._doubted = 0
-        self._beginning = False
+        self._doubted = 0
 
     @property
     def time(self) -> float:
@@ -145,7 +123,7 @@ class Monitor:
         if not (np.isfinite(measured).all() and np.isfinite(volts).all()):
             return  # what says nothing has not arrived; the next sample counts it as missing
         gap = sample - self.sample
-        used = self._readable(measured)
+        used = self._readings.usable(measured)
         bridged = gap == 1 or (1 < gap <= BRIDGED + 1 and gripped == self._gripped)
         if self.sample < 0 or not bridged:
             self._restart(sample, measured, gripped, gap)
@@ -157,16 +135,23 @@ class Monitor:
                 self.sample += 1
                 self._step(measured, used if step == gap else np.zeros(3, dtype=bool), command, doubt)
         self._command, self._gripped = volts, gripped
-        if len(self._heard) < LISTENING:
-            self._listen(measured)
+        louder = self._readings.listen(measured)
+        if louder is not None:
+            self._belief = replace(self._belief, noise=louder)
+            self.estimator = Estimator(self._belief, self.settings.tuning)
+            self._begin(measured, gripped)
 
     @property
     def statistic(self) -> float:
         """The strongest evidence of a sudden change, 2 log likelihood ratio; the threshold while one is diagnosed, 0
         while the estimate settles."""
-        if self._diagnosis is not None:
-            return self.threshold
-        return 0.0 if self._quiet else self._bank.worst()
+        match self._mode:
+            case Diagnosing():
+                return self.threshold
+            case Settling():
+                return 0.0
+            case Watching() | Lost():
+                return self._bank.worst()
 
     @property
     def events(self) -> list[Event]:
@@ -178,99 +163,118 @@ class Monitor:
         """Every finding that was settled, in order."""
         return self.findings.history
 
+    @property
+    def forecasts(self) -> list[Forecast]:
+        """Slow changes that will reach a limit, soonest first."""
+        return self.trend.forecasts()
+
+    def standing(self) -> list[Finding]:
+        """What is wrong now with sizes as they are known now, first come first, and last what is being diagnosed."""
+        found = [self.findings.refined(each, self.estimator) for each in self.findings.current.values()]
+        match self._mode:
+            case Diagnosing(pending=Finding() as pending):
+                found.append(pending)
+        return found
+
     def acknowledge(self, parameter: str = "") -> list[str]:
-        """Takes the arm as it is now to be known, see `Findings.acknowledge`.
+        """Takes the state of the arm as it is now to be known: its findings, or one, are struck out.
+
+        The estimator keeps what it has learned - a changed constant, a joint that is locked - so that only a further
+        change is found, and measured from here. Nothing was learned of an unknown cause: it is found again if it
+        shows again. An encoder that has stopped is not reported again until it has worked. A trend counts from here.
+
+        Args:
+            parameter: name of a finding or forecast, "" for all.
+
+        Returns:
+            the parameters that were struck out.
 
         Raises:
             ParameterError: nothing of that name is wrong.
         """
-        return self.findings.acknowledge(self.time, parameter, self.estimator)
+        forecast = [forecast.parameter for forecast in self.forecasts]
+        accepted = self.findings.acknowledge(self.time, parameter, forecast, self.estimator)
+        for state in (state for fault in accepted for state in fault.states):
+            self.estimator.forget(state)
+            self.trend.accept(state, self.estimator)
+        return [str(fault) for fault in accepted]
 
-    def verdict(self) -> Verdict:
-        """The opinion now."""
-        states: dict[str, State] = dict.fromkeys(UNITS, "nominal")
+    def verdict(self) -> MonitoringVerdict:
+        """The opinion now, as it is published."""
+        states: dict[str, UnitState] = dict.fromkeys(UNITS, "nominal")
         suspected = self._suspected()
         if suspected is not None:
-            states[suspected] = "may be degrading"
-        forecasts = self.trend.forecasts()
-        for forecast in forecasts:
+            states[unit_of(suspected.joint)] = "may be degrading"
+        for forecast in self.forecasts:
             states[unit_of(forecast.joint)] = "may be degrading" if forecast.hours else "failed"
-        findings = [self.findings.refined(finding, self.estimator) for finding in self.findings.current.values()]
-        findings += [self._pending] if self._pending else []
-        for finding in findings:
-            states[unit_of(finding.joint)] = "failed"
-        return Verdict(self.time, states, tuple(findings), tuple(forecasts), self.unobservable(), self.missed)
+        found = self.standing()
+        for each in found:
+            states[unit_of(each.joint)] = "failed"
+        units = monitored_units(states, found)
+        forecasts = tuple(forecast.text() for forecast in self.forecasts)
+        return MonitoringVerdict(self.time, units, forecasts, self.unobservable(), self.missed, self.restarts)
 
     def unobservable(self) -> tuple[str, ...]:
         """Causes that, had they come about in their plausible size, the last seconds would not have shown."""
         visible = self._bank.visible({name: 0.5 * size for name, size in self._sizes.items()}, self.threshold)
-        hidden = []
-        for name, seen in visible.items():
-            text = f"{CAUSE_OF[name.rstrip('123')]}{f' of joint {name[-1]}' if name[-1] in '123' else ''}"
-            other = f"mu{name[-1]}" if name[0] == "D" else name
-            if not seen and not visible[other] and text not in hidden:
-                hidden.append(text)
-        return tuple(hidden)
+        jumps = [parse_fault_id(name) for name, seen in visible.items() if not seen]
+        return tuple(dict.fromkeys(fault.where for fault in jumps if not visible[fault.states[-1]]))
 
-    def _suspected(self) -> str | None:
-        """The unit something may be wrong with."""
-        if self._diagnosis is not None:
-            return unit_of(joint_of(self._diagnosis.best()[0].parameter))
-        if self._quiet or self._bank.worst() < self._warning:
-            return None
-        return unit_of(joint_of(self._bank.suspicions()[0].fault))
-
-    def _listen(self, measured: Array) -> None:
-        """Takes the encoders to be as noisy as they are if that is more than the model says."""
-        self._heard.append(measured)
-        if len(self._heard) == LISTENING:
-            heard = noise(np.array(self._heard))
-            believed = np.maximum(self._belief.noise, NOISE_FLOOR)
-            louder = heard > _NOISIER * believed
-            self._noisy = np.maximum(heard, believed) > NOISE_FLOOR
-            if louder.any():
-                first, second, third = np.where(louder, heard, believed).tolist()
-                self._belief = replace(self._belief, noise=(first, second, third))
-                self.estimator = Estimator(self._belief, self.settings.tuning)
-                self._begin(measured, self._gripped)
-
-    def _readable(self, measured: Array) -> NDArray[np.bool_]:
-        """Which readings to use: an encoder with noise that repeats itself to the last bit does not measure."""
-        equal = measured == self._last
-        self._equal = np.where(equal, self._equal + 1, 0)
-        self._last = measured
-        used: NDArray[np.bool_] = ~(equal & self._noisy)
-        return used
+    def _suspected(self) -> FaultId | None:
+        """What may be wrong."""
+        match self._mode:
+            case Diagnosing(diagnosis):
+                return diagnosis.best()[0].fault
+            case Watching() | Lost() if self._bank.worst() >= self._warning:
+                return self._bank.suspicions()[0].fault
+        return None
 
     def _restart(self, sample: int, measured: Array, gripped: bool, gap: int) -> None:
+        """Begins with a sample that does not follow the last one."""
         if self.sample >= 0:
             self.missed += max(gap - 1, 0)
             self.restarts += 1
             reason = f"{gap - 1} samples did not arrive" if gap > 0 else "time went back"
             self.findings.note(sample * PERIOD, "restart", f"{reason}: the estimate of the motion starts anew")
         self.sample = sample
-        self._diagnosis = self._pending = None
         self._moments.clear()
         if self.estimator.gripped and not gripped:
-            self.findings.put_down(self.time, self.estimator)
-        self._begin(measured, gripped)
-        self._quiet = max(SETTLING, LISTENING - len(self._heard))
+            self._apply(self.findings.put_down(self.time))
+        self._begin(measured, gripped, max(SETTLING, self._readings.unheard))
 
-    def _begin(self, measured: Array, gripped: bool) -> None:
+    def _begin(self, measured: Array, gripped: bool, left: int = SETTLING) -> None:
         """Estimates the motion anew; what is wrong with the arm already may have begun with it."""
         self.estimator.begin(measured, gripped)
         self._bank.clear()
         self._bank.note(self.estimator, self.sample)
-        self._quiet, self._beginning = SETTLING, True
+        self._settle(left, begun=True)
+
+    def _settle(self, left: int, begun: bool) -> None:
+        """Settles for some samples; who was lost is lost after that."""
+        match self._mode:
+            case (Lost() as then) | Settling(then=then):
+                self._mode = Settling(left, begun, then)
+            case Watching() | Diagnosing():
+                self._mode = Settling(left, begun, Watching())
+
+    def _apply(self, after: Aftermath) -> None:
+        """Does what the findings ask for."""
+        for state in after.forget:
+            self.estimator.forget(state)
+        if after.boxes:
+            self.estimator.expect_boxes()
+        if after.jumped in WATCHED:
+            self.trend.restart()
 
     def _step(self, measured: Array, used: NDArray[np.bool_], command: Array, doubt: float) -> None:
+        """Carries the estimate over one period and does what the mode asks for."""
         estimator, gripped = self.estimator, self._gripped
         regripped = gripped != estimator.gripped
         estimator.predict(command, gripped, doubt)
         likelihood = estimator.correct(measured, used)
         if not likelihood > _LEAST_LIKELY:
             likelihood = _LEAST_LIKELY
-            if self._diagnosis is None and not np.isfinite(estimator.x).all():
+            if not isinstance(self._mode, Diagnosing) and not np.isfinite(estimator.x).all():
                 self._forget()
                 return
         self._doubted = _UNSETTLED if doubt else max(self._doubted - 1, 0)
@@ -282,94 +286,96 @@ class Monitor:
             if gripped:
                 self.findings.pick_up(self.time)
             else:
-                self.findings.put_down(self.time, estimator)
+                self._apply(self.findings.put_down(self.time))
         self._watch_repetition()
-        if self._quiet:
-            self._quiet -= 1
-            if self._beginning:
-                self._bank.update(estimator, used, self.sample, counts and self._quiet < SETTLING - STARTING)
-            return
-        self._beginning = False
-        if self._diagnosis is not None:
-            self._diagnosis.update(moment)
-            self._decide(self._diagnosis)
-            return
-        self.trend.enter(self.time, estimator)
-        self.findings.examine(self.time, estimator)
-        self._bank.update(estimator, used, self.sample, counts)
-        if self._sound is not None and not self.findings.unexplained:
-            self._sound = None
-        if self._bank.worst() > self.threshold and self._sound is not None:
-            self._try_again(self._sound)
-        elif self._bank.worst() > self.threshold:
-            suspicions = self._bank.suspicions()
-            self._diagnosis = Diagnosis(
-                suspicions, list(self._moments), self.sample, self._sizes, bool(estimator.locked)
-            )
-            self._decide(self._diagnosis)
+        match self._mode:
+            case Settling(left, begun, then):
+                left -= 1
+                if begun:
+                    self._bank.update(estimator, used, self.sample, counts and left < SETTLING - STARTING)
+                self._mode = Settling(left, begun, then) if left else then
+            case Diagnosing(diagnosis, pending):
+                diagnosis.update(moment)
+                self._decide(diagnosis, pending)
+            case Watching() | Lost() as mode:
+                self._watch(mode, used, counts)
 
-    def _try_again(self, sound: Estimator) -> None:
+    def _watch(self, mode: Watching | Lost, used: NDArray[np.bool_], counts: bool) -> None:
+        """Looks for a sudden change in a sample at which nothing is being diagnosed."""
+        self.trend.enter(self.time, self.estimator)
+        self._apply(self.findings.examine(self.time, self.estimator))
+        self._bank.update(self.estimator, used, self.sample, counts)
+        if isinstance(mode, Lost) and not self.findings.unexplained:
+            self._mode = mode = Watching()
+        if not self._bank.worst() > self.threshold:
+            return
+        if isinstance(mode, Lost):
+            self._try_again(mode)
+            return
+        suspicions = self._bank.suspicions()
+        locked = bool(self.estimator.locked)
+        self._decide(Diagnosis(suspicions, list(self._moments), self.sample, self._sizes, locked), None)
+
+    def _try_again(self, lost: Lost) -> None:
         """The arm moves like none that is known: starts from the last one that it moved like."""
         self.findings.doubt()
-        self.estimator = sound.copy()
-        self._begin(self._last, self._gripped)
+        self.estimator = lost.sound.copy()
+        self._mode = lost
+        self._begin(self._readings.last, self._gripped)
 
     def _forget(self) -> None:
         """The estimate has left the finite numbers: starts anew from the model."""
         self.estimator = Estimator(self._belief, self.settings.tuning)
-        self._begin(self._last, self._gripped)
+        self._begin(self._readings.last, self._gripped)
         self._moments.clear()
         self.restarts += 1
         self.findings.note(self.time, "restart", "the estimate diverged and starts anew from the model")
 
-    def _decide(self, diagnosis: Diagnosis) -> None:
+    def _decide(self, diagnosis: Diagnosis, pending: Finding | None) -> None:
         """Updates the finding under diagnosis, and adopts the winner once it is settled."""
         candidate, probability = diagnosis.best()
         settled = diagnosis.settled(self.sample)
         if candidate.gain > CERTAIN:
-            detected = self._pending.detected if self._pending else self.time
-            finding = self.findings.assess(candidate, probability, detected)
-            if self._pending is None:
-                self.findings.note(self.time, "suspected", finding.text())
-            self._pending = finding
+            found = self.findings.assess(candidate, probability, pending.detected if pending else self.time)
+            if pending is None:
+                self.findings.note(self.time, "suspected", found.text())
+            pending = found
         if not settled:
+            self._mode = Diagnosing(diagnosis, pending)
             return
-        self._diagnosis = None
         self._bank.clear()
-        self._quiet = SPACING
-        if self._pending is None or not np.isfinite(candidate.estimator.x).all():
-            self._pending = None
+        self._settle(SPACING, begun=False)
+        if pending is None or not np.isfinite(candidate.estimator.x).all():
             self.findings.note(self.time, "dismissed", "a suspicion was not confirmed")
             return
-        finding, self._pending = self._pending, None
+        self._adopt(candidate, pending)
+
+    def _adopt(self, candidate: Candidate, pending: Finding) -> None:
+        """Takes the arm to be as the winner of a diagnosis says."""
         if candidate.changes():
             second = candidate.again(self._sizes)
             second.catch_up(list(self._moments), self.sample)
             candidate = max(candidate, second, key=lambda either: either.gain)
         self.estimator = candidate.estimator
-        if finding.cause == "unknown":
+        if pending.fault.kind == UNKNOWN:
             self.estimator.disturb(0)
-            self._begin(self._last, self._gripped)
-        self._settled.append(
-            _Turn(self.sample, finding.detected, candidate.onset.estimator, dict(self.findings.current))
-        )
-        self.findings.settle(self.time, candidate, finding)
-        first = self._settled[0]
-        if len(self._settled) == LOST and first.sample > self.sample - LOST_WITHIN:
-            self.findings.give_up(self.time, first.detected, finding, first.findings)
-            self._settled.clear()
-            self._sound = first.estimator
-            self._try_again(first.estimator)
+            self._begin(self._readings.last, self._gripped)
+        before = candidate.onset.estimator
+        self._turns.enter(Turn(self.sample, pending.detected, before, dict(self.findings.current)))
+        self._apply(self.findings.settle(self.time, candidate, pending))
+        first = self._turns.astray(self.sample)
+        if first is not None:
+            self.findings.give_up(self.time, first.detected, pending, first.findings)
+            self._try_again(Lost(first.estimator))
 
     def _watch_repetition(self) -> None:
-        """Encoders that repeat themselves."""
-        for i in range(3):
-            name = f"freeze{i + 1}"
-            count = int(self._equal[i])
-            surprising = self._noisy[i] or abs(self.estimator.innovation[i]) > 6.0 * self.estimator.variance[i] ** 0.5
+        """Enters encoders that repeat themselves, and ends what is said of those that do not any more."""
+        readings, estimator = self._readings, self.estimator
+        for fault in faults(FREEZE):
+            i, name = fault.joint - 1, str(fault)
+            count = int(readings.repeated[i])
+            surprising = readings.noisy[i] or abs(estimator.innovation[i]) > 6.0 * estimator.variance[i] ** 0.5
             if name not in self.findings.current and count >= FROZEN - 1 and surprising:
-                since = self.time - count * PERIOD
-                finding = Finding(name, CAUSE_OF["freeze"], i + 1, 0.0, 0.0, 1.0, since, self.time, True)
-                self.findings.enter(self.time, finding)
+                self.findings.enter(self.time, finding(fault, self.time - count * PERIOD, self.time))
             elif count == 0:
                 self.findings.end(self.time, name)

@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.errors import ParameterError
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.thesis import ThesisMonitor
-from dtwin.monitoring.verdict import Verdict
 from dtwin.parameters import PERIOD
 from dtwin.run.recording import Log
 from dtwin.signals import Event
@@ -32,7 +32,7 @@ class Stream:
         measured: (N, 3), rad.
         volts: (N, 3), V.
         gripped: (N,) bool.
-        colour: (N,), of the box that waits, "" for none.
+        colour: (N,), colour of the box that waits, "" for none.
     """
 
     sample: NDArray[np.int64]
@@ -90,7 +90,7 @@ class Trace:
         predicted: (N, 3), what the encoders should have read, rad.
         deviation: (N, 3), standard deviation of the readings about it, rad.
         statistic: (N,), the strongest evidence of a fault, 2 log likelihood ratio.
-        threshold: of it.
+        threshold: value of the statistic from which on a change is diagnosed.
         verdicts: the opinion, from the row at which it came to be on; the first is for row 0.
         events: everything that was noticed.
     """
@@ -99,14 +99,14 @@ class Trace:
     deviation: Array
     statistic: Array
     threshold: float
-    verdicts: tuple[tuple[int, Verdict], ...]
+    verdicts: tuple[tuple[int, MonitoringVerdict], ...]
     events: tuple[Event, ...]
 
 
 def watch(monitor: Monitor, seen: Stream, progress: Callable[[int], None] = lambda done: None) -> Trace:
     """Gives a whole log to a fresh monitor; `progress` is told the rows done once a second of plant time."""
     predicted, deviation, statistic = np.zeros((len(seen), 3)), np.zeros((len(seen), 3)), np.zeros(len(seen))
-    verdicts: list[tuple[int, Verdict]] = []
+    verdicts: list[tuple[int, MonitoringVerdict]] = []
     noticed = -1
     for row in range(len(seen)):
         seen.feed(monitor, row, row + 1)
@@ -123,6 +123,6 @@ def watch(monitor: Monitor, seen: Stream, progress: Callable[[int], None] = lamb
     return Trace(predicted, deviation, statistic, monitor.threshold, tuple(verdicts), tuple(monitor.events))
 
 
-def _told(verdict: Verdict) -> tuple[object, ...]:
+def _told(verdict: MonitoringVerdict) -> list[tuple[object, ...]]:
     """What must change for a verdict to be another one; sizes are refined all the time."""
-    return verdict.states, [(finding.parameter, finding.settled) for finding in verdict.findings]
+    return [(unit.state, unit.parameter, unit.settled) for unit in verdict.units.values()]

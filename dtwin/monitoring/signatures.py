@@ -15,17 +15,12 @@ from scipy.special import ndtri
 
 from dtwin.monitoring import kernels
 from dtwin.monitoring.estimator import Estimator
+from dtwin.monitoring.kinds import JUMPS, FaultId, parse_fault_id
 from dtwin.monitoring.layout import INDEX, PAYLOAD, SIZE
-from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.parameters import PERIOD
 
 Array = NDArray[np.float64]
 
-FAULTS: Final = (
-    *(f"{symbol}{joint}" for symbol in ("K", "D", "mu") for joint in (1, 2, 3)),
-    "payload",
-    *(f"{symbol}{joint}" for symbol in ("bias", "drift") for joint in (1, 2, 3)),
-)
-"""States whose sudden change the bank looks for."""
 SPACING: Final = 4
 """samples between two onsets"""
 ONSETS: Final = 16
@@ -35,15 +30,8 @@ LONGEST: Final = 1000
 """samples: older onsets are forgotten"""
 
 
-def plausible_sizes(arm: ArmParameters) -> dict[str, float]:
-    """Standard deviation of the size of each fault before anything is known of it, in the unit of the state."""
-    scale = {"D": 0.1, "mu": 0.01, "bias": 0.1, "drift": 0.02}
-    sizes = {name: scale.get(name[:-1], 0.1) for name in FAULTS}
-    return sizes | {name: 0.7 * arm.get(name) for name in ("K1", "K2", "K3")}
-
-
 def threshold(alarms_per_hour: float) -> float:
-    """Of 2 log likelihood ratio, so that the innovations of a healthy arm pass it as often as stated.
+    """The threshold of 2 log likelihood ratio that the innovations of a healthy arm pass as often as stated.
 
     Under white Gaussian innovations each statistic is chi-squared of one degree of freedom.
     """
@@ -62,7 +50,7 @@ class Onset:
 class Suspicion(NamedTuple):
     """A fault, the best onset for it, 2 log likelihood ratio, its size and the size's standard deviation."""
 
-    fault: str
+    fault: FaultId
     onset: Onset
     statistic: float
     size: float
@@ -77,13 +65,13 @@ class SignatureBank:
     """
 
     def __init__(self, sizes: dict[str, float]) -> None:
-        count = len(FAULTS)
-        self._precision = np.tile([sizes[fault] ** -2 for fault in FAULTS], ONSETS)
-        self._rows = np.array([INDEX[fault] for fault in FAULTS])
+        count = len(JUMPS)
+        self._precision = np.tile([sizes[fault] ** -2 for fault in JUMPS], ONSETS)
+        self._rows = np.array([INDEX[fault] for fault in JUMPS])
         self._E = np.zeros((SIZE, ONSETS * count))
         self._h, self._J = np.zeros(ONSETS * count), np.zeros(ONSETS * count)
         self._place: dict[int, Onset] = {}
-        self._payload = np.arange(ONSETS) * count + FAULTS.index("payload")
+        self._payload = np.arange(ONSETS) * count + JUMPS.index("payload")
 
     def clear(self) -> None:
         """Forgets all onsets."""
@@ -120,11 +108,11 @@ class SignatureBank:
         if place == ONSETS:
             place = self._redundant(onset.sample)
         self._place[place] = onset
-        columns = slice(place * len(FAULTS), (place + 1) * len(FAULTS))
+        columns = slice(place * len(JUMPS), (place + 1) * len(JUMPS))
         self._h[columns] = self._J[columns] = 0.0
         block = self._E[:, columns]
         block[:] = 0.0
-        block[self._rows, np.arange(len(FAULTS))] = 1.0
+        block[self._rows, np.arange(len(JUMPS))] = 1.0
 
     def statistics(self) -> Array:
         """2 log likelihood ratio of every onset and fault, (16, 16); 0 where there is no onset yet."""
@@ -139,16 +127,16 @@ class SignatureBank:
         """For each fault its best onset, most likely first."""
         statistics = self.statistics()
         found = []
-        for column, fault in enumerate(FAULTS):
+        for column, fault in enumerate(JUMPS):
             place = int(statistics[:, column].argmax())
             onset = self._place.get(place)
             if onset is None:
                 continue
-            index = place * len(FAULTS) + column
+            index = place * len(JUMPS) + column
             information = self._J[index] + self._precision[index]
             found.append(
                 Suspicion(
-                    fault,
+                    parse_fault_id(fault),
                     onset,
                     float(statistics[place, column]),
                     float(self._h[index] / information),
@@ -160,7 +148,7 @@ class SignatureBank:
     def visible(self, sizes: dict[str, float], limit: float) -> dict[str, bool]:
         """Whether a fault of the given size, had it begun at the oldest onset, would be beyond the limit by now."""
         information = self._J.reshape(ONSETS, -1).max(axis=0)
-        return {fault: bool(sizes[fault] ** 2 * information[k] > limit) for k, fault in enumerate(FAULTS)}
+        return {fault: bool(sizes[fault] ** 2 * information[k] > limit) for k, fault in enumerate(JUMPS)}
 
     def _redundant(self, now: int) -> int:
         """The place of the onset whose neighbours are closest for its age; or of the oldest when it is too old."""

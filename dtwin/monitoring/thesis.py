@@ -13,10 +13,12 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from dtwin.bus.twin_messages import UNITS, MonitoringVerdict, UnitState
 from dtwin.controller.motion import PICKUP_NAME, MotionController
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
-from dtwin.monitoring.verdict import UNITS, Finding, State, Verdict
+from dtwin.monitoring.kinds import UNKNOWN, FaultId
+from dtwin.monitoring.verdict import Finding, finding, monitored_units
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, ArmParameters, Triple
 from dtwin.signals import Event
 from dtwin.twin.dynamics import integrate
@@ -35,12 +37,12 @@ _LEAST_ANGLE: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class ThesisSettings:
-    """Of the comparison.
+    """How the comparison is made.
 
     Attributes:
-        sample_time: s between two comparisons, a whole multiple of 10 ms.
-        step: s, of the simulation; 10 ms is a whole multiple of it.
-        control: of the simulated controller, with the payload it assumes.
+        sample_time: time between two comparisons, s, a whole multiple of 10 ms.
+        step: step of the simulation, s; 10 ms is a whole multiple of it.
+        control: settings of the simulated controller, with the payload it assumes.
 
     Raises:
         ParameterError: a time is no such multiple.
@@ -62,7 +64,7 @@ class ThesisMonitor:
 
     Args:
         arm: the healthy arm.
-        settings: of the comparison.
+        settings: how the comparison is made.
 
     Attributes:
         simulated: (3,), rad.
@@ -128,20 +130,24 @@ class ThesisMonitor:
         first, second, third = (self._message(joint) for joint in range(3))
         return first, second, third
 
-    def verdict(self) -> Verdict:
-        """The opinion now; this method names no cause."""
-        words: dict[Message, State] = {
+    def standing(self) -> list[Finding]:
+        """The joints that have failed; this method names no cause."""
+        return [
+            finding(FaultId(UNKNOWN, joint), when, when, confidence=0.0)
+            for joint, when in enumerate(self.failed.tolist(), 1)
+            if when == when
+        ]
+
+    def verdict(self) -> MonitoringVerdict:
+        """The opinion now, as it is published."""
+        words: dict[Message, UnitState] = {
             "nominal": "nominal",
             "may be degrading": "may be degrading",
             "deviation detected": "failed",
         }
-        states = dict(zip(UNITS, [words[message] for message in self.messages()], strict=False))
-        findings = tuple(
-            Finding(f"unknown{joint}", "unknown", joint, 0.0, 0.0, 0.0, when, when, True)
-            for joint, when in enumerate(self.failed.tolist(), 1)
-            if when == when
-        )
-        return Verdict(self.time, {**states, UNITS[3]: "nominal"}, findings, (), (), self.missed)
+        states: list[UnitState] = [*(words[message] for message in self.messages()), "nominal"]
+        units = monitored_units(dict(zip(UNITS, states, strict=True)), self.standing())
+        return MonitoringVerdict(self.time, units, (), (), self.missed, 0)
 
     def _begin(self, measured: Array, gripped: bool, goal: str) -> None:
         self._states[0, :3], self._states[0, 3:] = measured, 0.0

@@ -9,20 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.monitoring.estimator import Estimator
+from dtwin.monitoring.kinds import LIMITS, parse_fault_id
 from dtwin.monitoring.layout import INDEX
-from dtwin.monitoring.verdict import CAUSE_OF, Forecast, joint_of
+from dtwin.monitoring.verdict import Forecast
 
 Array = NDArray[np.float64]
 
-WATCHED: Final = tuple(f"{symbol}{joint}" for symbol in ("K", "D", "bias") for joint in (1, 2, 3))
+WATCHED: Final = tuple(LIMITS)
 INTERVAL: Final = 10.0
 """s of plant time between two entries"""
 KEPT: Final = 2160
 """entries: six hours"""
 FEWEST: Final = 60
 """entries a trend is told from: ten minutes"""
-LIMITS: Final = {"K": -0.1, "D": 0.5, "bias": 0.01}
-"""change at which a joint has failed: of K and D relative to the model, of an encoder's offset in rad, either way"""
 HORIZON: Final = 24.0
 """h: a limit that is farther away is no news"""
 _SURE: Final = 4.0
@@ -35,14 +34,15 @@ class Trend:
     """Entries of the watched parameters and what they tell.
 
     Args:
-        estimator: whose belief is the reference.
+        estimator: the estimator whose belief is the reference.
     """
 
     def __init__(self, estimator: Estimator) -> None:
         arm = estimator.belief.arm
         self._index = [INDEX[name] for name in WATCHED]
-        self._scale = np.array([arm.get(name) if name[0] in "KD" else 1.0 for name in WATCHED])
-        self._reference = np.array([arm.get(name) if name[0] in "KD" else math.nan for name in WATCHED])
+        relative = [limit.relative for limit in LIMITS.values()]
+        self._scale = np.array([arm.get(name) if limit.relative else 1.0 for name, limit in LIMITS.items()])
+        self._reference = np.where(relative, self._scale, math.nan)
         self._times: list[float] = []
         self._rows: list[Array] = []
         self._forecasts: list[Forecast] = []
@@ -92,9 +92,8 @@ class Trend:
 
     def _forecast(self, name: str, hours: Array, changes: Array) -> Forecast | None:
         level, slope, error = line(hours, changes)
-        limit = LIMITS[name[:-1]]
-        if name[:-1] == "bias":
-            limit = math.copysign(limit, level)
+        fault, told = parse_fault_id(name), LIMITS[name]
+        limit = math.copysign(told.change, level) if told.either_way else told.change
         if not level / limit > _NOTICEABLE:
             return None
         reached = level / limit >= 1.0
@@ -106,7 +105,7 @@ class Trend:
         fast, slow = slope + math.copysign(1.96 * error, slope), slope - math.copysign(1.96 * error, slope)
         latest = 0.0 if reached else (limit - level) / slow if slow * slope > 0 else math.inf
         earliest = 0.0 if reached else (limit - level) / fast
-        return Forecast(name, CAUSE_OF[name[:-1]], joint_of(name), level, slope, limit, ahead, earliest, latest)
+        return Forecast(name, fault.about.cause, fault.joint, level, slope, limit, ahead, earliest, latest)
 
 
 def line(x: Array, y: Array) -> tuple[float, float, float]:

@@ -1,46 +1,13 @@
-"""What the monitor says: a state a joint and the gripper, and findings with cause, size and confidence."""
+"""What the monitor says: findings with cause, size and confidence, forecasts, and the verdict as it is published."""
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from collections.abc import Iterable, Mapping
 
 import msgspec
 
-from dtwin.signals import ArmState
-
-State = Literal["nominal", "may be degrading", "failed"]
-Cause = Literal[
-    "voltage constant",
-    "friction",
-    "payload differs",
-    "gripper slip",
-    "encoder bias",
-    "encoder drift",
-    "encoder freeze",
-    "locked joint",
-    "voltage not arriving",
-    "unknown",
-]
-UNITS: Final = ("joint 1", "joint 2", "joint 3", "gripper")
-"""what has a state of its own"""
-CAUSE_OF: Final[dict[str, Cause]] = {
-    "K": "voltage constant",
-    "D": "friction",
-    "mu": "friction",
-    "friction": "friction",
-    "payload": "payload differs",
-    "slip": "gripper slip",
-    "bias": "encoder bias",
-    "drift": "encoder drift",
-    "freeze": "encoder freeze",
-    "lock": "locked joint",
-    "cut": "voltage not arriving",
-    "unknown": "unknown",
-}
-MISLEADING: Final[tuple[Cause, ...]] = ("encoder freeze", "encoder drift")
-"""after which an arm that seems to stand need not stand"""
-UNIT_OF: Final = {"K": "", "D": "N m s/rad", "mu": "N m", "payload": "kg", "bias": "rad", "drift": "rad/s"}
-"""of a finding's size; a voltage constant's is relative; what is not listed has no size"""
+from dtwin.bus.twin_messages import UNITS, MonitoredUnit, UnitState
+from dtwin.monitoring.kinds import RELATIVE, FaultId, parse_fault_id
 
 
 class Finding(msgspec.Struct, frozen=True):
@@ -51,7 +18,7 @@ class Finding(msgspec.Struct, frozen=True):
             slip, unknown2.
         cause: the same in words.
         joint: 1 to 3, 0 for the gripper.
-        size: of the change, see UNIT_OF; 0 where there is none to tell.
+        size: size of the change in the unit of its kind, see `Kind.unit`; 0 where there is none to tell.
         deviation: standard deviation of the size.
         confidence: probability of this cause among all that were considered.
         since: plant time at which it began, s.
@@ -60,7 +27,7 @@ class Finding(msgspec.Struct, frozen=True):
     """
 
     parameter: str
-    cause: Cause
+    cause: str
     joint: int
     size: float
     deviation: float
@@ -69,11 +36,15 @@ class Finding(msgspec.Struct, frozen=True):
     detected: float
     settled: bool
 
+    @property
+    def fault(self) -> FaultId:
+        """What changed, as kind and joint."""
+        return parse_fault_id(self.parameter)
+
     def text(self) -> str:
         """One line for people."""
-        unit = UNIT_OF.get(self.parameter.rstrip("123"))
-        amount = ""
-        if unit == "":
+        unit, amount = self.fault.about.unit, ""
+        if unit == RELATIVE:
             amount = f", {100 * self.size:+.1f} % +- {100 * self.deviation:.1f} %"
         elif unit is not None:
             amount = f", {self.size:+.3g} +- {self.deviation:.1g} {unit}"
@@ -81,27 +52,35 @@ class Finding(msgspec.Struct, frozen=True):
         return f"{self.cause}{where}{amount}, confidence {100 * self.confidence:.0f} %, since {self.since:.2f} s"
 
 
-def arm_state(finding: Finding) -> ArmState:
-    """What a settled finding means to the function blocks' safe stop."""
-    return "angles unknown" if finding.cause in MISLEADING else "failed"
+def finding(
+    fault: FaultId,
+    since: float,
+    detected: float,
+    size: float = 0.0,
+    deviation: float = 0.0,
+    confidence: float = 1.0,
+    settled: bool = True,
+) -> Finding:
+    """The finding of a fault, with the fields of `Finding`."""
+    return Finding(str(fault), fault.about.cause, fault.joint, size, deviation, confidence, since, detected, settled)
 
 
 class Forecast(msgspec.Struct, frozen=True):
     """A parameter on its way to a limit.
 
     Attributes:
-        parameter: K2, D1, bias3, ...
-        cause: of the change, in words.
+        parameter: name of the parameter, such as K2, D1 or bias3.
+        cause: the change in words.
         joint: 1 to 3.
-        change: so far, of K and D relative to the model, of an encoder's offset in rad.
-        per_hour: of the change.
-        limit: that the change must not pass.
-        hours: until it does, from the last entry; 0 if it has.
+        change: change so far, relative to the model or in the unit of the kind, as its `Limit` says.
+        per_hour: rate of the change.
+        limit: change that must not be passed.
+        hours: time from the last entry until it is; 0 if it has been.
         earliest, latest: 95 % interval of the hours; latest is infinite if the slope may be zero.
     """
 
     parameter: str
-    cause: Cause
+    cause: str
     joint: int
     change: float
     per_hour: float
@@ -112,41 +91,38 @@ class Forecast(msgspec.Struct, frozen=True):
 
     def text(self) -> str:
         """One line for people."""
-        relative = self.parameter[0] in "KD"
-        amount = f"{100 * self.change:+.1f} %" if relative else f"{1e3 * self.change:+.2f} mrad"
-        slope = f"{100 * self.per_hour:+.2g} %/h" if relative else f"{1e3 * self.per_hour:+.2g} mrad/h"
-        limit = f"{100 * self.limit:+.0f} %" if relative else f"{1e3 * self.limit:+.0f} mrad"
+        about = parse_fault_id(self.parameter).about
+        relative = about.limit is not None and about.limit.relative
+        scale, unit, digits = (100.0, "%", 1) if relative else (1e3, f"m{about.unit}", 2)
+        amount = f"{scale * self.change:+.{digits}f} {unit}"
+        slope = f"{scale * self.per_hour:+.2g} {unit}/h"
+        limit = f"{scale * self.limit:+.0f} {unit}"
         end = (
             "is reached" if not self.hours else f"in {self.hours:.1f} h ({self.earliest:.1f} to {self.latest:.1f} h)"
         )
         return f"{self.cause} of joint {self.joint} is {amount} and changes by {slope}: limit {limit} {end}"
 
 
-class Verdict(msgspec.Struct, frozen=True):
-    """The monitor's opinion at a plant time (s).
-
-    Attributes:
-        states: by UNITS.
-        findings: what is wrong now, first come first.
-        forecasts: slow changes that will reach a limit, soonest first.
-        unobservable: causes (with joint) that the last seconds could not have shown, such as friction of a joint
-            that stood still.
-        missed: samples that did not arrive since the start.
-    """
-
-    time: float
-    states: dict[str, State]
-    findings: tuple[Finding, ...]
-    forecasts: tuple[Forecast, ...]
-    unobservable: tuple[str, ...]
-    missed: int
-
-
 def unit_of(joint: int) -> str:
     """The name in UNITS of a joint (1 to 3) or the gripper (0)."""
-    return UNITS[joint - 1] if joint else UNITS[3]
+    return UNITS[joint - 1]
 
 
-def joint_of(parameter: str) -> int:
-    """1 to 3, 0 for the gripper's."""
-    return int(parameter[-1]) if parameter[-1] in "123" else 0
+def monitored_units(states: Mapping[str, UnitState], findings: Iterable[Finding]) -> dict[str, MonitoredUnit]:
+    """The units as they are published: states by UNITS, and of several findings on a unit the last."""
+    units = {unit: MonitoredUnit(state) for unit, state in states.items()}
+    for found in findings:
+        unit = unit_of(found.joint)
+        units[unit] = MonitoredUnit(
+            states[unit],
+            found.cause,
+            found.parameter,
+            found.size,
+            found.deviation,
+            found.confidence,
+            found.since,
+            found.detected,
+            found.settled,
+            found.text(),
+        )
+    return units

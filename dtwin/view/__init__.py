@@ -4,13 +4,12 @@ Nothing here runs inside the tick: a log becomes columns of a recording on a tim
 """
 
 from dtwin.view.live import LiveView
-from dtwin.view.monitoring import Opinion, Predictions
+from dtwin.view.monitoring import Predictions
 from dtwin.view.viewer import Ports, Viewer, ViewerProcess, free_ports
 from dtwin.view.write import write_recording
 
 __all__ = [
     "LiveView",
-    "Opinion",
     "Ports",
     "Predictions",
     "Viewer",

@@ -11,16 +11,16 @@ from typing import Final
 import numpy as np
 import rerun as rr
 
+from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log, concatenate, ensure_writable
 from dtwin.view.boxes import grasps, waiting
 from dtwin.view.layout import live_blueprint
 from dtwin.view.monitoring import (
-    Opinion,
     Predictions,
     log_monitor_styles,
-    log_opinions,
     log_predictions,
+    log_verdicts,
     monitoring_views,
 )
 from dtwin.view.scene import Scene
@@ -38,7 +38,7 @@ class LiveView:
         arm: arm whose link lengths are drawn.
         file: .rrd file to write, which can be read at any time; None for no file.
         url: URL of a viewer that listens; "" for no viewer.
-        monitored: whether predictions and opinions of a monitor are drawn as well.
+        monitored: whether predictions and verdicts of a monitor are drawn as well.
 
     Raises:
         ModelError: the model cannot be drawn.
@@ -85,12 +85,12 @@ class LiveView:
             os.replace(self._temporary, self._file)
             self._temporary = None
 
-    def add_monitoring(self, seen: Predictions, opinions: Sequence[Opinion]) -> None:
-        """Sends the new predictions and opinions of a monitor, if there are any."""
+    def add_monitoring(self, seen: Predictions, verdicts: Sequence[MonitoringVerdict]) -> None:
+        """Sends the new predictions and verdicts of a monitor, if there are any."""
         if len(seen.t):
             log_predictions(self._stream, seen)
-        if opinions:
-            log_opinions(self._stream, self._arm, opinions)
+        if verdicts:
+            log_verdicts(self._stream, self._arm, verdicts)
 
     def _add_states(self, log: Log) -> None:
         """Draws all boxes again when the state of one of them has changed."""

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, NamedTuple, Protocol
+from typing import Final, Protocol
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
+from dtwin.bus.twin_messages import UNITS, MonitoredUnit, MonitoringVerdict, UnitState
 from dtwin.errors import RecordingError
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log, replacing
@@ -27,14 +28,13 @@ Array = NDArray[np.float64]
 ROOT: Final = "monitor"
 BAND: Final = 2.5758
 """standard deviations on either side of the prediction: 99 % of a healthy arm's readings"""
-COLOURS: Final[Mapping[str, style.RGB]] = {
+COLOURS: Final[Mapping[UnitState, style.RGB]] = {
     "nominal": (60, 190, 90),
     "may be degrading": (250, 190, 40),
     "failed": (235, 50, 45),
 }
 _RESIDUALS_SHOWN: Final = 8.0
 """standard deviations"""
-_UNITS: Final = ("joint 1", "joint 2", "joint 3", "gripper")
 _LINKS: Final = ("link_1", "link_2", "link_3", "tip")
 _TEXT: Final = f"{scene.ROOT}/verdicts/text"
 _TEXT_AT: Final = (0.0, -0.02, 0.4)
@@ -46,23 +46,6 @@ _LEVELS: Final[Mapping[str, rr.TextLogLevel]] = {
 }
 _NOMINAL: Final = ArmParameters()
 _BAND_COLOUR: Final[style.RGB] = (110, 120, 130)
-
-
-class Finding(Protocol):
-    """Something wrong with a joint, 1 to 3, or the gripper, 0."""
-
-    @property
-    def joint(self) -> int: ...
-    def text(self) -> str: ...
-
-
-class Verdict(Protocol):
-    """An opinion: the state of each of the joints and the gripper, one of COLOURS, and why."""
-
-    @property
-    def states(self) -> Mapping[str, str]: ...
-    @property
-    def findings(self) -> Sequence[Finding]: ...
 
 
 class Trace(Protocol):
@@ -81,7 +64,7 @@ class Trace(Protocol):
     @property
     def threshold(self) -> float: ...
     @property
-    def verdicts(self) -> Sequence[tuple[int, Verdict]]: ...
+    def verdicts(self) -> Sequence[tuple[int, MonitoringVerdict]]: ...
     @property
     def events(self) -> Sequence[Event]: ...
 
@@ -95,8 +78,8 @@ class Predictions:
         measured: (n, 3), rad.
         predicted: (n, 3), rad.
         deviation: (n, 3), standard deviation of the readings about the prediction, rad.
-        evidence: (n,), of a sudden change, 2 log likelihood ratio.
-        threshold: of the evidence.
+        evidence: (n,), evidence of a sudden change, 2 log likelihood ratio.
+        threshold: evidence from which on a change is diagnosed.
     """
 
     t: Array
@@ -107,22 +90,14 @@ class Predictions:
     threshold: float
 
 
-class Opinion(NamedTuple):
-    """From a plant time (s) on: states, of COLOURS, and reasons by the names of joints and gripper."""
-
-    t: float
-    states: Mapping[str, str]
-    reasons: Mapping[str, str]
-
-
 def write_monitoring(log: Log, trace: Trace, model_file: Path, path: Path, arm: ArmParameters = _NOMINAL) -> None:
     """Writes a run and what the monitor made of it as an .rrd file; it appears complete or not at all.
 
     Args:
         log: the run, of at least one tick.
-        trace: of the monitor over the same ticks.
+        trace: what the monitor made of the same ticks.
         model_file: MJCF of the cell.
-        arm: its link lengths are drawn.
+        arm: the arm whose link lengths are drawn.
 
     Raises:
         ModelError: the model cannot be drawn.
@@ -132,10 +107,6 @@ def write_monitoring(log: Log, trace: Trace, model_file: Path, path: Path, arm: 
         raise RecordingError(f"{path}: expected a log of at least one tick to draw")
     drawn = Scene(model_file, arm)
     t = log.columns["t"]
-    opinions = [
-        Opinion(float(t[row]), verdict.states, {_UNITS[f.joint - 1]: f.text() for f in verdict.findings})
-        for row, verdict in trace.verdicts
-    ]
     with replacing(path) as temporary, open_stream(log) as stream:
         stream.save(temporary, default_blueprint=blueprint())
         log_run(stream, drawn, log)
@@ -144,7 +115,7 @@ def write_monitoring(log: Log, trace: Trace, model_file: Path, path: Path, arm: 
             stream,
             Predictions(t, log.stack("measured"), trace.predicted, trace.deviation, trace.statistic, trace.threshold),
         )
-        log_opinions(stream, arm, opinions)
+        log_verdicts(stream, arm, [verdict for _, verdict in trace.verdicts])
         _log_findings(stream, trace.events)
 
 
@@ -204,7 +175,7 @@ def log_monitor_styles(stream: rr.RecordingStream, drawn: Scene) -> None:
     _style(stream, "evidence/threshold", "threshold", style.LIMIT, 1.0)
     text = rr.Points3D([_TEXT_AT], colors=style.LABEL, radii=0.0)
     stream.log(_TEXT, text, static=True)
-    for unit, body in zip(_UNITS, _LINKS, strict=True):
+    for unit, body in zip(UNITS, _LINKS, strict=True):
         name = unit.replace(" ", "_")
         lane = rr.StateConfiguration(
             values=list(COLOURS), labels=list(COLOURS), colors=[(*colour, 255) for colour in COLOURS.values()]
@@ -231,28 +202,28 @@ def log_predictions(stream: rr.RecordingStream, seen: Predictions) -> None:
     _send(stream, ends, "evidence/threshold", np.full(2, seen.threshold))
 
 
-def log_opinions(stream: rr.RecordingStream, arm: ArmParameters, opinions: Sequence[Opinion]) -> None:
+def log_verdicts(stream: rr.RecordingStream, arm: ArmParameters, verdicts: Sequence[MonitoringVerdict]) -> None:
     """Sends states as lanes over time and as coloured links of the arm, what is wrong as text beside them."""
-    times = time_column([opinion.t for opinion in opinions])
-    for number, unit in enumerate(_UNITS):
-        states = [opinion.states[unit] for opinion in opinions]
+    times = time_column([verdict.time for verdict in verdicts])
+    for number, unit in enumerate(UNITS):
+        states = [verdict.units[unit].state for verdict in verdicts]
         name = unit.replace(" ", "_")
         stream.send_columns(f"{ROOT}/verdicts/{name}", indexes=[times], columns=rr.StateChange.columns(state=states))
         length = arm.length[number] if number < 3 else 0.02
-        strips = np.tile([[[0.0, -0.03, 0.0], [length, -0.03, 0.0]]], (len(opinions), 1, 1))
+        strips = np.tile([[[0.0, -0.03, 0.0], [length, -0.03, 0.0]]], (len(verdicts), 1, 1))
         columns = rr.LineStrips3D.columns(strips=strips, colors=[COLOURS[state] for state in states])
         stream.send_columns(f"{scene.ROOT}/verdicts/{name}", indexes=[times], columns=columns)
-    texts = ["\n".join(filter(None, (_label(unit, opinion) for unit in _UNITS))) for opinion in opinions]
+    texts = ["\n".join(filter(None, (_label(*item) for item in verdict.units.items()))) for verdict in verdicts]
     columns = rr.Points3D.columns(labels=texts, show_labels=[bool(text) for text in texts])
     stream.send_columns(_TEXT, indexes=[times], columns=columns)
 
 
-def _label(unit: str, opinion: Opinion) -> str:
+def _label(name: str, unit: MonitoredUnit) -> str:
     """What is wrong, without what only the log needs to tell."""
-    if opinion.states[unit] == "nominal":
+    if unit.state == "nominal":
         return ""
-    reason = opinion.reasons.get(unit, opinion.states[unit])
-    return f"{unit}: {reason.partition(', confidence')[0].replace(f' of {unit}', '')}"
+    reason = unit.text or unit.state
+    return f"{name}: {reason.partition(', confidence')[0].replace(f' of {name}', '')}"
 
 
 def _style(stream: rr.RecordingStream, entity: str, name: str, colour: style.RGB, width: float) -> None:

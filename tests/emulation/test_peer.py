@@ -6,7 +6,8 @@ from dtwin.emulation import peer
 from dtwin.emulation.plant import Plant
 from dtwin.errors import DtwinError
 from dtwin.identification.estimation.estimate import identify
-from dtwin.identification.estimation.problem import LOWER, UPPER, symbol
+from dtwin.identification.estimation.problem import LOWER, UPPER
+from dtwin.parameters import symbol_of
 from tests.support.identification import ARM, FREE, SETTINGS, noisy
 
 needs_peer = pytest.mark.skipif(not peer.is_installed(), reason="pip install 'mujoco[sysid]' to run this")
@@ -30,7 +31,7 @@ def test_the_peer_gets_the_same_arm() -> None:
 def test_the_peer_finds_the_same_minimum() -> None:
     experiment = noisy(0, 0.005)
     ours = identify([experiment], SETTINGS)
-    bounds = {name: (LOWER[symbol(name)], UPPER[symbol(name)]) for name in FREE}
+    bounds = {name: (LOWER[symbol_of(name)], UPPER[symbol_of(name)]) for name in FREE}
     found = peer.fit(experiment.measured, experiment.volts, np.zeros(3), 0.2, SETTINGS.known, bounds)
     for name in FREE:
         assert abs(found.values[name] - ours.values[name]) < 6 * ours.standard_errors[name]

@@ -7,6 +7,8 @@ import pytest
 
 from dtwin.errors import ParameterError
 from dtwin.monitoring.belief import Belief
+from dtwin.monitoring.findings import PUT_DOWN
+from dtwin.monitoring.modes import Diagnosing
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.run.recording import Log
@@ -30,7 +32,7 @@ def test_what_no_hypothesis_explains_is_said_once_and_ends_when_the_arm_moves_as
     assert unknown[-1].time < 36.0
     assert [event.kind for event in monitor.events if event.time > unknown[-1].time] == ["recovered"]
     assert monitor.findings.current == {}
-    assert set(monitor.verdict().states.values()) == {"nominal"}
+    assert {unit.state for unit in monitor.verdict().units.values()} == {"nominal"}
 
 
 def test_what_no_hypothesis_explains_lasts_as_long_as_it_shows(belief: Belief, run_cell: Callable[..., Log]) -> None:
@@ -50,7 +52,7 @@ def test_a_box_takes_what_was_wrong_with_it_along(belief: Belief, run_cell: Call
     assert finding.parameter == "payload"
     assert finding.since == pytest.approx(39.04, abs=0.03)
     assert ended == [pytest.approx(0.01 * released[0.01 * released > finding.since][0], abs=0.02)]
-    assert monitor.verdict().states["gripper"] == "nominal"
+    assert monitor.verdict().units["gripper"].state == "nominal"
 
 
 def test_a_box_put_down_in_a_gap_takes_it_along_too(belief: Belief, run_cell: Callable[..., Log]) -> None:
@@ -70,16 +72,17 @@ def test_a_diagnosis_that_a_box_does_not_outlast_ends_at_once(belief: Belief, ru
     seen = stream(log)
     monitor = Monitor(belief)
     row = 0
-    while [finding.parameter for finding in monitor.verdict().findings] != ["payload"]:
+    while [finding.parameter for finding in monitor.standing()] != ["payload"]:
         seen.feed(monitor, row, row + 1)
         row += 1
-    findings, estimator = monitor.findings, monitor.estimator
-    (finding,) = monitor.verdict().findings
+    findings, mode = monitor.findings, monitor._mode
+    assert isinstance(mode, Diagnosing)
+    (finding,) = monitor.standing()
+    assert finding == mode.pending
     assert not finding.settled
-    assert monitor._diagnosis is not None
-    candidate = monitor._diagnosis.best()[0]
-    findings.put_down(monitor.time, estimator)
-    findings.settle(monitor.time, candidate, finding)
+    candidate = mode.diagnosis.best()[0]
+    assert findings.put_down(monitor.time) == PUT_DOWN
+    assert findings.settle(monitor.time, candidate, finding) == PUT_DOWN._replace(jumped="payload")
     assert kinds(monitor)[-2:] == ["failed", "recovered"]
     assert findings.current == {}
 
@@ -90,7 +93,7 @@ def test_the_change_of_a_box_is_not_known_better_than_what_it_weighed_before(
     """The fault comes 90 ms after the grip, with the box hardly weighed."""
     log = run_cell(29.0, 3, "payload+=0.05@27.7")
     monitor = watched(belief, log)
-    (finding,) = monitor.verdict().findings
+    (finding,) = monitor.standing()
     assert finding.parameter == "payload"
     assert 0.001 < finding.deviation < 0.005
     assert finding.size == pytest.approx(0.05, abs=2.5 * finding.deviation)
@@ -101,14 +104,14 @@ def test_an_acknowledged_change_is_the_arm_from_then_on(belief: Belief, run_cell
     log = run_cell(60.0, 3, "K1*=0.6@31-45")
     seen = stream(log)
     monitor = watched(belief, log, 4400)
-    assert monitor.verdict().states["joint 1"] == "failed"
+    assert monitor.verdict().units["joint 1"].state == "failed"
     assert monitor.acknowledge("K1") == ["K1"]
     assert kinds(monitor)[-1] == "acknowledged"
-    assert monitor.verdict().states["joint 1"] == "nominal"
+    assert monitor.verdict().units["joint 1"].state == "nominal"
     seen.feed(monitor, 4400, 4500)
     assert monitor.findings.current == {}
     seen.feed(monitor, 4500, len(seen))
-    (finding,) = monitor.verdict().findings
+    (finding,) = monitor.standing()
     assert finding.parameter == "K1"
     assert finding.size == pytest.approx(0.4, abs=0.02)
     assert finding.since == pytest.approx(45.0, abs=0.1)
@@ -143,9 +146,9 @@ def test_an_acknowledged_trend_counts_from_now(belief: Belief) -> None:
     for k in range(360):
         monitor.estimator.x[6] = healthy * (0.95 - 0.2 * k / 360)
         monitor.trend.enter(10.0 * k, monitor.estimator)
-    assert monitor.verdict().states["joint 1"] == "failed"
+    assert monitor.verdict().units["joint 1"].state == "failed"
     assert monitor.acknowledge() == ["K1"]
-    assert monitor.verdict().states["joint 1"] == "nominal"
+    assert monitor.verdict().units["joint 1"].state == "nominal"
     for k in range(360, 720):
         monitor.trend.enter(10.0 * k, monitor.estimator)
     assert monitor.trend.forecasts() == []

@@ -57,7 +57,7 @@ def test_normal_work_raises_no_alarm_however_finely_it_is_emulated(
     monitor = followed(belief, stream(run_cell(90.0, 8, step=step)))
     assert monitor.events == []
     verdict = monitor.verdict()
-    assert set(verdict.states.values()) == {"nominal"}
+    assert {unit.state for unit in verdict.units.values()} == {"nominal"}
     assert verdict.missed == 0
 
 
@@ -70,20 +70,20 @@ def test_a_fault_that_ends_is_struck_out(belief: Belief, run_cell: Callable[...,
     assert times[2] == pytest.approx(38.0, abs=0.2)
     assert monitor.findings.current == {}
     assert [finding.parameter for finding in monitor.history] == ["K1"]
-    assert set(monitor.verdict().states.values()) == {"nominal"}
+    assert {unit.state for unit in monitor.verdict().units.values()} == {"nominal"}
 
 
 def test_a_frozen_encoder_that_works_again_is_used_again(belief: Belief, run_cell: Callable[..., Log]) -> None:
     monitor = followed(belief, stream(run_cell(40.0, 3, "freeze2@31-34")))
     assert [event.kind for event in monitor.events] == ["failed", "recovered"]
     assert monitor.events[0].time == pytest.approx(31.03, abs=0.02)
-    assert monitor.verdict().states["joint 2"] == "nominal"
+    assert monitor.verdict().units["joint 2"].state == "nominal"
 
 
 def test_the_size_is_refined_after_the_diagnosis(belief: Belief, run_cell: Callable[..., Log]) -> None:
     seen = stream(run_cell(60.0, 3, "D2*=2@31"))
     monitor = followed(belief, seen)
-    (finding,) = monitor.verdict().findings
+    (finding,) = monitor.standing()
     (first,) = monitor.history
     assert finding.parameter == first.parameter == "D2"
     assert finding.deviation < first.deviation
@@ -152,7 +152,7 @@ def test_a_fault_during_a_gap_is_found_after_it(belief: Belief, run_cell: Callab
     seen = stream(run_cell(45.0, 3, "K1*=0.6@31-38"))
     monitor = followed(belief, seen, 3090)
     seen.feed(monitor, 3110, 3400)
-    assert monitor.verdict().states["joint 1"] == "failed"
+    assert monitor.verdict().units["joint 1"].state == "failed"
 
 
 def test_friction_of_an_arm_at_rest_is_said_to_be_unobservable(belief: Belief, run_cell: Callable[..., Log]) -> None:
@@ -192,7 +192,7 @@ def test_the_trace_of_a_log_covers_every_tick(belief: Belief, run_cell: Callable
     residual = np.abs(seen.measured - trace.predicted)[300:3000] / trace.deviation[300:3000]
     assert np.mean(residual < 2.5758) > 0.98
     assert trace.statistic[:3000].max() < trace.threshold
-    states = [verdict.states["joint 1"] for _, verdict in trace.verdicts]
+    states = [verdict.units["joint 1"].state for _, verdict in trace.verdicts]
     assert states[0] == "nominal" == states[-1]
     assert "failed" in states
 

@@ -10,16 +10,15 @@ from scipy.stats import chi2
 from dtwin.monitoring import kernels
 from dtwin.monitoring.belief import Belief
 from dtwin.monitoring.estimator import Estimator, Tuning
+from dtwin.monitoring.kinds import JUMPS, plausible_sizes
 from dtwin.monitoring.layout import INDEX, SIZE
 from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.signatures import (
-    FAULTS,
     INDEPENDENT,
     LONGEST,
     ONSETS,
     SPACING,
     SignatureBank,
-    plausible_sizes,
     threshold,
 )
 from dtwin.run.recording import Log
@@ -97,7 +96,7 @@ def test_healthy_innovations_stay_below_the_threshold_and_a_fault_passes_it(
         follow(bank, estimator, seen, k, k + 1)
         k += 1
     assert 4000 < k < 4020
-    best = {suspicion.fault: suspicion for suspicion in bank.suspicions()[:4]}
+    best = {str(suspicion.fault): suspicion for suspicion in bank.suspicions()[:4]}
     assert abs(best["K1"].onset.sample - 4000) <= 2 * SPACING
     assert abs(best["K1"].size / belief.arm.get("K1") + 0.2) < 0.1
 
@@ -137,4 +136,4 @@ def test_what_cannot_be_seen_is_not_visible(belief: Belief, run_cell: Callable[.
     visible = bank.visible(sizes, threshold(0.01))
     assert visible["K1"]
     assert not visible["D1"]
-    assert set(visible) == set(FAULTS)
+    assert set(visible) == set(JUMPS)

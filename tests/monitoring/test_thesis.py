@@ -36,8 +36,8 @@ def test_k2_at_a_tenth_takes_ten_samples_in_a_row(run_cell: Callable[..., Log]) 
     assert 31.0 + (IN_A_ROW - 1) * 0.5 < np.nanmin(times) < 41.0
     assert "deviation detected" in monitor.messages()
     verdict = monitor.verdict()
-    assert {finding.cause for finding in verdict.findings} == {"unknown"}
-    assert verdict.states[f"joint {verdict.findings[0].joint}"] == "failed"
+    assert {finding.cause for finding in monitor.standing()} == {"unknown"}
+    assert verdict.units[f"joint {monitor.standing()[0].joint}"].state == "failed"
 
 
 @pytest.mark.parametrize("sample_time", [0.01, 0.1, 0.5])

@@ -14,7 +14,7 @@ from dtwin.monitoring.belief import assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.parameters import ArmParameters
 from dtwin.signals import Event
-from services.monitoring import residuals, verdict_message
+from services.monitoring import residuals
 from services.runfile import join
 from tests.support.desk import Desk
 from tests.support.waiting import until
@@ -64,7 +64,7 @@ def test_a_fault_of_the_running_cell_is_published(desk: Desk) -> None:
 def test_a_nominal_verdict_as_it_is_published() -> None:
     monitor = Monitor(assumed(ArmParameters(), (1e-3, 1e-3, 1e-3)))
     monitor.update(0, np.zeros(3), np.zeros(3), False)
-    message = verdict_message(monitor.verdict(), monitor.restarts)
+    message = monitor.verdict()
     assert list(message.units) == ["joint 1", "joint 2", "joint 3", "gripper"]
     assert all(unit.cause == "" for unit in message.units.values())
     assert residuals(0, (0.0, 0.0, 0.0), monitor).deviation[0] > 0.0

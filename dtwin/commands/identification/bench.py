@@ -17,10 +17,10 @@ from dtwin.emulation import peer
 from dtwin.experiments.identification.standard import FREE, standard_settings
 from dtwin.identification.data import Experiment
 from dtwin.identification.estimation.estimate import Loss, identify, load_kernels
-from dtwin.identification.estimation.problem import LOWER, UPPER, symbol
+from dtwin.identification.estimation.problem import LOWER, UPPER
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.parameters import ArmParameters
+from dtwin.parameters import ArmParameters, symbol_of
 
 _OURS: dict[str, Loss] = {"dtwin": "adaptive", "dtwin, least squares": "gaussian"}
 _PEER = "mujoco.sysid"
@@ -79,7 +79,7 @@ def _fits(experiment: Experiment, weight: float) -> dict[str, tuple[dict[str, fl
         estimate = identify([experiment], settings)
         results[name] = estimate.values, time.perf_counter() - began
     if peer.is_installed():
-        bounds = {name: (LOWER[symbol(name)], UPPER[symbol(name)]) for name in FREE}
+        bounds = {name: (LOWER[symbol_of(name)], UPPER[symbol_of(name)]) for name in FREE}
         start = np.array(experiment.start.theta)
         found = peer.fit(experiment.measured, experiment.volts, start, weight, standard_settings().known, bounds)
         results[_PEER] = dict(found.values), found.seconds

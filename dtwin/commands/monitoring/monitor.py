@@ -6,13 +6,14 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 import tyro
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
+from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.errors import ParameterError
@@ -23,7 +24,6 @@ from dtwin.monitoring.belief import Belief, assumed, identified
 from dtwin.monitoring.monitor import ALARMS_PER_HOUR, Monitor, MonitorSettings
 from dtwin.monitoring.offline import SECOND, Stream, Trace, stream, watch
 from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
-from dtwin.monitoring.verdict import Finding, Verdict
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import ensure_writable, read_log
 from dtwin.signals import Event
@@ -86,13 +86,27 @@ class MonitorCommand:
 
             write_monitoring(log, trace, MODEL_FILE, self.record)
         verdict = monitor.verdict()
-        history = tuple(monitor.history) if isinstance(monitor, Monitor) else verdict.findings
+        found = monitor.standing()
+        history = monitor.history if isinstance(monitor, Monitor) else found
         if self.json:
-            report = _as_json(self.method, verdict, history, monitor.events, factor)
+            report = {
+                "method": self.method,
+                "verdict": {
+                    "time": verdict.time,
+                    "states": {name: unit.state for name, unit in verdict.units.items()},
+                    "findings": found,
+                    "forecasts": monitor.forecasts if isinstance(monitor, Monitor) else [],
+                    "unobservable": verdict.unobservable,
+                    "missed": verdict.missed,
+                },
+                "findings": history,
+                "events": [{"time": event.time, "kind": event.kind, "text": event.text} for event in monitor.events],
+                "real_time_factor": factor,
+            }
             print(msgspec.json.encode(report).decode())
         else:
-            _print(verdict, monitor.events, factor, self.record)
-        return 1 if history or "failed" in verdict.states.values() else 0
+            _print(verdict, [each.text() for each in found], monitor.events, factor, self.record)
+        return 1 if history or any(unit.state == "failed" for unit in verdict.units.values()) else 0
 
     def _belief(self, seen: Stream) -> Belief:
         if self.model is not None:
@@ -104,18 +118,6 @@ class MonitorCommand:
         return ArmParameters() if self.model is None else open_model(self.model, ModelStore(self.store)).arm
 
 
-def _as_json(
-    method: Method, verdict: Verdict, history: tuple[Finding, ...], events: list[Event], factor: float
-) -> dict[str, Any]:
-    return {
-        "method": method,
-        "verdict": verdict,
-        "findings": history,
-        "events": [{"time": event.time, "kind": event.kind, "text": event.text} for event in events],
-        "real_time_factor": factor,
-    }
-
-
 def _progress(rows: int, quiet: bool) -> Progress:
     columns = (TextColumn("watching the log"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     console = Console(file=sys.stderr)
@@ -124,18 +126,20 @@ def _progress(rows: int, quiet: bool) -> Progress:
     return progress
 
 
-def _print(verdict: Verdict, events: list[Event], factor: float, record: Path | None) -> None:
+def _print(
+    verdict: MonitoringVerdict, found: list[str], events: list[Event], factor: float, record: Path | None
+) -> None:
     console = Console(highlight=False, soft_wrap=True)
     for event in events:
         console.print(f"{event.time:10.2f} s  {event.kind:<10}  {event.text}")
     if events:
         console.print()
-    for unit, state in verdict.states.items():
-        console.print(f"{unit:<8}  [{STATE_COLOURS[state]}]{state}[/]")
-    for finding in verdict.findings:
-        console.print(f"finding   {finding.text()}")
-    for forecast in verdict.forecasts:
-        console.print(f"forecast  {forecast.text()}")
+    for name, unit in verdict.units.items():
+        console.print(f"{name:<8}  [{STATE_COLOURS[unit.state]}]{unit.state}[/]")
+    for text in found:
+        console.print(f"finding   {text}")
+    for text in verdict.forecasts:
+        console.print(f"forecast  {text}")
     if verdict.unobservable:
         console.print(f"the last seconds could not have shown: {', '.join(verdict.unobservable)}")
     console.print(f"{verdict.time:.0f} s watched, {verdict.missed} samples missed, {factor:.0f} x real time")

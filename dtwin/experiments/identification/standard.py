@@ -8,12 +8,12 @@ import numpy as np
 
 from dtwin.controller.excitation import ExcitationController
 from dtwin.identification.estimation.estimate import Estimate, EstimationSettings, Loss, identify
-from dtwin.identification.estimation.problem import START, symbol
+from dtwin.identification.estimation.problem import START
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.parameters import PARAMETER_NAMES, ArmParameters
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, symbol_of
 
-FREE: Final = tuple(name for name in PARAMETER_NAMES if symbol(name) in ("K", "I", "c", "D"))
+FREE: Final = tuple(name for name in PARAMETER_NAMES if symbol_of(name) in ("K", "I", "c", "D"))
 """the twelve parameters that one run under a known load determines once masses and lengths are known"""
 
 

@@ -17,8 +17,8 @@ from dtwin.errors import DivergenceError
 from dtwin.experiments.monitoring.numbers import CHART, median_and_largest
 from dtwin.experiments.monitoring.trial import MOVING, identified_belief, true_cause
 from dtwin.experiments.report import Picture, Report, page, table
+from dtwin.monitoring.kinds import arm_state
 from dtwin.monitoring.monitor import Monitor
-from dtwin.monitoring.verdict import arm_state
 from dtwin.parameters import PERIOD, Triple
 from dtwin.pictures import new_figure
 from dtwin.pool import Progress, spread
@@ -166,7 +166,7 @@ class _StopRun:
             )
             found = next((f for f in monitor.history if f.detected >= self._start), None)
             if found is not None:
-                self._verdicts.exchange((ARM_STATES.index(arm_state(found)), found.confidence, False))
+                self._verdicts.exchange((ARM_STATES.index(arm_state(found.fault)), found.confidence, False))
                 self._demanded, self._moving = truth.time, moving
         else:
             self._still = 0 if moving else self._still + 1

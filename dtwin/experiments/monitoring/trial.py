@@ -16,10 +16,11 @@ from dtwin.experiments.identification.standard import standard_estimate
 from dtwin.identification.excitation.rig import Rig
 from dtwin.identification.model import from_estimate
 from dtwin.monitoring.belief import Belief, identified
+from dtwin.monitoring.kinds import RELATIVE, parse_fault_id
 from dtwin.monitoring.monitor import Monitor, MonitorSettings
 from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
-from dtwin.monitoring.verdict import CAUSE_OF, Cause, Finding, joint_of
-from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.monitoring.verdict import Finding
+from dtwin.parameters import PARAMETER_NAMES, PERIOD, ArmParameters
 from dtwin.run.loop import CHUNK, run
 from dtwin.signals import StepRecord
 
@@ -107,10 +108,10 @@ def identified_belief(noise: float, noise_kind: NoiseKind, seed: int) -> Belief:
     return identified(from_estimate(estimate, np.ones(3), "simulated"))
 
 
-def true_cause(fault: str) -> tuple[Cause, int]:
+def true_cause(fault: str) -> tuple[str, int]:
     """What a fault is called, and its joint, 0 for the gripper."""
-    target = parse_fault(f"{fault}@0").target
-    return CAUSE_OF[target.rstrip("123")], joint_of(target)
+    target = parse_fault_id(parse_fault(f"{fault}@0").target)
+    return target.about.cause, target.joint
 
 
 def run_trial(trial: FaultTrial) -> FaultOutcome:
@@ -239,11 +240,11 @@ class _FaultRun:
         if fault is None:
             return None
         healthy = ArmParameters()
-        kind = fault.target.rstrip("123")
-        if kind in ("K", "D", "mu"):
+        unit = parse_fault_id(fault.target).about.unit
+        if fault.target in PARAMETER_NAMES:
             before = healthy.get(fault.target)
             after = {"*=": before * fault.value, "+=": before + fault.value, "=": fault.value}[fault.operation]
-            return (after - before) / before if kind == "K" else after - before
-        if kind == "payload":
+            return (after - before) / before if unit == RELATIVE else after - before
+        if fault.target == "payload":
             return self.payload - (self.held_at_start or NOMINAL_BOX)
-        return fault.value if kind in ("bias", "drift") else None
+        return None if unit is None else fault.value

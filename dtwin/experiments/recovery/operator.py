@@ -43,7 +43,7 @@ from dtwin.bus.twin_messages import (
     UploadRequest,
 )
 from dtwin.errors import CommunicationError
-from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, Triple, symbol_of
 from dtwin.signals import Event
 
 LIMIT: Final = 60.0
@@ -164,13 +164,16 @@ class Operator:
     def _refit(self, finding: MonitoredUnit) -> ArmParameters:
         """The arm with what has changed identified from its empty motions since."""
         name = finding.parameter
-        symbol = name.rstrip("123")
+        if name not in PARAMETER_NAMES:
+            raise CommunicationError(f"monitoring names {name}: expected a parameter of the arm to identify")
+        symbol = symbol_of(name)
         request = IdentificationRequest(symbol, source="motion", since=finding.detected, anew=name)
         self._say(f"asks identification for {name} from the motions since {finding.detected:.2f} s")
         self._bus.ask(IDENTIFY, request, IdentificationState)
         state = self._await_model()
         self._bus.ask(DECIDE, IdentificationDecision(True, "recovery"), IdentificationState)
-        found = {key: value.value for key, value in state.parameters.items() if key.rstrip("123") == symbol}
+        alike = [key for key in PARAMETER_NAMES if key in state.parameters and symbol_of(key) == symbol]
+        found = {key: state.parameters[key].value for key in alike}
         arm = self._healthy.with_values(found)
         self._note(refitted=arm.get(name))
         self._say(f"accepts the model: {name} is {arm.get(name):.4f}, was {self._healthy.get(name):.4f}")

@@ -19,10 +19,10 @@ from dtwin.errors import IdentificationError, choices
 from dtwin.identification.data import Array, Experiment
 from dtwin.identification.estimation import quality
 from dtwin.identification.estimation.identifiability import Identifiability, analyse
-from dtwin.identification.estimation.problem import START, Prior, Problem, symbol
+from dtwin.identification.estimation.problem import START, Prior, Problem
 from dtwin.identification.estimation.residuals import EXACT, Whiteness, shape, whiteness
 from dtwin.identification.estimation.solver import Minimum, minimise
-from dtwin.parameters import ArmParameters
+from dtwin.parameters import ArmParameters, symbol_of
 
 Loss = Literal["adaptive", "gaussian", "huber"]
 LOSSES: Final = ("adaptive", "gaussian", "huber")
@@ -251,7 +251,7 @@ def _elsewhere(free: Sequence[str], generator: np.random.Generator) -> Array:
     """Factors from the known start to a random one: within 50 %, for Coulomb friction within a factor of ten."""
     near = generator.uniform(1 - _SPREAD_OF_STARTS, 1 + _SPREAD_OF_STARTS, len(free))
     far = 10.0 ** generator.uniform(-1.0, 1.0, len(free))
-    return np.where([symbol(name) == "mu" for name in free], far, near)
+    return np.where([symbol_of(name) == "mu" for name in free], far, near)
 
 
 def _lead_in(problem: Problem, x: Array, noise: Array) -> Array:

@@ -8,7 +8,7 @@ from typing import Final, Literal
 
 from dtwin.identification.data import Experiment
 from dtwin.identification.estimation.estimate import Estimate, EstimationSettings, identify
-from dtwin.identification.estimation.problem import symbol
+from dtwin.parameters import symbol_of
 
 Friction = Literal["viscous", "coulomb", "both"]
 FRICTIONS: Final[tuple[Friction, ...]] = ("viscous", "coulomb", "both")
@@ -46,7 +46,7 @@ class Choice:
 def with_friction(settings: EstimationSettings, friction: Friction) -> EstimationSettings:
     """Settings in which the coefficients of a friction law are free and all other friction is 0."""
     wanted = _SYMBOLS[friction]
-    others = tuple(name for name in settings.free if symbol(name) not in ("D", "mu"))
+    others = tuple(name for name in settings.free if symbol_of(name) not in ("D", "mu"))
     coefficients = tuple(f"{kind}{joint}" for kind in wanted for joint in (1, 2, 3))
     values = {f"mu{joint}": START_COULOMB if "mu" in wanted else 0.0 for joint in (1, 2, 3)}
     if "D" not in wanted:
@@ -71,7 +71,7 @@ def choose(experiments: Sequence[Experiment], settings: EstimationSettings) -> C
 def indistinguishable_from_zero(estimate: Estimate) -> bool:
     """Whether 0 lies in the 99 % confidence intervals of all three Coulomb coefficients at once (Bonferroni)."""
     return all(
-        value <= _THREE_AT_ONCE * estimate.standard_errors[name]
-        for name, value in estimate.values.items()
-        if symbol(name) == "mu"
+        estimate.values[name] <= _THREE_AT_ONCE * estimate.standard_errors[name]
+        for name in estimate.problem.free
+        if symbol_of(name) == "mu"
     )

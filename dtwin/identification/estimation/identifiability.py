@@ -13,7 +13,8 @@ import numpy as np
 
 from dtwin.errors import choices
 from dtwin.identification.data import Array, Experiment, Start
-from dtwin.identification.estimation.problem import Problem, symbol
+from dtwin.identification.estimation.problem import Problem
+from dtwin.parameters import symbol_of
 
 _RANK_TOLERANCE: Final = 1e-9
 """Singular value that counts as zero, relative to the largest one of a matrix with unit columns."""
@@ -131,7 +132,7 @@ def _advise(problem: Problem, x: Array, rank: int) -> str:
     options: list[tuple[str, Problem]] = []
     for text, base in (("", problem), ("add a run with another payload", extra)):
         for what, symbols in (("", ""), ("fix the masses", "m"), ("fix the masses and lengths", "ml")):
-            kept = tuple(name for name in problem.free if symbol(name) not in symbols)
+            kept = tuple(name for name in problem.free if symbol_of(name) not in symbols)
             if (text or what) and (not what or len(kept) < len(problem.free)):
                 steps = " and ".join(filter(None, (text, what)))
                 priors = {name: prior for name, prior in problem.priors.items() if name in kept}

@@ -18,7 +18,7 @@ import numpy as np
 from dtwin.errors import DivergenceError, ParameterError, choices
 from dtwin.identification.data import Array, Experiment
 from dtwin.identification.estimation.solver import NormalEquations
-from dtwin.parameters import PARAMETER_NAMES, ArmParameters
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, symbol_of
 from dtwin.twin.rollout import rollout
 from dtwin.twin.sensitivity import STATE_NAMES, sensitivities
 
@@ -57,11 +57,6 @@ class Prior:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mean) and self.deviation > 0):
             raise ParameterError(f"prior: expected a finite mean and a deviation above 0, got {self}")
-
-
-def symbol(name: str) -> str:
-    """The symbol of a parameter's name, such as K of K1."""
-    return name.rstrip("123")
 
 
 @dataclass(frozen=True)
@@ -109,7 +104,7 @@ class Problem:
     @cached_property
     def scale(self) -> Array:
         """Value in SI units of one scaled unit of each unknown; a parameter that is 0 has a typical value instead."""
-        sizes = [self.fixed.get(name) or _TYPICAL[symbol(name)] for name in self.free]
+        sizes = [self.fixed.get(name) or _TYPICAL[symbol_of(name)] for name in self.free]
         return np.array([*sizes, *np.ones(len(self.names) - len(self.free))])
 
     @cached_property
@@ -117,7 +112,7 @@ class Problem:
         """Lower and upper bounds of the scaled unknowns."""
         lower, upper = np.full(len(self.names), -np.inf), np.full(len(self.names), np.inf)
         for k, name in enumerate(self.free):
-            lower[k], upper[k] = LOWER[symbol(name)], UPPER[symbol(name)]
+            lower[k], upper[k] = LOWER[symbol_of(name)], UPPER[symbol_of(name)]
         return lower / self.scale, upper / self.scale
 
     def start(self, parameters: ArmParameters | None = None) -> Array:

@@ -1,0 +1,219 @@
+"""The kinds of fault: one row each, from which everything in this room that depends on the kind is taken.
+
+A fault is a kind and a joint, written `K2`, `freeze1` or `payload`. Some kinds are only hypotheses of the diagnosis:
+`friction2` is D2 and mu2 together, which is reported as the one that changed more, and `free` is a joint that is
+locked no more.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from dtwin.errors import ParameterError
+from dtwin.parameters import ArmParameters
+from dtwin.signals import ArmState
+
+Hypothesis = Literal["jump", "jumps", "loss", "hold", "torque", "none"]
+"""What an arm with the fault is taken to do in the diagnosis: the state named like the kind jumps; all states that it
+is about jump; the state that it is about becomes zero; a joint is held where it is; an unknown torque acts; or
+nothing, because the fault is seen in the readings themselves."""
+
+RELATIVE: Final = ""
+"""unit of a change that is told relative to the value of the model"""
+LOCK: Final = "lock"
+FREE: Final = "free"
+UNKNOWN: Final = "unknown"
+"""Kinds that the diagnosis tries whatever is suspected."""
+FREEZE: Final = "freeze"
+"""The kind that is seen in the readings themselves."""
+_JOINTS: Final = (1, 2, 3)
+_TEXT: Final = re.compile(r"([A-Za-z]+)([123]?)")
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """The slow change at which a joint has failed.
+
+    Attributes:
+        change: the limit, as a share of the model's value if relative, in the unit of the size otherwise.
+        relative: whether the change is told relative to the model's value.
+        either_way: whether the limit holds for changes of both signs.
+    """
+
+    change: float
+    relative: bool = True
+    either_way: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """One kind of fault.
+
+    Attributes:
+        cause: the fault in words.
+        hypothesis: what the diagnosis tries, see `Hypothesis`.
+        angles_known: whether the encoders still tell where the arm is. Only then may a stopped arm be held by its
+            motors; a kind of which nobody has said so takes the torque off.
+        on_joint: whether it befalls one of the joints; the gripper otherwise.
+        on_box: whether it goes with the box that is held.
+        states: symbols of the estimator's states that a finding is about, see `layout`. Findings on equal states tell
+            of the same matter, and their cause could be seen wherever a change of the last state could.
+        unit: unit of the size, or RELATIVE; None where there is no size.
+        plausible: standard deviation of a sudden change before anything is known of it, in the unit; None if the
+            signature bank does not look for one.
+        nothing: share of `plausible` below which a change counts as undone.
+        starts: changes, in the unit, that the diagnosis starts from besides none.
+        none: the kind that a change to zero is called, "" if that has no name of its own.
+        limit: the slow change that is forecast; None if it is not watched.
+    """
+
+    cause: str
+    hypothesis: Hypothesis = "none"
+    angles_known: bool = False
+    on_joint: bool = True
+    on_box: bool = False
+    states: tuple[str, ...] = ()
+    unit: str | None = None
+    plausible: float | None = None
+    nothing: float = 0.0
+    starts: tuple[float, ...] = ()
+    none: str = ""
+    limit: Limit | None = None
+
+
+KINDS: Final[dict[str, Kind]] = {
+    "K": Kind(
+        "voltage constant",
+        "jump",
+        angles_known=True,
+        states=("K",),
+        unit=RELATIVE,
+        plausible=0.7,
+        nothing=0.02,
+        none="cut",
+        limit=Limit(-0.1),
+    ),
+    "D": Kind(
+        "friction",
+        "jump",
+        angles_known=True,
+        states=("D", "mu"),
+        unit="N m s/rad",
+        plausible=0.1,
+        nothing=0.1,
+        limit=Limit(0.5),
+    ),
+    "mu": Kind("friction", "jump", angles_known=True, states=("D", "mu"), unit="N m", plausible=0.01, nothing=0.1),
+    "friction": Kind("friction", "jumps", angles_known=True, states=("D", "mu")),
+    "payload": Kind(
+        "payload differs",
+        "jump",
+        angles_known=True,
+        on_joint=False,
+        on_box=True,
+        states=("payload",),
+        unit="kg",
+        plausible=0.1,
+        nothing=0.1,
+        # The arm answers to another mass too unlike linearly to start from none.
+        starts=(-0.15, -0.1, -0.05, 0.1, 0.2),
+    ),
+    "slip": Kind("gripper slip", "loss", angles_known=True, on_joint=False, on_box=True, states=("payload",)),
+    "bias": Kind(
+        "encoder bias",
+        "jump",
+        angles_known=True,
+        states=("bias",),
+        unit="rad",
+        plausible=0.1,
+        nothing=0.02,
+        limit=Limit(0.01, relative=False, either_way=True),
+    ),
+    "drift": Kind("encoder drift", "jump", states=("drift",), unit="rad/s", plausible=0.02, nothing=0.02),
+    FREEZE: Kind("encoder freeze"),
+    LOCK: Kind("locked joint", "hold", angles_known=True),
+    FREE: Kind("joint locked no more", "hold", angles_known=True, on_joint=False),
+    "cut": Kind("voltage not arriving", "loss", angles_known=True, states=("K",)),
+    UNKNOWN: Kind("unknown", "torque", angles_known=True),
+}
+"""By name, in the order in which equally likely ones are preferred."""
+UNCLASSIFIED: Final = Kind("unknown")
+"""What is known of a kind that is not in the table."""
+
+
+@dataclass(frozen=True, slots=True)
+class FaultId:
+    """Which fault: its kind, and its joint, 1 to 3, or 0 for the gripper; `str` gives `K2`, `freeze1`, `payload`."""
+
+    kind: str
+    joint: int = 0
+
+    def __str__(self) -> str:
+        return self.named(self.kind)
+
+    @property
+    def about(self) -> Kind:
+        """The row of KINDS, UNCLASSIFIED if there is none."""
+        return KINDS.get(self.kind, UNCLASSIFIED)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the estimator's states that it is about, such as `D2` and `mu2`."""
+        return tuple(self.named(symbol) for symbol in self.about.states)
+
+    @property
+    def where(self) -> str:
+        """The cause and its joint in words."""
+        return f"{self.about.cause} of joint {self.joint}" if self.joint else self.about.cause
+
+    def named(self, symbol: str) -> str:
+        """The name of another kind or state at the same joint."""
+        return f"{symbol}{self.joint}" if self.joint else symbol
+
+    def same_matter(self, other: FaultId) -> bool:
+        """Whether a finding of this fault tells anew of what one of the other told of."""
+        if self.joint != other.joint:
+            return False
+        return self.kind == other.kind or self.about.states == other.about.states != ()
+
+
+def parse_fault_id(text: str) -> FaultId:
+    """Reads `K2`, `freeze1` or `payload`; the inverse of `str`. The kind need not be in the table.
+
+    Raises:
+        ParameterError: the text is not letters followed by a joint or nothing.
+    """
+    match = _TEXT.fullmatch(text)
+    if match is None:
+        raise ParameterError(f"fault {text!r}: expected a kind and a joint 1 to 3, or a kind alone, as K2 or payload")
+    kind, joint = match.groups()
+    return FaultId(kind, int(joint or 0))
+
+
+def arm_state(fault: FaultId) -> ArmState:
+    """What a settled finding of a fault means to the function blocks' safe stop: closed by default, see
+    `Kind.angles_known`."""
+    return "failed" if fault.about.angles_known else "angles unknown"
+
+
+def faults(kind: str) -> tuple[FaultId, ...]:
+    """All faults of a kind: one a joint, or the gripper's."""
+    return tuple(FaultId(kind, joint) for joint in _JOINTS) if KINDS[kind].on_joint else (FaultId(kind),)
+
+
+JUMPS: Final = tuple(str(fault) for kind, row in KINDS.items() if row.plausible is not None for fault in faults(kind))
+"""Names of the states whose sudden change is looked for."""
+LIMITS: Final = {str(fault): row.limit for kind, row in KINDS.items() if row.limit for fault in faults(kind)}
+"""Limits of the slow changes that are looked for, by names of the states."""
+
+
+def plausible_sizes(arm: ArmParameters) -> dict[str, float]:
+    """Standard deviation of the size of each of JUMPS before anything is known of it, in the unit of the state."""
+    sizes = {}
+    for kind, row in KINDS.items():
+        if row.plausible is not None:
+            for name in map(str, faults(kind)):
+                sizes[name] = row.plausible * arm.get(name) if row.unit == RELATIVE else row.plausible
+    return sizes
