@@ -15,7 +15,8 @@ from typing import Final
 
 import msgspec
 
-from dtwin.bus.session import Bus, open_configured, open_peer
+from dtwin.bus.opening import open_configured, open_peer
+from dtwin.bus.session import Bus
 from dtwin.bus.signature import new_key
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.identification.store import STORE

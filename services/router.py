@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from dtwin.bus.session import open_configured
+from dtwin.bus.opening import open_configured
 from dtwin.parameters import ROOT
 from services.service import Link, main, watch_lifeline
 

@@ -12,7 +12,8 @@ from typing import IO, Final
 
 import msgspec
 
-from dtwin.bus.session import Bus, open_configured, open_peer
+from dtwin.bus.opening import open_configured, open_peer
+from dtwin.bus.session import Bus
 from dtwin.errors import CommunicationError
 
 OPERATOR: Final = "operator"

@@ -24,7 +24,8 @@ from types import TracebackType
 from typing import Any, Final, Protocol
 
 from dtwin.bus.messages import STATUS, State, Status
-from dtwin.bus.session import RENDEZVOUS, Bus, open_configured, open_peer
+from dtwin.bus.opening import RENDEZVOUS, open_configured, open_peer
+from dtwin.bus.session import Bus
 from dtwin.bus.signature import KEY_SIZE
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.options import parse_options

@@ -10,7 +10,8 @@ import zenoh
 
 from dtwin.bus.codec import encode
 from dtwin.bus.messages import ALIVE, RESET, SENSORS, STATUS, TOPICS, Done, ResetRequest
-from dtwin.bus.session import Bus, open_configured, open_peer
+from dtwin.bus.opening import open_configured, open_peer
+from dtwin.bus.session import Bus
 from dtwin.bus.signature import new_key
 from dtwin.errors import CommunicationError, ParameterError, UnansweredError
 from dtwin.parameters import ROOT

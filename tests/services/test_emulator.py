@@ -26,7 +26,8 @@ from dtwin.bus.messages import (
     ResetRequest,
     Status,
 )
-from dtwin.bus.session import Bus, open_peer
+from dtwin.bus.opening import open_peer
+from dtwin.bus.session import Bus
 from dtwin.errors import CommunicationError
 from dtwin.parameters import ROOT, GripperParameters
 from dtwin.signals import Event, Sensors, Truth, Voltages

@@ -7,7 +7,8 @@ import re
 import signal
 
 from dtwin.bus.messages import EVENTS, FAULT, SENSORS, STOP, Done, FaultRequest, StopRequest, StopState
-from dtwin.bus.session import Bus, open_peer
+from dtwin.bus.opening import open_peer
+from dtwin.bus.session import Bus
 from dtwin.errors import CommunicationError
 from dtwin.monitoring.verdict import Finding
 from dtwin.signals import Event, Sensors

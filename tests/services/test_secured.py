@@ -39,7 +39,8 @@ from dtwin.bus.messages import (
     StopState,
     Topic,
 )
-from dtwin.bus.session import Bus, open_configured
+from dtwin.bus.opening import open_configured
+from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import (
     IdentificationRequest,
     IdentificationState,

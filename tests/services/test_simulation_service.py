@@ -88,7 +88,7 @@ def test_predictions_tell_what_would_be_and_change_nothing(cell: Desk) -> None:
         usual, blind, knowing, heavy = (
             bus.ask(PREDICT, request, Predicted)
             for request in (
-                None,
+                PredictionRequest(),
                 PredictionRequest(arm=worn),
                 PredictionRequest(model=worn),
                 PredictionRequest(target_time=1.6, box=0.21),

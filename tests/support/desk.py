@@ -14,7 +14,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from dtwin.bus.session import Bus, open_peer
+from dtwin.bus.opening import open_peer
+from dtwin.bus.session import Bus
 from dtwin.cli import main
 from dtwin.parameters import ROOT
 from dtwin.signals import BoxCounts
