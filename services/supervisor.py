@@ -180,7 +180,7 @@ class Supervisor:
             child.start()
 
     def look(self) -> None:
-        """To be called several times a second: restarts what has died.
+        """Restarts what has died; it must be called several times a second.
 
         Raises:
             CommunicationError: a program refuses its options.

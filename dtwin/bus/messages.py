@@ -61,15 +61,15 @@ class Status(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
         state: see State.
         pid: its process.
         peers: Zenoh sessions it is joined to.
-        rate_hz: of its main work over the last second: ticks, answers or rows.
-        ticks: of its main work since it started.
+        rate_hz: rate of its main work over the last second, in ticks, answers or rows per second.
+        ticks: how much of its main work it has done since it started.
         time: plant time it has reached, s.
-        late_ticks: that began or were answered too late.
+        late_ticks: number of ticks that began or were answered too late.
         real_time_factor: plant time over wall time since it started.
-        latency_ms: of the emulator.
-        boxes: of the emulator.
+        latency_ms: latency from sample to command, told by the emulator.
+        boxes: what became of the boxes, told by the emulator.
         refused: messages refused, by reason.
-        last_error: in one line, "" for none yet.
+        last_error: the last thing that went wrong, in one line; "" for none yet.
     """
 
     service: Word
@@ -142,8 +142,8 @@ class IdentificationSignal(msgspec.Struct, frozen=True, tag_field="schema", tag=
 
     Attributes:
         amplitude: V.
-        unit: of time, ticks.
-        delay: by which a joint starts later, ticks.
+        unit: unit of time of the signal, ticks.
+        delay: how much later each joint starts, ticks.
         samples: length, ticks.
     """
 
@@ -158,8 +158,8 @@ class StopRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
 
     Attributes:
         who: judges: monitoring, or an operator's name.
-        why: in their words.
-        state: of the arm; angles unknown is a failure after which nothing can hold it where it is.
+        why: reason in the words of who asks.
+        state: state of the arm; after "angles unknown" nothing can hold it where it is.
         confidence: probability of that.
     """
 

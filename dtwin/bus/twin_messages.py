@@ -25,10 +25,10 @@ class IdentificationRequest(msgspec.Struct, frozen=True, tag_field="schema", tag
         free: what to estimate, as for `dtwin identify --free`. Without a known load nothing sets the scale of the
             forces: by default motor 1 does, by its data sheet.
         box_mass: kg, taken for a box held meanwhile.
-        source: of the data: an identification signal that the blocks play, or motion of the empty arm as it passes,
+        source: where the data come from: a signal that the blocks play, or motion of the empty arm as it passes,
             which takes the known model for all that is not free.
         since: plant time from which on the motion counts, s.
-        anew: of the free parameters those of which nothing is known any more, all when empty; what is known of the
+        anew: the free parameters of which nothing is known any more, all when empty; what is known of the
             others counts as it is. For motion only.
     """
 
@@ -62,7 +62,7 @@ class IdentificationState(msgspec.Struct, frozen=True, tag_field="schema", tag=S
 
     Attributes:
         phase: proposed waits for a decision; refused says why in text.
-        text: for people.
+        text: the state in a sentence for people.
         samples: ticks of the signal, or pieces of motion, seen.
         of: how many are needed.
         converged: whether the search ended at a minimum.
@@ -70,7 +70,7 @@ class IdentificationState(msgspec.Struct, frozen=True, tag_field="schema", tag=S
         rank: independent combinations of the free parameters that the data determine.
         parameters: estimates by name, of what the data determine.
         fit: a joint, on held-out motion.
-        model_file: of an accepted model.
+        model_file: file of an accepted model.
     """
 
     phase: IdentificationPhase
@@ -90,13 +90,13 @@ class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA)
 
     Attributes:
         who: wants them.
-        why: in their words.
+        why: reason in the words of who asks.
         based_on: version of the settings that they have seen.
-        gains: of the computed-torque law.
+        gains: gains of the computed-torque law.
         target_time: s.
-        model: of the arm.
-        version: of the history, that shall be in force again.
-        arm: as the twin knows it, for the check; the controller's model when None.
+        model: arm model for the controller.
+        version: version of the history that shall be in force again.
+        arm: arm as the twin knows it, for the check; the controller's model when None.
     """
 
     who: Word
@@ -114,7 +114,7 @@ class RollBackRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
 
     Attributes:
         who: wants it.
-        why: in their words.
+        why: reason in the words of who asks.
     """
 
     who: Word
@@ -125,14 +125,14 @@ class Upload(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     """The newest entry in the history of the settings, and what is in force.
 
     Attributes:
-        version: of the settings in force.
+        version: version of the settings in force.
         time: plant time of the entry, s.
         action: start, upload, refuse, confirm or roll back.
         text: what came of it, or why it was done.
         on_trial: whether the settings are still being watched.
-        gains: in force.
-        target_time: in force, s.
-        model: in force.
+        gains: gains in force.
+        target_time: target time in force, s.
+        model: arm model in force.
         predicted: largest distance of each joint from its path that the twin expects, rad.
     """
 
@@ -151,10 +151,10 @@ class PredictionRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCH
     """What if the controller had other settings? Nothing is changed.
 
     Attributes:
-        gains: of the computed-torque law; those in force when None.
+        gains: gains of the computed-torque law; those in force when None.
         target_time: s; the one in force when None.
-        model: of the arm, in the controller; the one in force when None.
-        arm: as the twin knows it; the controller's model when None.
+        model: arm model of the controller; the one in force when None.
+        arm: arm as the twin knows it; the controller's model when None.
         box: kg, of a carried box.
     """
 
@@ -190,7 +190,7 @@ class Predicted(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     """What the twin expects of settings.
 
     Attributes:
-        version: of the settings in force, which were taken for what the request left open.
+        version: version of the settings in force, which were taken for what the request left open.
         motions: all of the cell's.
     """
 

@@ -131,7 +131,7 @@ class Candidate:
             self.follow(moment)
 
     def changes(self) -> dict[str, Change]:
-        """By state; of a box that has been put down meanwhile what was known of it then."""
+        """The change of each state; for a box that has been put down, what was known of it then."""
         changes = {name: self.estimator.change(name) for name in self._states}
         if self._box is not None and not self.estimator.gripped:
             changes["payload"] = self._box

@@ -3,7 +3,7 @@
 A finding ends when its change is undone, when it has turned out to be none, or when an operator acknowledges it.
 What concerns the box ends with the box; what no cause explains is examined again: it ends once the arm as believed
 has explained the joint's motion for a while. Findings only report: what follows from them for the estimator and the
-trend they return as an `Aftermath`, and the monitor applies it.
+trend they return as an `Consequences`, and the monitor applies it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _SURE: Final = 3.0
 _ON_BOX: Final = tuple(str(fault) for kind, row in KINDS.items() if row.on_box for fault in faults(kind))
 
 
-class Aftermath(NamedTuple):
+class Consequences(NamedTuple):
     """What the monitor has to do after the findings have changed.
 
     Attributes:
@@ -48,7 +48,7 @@ class Aftermath(NamedTuple):
     jumped: str = ""
 
 
-PUT_DOWN: Final = Aftermath(("payload",), boxes=True)
+PUT_DOWN: Final = Consequences(("payload",), boxes=True)
 """What follows when a box leaves the gripper."""
 
 
@@ -96,7 +96,7 @@ class Findings:
             since = max(since, self._gripped)
         return finding(fault, since, detected, size, deviation, probability, settled=False)
 
-    def settle(self, time: float, candidate: Candidate, pending: Finding) -> Aftermath:
+    def settle(self, time: float, candidate: Candidate, pending: Finding) -> Consequences:
         """Enters a diagnosis that is complete, or strikes out what it undoes; plant time in s."""
         changes = candidate.changes()
         known = [entry for entry in self.current.values() if entry.fault.same_matter(pending.fault)]
@@ -107,13 +107,13 @@ class Findings:
             del self.current[entry.parameter]
         if undone:
             self.note(time, "recovered", pending.text())
-            return Aftermath(tuple(changes))
+            return Consequences(tuple(changes))
         since = min([pending.since, *(entry.since for entry in known)])
         settled = self.assess(candidate, pending.confidence, pending.detected)
         self.enter(time, msgspec.structs.replace(settled, since=since, settled=True))
         if settled.fault.about.on_box and since <= self._released:
             return self.put_down(self._released)._replace(jumped=settled.parameter)
-        return Aftermath(jumped=settled.parameter)
+        return Consequences(jumped=settled.parameter)
 
     def enter(self, time: float, found: Finding) -> None:
         """Enters a finding at a plant time (s), unless it is tolerated."""
@@ -162,14 +162,14 @@ class Findings:
         """A box is gripped, at a plant time (s)."""
         self._gripped = time
 
-    def put_down(self, time: float) -> Aftermath:
+    def put_down(self, time: float) -> Consequences:
         """The gripper lets go, at a plant time (s): with the box goes what was wrong with it."""
         self._released = time
         for name in _ON_BOX:
             self.end(time, name, "the box that differed is put down")
         return PUT_DOWN
 
-    def examine(self, time: float, estimator: Estimator) -> Aftermath:
+    def examine(self, time: float, estimator: Estimator) -> Consequences:
         """Ends what has turned out to be none; to be called at every sample at which nothing is suspected."""
         forget = []
         for found in list(self.current.values()):
@@ -183,7 +183,7 @@ class Findings:
             ):
                 self.end(time, name, f"{self.refined(found, estimator).text()}: none after all")
                 forget.append(name)
-        return Aftermath(tuple(forget))
+        return Consequences(tuple(forget))
 
     @property
     def unexplained(self) -> bool:

@@ -14,7 +14,7 @@ from dtwin.errors import ParameterError
 from dtwin.monitoring.belief import Belief
 from dtwin.monitoring.diagnosis import Candidate, Diagnosis, Moment
 from dtwin.monitoring.estimator import Estimator, Tuning
-from dtwin.monitoring.findings import Aftermath, Findings
+from dtwin.monitoring.findings import Consequences, Findings
 from dtwin.monitoring.kinds import FREEZE, UNKNOWN, FaultId, faults, parse_fault_id, plausible_sizes
 from dtwin.monitoring.modes import Diagnosing, Lost, Mode, Settling, Turn, Turns, Watching
 from dtwin.monitoring.readings import FROZEN, Readings
@@ -257,7 +257,7 @@ class Monitor:
             case Watching() | Diagnosing():
                 self._mode = Settling(left, begun, Watching())
 
-    def _apply(self, after: Aftermath) -> None:
+    def _apply(self, after: Consequences) -> None:
         """Does what the findings ask for."""
         for state in after.forget:
             self.estimator.forget(state)

@@ -107,7 +107,7 @@ class ThesisMonitor:
             sample: its number; over missing ones the simulation goes on.
             measured: (3,), rad.
             gripped: a change starts a motion.
-            colour: of the box that waits, "" for none; that of a box being gripped says where the motion goes.
+            colour: colour of the waiting box, "" for none; that of a box being gripped says where the motion goes.
         """
         gap = sample - self.sample
         first = self.sample < 0 or gap < 1

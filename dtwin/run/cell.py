@@ -56,7 +56,7 @@ class PerJoint(msgspec.Struct, frozen=True):
     max: Triple
 
 
-class Summary(msgspec.Struct, frozen=True):
+class RunSummary(msgspec.Struct, frozen=True):
     """The summary of a run.
 
     duration is the plant time run, s; tracking errors are path minus true angle, rad; events counts them by kind.
@@ -135,13 +135,13 @@ class Cell:
             self._wall = time.perf_counter() - began
             self.log.add_events(self.emulation.drain_events())
 
-    def summary(self, log: Log) -> Summary:
+    def summary(self, log: Log) -> RunSummary:
         """The summary of the run from its frozen log and what became of the boxes."""
         errors = np.array(self.emulation.placement_errors_mm or [0.0])
         duration = len(log) * PERIOD
         tracking = np.abs(log.stack("target") - log.stack("theta")).max(axis=0, initial=0.0).tolist()
         saturated = (np.abs(log.stack("volts")[:, :3]) >= VOLTAGE_LIMIT).any(axis=1)
-        return Summary(
+        return RunSummary(
             duration=round(duration, 9),
             seed=self.settings.seed,
             boxes=self.emulation.box_counts,

@@ -48,7 +48,7 @@ _NOMINAL: Final = ArmParameters()
 _BAND_COLOUR: Final[style.RGB] = (110, 120, 130)
 
 
-class Trace(Protocol):
+class DrawnTrace(Protocol):
     """What is drawn, a row a tick of the log.
 
     predicted (N, 3) and deviation (N, 3) are the readings expected and their standard deviation, rad; statistic (N,)
@@ -90,7 +90,9 @@ class Predictions:
     threshold: float
 
 
-def write_monitoring(log: Log, trace: Trace, model_file: Path, path: Path, arm: ArmParameters = _NOMINAL) -> None:
+def write_monitoring(
+    log: Log, trace: DrawnTrace, model_file: Path, path: Path, arm: ArmParameters = _NOMINAL
+) -> None:
     """Writes a run and what the monitor made of it as an .rrd file; it appears complete or not at all.
 
     Args:

@@ -9,12 +9,12 @@ import pytest
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import parse_fault
 from dtwin.errors import DivergenceError, ParameterError
-from dtwin.run.cell import Cell, CellSettings, Summary
+from dtwin.run.cell import Cell, CellSettings, RunSummary
 from dtwin.run.loop import tick_count
 from dtwin.run.recording import Log
 
 
-def run(settings: CellSettings) -> tuple[Log, Summary]:
+def run(settings: CellSettings) -> tuple[Log, RunSummary]:
     cell = Cell(settings)
     cell.run()
     log = cell.log.freeze()

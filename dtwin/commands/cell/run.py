@@ -18,7 +18,7 @@ from dtwin.controller.remote import RemoteController
 from dtwin.errors import DtwinError
 from dtwin.iec61499.net.address import parse_address
 from dtwin.parameters import PERIOD
-from dtwin.run.cell import Cell, CellSettings, Summary
+from dtwin.run.cell import Cell, CellSettings, RunSummary
 from dtwin.run.options import ControlOptions, PlantOptions
 from dtwin.run.recording import Log, ensure_writable
 
@@ -131,7 +131,7 @@ def _progress(cell: Cell, quiet: bool) -> Progress:
     return progress
 
 
-def _print(summary: Summary, record: Path | None, log: Path | None) -> None:
+def _print(summary: RunSummary, record: Path | None, log: Path | None) -> None:
     boxes, errors = summary.boxes, summary.placement_error_mm
     worst = ", ".join(f"{value:.4f}" for value in summary.tracking_error_rad.max)
     lines = {
