@@ -1,0 +1,66 @@
+"""Two rows of docs/architecture.md, walked with what the page says and nothing else; and the paths that it names."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from dtwin.iec61499.library import Library
+from dtwin.iec61499.runtime.resource import Resource
+from dtwin.parameters import ROOT
+from tests.support.iec61499.networks import network
+
+PAGE = (ROOT / "docs" / "architecture.md").read_text()
+
+
+def section(title: str) -> str:
+    """The text under a title."""
+    return PAGE.partition(f"### {title}\n")[2].partition("\n### ")[0]
+
+
+def blocks(title: str, language: str) -> list[str]:
+    """The listings in a language under a title."""
+    return re.findall(rf"```{language}\n(.*?)```", section(title), re.DOTALL)
+
+
+def test_every_path_of_the_page_exists() -> None:
+    outside = {word for word in re.findall(r"`([\w./]+/[\w.]*)`", PAGE) if "NAME" not in word}
+    made = set(re.findall(r"This is `([\w./]+)`", PAGE))
+    assert made == {"fb/LIMITER.fbt", "services/counter.py"}
+    missing = [word for word in outside - made if not any((ROOT / part / word).exists() for part in ("", "dtwin"))]
+    assert not missing
+
+
+@pytest.mark.parametrize(("value", "limited"), [(9.5, 8.0), (-9.5, -8.0), (1.25, 1.25)])
+def test_a_block_type_is_added_by_its_file(tmp_path: Path, value: float, limited: float) -> None:
+    shutil.copytree(ROOT / "fb", tmp_path / "fb")
+    (listing,) = blocks("A block type", "xml")
+    (tmp_path / "fb" / "LIMITER.fbt").write_text(listing)
+    check = [sys.executable, "-m", "dtwin", "fb", "check", str(tmp_path / "fb")]
+    assert subprocess.run(check, cwd=ROOT, capture_output=True, text=True).returncode == 0
+    use = network("START: E_RESTART; L: LIMITER", "START.COLD -> L.REQ", "", {"L.IN": str(value)})
+    resource = Resource(use, Library([tmp_path / "fb"]))
+    resource.start()
+    assert resource.read("L.OUT") == limited
+
+
+def test_a_service_is_added_by_its_file_and_its_line(tmp_path: Path) -> None:
+    for folder in ("dtwin", "services", "fb", "models", "config"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    module, line = blocks("A service", "python")
+    (tmp_path / "services" / "counter.py").write_text(module)
+    launch = tmp_path / "services" / "launch.py"
+    text = launch.read_text()
+    assert text.count("        return programs\n") == 1
+    launch.write_text(text.replace("        return programs\n", f"{line}        return programs\n"))
+    environment = {"PATH": "", "PYTHONPATH": str(tmp_path), "XDG_RUNTIME_DIR": str(tmp_path)}
+    command = [sys.executable, "-m", "dtwin", "up", "--pace", "lockstep", "--duration", "60", "--json"]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    counter = json.loads(done.stdout)["services"]["counter"]
+    assert counter["restarts"] == 0
+    assert counter["rate_hz"] > 0
