@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,12 +13,20 @@ from typing import Any, Final
 import numpy as np
 
 from dtwin.controller.embedded import EmbeddedController
+from dtwin.controller.ports import EMULATOR, sensor_values
+from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.raw import raw_file_ticks, raw_plant_ticks
-from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.iec61499.net.address import LOOPBACK, Address
+from dtwin.iec61499.net.client import BlockingClient
+from dtwin.iec61499.net.reactor import Reactor
+from dtwin.iec61499.net.tcp import TcpServer
+from dtwin.iec61499.net.wire import MessageReader
+from dtwin.parameters import PERIOD, PICKUP, ArmParameters
 from dtwin.run.cell import Cell, CellSettings
 from dtwin.run.loop import run, tick_count
 from dtwin.signals import Sensors
+from dtwin.simulation.whatif import MotionCase, Simulator
 from dtwin.twin.rollout import rollout
 from dtwin.view import write_recording
 
@@ -25,6 +34,8 @@ DURATION: Final = 120.0
 """s of plant time in one timed run"""
 ROLLOUT_SAMPLES: Final = 20_000
 SUBSTEPS: Final = 4
+MESSAGES: Final = 2000
+"""Messages that are written and read, and exchanges over TCP, in one round."""
 
 
 def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: None) -> dict[str, dict[str, float]]:
@@ -41,8 +52,11 @@ def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: Non
         "closed_loop_recording": lambda: _closed_loop_recording(),
         "twin_rollout": _rollout,
         "controller_tick": _controller,
+        "wire_message": _wire,
+        "tcp_round_trip": _round_trip,
+        "what_if": _what_if,
     }
-    for warm_up in ("closed_loop_recording", "twin_rollout"):
+    for warm_up in ("closed_loop_recording", "twin_rollout", "what_if"):
         parts[warm_up]()
     seconds: dict[str, list[float]] = {name: [] for name in parts}
     for _ in range(rounds):
@@ -51,7 +65,7 @@ def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: Non
             seconds[name].append(part())
     middle = {name: median(values) for name, values in seconds.items()}
     raw = seconds["raw_mj_step"]
-    loops = [name for name in parts if name not in ("twin_rollout", "controller_tick")]
+    loops = ("raw_mj_step", "raw_plant_step", "closed_loop", "closed_loop_log", "closed_loop_recording")
     result: dict[str, dict[str, float]] = {
         name: {
             "ticks_per_second": ticks / middle[name],
@@ -62,6 +76,9 @@ def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: Non
     }
     result["twin_rollout"] = {"steps_per_second": ROLLOUT_SAMPLES * SUBSTEPS / middle["twin_rollout"]}
     result["controller_tick"] = {"microseconds": 1e6 * middle["controller_tick"] / ticks}
+    result["wire_message"] = {"microseconds": 1e6 * middle["wire_message"] / MESSAGES}
+    result["tcp_round_trip"] = {"microseconds": 1e6 * middle["tcp_round_trip"] / MESSAGES}
+    result["what_if"] = {"milliseconds": 1e3 * middle["what_if"]}
     return result
 
 
@@ -116,3 +133,42 @@ def _controller() -> float:
             step(sample)
 
     return _timed(work)
+
+
+_SAMPLE: Final = sensor_values(Sensors(0, 0.0, (0.1, 0.2, 0.3), 0.9, True, "green"))
+_ANSWER: Final = (1.0, 2.0, 3.0, -3.0, True)
+
+
+def _wire() -> float:
+    """Writes and reads a sample as the block EMULATOR receives it."""
+    reader = MessageReader(EMULATOR.receives)
+
+    def work() -> None:
+        for _ in range(MESSAGES):
+            reader.feed(EMULATOR.receives.encode(_SAMPLE))
+
+    return _timed(work)
+
+
+def _round_trip() -> float:
+    """Exchanges a sample and a command over loopback with a server that computes nothing."""
+    with Reactor() as reactor:
+        server = TcpServer(
+            reactor, Address(LOOPBACK, 0), EMULATOR.receives, EMULATOR.sends, lambda message: server.send(_ANSWER)
+        )
+        thread = threading.Thread(target=reactor.run)
+        thread.start()
+        try:
+            with BlockingClient(server.address, EMULATOR.receives, EMULATOR.sends, timeout=10.0) as client:
+                return _timed(lambda: [client.exchange(_SAMPLE) for _ in range(MESSAGES)])
+        finally:
+            reactor.stop()
+            thread.join()
+            server.close()
+
+
+def _what_if() -> float:
+    """Simulates one motion of 4 s with a box on the twin, under the function blocks."""
+    simulator = Simulator()
+    case = MotionCase("red", ControlSettings(target_time=4.0), PICKUP.theta, payload=0.2, duration=4.0)
+    return _timed(lambda: simulator.run(case))

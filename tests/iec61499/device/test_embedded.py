@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from statistics import median
 
 import pytest
 
@@ -152,13 +151,3 @@ def test_served_answers_are_those_of_the_resource_in_process(cell: ServedDevice)
     with BlockingClient(cell.device.addresses()["EMULATOR"], EMULATOR.receives, EMULATOR.sends, PATIENCE) as peer:
         for sample in samples(2000):
             assert peer.exchange(sample) == server.exchange(sample)
-
-
-def test_round_trip_of_a_control_tick(cell: ServedDevice) -> None:
-    durations = []
-    with BlockingClient(cell.device.addresses()["EMULATOR"], EMULATOR.receives, EMULATOR.sends, PATIENCE) as peer:
-        for sample in samples(1500):
-            begin = time.perf_counter()
-            peer.exchange(sample)
-            durations.append(time.perf_counter() - begin)
-    assert median(durations) < 250e-6
