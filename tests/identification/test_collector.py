@@ -56,7 +56,7 @@ def test_the_signal_is_found_in_a_running_cell_and_identifies_the_arm() -> None:
 def test_no_signal_is_no_experiment() -> None:
     collector = collected(traffic(300, ask_at=-1))
     assert collector.done == 0
-    with pytest.raises(IdentificationError, match="seen for 0 of 350 ticks only"):
+    with pytest.raises(IdentificationError, match="the signal was seen for only 0 of 350 ticks"):
         collector.experiment()
 
 
