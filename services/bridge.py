@@ -33,7 +33,7 @@ from dtwin.bus.messages import (
 from dtwin.controller.device import ControlLoop, SafeStop, Settings
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, ParameterError
-from dtwin.iec61499.net.address import Address, parse_address
+from dtwin.iec61499.net.address import StreamAddress, parse_stream_address
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event, EventKind, Sensors, Voltages
 from services.parts.gate import STALE
@@ -58,12 +58,12 @@ class Options(Link):
     """Connect the bus with a controller's TCP ports."""
 
     controller: str = "127.0.0.1:61499"
-    """HOST:PORT of the controller's device management."""
+    """HOST:PORT or unix:FOLDER/PORT of the controller's device management."""
     lossless: bool = False
     """Wait for slow subscribers, as a lockstep run wants it."""
 
     def run(self) -> int:
-        address = parse_address(self.controller)
+        address = parse_stream_address(self.controller)
         with Service(NAME, self) as service:
             Bridge(service, address, self.lossless).run()
         return 0
@@ -72,7 +72,7 @@ class Options(Link):
 class Bridge:
     """Answers samples while there is a controller, and looks for one while there is none."""
 
-    def __init__(self, service: Service, address: Address, lossless: bool) -> None:
+    def __init__(self, service: Service, address: StreamAddress, lossless: bool) -> None:
         bus = service.bus
         self._service = service
         self._address = address

@@ -1,13 +1,11 @@
-"""The embedded controller device as a service: the function blocks behind the same TCP ports as on a FORTE."""
+"""The embedded controller device as a service: the function blocks behind the same ports as on a FORTE."""
 
 from __future__ import annotations
 
 import logging
-import re
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Final
 
 from dtwin.controller.ports import BLOCKS, SYSTEM
@@ -20,15 +18,14 @@ from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.server import ManagementServer
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.model import Block, FBNetwork, System
-from dtwin.iec61499.net.address import Address, parse_numeric_address
+from dtwin.iec61499.net.address import Address, parse_listening_address
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.run.options import ControlOptions
-from services.service import REPORT_PERIOD, Link, Service, free_port, main
+from services.service import REPORT_PERIOD, Link, Service, main
 
 log = logging.getLogger(__name__)
 
 NAME: Final = "controller"
-_LOCAL_PORT: Final = re.compile(r"localhost:(\d+)")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,18 +33,18 @@ class Options(ControlOptions, Link):
     """Serve the function blocks of the cell as a device."""
 
     listen: str = "127.0.0.1:61499"
-    """HOST:PORT for device management."""
-    free_ports: bool = False
-    """Let the blocks listen on free ports instead of those of the system file; their ID inputs then tell which."""
+    """HOST:PORT for device management, or unix:FOLDER/PORT: then the blocks, too, listen in that folder, which only
+    its user may enter, under the numbers of their ports."""
     blocks: Path = BLOCKS
     """Folder of the function-block library."""
 
     def run(self) -> int:
-        address = parse_numeric_address(self.listen)
+        address = parse_listening_address(self.listen)
         settings = self.control()
         with Reactor() as reactor, Service(NAME, self, wake=reactor.stop) as service:
-            library, system = self._load(settings)
-            device = EmbeddedDevice(reactor, library, address.host)
+            library = Library([self.blocks])
+            system = configured(library.load_system(self.blocks / SYSTEM), _literals(settings))
+            device = EmbeddedDevice(reactor, library, address)
             try:
                 device.load_system(system)
                 server = ManagementServer(reactor, address, device.handle)
@@ -64,15 +61,6 @@ class Options(ControlOptions, Link):
             finally:
                 device.close()
         return 0
-
-    def _load(self, settings: ControlSettings) -> tuple[Library, System]:
-        with TemporaryDirectory() as folder:
-            blocks = with_free_ports(self.blocks, Path(folder)) if self.free_ports else self.blocks
-            library = Library([blocks])
-            for name in library.names():
-                library.find(name)  # now: the folder will not last
-            system = configured(library.load_system(blocks / SYSTEM), _literals(settings))
-            return library, system
 
 
 def configured(system: System, values: dict[str, str]) -> System:
@@ -112,18 +100,6 @@ def deploy_cell(address: Address, settings: ControlSettings) -> None:
 
 def _literals(settings: ControlSettings) -> dict[str, str]:
     return {name: str(value) for name, value in settings.inputs().items()}
-
-
-def with_free_ports(blocks: Path, target: Path) -> Path:
-    """Copies a library to a folder, every local port in it replaced by a free one, and returns that folder."""
-    ports: dict[str, str] = {}
-
-    def free(match: re.Match[str]) -> str:
-        return "localhost:" + ports.setdefault(match[1], str(free_port()))
-
-    for file in (*blocks.glob("*.fbt"), *blocks.glob("*.sys")):
-        (target / file.name).write_text(_LOCAL_PORT.sub(free, file.read_text()))
-    return target
 
 
 if __name__ == "__main__":

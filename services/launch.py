@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import sys
 import threading
@@ -20,7 +21,7 @@ from dtwin.bus.session import Bus
 from dtwin.bus.signature import new_key
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.identification.store import STORE
-from dtwin.iec61499.net.address import parse_address
+from dtwin.iec61499.net.address import LocalAddress, parse_address
 from dtwin.options import arguments
 from dtwin.run.cell import CellSettings, emulate, metadata
 from dtwin.run.loop import tick_count
@@ -36,6 +37,8 @@ from services.runfile import OPERATOR, RunFile
 from services.service import free_port
 from services.supervisor import Program, Supervisor
 
+MANAGEMENT: Final = 61499
+"""Port of device management, here the name of a socket."""
 READY_TIMEOUT: Final = 30.0
 """Time in which all services must be ready, s."""
 LOOK: Final = 0.1
@@ -120,13 +123,11 @@ class CellOptions(PlantOptions, ControlOptions):
         link += ["--zenoh", str(self.zenoh.resolve())] if self.zenoh else ["--meet", meet]
         urgent = ["--urgent"] if self.pace == "realtime" else []
         programs = []
-        management = self.controller.partition("://")[2]
+        management = self.management(file)
         if self.controller.startswith("forte://"):
             deploy_cell(parse_address(self.controller, "forte"), self.control())
         if self.controller == "embedded":
-            management = f"127.0.0.1:{free_port()}"
-            listen = ["--listen", management, "--free-ports"]
-            programs.append(_service("controller", [*link, *listen, *arguments(self, ControlOptions)]))
+            programs.append(_service("controller", [*link, "--listen", management, *arguments(self, ControlOptions)]))
         bridge = ["--controller", management, *urgent, *(["--lossless"] if self.pace != "realtime" else [])]
         emulator = ["--pace", self.pace, *urgent, "--journal", str(journal_of(file)), *arguments(self, PlantOptions)]
         emulator += [] if self.duration is None else ["--duration", str(self.duration)]
@@ -144,6 +145,12 @@ class CellOptions(PlantOptions, ControlOptions):
             programs.append(_service("simulation", [*link, "--history", str(self.history.resolve())]))
         programs.append(_service("emulator", [*link, *emulator, "--wait-for", "bridge"], leading=True))
         return programs
+
+    def management(self, file: Path) -> str:
+        """Address of the controller's device management, for a cell with this run file."""
+        if self.controller == "embedded":
+            return str(LocalAddress(sockets_of(file), MANAGEMENT))
+        return self.controller.partition("://")[2]
 
     def _recorder_options(self, ports: Ports) -> list[str]:
         notes = msgspec.json.encode(metadata(self.settings())).decode()
@@ -185,6 +192,11 @@ class Launched:
         self._file.write(msgspec.structs.replace(self._up, ready=True))
 
     @property
+    def controller(self) -> str:
+        """Address of the controller's device management."""
+        return self._up.controller
+
+    @property
     def page(self) -> str:
         """Address at which the run is shown live to browsers, "" if it is not."""
         return self._up.page
@@ -209,13 +221,16 @@ def launched(options: CellOptions) -> Iterator[Launched]:
     with RunFile(options.cell) as file, options.bus(meet, key) as bus:
         journal = journal_of(file.path)
         journal.unlink(missing_ok=True)
+        sockets = sockets_of(file.path)
+        shutil.rmtree(sockets, ignore_errors=True)
+        sockets.mkdir(mode=0o700)
         if options.log is not None:
             discard_parts(options.log)
         ports = free_ports()
         supervisor = Supervisor(bus, options.programs(meet, file.path, ports), key)
         zenoh = None if options.zenoh is None else str(options.zenoh.resolve())
         page = ports.page_url if options.viewer == "web" else ""
-        up = runfile.Up(os.getpid(), options.arm, meet, zenoh, page=page)
+        up = runfile.Up(os.getpid(), options.arm, meet, zenoh, options.management(file.path), page=page)
         file.write(up)
         stop = threading.Event()
         with _signals(stop):
@@ -225,11 +240,17 @@ def launched(options: CellOptions) -> Iterator[Launched]:
             finally:
                 supervisor.stop()
         journal.unlink(missing_ok=True)
+        shutil.rmtree(sockets, ignore_errors=True)
 
 
 def journal_of(file: Path) -> Path:
     """The emulator's journal beside the cell's run file."""
     return file.with_suffix(".journal")
+
+
+def sockets_of(file: Path) -> Path:
+    """The folder beside the cell's run file in which the embedded controller listens."""
+    return file.with_suffix(".ports")
 
 
 def _service(name: str, options: list[str], leading: bool = False) -> Program:

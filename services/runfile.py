@@ -21,13 +21,14 @@ OPERATOR: Final = "operator"
 
 
 class Up(msgspec.Struct, frozen=True):
-    """A cell that is up: its supervisor's process, how to join its bus, whether all services were ready, and the page
-    that shows it, if any."""
+    """A cell that is up: its supervisor's process, how to join its bus, where its controller is managed, whether all
+    services were ready, and the page that shows it, if any."""
 
     pid: int
     arm: str
     meet: str
     zenoh: str | None
+    controller: str
     ready: bool = False
     page: str = ""
 

@@ -1,4 +1,4 @@
-"""The control application on a device (4diac FORTE or the embedded runtime), through its TCP ports.
+"""The control application on a device (4diac FORTE or the embedded runtime), through its ports.
 
 The ports at which its blocks listen are read over device management from their ID inputs. A device that does not
 answer this has them at the ports of the library.
@@ -31,7 +31,7 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.protocol import ManagementError
-from dtwin.iec61499.net.address import Address, parse_block_id
+from dtwin.iec61499.net.address import StreamAddress, parse_block_id
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.signals import ARM_STATES, STOPS, ArmState, Sensors, Stop, Voltages
@@ -70,7 +70,7 @@ class Application:
         CommunicationError: the device does not answer, or the application is not there.
     """
 
-    def __init__(self, address: Address) -> None:
+    def __init__(self, address: StreamAddress) -> None:
         self._address = address
         self._lock = threading.Lock()
         self._management = ManagementClient(address, TIMEOUT)
@@ -135,7 +135,7 @@ class Application:
                 number = parse_block_id(self._management.read(self._resource, f"{port.block}.ID")).port
         except ManagementError:
             number = port.number
-        return BlockingClient(Address(self._address.host, number), port.receives, port.sends, TIMEOUT)
+        return BlockingClient(self._address._replace(port=number), port.receives, port.sends, TIMEOUT)
 
     def reopen(self, port: Port) -> None:
         """On a FORTE, closes the port of a SERVER block and opens it again; no sample may be on its way meanwhile.
@@ -186,7 +186,7 @@ class ControlLoop:
         CommunicationError: the device does not answer, or the application is not there.
     """
 
-    def __init__(self, address: Address) -> None:
+    def __init__(self, address: StreamAddress) -> None:
         self._requesting = threading.Lock()
         with ExitStack() as opened:
             self._application = opened.enter_context(closing(Application(address)))

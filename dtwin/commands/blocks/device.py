@@ -20,7 +20,7 @@ from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import load_boot_file
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.server import ManagementServer
-from dtwin.iec61499.net.address import parse_address, parse_numeric_address
+from dtwin.iec61499.net.address import parse_listening_address, parse_stream_address
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.parameters import ROOT
 
@@ -35,16 +35,19 @@ class FbRun:
     file: Annotated[Path | None, tyro.conf.Positional] = None
     """System (.sys) or boot file (.fboot) to begin with."""
     listen: str = "127.0.0.1:61499"
-    """HOST:PORT for device management. Whoever reaches it controls the device. Port 0 takes a free one."""
+    """HOST:PORT for device management. Whoever reaches it controls the device. Port 0 takes a free one.
+
+    With unix:FOLDER/PORT management and SERVER blocks listen on Unix domain sockets in a folder for you alone.
+    """
     blocks: Path | None = None
     """Folder of the block types; without it the folder of FILE, and without FILE the project's own library."""
 
     def execute(self) -> int:
         logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s")
-        address = parse_numeric_address(self.listen)
+        address = parse_listening_address(self.listen)
         library = Library([self.blocks or (self.file.parent if self.file else ROOT / "fb")])
         with Reactor() as reactor, _ended_by_signals(reactor):
-            device = EmbeddedDevice(reactor, library, address.host)
+            device = EmbeddedDevice(reactor, library, address)
             try:
                 self._load(device, library)
                 server = ManagementServer(reactor, address, device.handle)
@@ -86,7 +89,7 @@ class FbWatch:
     """Print values of a running device (4diac FORTE or `dtwin fb run`) again and again."""
 
     address: tyro.conf.Positional[str]
-    """HOST:PORT of the device management."""
+    """HOST:PORT or unix:FOLDER/PORT of the device management."""
     names: tyro.conf.Positional[tuple[str, ...]]
     """Ports to read: BLOCK.PORT, or RESOURCE.BLOCK.PORT if the device has several resources."""
     interval: float = 0.5
@@ -99,7 +102,7 @@ class FbWatch:
             raise ParameterError(f"--interval: expected at least 0.001 s, got {self.interval}")
         if not self.names:
             raise ParameterError("expected the name of at least one port, e.g. PLANNER.THETA_D1")
-        with ManagementClient(parse_address(self.address)) as client:
+        with ManagementClient(parse_stream_address(self.address)) as client:
             ports = [_locate(client, name) for name in self.names]
             print("\t".join(self.names), flush=True)
             for number in itertools.count(1):
@@ -115,10 +118,10 @@ class FbStop:
     """Stop everything that runs on a device (4diac FORTE or `dtwin fb run`)."""
 
     address: tyro.conf.Positional[str]
-    """HOST:PORT of the device management."""
+    """HOST:PORT or unix:FOLDER/PORT of the device management."""
 
     def execute(self) -> int:
-        with ManagementClient(parse_address(self.address)) as client:
+        with ManagementClient(parse_stream_address(self.address)) as client:
             for resource in client.blocks(""):
                 refused = client.request(resource.name, "STOP").reason
                 print(f"{resource.name} {f'does not stop: {refused}' if refused else 'stopped'}")

@@ -18,7 +18,7 @@ from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import Command, print_boot_file
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.net.address import parse_address
+from dtwin.iec61499.net.address import parse_stream_address
 from dtwin.iec61499.runtime.generic_ports import unconnected
 from dtwin.parameters import ROOT
 from dtwin.run.recording import replacing
@@ -90,7 +90,7 @@ class FbDeploy:
     """Build a system on a device (4diac FORTE or `dtwin fb run`) in place of the resources of the same names."""
 
     address: tyro.conf.Positional[str]
-    """HOST:PORT of the device management."""
+    """HOST:PORT or unix:FOLDER/PORT of the device management."""
     system: Path = SYSTEM
     """System (.sys) to build."""
     device: str = ""
@@ -104,7 +104,7 @@ class FbDeploy:
         if self.device not in plans and (self.device or len(plans) != 1):
             valid = choices(plans) if plans else "a system with a device"
             raise ParameterError(f"--device {self.device!r}: expected {valid}")
-        with ManagementClient(parse_address(self.address)) as client:
+        with ManagementClient(parse_stream_address(self.address)) as client:
             for plan in plans.get(self.device) or next(iter(plans.values())):
                 deploy(client, plan)
                 print(f"{plan.resource} runs: {len(plan.types)} block types, {len(plan.commands)} requests")

@@ -39,8 +39,9 @@ class UpCommand(CellOptions):
         with launched(self) as cell:
             with self._table(cell.supervisor) as live:
                 cell.await_ready()
-                if cell.page and live is not None:
-                    live.console.print(_shown_at(cell.page), highlight=False, soft_wrap=True)
+                if live is not None:
+                    for line in _addresses(cell.controller, cell.page):
+                        live.console.print(line, highlight=False, soft_wrap=True)
                 while not (cell.over or cell.stop.wait(LOOK)):
                     if live is not None:
                         live.update(table(cell.supervisor.summary()))
@@ -72,8 +73,8 @@ class UpCommand(CellOptions):
             up = runfile.find(self.cell)
             if up is not None and up.ready:
                 print(f"cell {self.cell!r} is up: see it with `dtwin status`, stop it with `dtwin down`")
-                if up.page:
-                    print(_shown_at(up.page))
+                for line in _addresses(up.controller, up.page):
+                    print(line)
                 return 0
             time.sleep(LOOK)
         words_said = output.read_text(errors="replace").strip().splitlines()
@@ -95,7 +96,9 @@ class StatusCommand:
         if self.json:
             print(msgspec.json.encode(summary).decode())
         else:
-            Console().print(table(summary))
+            console = Console()
+            console.print(table(summary))
+            console.print(f"controller: {runfile.require(self.cell).controller}", highlight=False, soft_wrap=True)
         return 0
 
 
@@ -138,5 +141,7 @@ def _title(summary: Summary) -> str:
     return "; ".join(parts)
 
 
-def _shown_at(page: str) -> str:
-    return f"the cell is shown at {page}"
+def _addresses(controller: str, page: str) -> list[str]:
+    """Lines that tell where the controller is managed, and where the cell is shown, if it is."""
+    lines = [f"the controller is at {controller}: see its values with `dtwin fb watch`"]
+    return [*lines, f"the cell is shown at {page}"] if page else lines

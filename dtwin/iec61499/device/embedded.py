@@ -27,7 +27,7 @@ from dtwin.iec61499.management.protocol import (
     request_id,
 )
 from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.net.address import LOOPBACK, Address
+from dtwin.iec61499.net.address import StreamAddress
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.iec61499.runtime.local_transport import LocalTransport
 from dtwin.iec61499.standard.catalogue import standard_names
@@ -45,19 +45,20 @@ class EmbeddedDevice:
     Args:
         reactor: the event loop that serves all sockets and timers.
         library: the block types that the device has.
-        interface: IPv4 address of the network interface for multicast.
+        management: address at which the device is managed. Multicast uses its network interface; SERVER blocks listen
+            in its folder, if it is a Unix domain socket.
     """
 
-    def __init__(self, reactor: Reactor, library: Library, interface: str = LOOPBACK) -> None:
+    def __init__(self, reactor: Reactor, library: Library, management: StreamAddress) -> None:
         self._reactor = reactor
         self._library = library
-        self._interface = interface
+        self._management = management
         self._local = LocalTransport()
         self._resources: dict[str, ManagedResource] = {}
         self._runners: list[Runner] = []
         self._settling = False
 
-    def addresses(self) -> dict[str, Address]:
+    def addresses(self) -> dict[str, StreamAddress]:
         """Where SERVER and SUBSCRIBE blocks listen, by dotted name."""
         return {name: address for runner in self._runners for name, address in runner.addresses.items()}
 
@@ -168,7 +169,7 @@ class EmbeddedDevice:
     def _launch(self, network: model.FBNetwork, failed: Callable[[], None]) -> Runner:
         self._runners = [runner for runner in self._runners if not runner.is_closed]
         runner = Runner(
-            network.file, self._reactor, network, self._library, self._local, self._interface, self._settle, failed
+            network.file, self._reactor, network, self._library, self._local, self._management, self._settle, failed
         )
         self._runners.append(runner)
         return runner

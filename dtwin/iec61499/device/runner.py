@@ -11,7 +11,7 @@ from typing import Any
 from dtwin.errors import DtwinError
 from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
-from dtwin.iec61499.net.address import Address
+from dtwin.iec61499.net.address import StreamAddress
 from dtwin.iec61499.net.reactor import Reactor, Timer
 from dtwin.iec61499.net.transport import NetworkTransport
 from dtwin.iec61499.runtime.local_transport import LocalTransport
@@ -30,7 +30,7 @@ class Runner:
         network: what runs.
         library: finds the block types that the network uses.
         local: connects blocks in process, also with those of other resources.
-        interface: IPv4 address of the network interface for multicast.
+        management: address of the device's management.
         ran: called after the resource has run.
         failed: called when an error has ended it.
 
@@ -45,7 +45,7 @@ class Runner:
         network: model.FBNetwork,
         library: Library,
         local: LocalTransport,
-        interface: str,
+        management: StreamAddress,
         ran: Callable[[], None],
         failed: Callable[[], None],
     ) -> None:
@@ -58,12 +58,12 @@ class Runner:
         self._closed = False
         self._timer: Timer | None = None
         self._due: int | None = None
-        self._transport = NetworkTransport(reactor, local, self.perform, interface)
+        self._transport = NetworkTransport(reactor, local, self.perform, management)
         self._resource = Resource(network, library, self._transport)
         self._origin = time.monotonic_ns()
 
     @property
-    def addresses(self) -> dict[str, Address]:
+    def addresses(self) -> dict[str, StreamAddress]:
         """Where the open SERVER and SUBSCRIBE blocks listen, by the block's dotted name."""
         return self._transport.addresses
 

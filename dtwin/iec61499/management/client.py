@@ -24,7 +24,7 @@ from dtwin.iec61499.management.protocol import (
     Watch,
     parse_response,
 )
-from dtwin.iec61499.net.address import Address
+from dtwin.iec61499.net.address import StreamAddress
 from dtwin.iec61499.net.client import BlockingClient
 
 _RESET: Final[tuple[RequestAction, ...]] = ("KILL", "RESET", "START")
@@ -46,7 +46,7 @@ class ManagementClient:
         CommunicationError: nobody answers at the address.
     """
 
-    def __init__(self, address: Address, timeout: float = TIMEOUT) -> None:
+    def __init__(self, address: StreamAddress, timeout: float = TIMEOUT) -> None:
         self.address = address
         self._timeout = timeout
         self._client = self._connected()

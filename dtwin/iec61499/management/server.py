@@ -1,4 +1,4 @@
-"""Serves device management on a TCP port, to several clients at once."""
+"""Serves device management at an address, to several clients at once."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Final
 
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.management.protocol import REQUESTS, RESPONSES, Response, request_id
-from dtwin.iec61499.net.address import Address
+from dtwin.iec61499.net.address import StreamAddress
 from dtwin.iec61499.net.reactor import Reactor
-from dtwin.iec61499.net.tcp import TcpConnection, TcpListener
+from dtwin.iec61499.net.stream import StreamConnection, StreamListener
 from dtwin.iec61499.net.wire import MessageReader
 
 log = logging.getLogger(__name__)
@@ -30,15 +30,15 @@ class ManagementServer:
         address: where it listens, with the port that the system chose when 0 was asked for.
 
     Raises:
-        CommunicationError: the port cannot be bound.
+        CommunicationError: nobody can listen at the address.
     """
 
-    def __init__(self, reactor: Reactor, address: Address, handle: RequestHandler) -> None:
+    def __init__(self, reactor: Reactor, address: StreamAddress, handle: RequestHandler) -> None:
         self._reactor = reactor
         self._handle = handle
-        self._clients: dict[TcpConnection, MessageReader] = {}
-        self._known: set[TcpConnection] = set()
-        self._listener = TcpListener(reactor, address, self._accepted)
+        self._clients: dict[StreamConnection, MessageReader] = {}
+        self._known: set[StreamConnection] = set()
+        self._listener = StreamListener(reactor, address, self._accepted)
         self.address = self._listener.address
 
     def close(self) -> None:
@@ -52,10 +52,10 @@ class ManagementServer:
         if len(self._clients) >= CLIENTS:
             unknown = (client for client in self._clients if client not in self._known)
             next(unknown, next(iter(self._clients))).drop("silent longest of too many management clients")
-        connection = TcpConnection(self._reactor, sock, peer, self._received, self._closed)
+        connection = StreamConnection(self._reactor, sock, peer, self._received, self._closed)
         self._clients[connection] = MessageReader(REQUESTS)
 
-    def _received(self, connection: TcpConnection, data: bytes) -> None:
+    def _received(self, connection: StreamConnection, data: bytes) -> None:
         try:
             messages = self._clients[connection].feed(data)
         except CommunicationError as error:
@@ -77,7 +77,7 @@ class ManagementServer:
             log.warning("management: response of %d bytes is too long", len(response))
             return RESPONSES.encode([Response(request_id(request), "OVERFLOW").xml()])
 
-    def _closed(self, connection: TcpConnection) -> None:
+    def _closed(self, connection: StreamConnection) -> None:
         del self._clients[connection]
         self._known.discard(connection)
 

@@ -1,14 +1,16 @@
-"""Addresses of communication blocks and devices: `HOST:PORT`."""
+"""Addresses of communication blocks and devices: `HOST:PORT`, or `unix:FOLDER/PORT` on this machine."""
 
 from __future__ import annotations
 
 import ipaddress
 import re
+from pathlib import Path
 from typing import Final, NamedTuple
 
 from dtwin.errors import CommunicationError
 
 LOOPBACK: Final = "127.0.0.1"
+LOCAL: Final = "unix:"
 _LAYERED: Final = re.compile(r"fbdk\[\]\.ip\[([^\[\]]*)\]")
 
 
@@ -20,6 +22,28 @@ class Address(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.host}:{self.port}"
+
+
+class LocalAddress(NamedTuple):
+    """A port of a device as a Unix domain socket: the file in a folder that the port's number names.
+
+    Only processes of the folder's user reach it, where a TCP port of the loopback interface is open to every user.
+    """
+
+    folder: Path
+    port: int
+
+    @property
+    def path(self) -> Path:
+        """The file of the socket."""
+        return self.folder / str(self.port)
+
+    def __str__(self) -> str:
+        return f"{LOCAL}{self.path}"
+
+
+StreamAddress = Address | LocalAddress
+"""Where a device or a SERVER block listens."""
 
 
 def parse_address(text: str, scheme: str = "") -> Address:
@@ -49,6 +73,31 @@ def parse_numeric_address(text: str) -> Address:
     except ValueError:
         raise CommunicationError(f"address {text!r}: expected localhost or a numeric IPv4 host") from None
     return address
+
+
+def parse_stream_address(text: str) -> StreamAddress:
+    """Reads `HOST:PORT` or `unix:FOLDER/PORT`.
+
+    Raises:
+        CommunicationError: the text has another form.
+    """
+    return _parse_local(text) if text.startswith(LOCAL) else parse_address(text)
+
+
+def parse_listening_address(text: str) -> StreamAddress:
+    """Reads `HOST:PORT` with an IPv4 host in figures, or `localhost`; or `unix:FOLDER/PORT`.
+
+    Raises:
+        CommunicationError: the text has another form.
+    """
+    return _parse_local(text) if text.startswith(LOCAL) else parse_numeric_address(text)
+
+
+def _parse_local(text: str) -> LocalAddress:
+    folder, slash, port = text.removeprefix(LOCAL).rpartition("/")
+    if not slash or not re.fullmatch("[0-9]{1,5}", port) or int(port) > 65535:
+        raise CommunicationError(f"address {text!r}: expected {LOCAL}FOLDER/PORT with a port from 0 to 65535")
+    return LocalAddress(Path(folder or "/"), int(port))
 
 
 def parse_block_id(text: str) -> Address:

@@ -1,15 +1,15 @@
-"""A blocking TCP client that speaks the wire format, with a deadline on every exchange."""
+"""A blocking client that speaks the wire format, with a deadline on every exchange."""
 
 from __future__ import annotations
 
-import socket
 import time
 from collections.abc import Sequence
 from types import TracebackType
 
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.net.address import Address
-from dtwin.iec61499.net.tcp import CHUNK, tune
+from dtwin.iec61499.net.address import StreamAddress
+from dtwin.iec61499.net.sockets import connected_socket
+from dtwin.iec61499.net.stream import CHUNK
 from dtwin.iec61499.net.wire import Message, MessageReader, Signature, Value
 
 
@@ -26,16 +26,12 @@ class BlockingClient:
         CommunicationError: nobody answers at the address.
     """
 
-    def __init__(self, address: Address, sends: Signature, receives: Signature, timeout: float) -> None:
+    def __init__(self, address: StreamAddress, sends: Signature, receives: Signature, timeout: float) -> None:
         self.address = address
         self.timeout = timeout
         self._sends = sends
         self._reader = MessageReader(receives)
-        try:
-            self._sock = socket.create_connection(address, timeout)
-        except OSError as error:
-            raise CommunicationError(f"{address}: cannot connect: {error.strerror or error}") from None
-        tune(self._sock)
+        self._sock = connected_socket(address, timeout)
 
     def __enter__(self) -> BlockingClient:
         return self

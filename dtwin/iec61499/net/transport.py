@@ -1,7 +1,8 @@
-"""Carries the values of communication blocks over TCP and UDP, and those of local blocks in process.
+"""Carries the values of communication blocks over streams and UDP, and those of local blocks in process.
 
 IDs are `HOST:PORT` or `fbdk[].ip[HOST:PORT]`; a server binds the host its ID names, so `localhost:61500` stays on
-this machine. PUBL_n, SUBL_n and IDs such as `loc[NAME]` meet in process.
+this machine. In a device whose management listens on a Unix domain socket, a server listens on one, too: in the same
+folder, under the port number of its ID. PUBL_n, SUBL_n and IDs such as `loc[NAME]` meet in process.
 """
 
 from __future__ import annotations
@@ -12,9 +13,10 @@ from functools import partial
 from typing import Any
 
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.net.address import LOOPBACK, Address, parse_block_id
+from dtwin.iec61499.net.address import LOOPBACK, Address, StreamAddress, parse_block_id
 from dtwin.iec61499.net.reactor import Reactor
-from dtwin.iec61499.net.tcp import TcpClient, TcpServer
+from dtwin.iec61499.net.stream import StreamServer
+from dtwin.iec61499.net.tcp import TcpClient
 from dtwin.iec61499.net.udp import UdpPublisher, UdpSubscriber
 from dtwin.iec61499.net.wire import Message, Signature
 from dtwin.iec61499.runtime.communication import Channel, CommunicationPort
@@ -32,18 +34,19 @@ class NetworkTransport:
         reactor: the event loop that serves the sockets.
         local: the transport that connects ports in process.
         perform: does something to the resource and lets it run.
-        interface: IPv4 address of the network interface for multicast.
+        management: address of the device's management, whose network interface multicast uses.
 
     Attributes:
         addresses: where the open SERVER and SUBSCRIBE blocks listen, by the block's dotted name.
     """
 
-    def __init__(self, reactor: Reactor, local: LocalTransport, perform: Perform, interface: str = LOOPBACK) -> None:
-        self.addresses: dict[str, Address] = {}
+    def __init__(self, reactor: Reactor, local: LocalTransport, perform: Perform, management: StreamAddress) -> None:
+        self.addresses: dict[str, StreamAddress] = {}
         self._reactor = reactor
         self._local = local
         self._perform = perform
-        self._interface = interface
+        self._management = management
+        self._interface = management.host if isinstance(management, Address) else LOOPBACK
 
     def open(self, port: CommunicationPort) -> Channel:
         """Opens a channel; as `communication.Transport.open`.
@@ -70,12 +73,16 @@ class NetworkTransport:
         if port.kind == "PUBLISH":
             return _ReadyChannel(port, UdpPublisher(address, sends, self._interface), self.addresses)
         if port.kind == "SERVER":
-            served = TcpServer(self._reactor, address, receives, sends, indicate)
+            served = StreamServer(self._reactor, self._served(address), receives, sends, indicate)
             self.addresses[port.name] = served.address
             return _ReadyChannel(port, served, self.addresses)
         subscribed = UdpSubscriber(self._reactor, address, receives, indicate, self._interface)
         self.addresses[port.name] = subscribed.address
         return _ReadyChannel(port, subscribed, self.addresses)
+
+    def _served(self, address: Address) -> StreamAddress:
+        """Where the server with the address in its ID listens."""
+        return address if isinstance(self._management, Address) else self._management._replace(port=address.port)
 
 
 class _ReadyChannel:
@@ -84,7 +91,10 @@ class _ReadyChannel:
     is_ready = True
 
     def __init__(
-        self, port: CommunicationPort, end: TcpServer | UdpPublisher | UdpSubscriber, addresses: dict[str, Address]
+        self,
+        port: CommunicationPort,
+        end: StreamServer | UdpPublisher | UdpSubscriber,
+        addresses: dict[str, StreamAddress],
     ) -> None:
         self._port = port
         self._end = end
