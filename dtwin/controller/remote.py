@@ -7,7 +7,7 @@ from typing import Final, Protocol
 
 from dtwin.controller.ports import EMULATOR, received_voltages, sensor_values
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.net.address import Address
+from dtwin.iec61499.net.address import StreamAddress
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.parameters import Triple
 from dtwin.signals import Sensors, Voltages
@@ -27,7 +27,7 @@ class Shadow(Protocol):
 
 
 class RemoteController:
-    """A controller behind a TCP port, and its shadow in this process.
+    """A controller behind a port, and its shadow in this process.
 
     The desired angles of the path are not sent over TCP; they are taken from the shadow.
 
@@ -43,7 +43,7 @@ class RemoteController:
         CommunicationError: no connection to the address is accepted in time.
     """
 
-    def __init__(self, address: Address, shadow: Shadow, timeout: float = TIMEOUT) -> None:
+    def __init__(self, address: StreamAddress, shadow: Shadow, timeout: float = TIMEOUT) -> None:
         self.largest_difference = 0.0
         self._shadow = shadow
         self._client = BlockingClient(address, EMULATOR.receives, EMULATOR.sends, timeout)

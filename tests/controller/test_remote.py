@@ -14,7 +14,7 @@ from dtwin.controller.remote import RemoteController
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.net.address import LOOPBACK, Address
 from dtwin.iec61499.net.reactor import Reactor
-from dtwin.iec61499.net.tcp import TcpServer
+from dtwin.iec61499.net.stream import StreamServer
 from dtwin.iec61499.net.wire import Message
 from dtwin.parameters import Triple
 from dtwin.signals import Sensors, Voltages
@@ -41,10 +41,10 @@ def sample(sequence: int) -> Sensors:
 
 
 @contextmanager
-def remote(answer: Callable[[TcpServer, Message], None], timeout: float = PATIENCE) -> Iterator[RemoteController]:
+def remote(answer: Callable[[StreamServer, Message], None], timeout: float = PATIENCE) -> Iterator[RemoteController]:
     """A controller whose port is served by `answer` in another thread."""
     with Reactor() as reactor:
-        server = TcpServer(
+        server = StreamServer(
             reactor, Address(LOOPBACK, 0), EMULATOR.receives, EMULATOR.sends, lambda message: answer(server, message)
         )
         thread = threading.Thread(target=reactor.run)
@@ -59,7 +59,7 @@ def remote(answer: Callable[[TcpServer, Message], None], timeout: float = PATIEN
 
 
 def test_steps_answer_sample_by_sample_and_targets_come_from_the_shadow() -> None:
-    def answer(server: TcpServer, message: Message) -> None:
+    def answer(server: StreamServer, message: Message) -> None:
         *theta, gripper, present, colour = message
         assert (gripper, colour) == (0.9, "red")
         server.send([*theta, -3.0, present])
@@ -76,7 +76,7 @@ def test_steps_answer_sample_by_sample_and_targets_come_from_the_shadow() -> Non
 def test_the_largest_difference_to_the_shadow_is_kept() -> None:
     offsets = iter([0.0, 0.5, 0.25])
 
-    def answer(server: TcpServer, message: Message) -> None:
+    def answer(server: StreamServer, message: Message) -> None:
         server.send([message[0], message[1] - next(offsets), message[2], -3.0, True])
 
     with remote(answer) as controller:
@@ -110,7 +110,7 @@ def test_infinite_voltages_are_refused() -> None:
 
 def test_nobody_there() -> None:
     with Reactor() as reactor:
-        server = TcpServer(reactor, Address(LOOPBACK, 0), EMULATOR.receives, EMULATOR.sends, print)
+        server = StreamServer(reactor, Address(LOOPBACK, 0), EMULATOR.receives, EMULATOR.sends, print)
         server.close()
         with pytest.raises(CommunicationError, match=rf"{server.address}: cannot connect"):
             RemoteController(server.address, Shadow())

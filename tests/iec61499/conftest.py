@@ -5,13 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
 from dtwin.iec61499.library import Library
+from dtwin.iec61499.net.address import LocalAddress, StreamAddress
 from dtwin.parameters import ROOT
 from tests.support.iec61499.block_files import Write
-from tests.support.iec61499.served_device import ServedDevice
+from tests.support.iec61499.served_device import ANY_PORT, ServedDevice
 
 
 @pytest.fixture
@@ -56,21 +58,36 @@ def library(tmp_path: Path) -> Library:
     return Library([tmp_path])
 
 
+@pytest.fixture(params=["TCP", "Unix domain socket"])
+def stream_address(request: pytest.FixtureRequest) -> Iterator[StreamAddress]:
+    """Where something can listen, once of each kind; the folder of the socket is short, as its path has to be."""
+    with TemporaryDirectory() as folder:
+        yield ANY_PORT if request.param == "TCP" else LocalAddress(Path(folder), 61499)
+
+
 @pytest.fixture
-def served(library: Library) -> Iterator[ServedDevice]:
-    served = ServedDevice(library)
+def management() -> StreamAddress:
+    """Where devices are managed; a module that tries other addresses has a fixture of its own."""
+    return ANY_PORT
+
+
+@pytest.fixture
+def served(library: Library, management: StreamAddress) -> Iterator[ServedDevice]:
+    served = ServedDevice(library, management)
     served.start()
     yield served
     served.stop()
 
 
 @pytest.fixture
-def cell(tmp_path: Path) -> Iterator[ServedDevice]:
-    """A device with the control application of the cell, on a port that the operating system chooses."""
+def cell(tmp_path: Path, management: StreamAddress) -> Iterator[ServedDevice]:
+    """A device with the control application of the cell, on TCP ports that the operating system chooses."""
     library = Library([ROOT / "fb"])
     system = tmp_path / "cell.sys"
-    system.write_text(re.sub(r"localhost:615\d\d", "localhost:0", (ROOT / "fb" / "dtwin.sys").read_text()))
-    served = ServedDevice(library)
+    text = (ROOT / "fb" / "dtwin.sys").read_text()
+    in_folder = isinstance(management, LocalAddress)
+    system.write_text(text if in_folder else re.sub(r"localhost:615\d\d", "localhost:0", text))
+    served = ServedDevice(library, management)
     served.device.load_system(library.load_system(system))
     served.start()
     yield served

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import itertools
 import os
 import socket
 import stat
@@ -75,6 +76,7 @@ class ListeningSocket:
         except OSError as error:
             raise CommunicationError(f"cannot listen on {address}: {error.strerror or error}") from None
         self.sock.setblocking(False)
+        self._numbers = itertools.count(1)
 
     def accept(self) -> tuple[socket.socket, str]:
         """The socket of the next connection, and its peer's name in the log. Raises OSError when there is none."""
@@ -82,7 +84,7 @@ class ListeningSocket:
         if isinstance(self.address, Address):
             host, port = peer
             return sock, f"{host}:{port} at port {self.address.port}"
-        return sock, f"client at {self.address}"
+        return sock, f"client {next(self._numbers)} at {self.address}"
 
     def close(self) -> None:
         """Ends listening; the file of a Unix domain socket goes, unless it is another one's meanwhile."""

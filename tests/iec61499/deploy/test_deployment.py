@@ -273,7 +273,7 @@ def session(
 ) -> Iterator[ManagementClient]:
     """A session with an embedded device that has the project's library and refuses some requests."""
     with Reactor() as reactor:
-        device = EmbeddedDevice(reactor, Library([BLOCKS]))
+        device = EmbeddedDevice(reactor, Library([BLOCKS]), Address(LOOPBACK, 0))
 
         def handle(resource: str, text: str) -> str:
             return Response(request_id(text), reason).xml() if refuse(text) else device.handle(resource, text)

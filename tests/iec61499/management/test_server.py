@@ -11,9 +11,15 @@ import pytest
 
 from dtwin.controller.ports import EMULATOR
 from dtwin.iec61499.management.server import CLIENTS
+from dtwin.iec61499.net.address import StreamAddress
 from dtwin.iec61499.net.client import BlockingClient
 from tests.support.iec61499.hostile import drain, hostile, message, mutants, send
 from tests.support.iec61499.served_device import PATIENCE, ServedDevice, samples
+
+
+@pytest.fixture
+def management(stream_address: StreamAddress) -> StreamAddress:
+    return stream_address
 
 
 def test_fuzzed_management_does_no_harm(cell: ServedDevice) -> None:

@@ -8,14 +8,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from dtwin.iec61499.management.protocol import REQUESTS
-from dtwin.iec61499.net.address import Address
+from dtwin.iec61499.net.address import StreamAddress
+from dtwin.iec61499.net.sockets import connected_socket
 from tests.support.iec61499.served_device import BOOT, PATIENCE
 
 
 @contextmanager
-def hostile(address: Address, count: int) -> Iterator[list[socket.socket]]:
+def hostile(address: StreamAddress, count: int) -> Iterator[list[socket.socket]]:
     """Connections that are closed in the end; writing to one that the device has dropped is no error."""
-    sockets = [socket.create_connection(address, PATIENCE) for _ in range(count)]
+    sockets = [connected_socket(address, PATIENCE) for _ in range(count)]
     try:
         yield sockets
     finally:

@@ -11,7 +11,7 @@ from dtwin.iec61499.device.embedded import EmbeddedDevice
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.server import ManagementServer
-from dtwin.iec61499.net.address import LOOPBACK, Address
+from dtwin.iec61499.net.address import LOOPBACK, Address, StreamAddress
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.iec61499.net.wire import Signature
@@ -27,11 +27,11 @@ NUMBER = Signature([LREAL])
 class ServedDevice:
     """A device with its management, run by a thread of its own."""
 
-    def __init__(self, library: Library) -> None:
+    def __init__(self, library: Library, management: StreamAddress) -> None:
         self.reactor = Reactor()
         self.library = library
-        self.device = EmbeddedDevice(self.reactor, library)
-        self.management = ManagementServer(self.reactor, ANY_PORT, self.device.handle)
+        self.device = EmbeddedDevice(self.reactor, library, management)
+        self.management = ManagementServer(self.reactor, management, self.device.handle)
         self._thread = threading.Thread(target=self.reactor.run)
 
     def start(self) -> None:

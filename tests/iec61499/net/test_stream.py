@@ -1,4 +1,4 @@
-"""TCP and UDP under the communication blocks, and the blocking client: loopback, free ports, one reactor."""
+"""Streams and UDP under the communication blocks, and the blocking client: loopback, free ports, one reactor."""
 
 from __future__ import annotations
 
@@ -7,16 +7,24 @@ import socket
 import threading
 import tracemalloc
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from typing import Any
 
 import pytest
 
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.net.address import LOOPBACK, Address, parse_address, parse_block_id
+from dtwin.iec61499.net.address import (
+    LOOPBACK,
+    Address,
+    StreamAddress,
+    parse_address,
+    parse_block_id,
+)
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.reactor import READ, Reactor
-from dtwin.iec61499.net.tcp import CANDIDATES, TcpClient, TcpListener, TcpServer
+from dtwin.iec61499.net.sockets import connected_socket
+from dtwin.iec61499.net.stream import CANDIDATES, StreamListener, StreamServer
+from dtwin.iec61499.net.tcp import TcpClient
 from dtwin.iec61499.net.udp import UdpPublisher, UdpSubscriber
 from dtwin.iec61499.net.wire import Message, Signature
 from dtwin.iec61499.types import elementary
@@ -35,10 +43,8 @@ def pump(reactor: Reactor, condition: Callable[[], Any]) -> None:
     until(condition, "what the reactor is to do", PATIENCE, lambda: reactor.run_once(0.05))
 
 
-def connect(address: Address) -> socket.socket:
-    sock = socket.create_connection(address, PATIENCE)
-    sock.settimeout(PATIENCE)
-    return sock
+def connect(address: StreamAddress) -> socket.socket:
+    return connected_socket(address, PATIENCE)
 
 
 @contextmanager
@@ -59,12 +65,16 @@ def reactor() -> Iterator[Reactor]:
         yield reactor
 
 
-@pytest.fixture
-def doubler(reactor: Reactor) -> Iterator[TcpServer]:
+def number_server(reactor: Reactor, address: StreamAddress) -> StreamServer:
     """A server that answers every number with its double."""
-    server = TcpServer(reactor, ANY_PORT, NUMBER, NUMBER, lambda message: server.send([2 * message[0]]))
-    yield server
-    server.close()
+    server = StreamServer(reactor, address, NUMBER, NUMBER, lambda message: server.send([2 * message[0]]))
+    return server
+
+
+@pytest.fixture
+def doubler(reactor: Reactor, stream_address: StreamAddress) -> Iterator[StreamServer]:
+    with closing(number_server(reactor, stream_address)) as server:
+        yield server
 
 
 def test_timers_come_in_order_and_cancelled_ones_never(reactor: Reactor) -> None:
@@ -131,7 +141,7 @@ def test_addresses_with_a_scheme() -> None:
         parse_address("udp://plant:61500", "tcp")
 
 
-def test_server_answers_split_and_joined_messages(reactor: Reactor, doubler: TcpServer) -> None:
+def test_server_answers_split_and_joined_messages(reactor: Reactor, doubler: StreamServer) -> None:
     stream = b"".join(NUMBER.encode([n]) for n in (1, 2, 3))
     with served(reactor), connect(doubler.address) as sock:
         for i in range(len(stream)):
@@ -143,16 +153,16 @@ def test_server_answers_split_and_joined_messages(reactor: Reactor, doubler: Tcp
     assert answers == b"".join(NUMBER.encode([n]) for n in (2, 4, 6)) * 2
 
 
-def test_a_server_without_values_answers_null(reactor: Reactor) -> None:
-    server = TcpServer(reactor, ANY_PORT, NOTHING, NOTHING, lambda message: server.send([]))
+def test_a_server_without_values_answers_null(reactor: Reactor, stream_address: StreamAddress) -> None:
+    server = StreamServer(reactor, stream_address, NOTHING, NOTHING, lambda message: server.send([]))
     with served(reactor), connect(server.address) as sock:
         sock.send(b"\x05")
         assert sock.recv(10) == b"\x05"
     server.close()
 
 
-def test_what_is_sent_reaches_those_who_only_listen(reactor: Reactor) -> None:
-    server = TcpServer(reactor, ANY_PORT, NOTHING, NUMBER, lambda message: None)
+def test_what_is_sent_reaches_those_who_only_listen(reactor: Reactor, stream_address: StreamAddress) -> None:
+    server = StreamServer(reactor, stream_address, NOTHING, NUMBER, lambda message: None)
     first, second = connect(server.address), connect(server.address)
     reactor.run_once(0.05)
     reactor.run_once(0.05)
@@ -179,7 +189,7 @@ def _ended(sock: socket.socket) -> bool:
 
 
 def test_second_client_is_refused_and_the_first_stays(
-    reactor: Reactor, doubler: TcpServer, caplog: pytest.LogCaptureFixture
+    reactor: Reactor, doubler: StreamServer, caplog: pytest.LogCaptureFixture
 ) -> None:
     with served(reactor), BlockingClient(doubler.address, NUMBER, NUMBER, PATIENCE) as first:
         assert first.exchange([4]) == (8,)
@@ -190,7 +200,7 @@ def test_second_client_is_refused_and_the_first_stays(
     assert "refused" in caplog.text
 
 
-def test_the_port_is_free_again_after_the_client_has_gone(reactor: Reactor, doubler: TcpServer) -> None:
+def test_the_port_is_free_again_after_the_client_has_gone(reactor: Reactor, doubler: StreamServer) -> None:
     with served(reactor):
         for number in range(5):
             with BlockingClient(doubler.address, NUMBER, NUMBER, PATIENCE) as client:
@@ -198,7 +208,7 @@ def test_the_port_is_free_again_after_the_client_has_gone(reactor: Reactor, doub
 
 
 def test_silent_clients_keep_nobody_out(
-    reactor: Reactor, doubler: TcpServer, caplog: pytest.LogCaptureFixture
+    reactor: Reactor, doubler: StreamServer, caplog: pytest.LogCaptureFixture
 ) -> None:
     with served(reactor):
         silent = [connect(doubler.address) for _ in range(100)]
@@ -214,7 +224,7 @@ def test_silent_clients_keep_nobody_out(
 
 
 def test_wrong_bytes_cost_one_line_and_the_connection(
-    reactor: Reactor, doubler: TcpServer, caplog: pytest.LogCaptureFixture
+    reactor: Reactor, doubler: StreamServer, caplog: pytest.LogCaptureFixture
 ) -> None:
     with served(reactor):
         with connect(doubler.address) as sock:
@@ -226,7 +236,7 @@ def test_wrong_bytes_cost_one_line_and_the_connection(
     assert "byte 0: expected tag 0x44 (DINT), got 0x4B (LREAL)" in caplog.text
 
 
-def test_fuzzed_bytes_do_no_harm(reactor: Reactor, doubler: TcpServer) -> None:
+def test_fuzzed_bytes_do_no_harm(reactor: Reactor, doubler: StreamServer) -> None:
     rng = random.Random(3)
     with served(reactor):
         for _ in range(100):
@@ -251,9 +261,11 @@ def flood(sock: socket.socket, data: bytes) -> None:
         sock.send(data)
 
 
-def test_a_peer_that_does_not_read_is_dropped(reactor: Reactor, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_peer_that_does_not_read_is_dropped(
+    reactor: Reactor, stream_address: StreamAddress, caplog: pytest.LogCaptureFixture
+) -> None:
     text = Signature([elementary("STRING")])
-    server = TcpServer(reactor, ANY_PORT, NUMBER, text, lambda message: server.send(["x" * 60000]))
+    server = StreamServer(reactor, stream_address, NUMBER, text, lambda message: server.send(["x" * 60000]))
     tracemalloc.start()
     with served(reactor), connect(server.address) as sock, pytest.raises((ConnectionResetError, BrokenPipeError)):
         flood(sock, NUMBER.encode([1]))
@@ -264,12 +276,14 @@ def test_a_peer_that_does_not_read_is_dropped(reactor: Reactor, caplog: pytest.L
     assert peak < 8 << 20
 
 
-def test_listening_on_a_port_in_use_names_it(reactor: Reactor, doubler: TcpServer) -> None:
-    with pytest.raises(CommunicationError, match=f"cannot listen on 127.0.0.1:{doubler.address.port}: Address"):
-        TcpListener(reactor, doubler.address, lambda sock, peer: None)
+def test_listening_on_a_port_in_use_names_it(reactor: Reactor, doubler: StreamServer) -> None:
+    with pytest.raises(CommunicationError, match=f"cannot listen on {doubler.address}: Address already in use"):
+        StreamListener(reactor, doubler.address, lambda sock, peer: None)
 
 
-def test_client_exchanges_with_a_server(reactor: Reactor, doubler: TcpServer) -> None:
+def test_client_exchanges_with_a_server(reactor: Reactor) -> None:
+    doubler = number_server(reactor, ANY_PORT)
+    assert isinstance(doubler.address, Address)
     opened: list[str] = []
     confirmed: list[Message] = []
     lost: list[bool] = []
@@ -295,8 +309,10 @@ def test_client_exchanges_with_a_server(reactor: Reactor, doubler: TcpServer) ->
     client.close()
 
 
-def test_client_says_why_it_cannot_connect(reactor: Reactor, doubler: TcpServer) -> None:
+def test_client_says_why_it_cannot_connect(reactor: Reactor) -> None:
+    doubler = number_server(reactor, ANY_PORT)
     address = doubler.address
+    assert isinstance(address, Address)
     doubler.close()
     opened: list[str] = []
     TcpClient(reactor, address, NUMBER, NUMBER, opened=opened.append, confirm=print, lost=print)
@@ -304,8 +320,8 @@ def test_client_says_why_it_cannot_connect(reactor: Reactor, doubler: TcpServer)
     assert opened == ["Connection refused"]
 
 
-def test_blocking_client_names_late_and_lost_answers(reactor: Reactor) -> None:
-    server = TcpServer(reactor, ANY_PORT, NUMBER, NUMBER, lambda message: None)
+def test_blocking_client_names_late_and_lost_answers(reactor: Reactor, stream_address: StreamAddress) -> None:
+    server = StreamServer(reactor, stream_address, NUMBER, NUMBER, lambda message: None)
     with served(reactor):
         client = BlockingClient(server.address, NUMBER, NUMBER, timeout=0.05)
         with pytest.raises(CommunicationError, match=rf"{server.address}: no answer within 0.05 s"):
@@ -313,25 +329,25 @@ def test_blocking_client_names_late_and_lost_answers(reactor: Reactor) -> None:
         with pytest.raises(CommunicationError, match="connection lost"):
             client.exchange([1])
     server.close()
-    with pytest.raises(CommunicationError, match="cannot connect: Connection refused"):
+    with pytest.raises(CommunicationError, match="cannot connect: "):
         BlockingClient(server.address, NUMBER, NUMBER, timeout=1.0)
 
 
-def test_blocking_client_notices_that_the_server_closes(reactor: Reactor) -> None:
-    server = TcpServer(reactor, ANY_PORT, NUMBER, NUMBER, lambda message: server.close())
+def test_blocking_client_notices_that_the_server_closes(reactor: Reactor, stream_address: StreamAddress) -> None:
+    server = StreamServer(reactor, stream_address, NUMBER, NUMBER, lambda message: server.close())
     client = BlockingClient(server.address, NUMBER, NUMBER, PATIENCE)
     with served(reactor), client, pytest.raises(CommunicationError, match="connection lost"):
         client.exchange([1])
 
 
-def test_blocking_client_refuses_two_answers(reactor: Reactor) -> None:
+def test_blocking_client_refuses_two_answers(reactor: Reactor, stream_address: StreamAddress) -> None:
     answers = NUMBER.encode([1]) + NUMBER.encode([2])
 
     def accepted(sock: socket.socket, peer: str) -> None:
         sock.sendall(answers)
         sock.close()
 
-    listener = TcpListener(reactor, ANY_PORT, accepted)
+    listener = StreamListener(reactor, stream_address, accepted)
     client = BlockingClient(listener.address, NUMBER, NUMBER, PATIENCE)
     with served(reactor), client, pytest.raises(CommunicationError, match="more than one answer"):
         client.exchange([1])
