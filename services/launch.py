@@ -16,7 +16,7 @@ from typing import Final
 
 import msgspec
 
-from dtwin.bus.opening import open_configured, open_peer
+from dtwin.bus.opening import has_certificates, open_configured, open_peer
 from dtwin.bus.session import Bus
 from dtwin.bus.signature import new_key
 from dtwin.errors import CommunicationError, ParameterError
@@ -32,6 +32,7 @@ from dtwin.view import Ports, Viewer, free_ports
 from services import runfile
 from services.controller import deploy_cell
 from services.emulator import Pace
+from services.parts.fence import fence_warning
 from services.parts.log_parts import discard_parts
 from services.runfile import OPERATOR, RunFile
 from services.service import free_port
@@ -147,10 +148,25 @@ class CellOptions(PlantOptions, ControlOptions):
         return programs
 
     def management(self, file: Path) -> str:
-        """Address of the controller's device management, for a cell with this run file."""
+        """Address of the controller's device management, for a cell with this run file.
+
+        Raises:
+            CommunicationError: the path of the run file is too long for sockets beside it.
+        """
         if self.controller == "embedded":
-            return str(LocalAddress(sockets_of(file), MANAGEMENT))
+            address = LocalAddress(sockets_of(file), MANAGEMENT)
+            address.check()
+            return str(address)
         return self.controller.partition("://")[2]
+
+    def warning(self) -> str:
+        """What the user should know about the controller's ports, "" for nothing."""
+        scheme, _, address = self.controller.partition("://")
+        if scheme == "embedded":
+            return ""
+        return fence_warning(
+            parse_address(address), self.zenoh is not None and has_certificates(self.zenoh, OPERATOR)
+        )
 
     def _recorder_options(self, ports: Ports) -> list[str]:
         notes = msgspec.json.encode(metadata(self.settings())).decode()
@@ -170,13 +186,14 @@ class Launched:
         bus: session of the operator.
         supervisor: keeper of the services.
         stop: event that Ctrl-C and a polite kill set.
+        up: what its run file tells of it.
     """
 
     bus: Bus
     supervisor: Supervisor
     stop: threading.Event
+    up: runfile.Up
     _file: RunFile
-    _up: runfile.Up
 
     def await_ready(self) -> None:
         """Waits for all services, and says so in the run file.
@@ -189,17 +206,7 @@ class Launched:
             self.supervisor.look()
             if time.monotonic() > deadline:
                 raise CommunicationError(f"not ready after {READY_TIMEOUT:g} s: {self.supervisor.missing()}")
-        self._file.write(msgspec.structs.replace(self._up, ready=True))
-
-    @property
-    def controller(self) -> str:
-        """Address of the controller's device management."""
-        return self._up.controller
-
-    @property
-    def page(self) -> str:
-        """Address at which the run is shown live to browsers, "" if it is not."""
-        return self._up.page
+        self._file.write(msgspec.structs.replace(self.up, ready=True))
 
     @property
     def over(self) -> bool:
@@ -216,31 +223,30 @@ def launched(options: CellOptions) -> Iterator[Launched]:
         DtwinError: an option cannot be used, or a cell of that name is up.
     """
     options.check()
+    warning = options.warning()
     meet = f"tcp/127.0.0.1:{free_port()}"
     key = new_key()
-    with RunFile(options.cell) as file, options.bus(meet, key) as bus:
+    with RunFile(options.cell) as file, _own_folder(sockets_of(file.path)), options.bus(meet, key) as bus:
         journal = journal_of(file.path)
         journal.unlink(missing_ok=True)
-        sockets = sockets_of(file.path)
-        shutil.rmtree(sockets, ignore_errors=True)
-        sockets.mkdir(mode=0o700)
         if options.log is not None:
             discard_parts(options.log)
         ports = free_ports()
         supervisor = Supervisor(bus, options.programs(meet, file.path, ports), key)
         zenoh = None if options.zenoh is None else str(options.zenoh.resolve())
         page = ports.page_url if options.viewer == "web" else ""
-        up = runfile.Up(os.getpid(), options.arm, meet, zenoh, options.management(file.path), page=page)
+        up = runfile.Up(
+            os.getpid(), options.arm, meet, zenoh, options.management(file.path), page=page, warning=warning
+        )
         file.write(up)
         stop = threading.Event()
         with _signals(stop):
             supervisor.start()
             try:
-                yield Launched(bus, supervisor, stop, file, up)
+                yield Launched(bus, supervisor, stop, up, file)
             finally:
                 supervisor.stop()
         journal.unlink(missing_ok=True)
-        shutil.rmtree(sockets, ignore_errors=True)
 
 
 def journal_of(file: Path) -> Path:
@@ -251,6 +257,17 @@ def journal_of(file: Path) -> Path:
 def sockets_of(file: Path) -> Path:
     """The folder beside the cell's run file in which the embedded controller listens."""
     return file.with_suffix(".ports")
+
+
+@contextmanager
+def _own_folder(path: Path) -> Iterator[None]:
+    """An empty folder that only this user may enter, and that is gone afterwards."""
+    shutil.rmtree(path, ignore_errors=True)
+    path.mkdir(mode=0o700)
+    try:
+        yield
+    finally:
+        shutil.rmtree(path, ignore_errors=True)
 
 
 def _service(name: str, options: list[str], leading: bool = False) -> Program:

@@ -22,7 +22,7 @@ OPERATOR: Final = "operator"
 
 class Up(msgspec.Struct, frozen=True):
     """A cell that is up: its supervisor's process, how to join its bus, where its controller is managed, whether all
-    services were ready, and the page that shows it, if any."""
+    services were ready, the page that shows it, if any, and what its user was warned of, if anything."""
 
     pid: int
     arm: str
@@ -31,6 +31,7 @@ class Up(msgspec.Struct, frozen=True):
     controller: str
     ready: bool = False
     page: str = ""
+    warning: str = ""
 
 
 def folder() -> Path:

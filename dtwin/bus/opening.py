@@ -88,11 +88,7 @@ def open_configured(path: Path, name: str) -> zenoh.Session:
     Raises:
         CommunicationError: the file is missing or is no Zenoh configuration, or the session cannot be opened.
     """
-    file = path
-    if path.is_dir():
-        file = next(
-            (f for f in (path / f"{name}.json5", path / "service.json5") if f.is_file()), path / f"{name}.json5"
-        )
+    file = _file(path, name)
     opened = threading.Event()
 
     def explain() -> None:
@@ -112,6 +108,23 @@ def open_configured(path: Path, name: str) -> zenoh.Session:
         return _open(configuration)
     finally:
         opened.set()
+
+
+def has_certificates(path: Path, name: str) -> bool:
+    """Whether the configuration that `open_configured` takes has certificates of TLS.
+
+    Raises:
+        CommunicationError: the file is missing or is no Zenoh configuration.
+    """
+    configuration = _configuration(_file(path, name))
+    return any(json.loads(configuration.get_json(key)) for key in _TLS_FILES)
+
+
+def _file(path: Path, name: str) -> Path:
+    own, common = path / f"{name}.json5", path / "service.json5"
+    if not path.is_dir():
+        return path
+    return common if common.is_file() and not own.is_file() else own
 
 
 def _configuration(file: Path) -> zenoh.Config:

@@ -1,14 +1,28 @@
-"""The desk of every test of services."""
+"""The desk of every test of services, and a secured cell's router."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.support.desk import Desk, desk_in
+from dtwin.bus.opening import open_configured
+from tests.support.desk import Desk, new_desk
+from tests.support.secured import certify, copy_secured
 
 
 @pytest.fixture
-def desk(tmp_path: Path) -> Iterator[Desk]:
-    with desk_in(tmp_path) as desk:
+def desk() -> Iterator[Desk]:
+    with new_desk() as desk:
         yield desk
+
+
+@pytest.fixture(scope="module")
+def secured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The shipped configuration at a free port, with certificates, and its router running."""
+    folder = tmp_path_factory.mktemp("secured")
+    copy_secured(folder)
+    certify(folder / "certificates", "stranger")
+    certify(folder / "other")
+    router = open_configured(folder, "router")
+    yield folder
+    router.close()

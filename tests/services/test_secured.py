@@ -4,8 +4,6 @@ import json
 import os
 import shutil
 import signal
-import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -50,12 +48,12 @@ from dtwin.bus.twin_messages import (
     UploadRequest,
 )
 from dtwin.errors import CommunicationError
-from dtwin.parameters import ROOT, ArmParameters, Gains
+from dtwin.parameters import ArmParameters, Gains
 from dtwin.signals import Event, Sensors, Voltages
 from services.runfile import join
 from tests.support.bus import noting
 from tests.support.desk import Desk
-from tests.support.ports import free_port
+from tests.support.secured import SECURED
 from tests.support.waiting import until
 
 pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="needs the openssl command: install it")
@@ -64,27 +62,6 @@ SAMPLE = Sensors(0, 0.0, (0.0, 0.0, 0.0), 0.9, False, "")
 COMMAND = Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), False)
 IDLE = IdentificationState("idle")
 QUIET = MonitoringResiduals(0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.0, 1.0)
-SECURED = ROOT / "config" / "secured"
-
-
-def certify(folder: Path, *names: str) -> None:
-    subprocess.run([ROOT / "scripts" / "certificates", folder, *names], check=True, timeout=60)
-
-
-@pytest.fixture(scope="module")
-def secured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The shipped configuration at a free port, with certificates, and its router running."""
-    folder = tmp_path_factory.mktemp("secured")
-    port = str(free_port())
-    for file in SECURED.glob("*.json5"):
-        text = file.read_text().replace("7447", port).replace("0.0.0.0", "127.0.0.1")
-        (folder / file.name).write_text(text)
-    certify(folder / "certificates")
-    certify(folder / "certificates", "stranger")
-    certify(folder / "other")
-    router = open_configured(folder, "router")
-    yield folder
-    router.close()
 
 
 def variant(secured: Path, name: str, old: str, new: str) -> Path:

@@ -30,16 +30,16 @@ from dtwin.signals import Sensors
 from dtwin.simulation.checks import MOTIONS
 from dtwin.simulation.history import History
 from services.runfile import join
-from tests.support.desk import Desk, desk_in
+from tests.support.desk import Desk, new_desk
 from tests.support.waiting import until
 
 HIGHER = Gains(kp=(250.0, 500.0, 350.0))
 
 
 @pytest.fixture(scope="module")
-def started(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
+def started() -> Iterator[Desk]:
     """A cell with the simulation service, shared: starting it takes longer than all that one test does to it."""
-    with desk_in(tmp_path_factory.mktemp("cell")) as desk:
+    with new_desk() as desk:
         history = str(desk.folder / "history.jsonl")
         desk.up("--detach", "--pace", "lockstep", "--simulation", "--history", history, "--seed", "2")
         yield desk

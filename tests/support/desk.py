@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import msgspec
@@ -75,13 +76,14 @@ class Desk:
 
 
 @contextmanager
-def desk_in(folder: Path) -> Iterator[Desk]:
-    """A desk whose runtime folder is a new one in the folder; in the end its processes are killed."""
-    runtime = folder / "runtime"
-    runtime.mkdir()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_RUNTIME_DIR", str(runtime))
-        desk = Desk(runtime)
+def new_desk() -> Iterator[Desk]:
+    """A desk with a new runtime folder; in the end its processes are killed.
+
+    The folder's path is short, unlike those that pytest makes: sockets lie in it.
+    """
+    with TemporaryDirectory(ignore_cleanup_errors=True) as runtime, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", runtime)
+        desk = Desk(Path(runtime))
         yield desk
         for pid in desk.processes():
             os.kill(pid, signal.SIGKILL)

@@ -37,10 +37,11 @@ class UpCommand(CellOptions):
         if self.detach:
             return self._detach()
         with launched(self) as cell:
+            _warn(cell.up)
             with self._table(cell.supervisor) as live:
                 cell.await_ready()
                 if live is not None:
-                    for line in _addresses(cell.controller, cell.page):
+                    for line in _addresses(cell.up):
                         live.console.print(line, highlight=False, soft_wrap=True)
                 while not (cell.over or cell.stop.wait(LOOK)):
                     if live is not None:
@@ -72,8 +73,9 @@ class UpCommand(CellOptions):
         while process.poll() is None:
             up = runfile.find(self.cell)
             if up is not None and up.ready:
+                _warn(up)
                 print(f"cell {self.cell!r} is up: see it with `dtwin status`, stop it with `dtwin down`")
-                for line in _addresses(up.controller, up.page):
+                for line in _addresses(up):
                     print(line)
                 return 0
             time.sleep(LOOK)
@@ -141,7 +143,13 @@ def _title(summary: Summary) -> str:
     return "; ".join(parts)
 
 
-def _addresses(controller: str, page: str) -> list[str]:
+def _warn(up: runfile.Up) -> None:
+    """Tells the user of open ports."""
+    if up.warning:
+        print(f"dtwin: warning: {up.warning}", file=sys.stderr)
+
+
+def _addresses(up: runfile.Up) -> list[str]:
     """Lines that tell where the controller is managed, and where the cell is shown, if it is."""
-    lines = [f"the controller is at {controller}: see its values with `dtwin fb watch`"]
-    return [*lines, f"the cell is shown at {page}"] if page else lines
+    lines = [f"the controller's device management is at {up.controller}"]
+    return [*lines, f"the cell is shown at {up.page}"] if up.page else lines

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import os
 import re
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -11,6 +12,8 @@ from dtwin.errors import CommunicationError
 
 LOOPBACK: Final = "127.0.0.1"
 LOCAL: Final = "unix:"
+LONGEST_PATH: Final = 107
+"""Most bytes of the path of a Unix domain socket (unix(7))."""
 _LAYERED: Final = re.compile(r"fbdk\[\]\.ip\[([^\[\]]*)\]")
 
 
@@ -37,6 +40,12 @@ class LocalAddress(NamedTuple):
     def path(self) -> Path:
         """The file of the socket."""
         return self.folder / str(self.port)
+
+    def check(self) -> None:
+        """Raises CommunicationError when the path is longer than that of a socket can be."""
+        size = len(os.fsencode(self.path))
+        if size > LONGEST_PATH:
+            raise CommunicationError(f"{self}: path of {size} bytes, expected at most {LONGEST_PATH} for a socket")
 
     def __str__(self) -> str:
         return f"{LOCAL}{self.path}"

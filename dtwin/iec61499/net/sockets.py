@@ -22,8 +22,6 @@ from dtwin.iec61499.net.address import Address, LocalAddress, StreamAddress
 
 BACKLOG: Final = 128
 """Connections the kernel holds until they are accepted."""
-LONGEST_PATH: Final = 107
-"""Most bytes of the path of a Unix domain socket (unix(7))."""
 
 
 def tune(sock: socket.socket) -> None:
@@ -109,13 +107,13 @@ def _listening(address: Address) -> socket.socket:
 
 def _listening_locally(address: LocalAddress) -> tuple[socket.socket, tuple[int, int]]:
     """A listening socket and the identity of its file."""
-    name = _name(address)
+    address.check()
     sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         with _reserved(address.folder):
             if _is_left_behind(address.path):
                 address.path.unlink()
-            sock.bind(name)
+            sock.bind(str(address.path))
             address.path.chmod(0o600)
             sock.listen(BACKLOG)
             return sock, _identity(address.path)
@@ -125,11 +123,11 @@ def _listening_locally(address: LocalAddress) -> tuple[socket.socket, tuple[int,
 
 
 def _connected_locally(address: LocalAddress, timeout: float) -> socket.socket:
-    name = _name(address)
+    address.check()
     sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         sock.settimeout(timeout)
-        sock.connect(name)
+        sock.connect(str(address.path))
     except OSError:
         sock.close()
         raise
@@ -175,11 +173,3 @@ def _is_left_behind(path: Path) -> bool:
 def _identity(path: Path) -> tuple[int, int]:
     state = path.lstat()
     return state.st_dev, state.st_ino
-
-
-def _name(address: LocalAddress) -> str:
-    """The path of a socket. Raises CommunicationError when it is too long."""
-    size = len(os.fsencode(address.path))
-    if size > LONGEST_PATH:
-        raise CommunicationError(f"{address}: path of {size} bytes, expected at most {LONGEST_PATH} for a socket")
-    return str(address.path)

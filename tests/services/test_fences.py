@@ -1,0 +1,127 @@
+"""The controller's ports in a cell that is up: for its user alone, as the bus is for holders of certificates."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from dtwin.parameters import ROOT
+from dtwin.run.cell import Cell, CellSettings
+from services import runfile
+from tests.support.desk import Desk
+from tests.support.devices import DeployedApplication, embedded
+from tests.support.waiting import until
+
+needs_certificates = pytest.mark.skipif(
+    shutil.which("openssl") is None, reason="needs the openssl command: install it"
+)
+NOBODY = 65534
+KNOCK = """
+import os, socket, sys
+user, *addresses = sys.argv[1:]
+if int(user) != os.getuid():
+    os.setgroups([])
+    os.setgid(int(user))
+    os.setuid(int(user))
+for address in addresses:
+    kind, _, where = address.partition(":")
+    sock = socket.socket(socket.AF_UNIX if kind == "unix" else socket.AF_INET)
+    try:
+        sock.connect(where if kind == "unix" else ("127.0.0.1", int(where)))
+        print("connected")
+    except OSError as error:
+        print(type(error).__name__)
+"""
+"""Connects to every address as the user with a number, and tells what came of it."""
+
+
+def knock(user: int, addresses: list[str]) -> list[str]:
+    command = [sys.executable, "-c", KNOCK, str(user), *addresses]
+    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout.split()
+
+
+def listening(pid: int) -> list[str]:
+    """Where a process listens: `unix:PATH` and `tcp:PORT` (proc_pid_net(5))."""
+    targets = []
+    for descriptor in Path(f"/proc/{pid}/fd").iterdir():
+        try:
+            targets.append(os.readlink(descriptor))
+        except OSError:
+            continue  # closed meanwhile
+    found = []
+    for table in ("tcp", "tcp6"):
+        for line in Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]:
+            fields = line.split()
+            if fields[3] == "0A" and f"socket:[{fields[9]}]" in targets:
+                found.append(f"tcp:{int(fields[1].rpartition(':')[2], 16)}")
+    for line in Path(f"/proc/{pid}/net/unix").read_text().splitlines()[1:]:
+        # 8 fields at most, the last one the path; the flag 0x10000 marks a socket that listens
+        fields = line.split(maxsplit=7)
+        if int(fields[3], 16) & 0x10000 and f"socket:[{fields[6]}]" in targets:
+            found.append(f"unix:{fields[7]}")
+    return sorted(found)
+
+
+@needs_certificates
+def test_a_secured_cell_logs_what_a_headless_run_logs(desk: Desk, secured: Path, tmp_path: Path) -> None:
+    log, headless = tmp_path / "secured.parquet", tmp_path / "headless.parquet"
+    options = ["--zenoh", str(secured), "--pace", "lockstep", "--duration", "20", "--seed", "5"]
+    desk.up(*options, "--log", str(log))
+    cell = Cell(CellSettings(20, 5))
+    cell.run()
+    cell.log.freeze().write_parquet(headless)
+    assert log.read_bytes() == headless.read_bytes()
+    assert list((desk.folder / "dtwin").iterdir()) == []
+
+
+@needs_certificates
+@pytest.mark.skipif(os.getuid() != 0, reason="needs root to become another user")
+def test_another_user_reaches_no_port_of_the_controller_in_a_secured_cell(desk: Desk, secured: Path) -> None:
+    desk.up("--detach", "--zenoh", str(secured), "--pace", "lockstep")
+    ports = listening(desk.find("services.controller"))
+    names = [port.removeprefix(f"unix:{desk.folder}/dtwin/cell.ports/") for port in ports]
+    assert names == ["61499", "61500", "61501", "61502", "61503", "61504", "61505", "61506"]
+    for folder in (desk.folder, desk.folder / "dtwin"):
+        folder.chmod(0o755)  # so that the folder of the ports alone keeps them out
+    assert knock(NOBODY, ports) == ["PermissionError"] * 8
+    assert knock(os.getuid(), ports) == ["connected"] * 8
+    (desk.folder / "dtwin" / "cell.ports").chmod(0o755)
+    assert knock(NOBODY, ports) == ["PermissionError"] * 8, "the mode of the sockets keeps them out, too"
+    assert "is down" in desk.run("down")
+
+
+def test_a_cell_tells_its_user_where_its_controller_is(desk: Desk) -> None:
+    said = desk.up("--detach", "--pace", "lockstep")
+    address = runfile.require("cell").controller
+    assert address == f"unix:{desk.folder}/dtwin/cell.ports/61499"
+    assert f"device management is at {address}\n" in said
+    assert f"controller: {address}\n" in desk.run("status")
+    assert desk.run("fb", "watch", address, "PLANNER.T", "--count", "1") == "PLANNER.T\n2.0\n"
+    os.kill(desk.find("services.controller"), signal.SIGKILL)
+    until(lambda: desk.summary()["services"]["controller"]["restarts"] == 1, "the controller is started again")
+    ticks = desk.summary()["ticks"]
+    until(lambda: desk.summary()["ticks"] > ticks + 200, "the cell goes on at the ports that were left behind", 60.0)
+    assert "is down" in desk.run("down")
+
+
+def test_a_path_too_long_for_sockets_is_one_line(desk: Desk) -> None:
+    said = desk.up("--cell", "x" * 100, status=2)
+    assert "expected at most 107 for a socket" in said
+    assert len(said.strip().splitlines()) == 1
+
+
+@needs_certificates
+def test_open_ports_of_another_device_are_told(desk: Desk, secured: Path) -> None:
+    with embedded() as device:
+        application = DeployedApplication(device)
+        application.deploy()
+        application.client.close()
+        options = ["--controller", f"tcp://{device}", "--pace", "lockstep"]
+        command = [sys.executable, "-m", "dtwin", "up", *options, "--duration", "1", "--zenoh", str(secured)]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=90)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.startswith(f"dtwin: warning: the ports of {device} ask for no certificate")
