@@ -1,4 +1,4 @@
-"""Between the bus and the controller's TCP ports: a sample in, the application's answer out.
+"""Between the bus and the controller's ports: a sample in, the application's answer out.
 
 The controller is a 4diac FORTE or the embedded device; both tell over their management port where their blocks
 listen. A backlog is skipped: only the newest sample is answered. After a gap, and when the arm had lost its voltage,
@@ -55,7 +55,7 @@ S = TypeVar("S")
 
 @dataclass(frozen=True, kw_only=True)
 class Options(Link):
-    """Connect the bus with a controller's TCP ports."""
+    """Connect the bus with a controller's ports."""
 
     controller: str = "127.0.0.1:61499"
     """HOST:PORT or unix:FOLDER/PORT of the controller's device management."""

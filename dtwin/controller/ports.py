@@ -50,7 +50,7 @@ class Port:
 
     Attributes:
         block: dotted name of the block in the resource.
-        number: TCP port at which the block listens in the library.
+        number: port at which the block listens in the library.
         receives: layout of the messages to the block.
         sends: layout of the answers of the block.
     """

@@ -17,10 +17,10 @@ from dtwin.controller.ports import EMULATOR, sensor_values
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.raw import raw_file_ticks, raw_plant_ticks
-from dtwin.iec61499.net.address import LOOPBACK, Address
+from dtwin.iec61499.net.address import LOOPBACK, Address, LocalAddress, StreamAddress
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.reactor import Reactor
-from dtwin.iec61499.net.tcp import TcpServer
+from dtwin.iec61499.net.stream import StreamServer
 from dtwin.iec61499.net.wire import MessageReader
 from dtwin.parameters import PERIOD, PICKUP, ArmParameters
 from dtwin.run.cell import Cell, CellSettings
@@ -35,7 +35,7 @@ DURATION: Final = 120.0
 ROLLOUT_SAMPLES: Final = 20_000
 SUBSTEPS: Final = 4
 MESSAGES: Final = 2000
-"""Messages that are written and read, and exchanges over TCP, in one round."""
+"""Messages that are written and read, and exchanges over a stream, in one round."""
 
 
 def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: None) -> dict[str, dict[str, float]]:
@@ -53,7 +53,8 @@ def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: Non
         "twin_rollout": _rollout,
         "controller_tick": _controller,
         "wire_message": _wire,
-        "tcp_round_trip": _round_trip,
+        "tcp_round_trip": lambda: _round_trip(Address(LOOPBACK, 0)),
+        "local_round_trip": _local_round_trip,
         "what_if": _what_if,
     }
     for warm_up in ("closed_loop_recording", "twin_rollout", "what_if"):
@@ -77,7 +78,8 @@ def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: Non
     result["twin_rollout"] = {"steps_per_second": ROLLOUT_SAMPLES * SUBSTEPS / middle["twin_rollout"]}
     result["controller_tick"] = {"microseconds": 1e6 * middle["controller_tick"] / ticks}
     result["wire_message"] = {"microseconds": 1e6 * middle["wire_message"] / MESSAGES}
-    result["tcp_round_trip"] = {"microseconds": 1e6 * middle["tcp_round_trip"] / MESSAGES}
+    for trip in ("tcp_round_trip", "local_round_trip"):
+        result[trip] = {"microseconds": 1e6 * middle[trip] / MESSAGES}
     result["what_if"] = {"milliseconds": 1e3 * middle["what_if"]}
     return result
 
@@ -150,11 +152,17 @@ def _wire() -> float:
     return _timed(work)
 
 
-def _round_trip() -> float:
-    """Exchanges a sample and a command over loopback with a server that computes nothing."""
+def _local_round_trip() -> float:
+    """Exchanges over a Unix domain socket, as the bridge does with the embedded controller."""
+    with tempfile.TemporaryDirectory() as folder:
+        return _round_trip(LocalAddress(Path(folder), EMULATOR.number))
+
+
+def _round_trip(address: StreamAddress) -> float:
+    """Exchanges a sample and a command with a server on this machine that computes nothing."""
     with Reactor() as reactor:
-        server = TcpServer(
-            reactor, Address(LOOPBACK, 0), EMULATOR.receives, EMULATOR.sends, lambda message: server.send(_ANSWER)
+        server = StreamServer(
+            reactor, address, EMULATOR.receives, EMULATOR.sends, lambda message: server.send(_ANSWER)
         )
         thread = threading.Thread(target=reactor.run)
         thread.start()

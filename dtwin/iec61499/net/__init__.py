@@ -1,1 +1,1 @@
-"""Sockets: addresses, a reactor, the wire format, TCP and UDP transports."""
+"""Sockets: addresses, a reactor, the wire format, streams and UDP."""
