@@ -31,6 +31,7 @@ from dtwin.view import Ports, Viewer, free_ports
 from services import runfile
 from services.controller import deploy_cell
 from services.emulator import Pace
+from services.parts.journal import carry_over
 from services.parts.log_parts import discard_parts
 from services.runfile import OPERATOR, RunFile
 from services.service import free_port
@@ -127,7 +128,8 @@ class CellOptions(PlantOptions, ControlOptions):
             management = f"127.0.0.1:{free_port()}"
             listen = ["--listen", management, "--free-ports"]
             programs.append(_service("controller", [*link, *listen, *arguments(self, ControlOptions)]))
-        bridge = ["--controller", management, *urgent, *(["--lossless"] if self.pace != "realtime" else [])]
+        bridge = ["--controller", management, "--state", str(state_of(file)), *urgent]
+        bridge += ["--lossless"] if self.pace != "realtime" else []
         emulator = ["--pace", self.pace, *urgent, "--journal", str(journal_of(file)), *arguments(self, PlantOptions)]
         emulator += [] if self.duration is None else ["--duration", str(self.duration)]
         if self.log or self.record or self.viewer != "none":
@@ -207,8 +209,9 @@ def launched(options: CellOptions) -> Iterator[Launched]:
     meet = f"tcp/127.0.0.1:{free_port()}"
     key = new_key()
     with RunFile(options.cell) as file, options.bus(meet, key) as bus:
-        journal = journal_of(file.path)
-        journal.unlink(missing_ok=True)
+        journal, state = journal_of(file.path), state_of(file.path)
+        carry_over(journal, options.seed)
+        state.unlink(missing_ok=True)
         if options.log is not None:
             discard_parts(options.log)
         ports = free_ports()
@@ -225,11 +228,17 @@ def launched(options: CellOptions) -> Iterator[Launched]:
             finally:
                 supervisor.stop()
         journal.unlink(missing_ok=True)
+        state.unlink(missing_ok=True)
 
 
 def journal_of(file: Path) -> Path:
     """The emulator's journal beside the cell's run file."""
     return file.with_suffix(".journal")
+
+
+def state_of(file: Path) -> Path:
+    """The file beside the cell's run file in which the bridge keeps the settings in force."""
+    return file.with_suffix(".settings")
 
 
 def _service(name: str, options: list[str], leading: bool = False) -> Program:
