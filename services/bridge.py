@@ -244,7 +244,7 @@ class Bridge:
             self._tell(Event(self._time(), EventKind.TROUBLE, text[:1000]))
 
     def _note(self, event: Event) -> None:
-        if event.kind in (EventKind.SAFE, EventKind.STOP):
+        if event.kind == EventKind.SAFE:
             self._restart = True
 
     def _time(self) -> float:

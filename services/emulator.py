@@ -270,6 +270,8 @@ class Emulator:
         result: Future[R] = Future()
 
         def act() -> None:
+            if not result.set_running_or_notify_cancel():
+                return
             try:
                 result.set_result(action())
             except DtwinError as error:
@@ -279,6 +281,7 @@ class Emulator:
         try:
             return result.result(REQUEST_TIMEOUT)
         except FutureTimeoutError:
+            result.cancel()
             raise CommunicationError(f"the emulator did not come to it within {REQUEST_TIMEOUT:g} s") from None
 
     def _report(self, state: State) -> None:
