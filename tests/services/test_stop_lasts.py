@@ -128,7 +128,7 @@ def test_only_a_release_ends_a_stop(stopped: tuple[Watch, str], killed: tuple[st
     off = off if stop == "torque off" else watch.tick + 1
     watch.goes_on(300)
     assert watch.stop() == "torque off"
-    ranks = [STOPS.index(found) for found in watch.read]  # type: ignore[arg-type]
+    ranks = [STOPS.index(found) for found in watch.read]
     assert ranks == sorted(ranks), "it never reads weaker than before"
     last = watch.tick
     assert not watch.obeyed()[off:last].any()

@@ -26,7 +26,7 @@ events = st.lists(
 
 @given(events)
 def test_any_order_of_events_keeps_the_stop_until_the_right_release(
-    tmp_path_factory: pytest.TempPathFactory, told: list[tuple[str, ...]]
+    tmp_path_factory: pytest.TempPathFactory, told: list[tuple[Any, ...]]
 ) -> None:
     path = tmp_path_factory.mktemp("journal") / "journal"
     journal = Journal(path, 1)
