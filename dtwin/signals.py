@@ -48,6 +48,8 @@ class EventKind(StrEnum):
     RESUMED = "resumed"
     RIVALS = "rivals"
     STOP = "stop"
+    TROUBLE = "trouble"
+    RESTORED = "restored"
     SUSPECTED = "suspected"
     DISMISSED = "dismissed"
     FAILED = "failed"

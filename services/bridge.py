@@ -2,11 +2,13 @@
 
 The controller is a 4diac FORTE or the embedded device; both tell over their management port where their blocks
 listen. A backlog is skipped: only the newest sample is answered. After a gap, and when the arm had lost its voltage,
-the application plans its path anew from where the arm is.
+the application plans its path anew from where the arm is. A controller that comes back, or another one in its place,
+gets the settings that were in force, and the stop, before it answers a sample.
 """
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 import sys
@@ -14,6 +16,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path as FilePath
 from typing import Final, TypeVar
 
 from dtwin.bus.messages import (
@@ -31,12 +34,14 @@ from dtwin.bus.messages import (
     State,
 )
 from dtwin.controller.device import ControlLoop, SafeStop, Settings
+from dtwin.controller.ports import MODEL, TUNING
 from dtwin.controller.settings import ControlSettings
-from dtwin.errors import CommunicationError, ParameterError
+from dtwin.errors import CommunicationError, DtwinError, ParameterError, RecordingError
 from dtwin.iec61499.net.address import StreamAddress, parse_stream_address
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event, EventKind, Sensors, Voltages
 from services.parts.gate import STALE
+from services.parts.state_file import StateFile, to_message
 from services.parts.strides import strides
 from services.service import Link, Service, main
 from services.stops import Stops
@@ -61,24 +66,29 @@ class Options(Link):
     """HOST:PORT or unix:FOLDER/PORT of the controller's device management."""
     lossless: bool = False
     """Wait for slow subscribers, as a lockstep run wants it."""
+    state: FilePath | None = None
+    """File of the settings in force; a controller that starts again gets those of this file."""
 
     def run(self) -> int:
         address = parse_stream_address(self.controller)
+        state = StateFile(self.state)
         with Service(NAME, self) as service:
-            Bridge(service, address, self.lossless).run()
+            Bridge(service, address, state, self.lossless).run()
         return 0
 
 
 class Bridge:
     """Answers samples while there is a controller, and looks for one while there is none."""
 
-    def __init__(self, service: Service, address: StreamAddress, lossless: bool) -> None:
+    def __init__(self, service: Service, address: StreamAddress, state: StateFile, lossless: bool) -> None:
         bus = service.bus
         self._service = service
         self._address = address
+        self._state = state
         self._controller: ControlLoop | None = None
         self._try_at = 0.0
         self._looking_since = math.inf
+        self._trouble = ""
         self._last: Voltages | None = None
         self._before: Sensors | None = None
         self._restart = False
@@ -86,12 +96,13 @@ class Bridge:
         self._skipped = 0
         self._publish = bus.publisher(VOLTAGES, lossless=lossless)
         self._publish_path = bus.publisher(PATH, lossless=lossless)
+        self._tell = bus.publisher(EVENTS)
         bus.subscribe(SENSORS, Sensors, service.inbox.put)
         bus.subscribe(EVENTS, Event, self._note)
         self._settings_lock = threading.Lock()
         bus.answer(SETTINGS, SettingsRequest, self._set, self._in_force, trusted=True)
         bus.answer(SIGNAL, SignalRequest, self._play, self._signal)
-        self._stops = Stops(bus, self._safe_stop, lambda: 0.0 if self._last is None else self._last.time)
+        self._stops = Stops(bus, self._publish.sender, self._safe_stop, self._time)
 
     def run(self) -> None:
         """Works until it is asked to end."""
@@ -118,12 +129,16 @@ class Bridge:
         return sensors
 
     def _serve(self, sensors: Sensors) -> None:
+        with self._stops.answering:
+            self._answer(sensors)
+
+    def _answer(self, sensors: Sensors) -> None:
         last = self._last
         if last is not None and (sensors.sequence, sensors.time) == (last.sequence, last.time):
             self._publish(last)
             return
         controller = self._connect()
-        if controller is None:
+        if controller is None or not (self._stops.known or self._stops.remind()):
             return
         try:
             if last is not None and not 0 < sensors.sequence - last.sequence <= GAP:
@@ -165,24 +180,81 @@ class Bridge:
         if self._controller is None and now >= self._try_at:
             self._try_at = now + RETRY
             try:
-                self._controller = ControlLoop(self._address)
+                self._controller = self._connected()
                 self._looking_since = math.inf
-                self._stops.follow()
-            except CommunicationError as error:
+                self._trouble = ""
+                self._stops.connected()
+            except DtwinError as error:
                 self._looking_since = min(self._looking_since, now)
-                patient = now - self._looking_since < PATIENCE
-                log.log(logging.INFO if patient else logging.WARNING, "%s", error)
+                if now - self._looking_since < PATIENCE:
+                    log.info("%s", error)
+                else:
+                    self._complain(f"no sample is answered: {error}")
         return self._controller
+
+    def _connected(self) -> ControlLoop:
+        """A controller with the settings that were in force."""
+        controller = ControlLoop(self._address)
+        try:
+            with self._settings_lock:
+                self._restore(controller.settings)
+        except DtwinError:
+            controller.close()
+            raise
+        return controller
+
+    def _restore(self, settings: Settings) -> None:
+        """Puts the kept settings in force, or keeps those that are if there are none yet.
+
+        Raises:
+            DtwinError: the controller does not take them, or has others that cannot be changed while it runs.
+        """
+        found = settings.in_force()
+        kept = self._state.settings
+        if kept is None:
+            self._keep(found)
+            return
+        lost = kept.differing(found)
+        if lost & set(TUNING):
+            found = settings.set_tuning(kept.gains, kept.target_time)
+        if lost & set(MODEL):
+            found = settings.set_model(kept.model)
+        if other := kept.differing(found):
+            raise CommunicationError(
+                f"{self._address}: expected the settings of this run, got others of {', '.join(sorted(other))}: "
+                "deploy the application with the options of this run"
+            )
+        if lost:
+            text = f"the controller has got its settings again: {', '.join(sorted(lost))}"
+            log.info("%s", text)
+            self._tell(Event(self._time(), EventKind.RESTORED, text[:1000]))
+
+    def _keep(self, found: ControlSettings) -> None:
+        """Keeps settings that have come into force, in memory alone while the file cannot be written."""
+        try:
+            self._state.keep(found)
+        except RecordingError as error:
+            self._complain(f"the settings in force may not outlive the bridge: {error}")
+
+    def _complain(self, text: str) -> None:
+        """Says what is wrong in the status, and once in an event."""
+        log.warning("%s", text)
+        if text != self._trouble:
+            self._trouble = text
+            self._tell(Event(self._time(), EventKind.TROUBLE, text[:1000]))
 
     def _note(self, event: Event) -> None:
         if event.kind == EventKind.SAFE:
             self._restart = True
 
+    def _time(self) -> float:
+        return 0.0 if self._last is None else self._last.time
+
     def _set(self, asked: SettingsRequest) -> SettingsInForce:
-        return _told(self._do(lambda c: _change(c.settings, asked)))
+        return to_message(self._do(lambda c: self._change(c.settings, asked)))
 
     def _in_force(self) -> SettingsInForce:
-        return _told(self._do(lambda c: c.settings.in_force()))
+        return to_message(self._do(lambda c: c.settings.in_force()))
 
     def _play(self, asked: SignalRequest) -> IdentificationSignal:
         self._do(lambda c: c.request_signal(asked.run))
@@ -199,6 +271,11 @@ class Bridge:
                 raise CommunicationError(f"{self._address}: the bridge has no controller at present")
             return action(controller)
 
+    def _change(self, settings: Settings, asked: SettingsRequest) -> ControlSettings:
+        found = _changed(settings, asked)
+        self._keep(found)
+        return found
+
     def _safe_stop(self) -> SafeStop:
         controller = self._controller
         if controller is None:
@@ -206,28 +283,19 @@ class Bridge:
         return controller.safe_stop
 
     def _report(self) -> None:
-        last = self._last
+        if not self._state.saved:
+            with contextlib.suppress(RecordingError):
+                self._state.save()
         state: State = "stopped" if self._stops.stop != "none" else "running"
         self._service.report(
-            state if self._controller is not None else "waiting",
+            state if self._controller is not None and self._stops.known else "waiting",
             self._answered,
-            time=0.0 if last is None else last.time,
+            time=self._time(),
             late_ticks=self._skipped,
         )
 
 
-def _told(settings: ControlSettings) -> SettingsInForce:
-    return SettingsInForce(
-        settings.gains,
-        settings.target_time,
-        settings.model,
-        settings.law,
-        settings.payload,
-        settings.box_counts,
-    )
-
-
-def _change(settings: Settings, asked: SettingsRequest) -> ControlSettings:
+def _changed(settings: Settings, asked: SettingsRequest) -> ControlSettings:
     """What is in force after a change.
 
     Raises:

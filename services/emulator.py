@@ -21,12 +21,15 @@ from typing import Final, Literal, TypeVar
 from dtwin.bus.messages import (
     EVENTS,
     FAULT,
+    LATCH,
     RESET,
     SENSORS,
     TRUTH,
     VOLTAGES,
     Done,
     FaultRequest,
+    LatchRequest,
+    LatchState,
     ResetRequest,
     State,
 )
@@ -37,7 +40,7 @@ from dtwin.run.options import PlantOptions
 from dtwin.signals import Event, EventKind, Sensors, Truth, Voltages
 from services.parts.gate import STALE, Gate
 from services.parts.journal import Journal
-from services.parts.journaled import JournaledCell, without_volts
+from services.parts.journaled import JournaledCell
 from services.parts.latencies import Latencies
 from services.service import Link, Service, main
 
@@ -108,9 +111,18 @@ class Emulator:
         self._publish_truth: Callable[[Truth], None] = bus.publisher(TRUTH, lossless=lossless)
         self._publish_event: Callable[[Event], None] = bus.publisher(EVENTS, lossless=lossless)
         inbox = service.inbox
-        bus.subscribe(VOLTAGES, Voltages, lambda command: inbox.put((time.monotonic(), command)))
+        bus.subscribe_senders(
+            VOLTAGES, Voltages, lambda command, sender: inbox.put((time.monotonic(), command, sender))
+        )
         bus.answer(FAULT, FaultRequest, lambda request: self._between_ticks(lambda: self._inject(request)))
         bus.answer(RESET, ResetRequest, lambda request: self._between_ticks(lambda: self._reset(request)))
+        bus.answer(
+            LATCH,
+            LatchRequest,
+            lambda request: self._between_ticks(lambda: self._latch(request)),
+            self._latched,
+            trusted=True,
+        )
 
     def run(self, ticks: int | None) -> None:
         """Runs until the cell has done so many ticks, or is asked to end."""
@@ -194,7 +206,7 @@ class Emulator:
         if callable(item):
             item()
             return
-        came, command = item
+        came, command, sender = item
         if not self._gate.take(command, came):
             if self._gate.rivals:
                 self._gate.rivals = False
@@ -208,12 +220,14 @@ class Emulator:
         self._state = "running"
         if self._began is None:
             self._began = (came, self._read().time)
-        self._cell.obey(command)
+        if self._cell.latch.passes(sender):
+            self._cell.obey(command)
+        else:
+            self._cell.stop()
 
     def _make_safe(self) -> None:
-        """0 V; a held box stays held."""
         self._state = "safe"
-        self._cell.obey(without_volts(self._cell.command))
+        self._cell.stop()
         self._announce(EventKind.SAFE, "no valid command in time: the arm gets 0 V")
 
     def _announce(self, kind: EventKind, text: str) -> None:
@@ -235,6 +249,18 @@ class Emulator:
         self._anew = True
         return Done(0.0, f"started anew with seed {seed}")
 
+    def _latch(self, request: LatchRequest) -> LatchState:
+        latch = self._cell.latch
+        if request.stop == "none":
+            latch.release(request.number)
+        elif latch.stop(request.stop, bytes.fromhex(request.holder)).stop == "torque off":
+            self._cell.stop()
+        return self._latched()
+
+    def _latched(self) -> LatchState:
+        number, stop = self._cell.latch.latched
+        return LatchState(self._read().time, number, stop)
+
     def _between_ticks(self, action: Callable[[], R]) -> R:
         """What an action returns or raises that is carried out on the main thread.
 
@@ -244,6 +270,8 @@ class Emulator:
         result: Future[R] = Future()
 
         def act() -> None:
+            if not result.set_running_or_notify_cancel():
+                return
             try:
                 result.set_result(action())
             except DtwinError as error:
@@ -253,14 +281,16 @@ class Emulator:
         try:
             return result.result(REQUEST_TIMEOUT)
         except FutureTimeoutError:
+            result.cancel()
             raise CommunicationError(f"the emulator did not come to it within {REQUEST_TIMEOUT:g} s") from None
 
     def _report(self, state: State) -> None:
         sensors = self._read()
         wall, plant = self._began or (math.inf, 0.0)
         elapsed = time.monotonic() - wall
+        stopped = self._cell.latch.latched.stop != "none"
         self._service.report(
-            state,
+            "stopped" if stopped and state in ("waiting", "running") else state,
             sensors.sequence,
             time=sensors.time,
             late_ticks=self._late,

@@ -33,6 +33,7 @@ from services import runfile
 from services.controller import deploy_cell
 from services.emulator import Pace
 from services.parts.fence import fence_warning
+from services.parts.journal import carry_over
 from services.parts.log_parts import discard_parts
 from services.runfile import OPERATOR, RunFile
 from services.service import free_port
@@ -129,7 +130,8 @@ class CellOptions(PlantOptions, ControlOptions):
             deploy_cell(parse_address(self.controller, "forte"), self.control())
         if self.controller == "embedded":
             programs.append(_service("controller", [*link, "--listen", management, *arguments(self, ControlOptions)]))
-        bridge = ["--controller", management, *urgent, *(["--lossless"] if self.pace != "realtime" else [])]
+        bridge = ["--controller", management, "--state", str(state_of(file)), *urgent]
+        bridge += ["--lossless"] if self.pace != "realtime" else []
         emulator = ["--pace", self.pace, *urgent, "--journal", str(journal_of(file)), *arguments(self, PlantOptions)]
         emulator += [] if self.duration is None else ["--duration", str(self.duration)]
         if self.log or self.record or self.viewer != "none":
@@ -227,8 +229,9 @@ def launched(options: CellOptions) -> Iterator[Launched]:
     meet = f"tcp/127.0.0.1:{free_port()}"
     key = new_key()
     with RunFile(options.cell) as file, _own_folder(sockets_of(file.path)), options.bus(meet, key) as bus:
-        journal = journal_of(file.path)
-        journal.unlink(missing_ok=True)
+        journal, state = journal_of(file.path), state_of(file.path)
+        carry_over(journal, options.seed)
+        state.unlink(missing_ok=True)
         if options.log is not None:
             discard_parts(options.log)
         ports = free_ports()
@@ -247,6 +250,7 @@ def launched(options: CellOptions) -> Iterator[Launched]:
             finally:
                 supervisor.stop()
         journal.unlink(missing_ok=True)
+        state.unlink(missing_ok=True)
 
 
 def journal_of(file: Path) -> Path:
@@ -257,6 +261,11 @@ def journal_of(file: Path) -> Path:
 def sockets_of(file: Path) -> Path:
     """The folder beside the cell's run file in which the embedded controller listens."""
     return file.with_suffix(".ports")
+
+
+def state_of(file: Path) -> Path:
+    """The file beside the cell's run file in which the bridge keeps the settings in force."""
+    return file.with_suffix(".settings")
 
 
 @contextmanager

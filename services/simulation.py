@@ -45,6 +45,7 @@ from dtwin.signals import Event, EventKind, Sensors
 from dtwin.simulation.checks import MOTIONS, Checker
 from dtwin.simulation.history import HISTORY, Entry, History
 from dtwin.simulation.upload import Proposal, Uploader, changed
+from services.parts.state_file import from_message
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)
@@ -91,8 +92,7 @@ class BridgePort:
         return self._ask(None)
 
     def _ask(self, request: SettingsRequest | None) -> ControlSettings:
-        s = self._bus.ask(SETTINGS, request, SettingsInForce)
-        return ControlSettings(s.target_time, s.gains, s.law, s.model, s.payload, s.payload_model)
+        return from_message(self._bus.ask(SETTINGS, request, SettingsInForce))
 
 
 class Simulation:

@@ -1,4 +1,8 @@
-"""The safe stop beside the bridge: passes verdicts and releases on to the blocks, which decide on the stop."""
+"""The safe stop beside the bridge: passes verdicts and releases on to the blocks, which decide, and to the latch.
+
+The emulator latches every stop where the voltage goes out. Blocks that may have forgotten a latched stop, because
+they began anew or others are in their place, are told that the angles are not known, which takes the torque off.
+"""
 
 from __future__ import annotations
 
@@ -7,62 +11,129 @@ import threading
 from collections.abc import Callable
 from typing import Final
 
-from dtwin.bus.messages import EVENTS, RELEASE, STOP, ReleaseRequest, StopRequest, StopState
+from dtwin.bus.messages import (
+    EVENTS,
+    LATCH,
+    RELEASE,
+    STOP,
+    LatchRequest,
+    LatchState,
+    ReleaseRequest,
+    StopRequest,
+    StopState,
+)
 from dtwin.bus.session import Bus
 from dtwin.controller.device import SafeStop
 from dtwin.errors import CommunicationError
 from dtwin.signals import Event, EventKind, Stop
+from services.parts.latch import stronger
 
 log = logging.getLogger(__name__)
 
 LOOK: Final = 0.1
 """Time between two looks at a stop in force, s."""
+TIMEOUT: Final = 1.0
+"""Longest wait for an answer of the emulator, s."""
+KEPT: Final = " (kept until somebody releases it)"
 
 
 class Stops:
-    """Passes verdicts and releases on to the blocks, and tells of every change while a stop is in force.
-
-    A controller that starts anew knows of no stop: it is told again of one that nobody has released here.
+    """Passes verdicts and releases on to the blocks and the latch, and tells of every change of the stop.
 
     Args:
-        bus: session on which others ask.
+        bus: session on which others ask, and the emulator is told.
+        holder: sender of the voltages, whose commands hold an arm that stands.
         blocks: gives the safe stop of the controller, or raises CommunicationError while there is no controller.
         time: gives the plant time of the last sample, s.
 
     Attributes:
-        stop: the stop that was in force when the blocks were last asked.
+        answering: to be held while a sample is answered; a release waits for it, and no sample passes meanwhile.
+        known: whether a stop that is latched is in the blocks too, so that samples may be answered.
+        stop: strongest of the stops in the blocks and in the latch when they were last asked.
     """
 
-    def __init__(self, bus: Bus, blocks: Callable[[], SafeStop], time: Callable[[], float]) -> None:
+    def __init__(self, bus: Bus, holder: bytes, blocks: Callable[[], SafeStop], time: Callable[[], float]) -> None:
+        self.answering = threading.Lock()
+        self.known = False
         self.stop: Stop = "none"
+        self._bus = bus
+        self._holder = holder.hex()
         self._blocks = blocks
         self._time = time
-        self._latched = False
+        self._number = 0
         self._lock = threading.Lock()
         self._wake = threading.Event()
         self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
         threading.Thread(target=self._follow, name="safe stop", daemon=True).start()
+        bus.watch_alive(self._note_token)
         bus.answer(STOP, StopRequest, self._judge, self._ask)
         bus.answer(RELEASE, ReleaseRequest, self._release, self._ask)
 
-    def follow(self) -> None:
-        """Looks at the blocks, now and for as long as they keep a stop; returns at once."""
-        self._wake.set()
+    def connected(self) -> None:
+        """Other blocks than before answer: they may have forgotten a stop."""
+        self.known = False
+
+    def remind(self) -> bool:
+        """Takes the torque off in blocks that may have forgotten a stop; returns whether samples may be answered."""
+        with self._lock:
+            try:
+                self._remind()
+            except CommunicationError as error:
+                log.warning("no sample is answered before the stop is known: %s", error)
+            return self.known
+
+    def _remind(self) -> None:
+        if self.known:
+            return
+        self.known = True
+        try:
+            latch = self._bus.ask(LATCH, None, LatchState, TIMEOUT)
+            if stronger(self.stop, latch.stop) == "none":
+                stop = self._blocks().now()
+            else:
+                stop = self._blocks().judge("angles unknown", 1.0)
+            self._note(self._latch(stop), KEPT)
+        except CommunicationError:
+            self.known = False
+            raise
+
+    def _note_token(self, service: str, alive: bool) -> None:
+        if alive and service == LATCH.sender:
+            self.known = False  # It may keep a stop of an earlier life.
 
     def _ask(self) -> StopState:
         with self._lock:
-            return self._noted(self._now())
+            try:
+                self._remind()
+                stop = self._now()
+            except CommunicationError:
+                if self.stop == "none":
+                    raise
+                stop = self.stop
+            return self._note(stop)
 
     def _judge(self, asked: StopRequest) -> StopState:
         with self._lock:
             stop = self._blocks().judge(asked.state, asked.confidence)
-            return self._noted(stop, f" ({asked.who}: {asked.why})")
+            why = f" ({asked.who}: {asked.why})"
+            try:
+                return self._note(self._kept(stop), why)
+            except CommunicationError as error:
+                self._note(stronger(self.stop, stop), why)
+                raise CommunicationError(f"{self.stop}, but the emulator does not keep it yet: {error}") from None
 
     def _release(self, asked: ReleaseRequest) -> StopState:
-        with self._lock:
+        with self.answering, self._lock:
+            self._remind()
             stop = self._blocks().release()
-            self._latched = stop != "none"
-            return self._noted(stop, f" ({asked.who}: {asked.why})")
+            if stop == "none":
+                try:
+                    self._bus.ask(LATCH, LatchRequest("none", self._number), LatchState, TIMEOUT)
+                except CommunicationError as error:
+                    self.known = False
+                    self._note(self._blocks().judge("angles unknown", 1.0), KEPT)
+                    raise CommunicationError(f"not released, the torque is off: {error}") from None
+            return self._note(stop, f" ({asked.who}: {asked.why})")
 
     def _follow(self) -> None:
         pause = threading.Event()
@@ -76,20 +147,35 @@ class Stops:
         """Whether a stop is in force, or was when the controller could last be asked."""
         with self._lock:
             try:
-                self._noted(self._now())
+                if self.stop != "none":
+                    self._note(self._now())
             except CommunicationError as error:
                 log.debug("%s", error)
-            return self._latched
+            return self.stop != "none"
 
     def _now(self) -> Stop:
-        """The stop in force; one that is in force here is in the blocks, too."""
-        stop = self._blocks().now()
-        if stop == "none" and self._latched:
+        """The stop in force, in blocks and latch."""
+        return self._kept(self._blocks().now())
+
+    def _kept(self, stop: Stop) -> Stop:
+        """The stop in force when the blocks have one: blocks with a weaker one than before, or than the latch, have
+        forgotten it, and get the torque off."""
+        if stop != stronger(self.stop, stop):
             log.warning("the controller has forgotten the safe stop: it is told again")
-            return self._blocks().judge("failed", 1.0)
+            stop = self._blocks().judge("angles unknown", 1.0)
+        if self._latch(stop) != stop:
+            stop = self._blocks().judge("angles unknown", 1.0)
         return stop
 
-    def _noted(self, stop: Stop, why: str = "") -> StopState:
+    def _latch(self, stop: Stop) -> Stop:
+        """The stop that is latched after the emulator was told of one, if there is any."""
+        if stop == "none":
+            return stop
+        state = self._bus.ask(LATCH, LatchRequest(stop, holder=self._holder), LatchState, TIMEOUT)
+        self._number = state.number
+        return state.stop
+
+    def _note(self, stop: Stop, why: str = "") -> StopState:
         """The answer, after an event if the stop is another one than before."""
         state = StopState(self._time(), stop)
         if stop != self.stop:
@@ -97,7 +183,6 @@ class Stops:
             self.stop = stop
             log.warning("%s", text)
             self._tell(Event(state.time, EventKind.STOP, text[:1000]))
-        if stop != "none" and not self._latched:
-            self._latched = True
-            self.follow()
+            if stop != "none":
+                self._wake.set()
         return state

@@ -183,6 +183,34 @@ class StopState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     stop: Stop
 
 
+class LatchRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """A stop that the emulator shall keep until its release, or that release. The bridge alone sends it.
+
+    Attributes:
+        stop: stop that the blocks have decided on; none releases.
+        number: number of the stop that is released; it does not count otherwise.
+        holder: sender of the voltages that hold the arm while it brakes and stands, in hexadecimal digits.
+    """
+
+    stop: Stop
+    number: Count = 0
+    holder: Annotated[Word, msgspec.Meta(pattern="^([0-9a-f]{2})*$")] = ""
+
+
+class LatchState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The stop that the emulator keeps, at a plant time (s).
+
+    Attributes:
+        time: plant time, s.
+        number: count of the stops so far; a release names it.
+        stop: stop that is kept, or none.
+    """
+
+    time: Seconds
+    number: Count
+    stop: Stop
+
+
 class FaultRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     """Faults in the notation of `dtwin run --fault`; those that would begin in the past begin at once."""
 
@@ -249,6 +277,7 @@ STOP: Final = Topic("controller/stop", "query", StopRequest, StopState, "bridge"
 RELEASE: Final = Topic("controller/release", "query", ReleaseRequest, StopState, "bridge")
 FAULT: Final = Topic("emulator/fault", "query", FaultRequest, Done, "emulator")
 RESET: Final = Topic("emulator/reset", "query", ResetRequest, Done, "emulator")
+LATCH: Final = Topic("emulator/stop", "query", LatchRequest, LatchState, "emulator")
 SUMMARY: Final = Topic("supervisor/summary", "query", SummaryRequest, Summary, "supervisor")
 IDENTIFICATION: Final = Topic("twin/identification", "publication", IdentificationState, None, "identification")
 IDENTIFY: Final = Topic(
@@ -267,7 +296,7 @@ ACKNOWLEDGE: Final = Topic(
 RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, PATH, TRUTH, EVENTS, STATUS, ALIVE),
-    *(SETTINGS, SIGNAL, STOP, RELEASE, FAULT, RESET, SUMMARY),
+    *(SETTINGS, SIGNAL, STOP, RELEASE, FAULT, RESET, LATCH, SUMMARY),
     *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, MONITORING, RESIDUALS, ACKNOWLEDGE),
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""

@@ -46,6 +46,11 @@ class Publisher:
             self._put(payload, attachment=self._signer(self._expression, payload))
 
     @property
+    def sender(self) -> bytes:
+        """The name under which subscribers know this publisher, or b"" in a cell without key."""
+        return b"" if self._signer is None else self._signer.sender
+
+    @property
     def wanted(self) -> bool:
         """Whether at least one session subscribes to the topic."""
         return _matching(self._publisher.matching_status)

@@ -36,16 +36,19 @@ class Signer:
 
     Args:
         key: The cell's key.
+
+    Attributes:
+        sender: Name of this publisher, by which a subscription knows it.
     """
 
     def __init__(self, key: bytes) -> None:
         self._key = key
-        self._sender = secrets.token_bytes(_SENDER)
+        self.sender = secrets.token_bytes(_SENDER)
         self._numbers = itertools.count(1)
 
     def __call__(self, expression: str, payload: bytes) -> bytes:
         """The attachment for a payload that goes out under a key expression."""
-        head = self._sender + next(self._numbers).to_bytes(_NUMBER, "big")
+        head = self.sender + next(self._numbers).to_bytes(_NUMBER, "big")
         return head + _digest(self._key, expression, head, payload)
 
 

@@ -1,26 +1,35 @@
 """What an emulated cell has been told, tick by tick, so that one that was killed can be brought back as it was.
 
 The emulation is a function of its settings and its commands: a journal holds the seed, then every tick's command and
-every fault in the order they came, and replaying it gives the same cell to the bit. A record is written whole with
-one system call; what a kill leaves of the last one is cut off.
+every fault in the order they came, and replaying it gives the same cell to the bit. Beside them it holds the latched
+stop, which outlives the cell: a journal that begins anew keeps it. A record is written whole with one system call;
+what a kill leaves of the last one is cut off.
 
-    journal = MAGIC, seed, { "V" volts[4] gripped | "F" length text }
+    journal = MAGIC, seed, { "V" volts[4] gripped | "F" length text | "S" number stop }
 """
 
 from __future__ import annotations
 
+import logging
+import os
 import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 from dtwin.errors import RecordingError
-from dtwin.signals import Quad
+from dtwin.signals import STOPS, Quad
+from services.parts.latch import Latched
 
-MAGIC: Final = b"dtwin journal 1\n"
+log = logging.getLogger(__name__)
+
+MAGIC: Final = b"dtwin journal 2\n"
+_EARLIER: Final = b"dtwin journal 1\n"
+"""Head of the layout without stops, which is read as one that holds none."""
 _SEED: Final = struct.Struct("<Q")
 _COMMAND: Final = struct.Struct("<c4d?")
 _TEXT: Final = struct.Struct("<cH")
+_STOP: Final = struct.Struct("<cQB")
 
 Entry = tuple[Quad, bool] | str
 """A tick's volts and whether a box was held, or a fault."""
@@ -35,6 +44,7 @@ class Journal:
 
     Attributes:
         seed: of the cell the journal is about.
+        latched: stop that was latched last.
 
     Raises:
         RecordingError: the file cannot be opened, or is no journal.
@@ -43,6 +53,8 @@ class Journal:
     def __init__(self, path: Path, seed: int) -> None:
         self._path = path
         self.seed = seed
+        self.latched = Latched()
+        self._entries: list[Entry] = []
         try:
             self._file = path.open("r+b" if path.exists() else "w+b", buffering=0)
         except OSError as error:
@@ -51,13 +63,18 @@ class Journal:
         head = len(MAGIC) + _SEED.size
         if len(content) < head:
             self.restart(seed)
-            self._entries: list[Entry] = []
             return
-        if not content.startswith(MAGIC):
+        if not content.startswith((MAGIC, _EARLIER)):
             raise RecordingError(f"{path}: expected a journal of an emulated cell")
         self.seed = _SEED.unpack_from(content, len(MAGIC))[0]
         records = list(_parse(content, head))
-        self._entries = [entry for entry, _ in records]
+        for record, _ in records:
+            if isinstance(record, Latched):
+                self.latched = record
+            else:
+                self._entries.append(record)
+        self._file.seek(0)
+        self._file.write(MAGIC)
         self._file.seek(records[-1][1] if records else head)
         self._file.truncate()
 
@@ -66,11 +83,15 @@ class Journal:
         return self._entries
 
     def restart(self, seed: int) -> None:
-        """Forgets everything: the cell starts anew."""
+        """Forgets everything but the latched stop: the cell starts anew."""
         self.seed = seed
-        self._file.seek(0)
-        self._file.truncate()
-        self._file.write(MAGIC + _SEED.pack(seed))
+        # A file in place of the old one: a kill meanwhile must not lose the stop.
+        fresh = self._path.with_name(f"{self._path.name}.new")
+        file = fresh.open("w+b", buffering=0)
+        file.write(MAGIC + _SEED.pack(seed) + _packed(self.latched))
+        os.replace(fresh, self._path)
+        self._file.close()
+        self._file = file
 
     def command(self, volts: Quad, gripped: bool) -> None:
         """Notes a tick and the command that held in it."""
@@ -81,11 +102,53 @@ class Journal:
         data = text.encode()
         self._file.write(_TEXT.pack(b"F", len(data)) + data)
 
+    def latch(self, latched: Latched) -> None:
+        """Notes a stop that is latched, or released."""
+        self._file.write(_packed(latched))
+        self.latched = latched
+
     def close(self) -> None:
         self._file.close()
 
 
-def _parse(content: bytes, at: int) -> Iterator[tuple[Entry, int]]:
+def carry_over(path: Path, seed: int) -> None:
+    """Ends the journal of a run that was killed: what is left of it is a stop that nobody has released.
+
+    A file that is no journal is set aside. It may have held a stop, so one is latched.
+
+    Args:
+        path: path of the journal, which need not exist.
+        seed: seed of the cell that starts now.
+
+    Raises:
+        RecordingError: the file can be neither read nor set aside.
+    """
+    if not path.exists():
+        return
+    try:
+        journal = Journal(path, seed)
+    except RecordingError as error:
+        aside = path.with_name(f"{path.name}.unreadable")
+        log.warning("%s: it is set aside as %s, and the arm is stopped", error, aside.name)
+        try:
+            os.replace(path, aside)
+        except OSError:
+            raise error from None
+        journal = Journal(path, seed)
+        journal.latched = Latched(1, "torque off")
+    stopped = journal.latched.stop != "none"
+    if stopped:
+        journal.restart(seed)
+    journal.close()
+    if not stopped:
+        path.unlink()
+
+
+def _packed(latched: Latched) -> bytes:
+    return _STOP.pack(b"S", latched.number, STOPS.index(latched.stop))
+
+
+def _parse(content: bytes, at: int) -> Iterator[tuple[Entry | Latched, int]]:
     """Whole records and where each ends; stops at the first that is not whole."""
     size = len(content)
     while at < size:
@@ -100,5 +163,11 @@ def _parse(content: bytes, at: int) -> Iterator[tuple[Entry, int]]:
                 return
             yield content[at + _TEXT.size : end].decode(), end
             at = end
+        elif content[at : at + 1] == b"S" and at + _STOP.size <= size:
+            _, number, stop = _STOP.unpack_from(content, at)
+            if stop >= len(STOPS):
+                return
+            at += _STOP.size
+            yield Latched(number, STOPS[stop]), at
         else:
             return

@@ -10,6 +10,7 @@ from dtwin.parameters import PERIOD
 from dtwin.run.cell import CellSettings, emulate
 from dtwin.signals import Voltages
 from services.parts.journal import Journal
+from services.parts.latch import Latch, Latched
 
 
 class JournaledCell:
@@ -22,6 +23,7 @@ class JournaledCell:
     Attributes:
         emulation: to be read; commands, ticks and faults go through this class.
         command: that the arm obeys.
+        latch: stop that is kept until its release, in the journal too.
         replayed: entries of the journal.
 
     Raises:
@@ -45,6 +47,9 @@ class JournaledCell:
             self.emulation.advance(PERIOD)
         if entries:
             self.emulation.drain_events()
+        self.latch = Latch(Latched() if journal is None else journal.latched, self._note)
+        if self.latch.latched.stop != "none":
+            self.stop()
 
     @property
     def seed(self) -> int:
@@ -55,6 +60,10 @@ class JournaledCell:
         """Sets the command until the next one."""
         self.command = command
         self.emulation.apply(command)
+
+    def stop(self) -> None:
+        """0 V until the next command; a held box stays held."""
+        self.obey(without_volts(self.command))
 
     def advance(self) -> None:
         """One tick under the command."""
@@ -75,12 +84,20 @@ class JournaledCell:
         return texts
 
     def restart(self, seed: int) -> None:
-        """Starts anew at time 0, with the boxes and the noise of a seed."""
+        """Starts anew at time 0, with the boxes and the noise of a seed.
+
+        A latched stop stays, with the torque off: another arm stands there now.
+        """
+        self.latch.harden()
         if self._journal is not None:
             self._journal.restart(seed)
         self._settings = replace(self._settings, seed=seed)
         self.emulation = emulate(self._settings)
         self.command = without_volts(self.command)
+
+    def _note(self, latched: Latched) -> None:
+        if self._journal is not None:
+            self._journal.latch(latched)
 
 
 def without_volts(command: Voltages) -> Voltages:

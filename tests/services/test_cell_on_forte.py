@@ -6,7 +6,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ import pytest
 from msgspec.structs import replace
 
 from dtwin.bus.messages import (
+    EVENTS,
     SETTINGS,
     SIGNAL,
     UPLOAD,
@@ -25,14 +26,16 @@ from dtwin.bus.messages import (
 )
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Upload, UploadRequest
+from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError
 from dtwin.identification.store import ModelStore, open_model
 from dtwin.parameters import ROOT, ArmParameters, Gains, scaled
 from dtwin.run.cell import Cell, CellSettings
 from dtwin.run.recording import read_log
-from dtwin.signals import Voltages
+from dtwin.signals import Event, EventKind, Voltages
 from dtwin.simulation.history import History
 from services import runfile
+from services.controller import deploy_cell
 from services.runfile import join
 from tests.support.desk import Desk
 from tests.support.forte import FORTE, NO_FORTE, forte
@@ -63,6 +66,39 @@ def test_a_forte_moves_the_arm_as_the_embedded_device_does(desk: Desk, tmp_path:
     assert found.events == expected.events
     np.testing.assert_allclose(found.stack("volts"), expected.stack("volts"), rtol=0, atol=1e-9)
     np.testing.assert_allclose(found.stack("target"), expected.stack("target"), rtol=0, atol=1e-9)
+
+
+@needs_forte
+def test_a_forte_that_starts_again_gets_application_and_settings_before_the_arm_moves(
+    desk: Desk, tmp_path: Path
+) -> None:
+    gains = Gains((260.0, 500.0, 300.0))
+    events: list[Event] = []
+    volts: list[Voltages] = []
+    with ExitStack() as life:
+        address = life.enter_context(forte(tmp_path))
+        desk.up("--detach", "--controller", f"forte://{address}", "--pace", "lockstep", "--seed", "2")
+        with join("cell") as bus, desk.join_as_service() as service:
+            bus.subscribe(EVENTS, Event, events.append)
+            bus.subscribe(VOLTAGES, Voltages, volts.append)
+            service.ask(SETTINGS, SettingsRequest(gains, 3.0), SettingsInForce)
+            until(lambda: len(volts) > 100, "the cell runs")
+            life.close()
+            with forte(tmp_path, port=address.port):
+                until(lambda: any(event.kind == EventKind.TROUBLE for event in events), "an event says why", 60.0)
+                (text,) = (event.text for event in events if event.kind == EventKind.TROUBLE)
+                assert "no sample is answered" in text
+                bridge = desk.summary()["services"]["bridge"]
+                assert bridge["state"] == "waiting"
+                assert "deploy the application first" in bridge["last_error"]
+                reached = len(volts)
+                deploy_cell(address, ControlSettings())
+                until(lambda: len(volts) > reached + 100, "the cell goes on", 60.0)
+                kinds = [event.kind for event in events]
+                assert EventKind.RESTORED in kinds
+                found = bus.ask(SETTINGS, None, SettingsInForce)
+                assert (found.gains, found.target_time) == (gains, 3.0)
+                assert "is down" in desk.run("down")
 
 
 def test_uploads_are_acknowledged_watched_and_confirmed(controller: str, desk: Desk, tmp_path: Path) -> None:

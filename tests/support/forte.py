@@ -17,9 +17,9 @@ NO_FORTE: Final = "set FORTE to the path of a 4diac FORTE binary, built as fb/RE
 
 
 @contextmanager
-def forte(folder: Path, *arguments: str) -> Iterator[Address]:
-    """A FORTE that listens at its management port; what it prints goes to forte.log in the folder."""
-    address = Address(LOOPBACK, free_port())
+def forte(folder: Path, *arguments: str, port: int | None = None) -> Iterator[Address]:
+    """A FORTE that listens at its management port, a free one if none is given; it prints to forte.log."""
+    address = Address(LOOPBACK, port or free_port())
     with (folder / "forte.log").open("w") as log:
         command = [FORTE, "-c", f"localhost:{address.port}", *arguments]
         # SIGPIPE stays ignored: a FORTE does not ignore it by itself, and ends with a client that goes too early

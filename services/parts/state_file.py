@@ -1,0 +1,87 @@
+"""The settings in force in the controller, kept in a file of the run, so that they outlive controller and bridge."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from dtwin.bus.codec import MessageError, Reader, encode
+from dtwin.bus.messages import SettingsInForce
+from dtwin.controller.settings import ControlSettings
+from dtwin.errors import ParameterError, RecordingError
+
+
+class StateFile:
+    """Keeps settings in memory and in a file; the file has the old ones or the new ones, never half of them.
+
+    Args:
+        path: file, which need not exist; without it, settings are kept in memory alone.
+
+    Attributes:
+        settings: settings that are kept, or None.
+        saved: whether they are in the file.
+
+    Raises:
+        RecordingError: the file cannot be read, or holds something else.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+        self.settings: ControlSettings | None = None
+        self.saved = True
+        if path is None or not path.exists():
+            return
+        try:
+            self.settings = from_message(Reader(SettingsInForce)(path.read_bytes()))
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
+        except (MessageError, ParameterError) as error:
+            raise RecordingError(f"{path}: expected settings in force: {error}") from None
+
+    def keep(self, settings: ControlSettings) -> None:
+        """Keeps other settings.
+
+        Raises:
+            RecordingError: the file cannot be written; `save` may be tried again.
+        """
+        self.settings = settings
+        self.saved = False
+        self.save()
+
+    def save(self) -> None:
+        """Writes the settings if they are not in the file yet.
+
+        Raises:
+            RecordingError: the file cannot be written.
+        """
+        if self._path is not None and self.settings is not None and not self.saved:
+            fresh = self._path.with_name(f"{self._path.name}.new")
+            try:
+                fresh.write_bytes(encode(to_message(self.settings)))
+                os.replace(fresh, self._path)
+            except OSError as error:
+                raise RecordingError(f"{self._path}: cannot be written: {error.strerror}") from None
+        self.saved = True
+
+
+def to_message(settings: ControlSettings) -> SettingsInForce:
+    """The settings as they are told on the bus."""
+    return SettingsInForce(
+        settings.gains,
+        settings.target_time,
+        settings.model,
+        settings.law,
+        settings.payload,
+        settings.box_counts,
+    )
+
+
+def from_message(message: SettingsInForce) -> ControlSettings:
+    """The settings that a message tells.
+
+    Raises:
+        ParameterError: a value is out of range.
+    """
+    return ControlSettings(
+        message.target_time, message.gains, message.law, message.model, message.payload, message.payload_model
+    )

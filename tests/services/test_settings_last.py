@@ -1,0 +1,237 @@
+"""Settings in force outlive the controller and the bridge: no sample is answered before the controller has them."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import pytest
+
+from dtwin.bus.messages import (
+    EVENTS,
+    LATCH,
+    SENSORS,
+    SETTINGS,
+    STATUS,
+    UPLOAD,
+    LatchRequest,
+    LatchState,
+    SettingsInForce,
+    SettingsRequest,
+    Status,
+)
+from dtwin.bus.opening import open_peer
+from dtwin.bus.session import Bus
+from dtwin.bus.twin_messages import Upload
+from dtwin.controller.settings import ControlSettings
+from dtwin.errors import CommunicationError, RecordingError
+from dtwin.iec61499.net.address import Address
+from dtwin.parameters import ArmParameters, Gains
+from dtwin.signals import ArmState, Event, EventKind, Sensors, Stop, Voltages
+from services import bridge
+from services.parts.state_file import StateFile
+from services.runfile import join
+from services.service import Service
+from tests.services.test_stop_lasts import PATIENCE, Watch
+from tests.support.desk import Desk
+from tests.support.ports import free_port
+from tests.support.waiting import until
+
+TUNED = ControlSettings(3.0, Gains(kp=(260.0, 500.0, 300.0)))
+
+
+@dataclass
+class Device:
+    """A controller in this process, which can die and come back with other settings.
+
+    Attributes:
+        settings: settings in force in its blocks.
+        life: number of the device; connections of an earlier one are dead.
+        answered: settings in force at every answer.
+    """
+
+    settings: ControlSettings = field(default_factory=ControlSettings)
+    life: int = 0
+    answered: list[ControlSettings] = field(default_factory=list)
+
+    def come_back(self, settings: ControlSettings) -> None:
+        self.life, self.settings = self.life + 1, settings
+
+
+class Loop:
+    """A connection to the device, as the bridge has it; it is settings port and safe stop in one."""
+
+    def __init__(self, device: Device) -> None:
+        self._device = device
+        self._life = device.life
+        self.settings = self.safe_stop = self
+        self.lost = False
+
+    def _alive(self) -> Device:
+        if self._life != self._device.life:
+            self.lost = True
+            raise CommunicationError("the device has gone")
+        return self._device
+
+    def close(self) -> None:
+        self.lost = True
+
+    def answer(self, sensors: Sensors) -> Voltages:
+        device = self._alive()
+        device.answered.append(device.settings)
+        return Voltages(sensors.sequence, sensors.time, (1.0, 0.0, 0.0, 0.0), False)
+
+    def restart(self, sensors: Sensors) -> None:
+        self._alive()
+
+    def in_force(self) -> ControlSettings:
+        return self._alive().settings
+
+    def set_tuning(self, gains: Gains, target_time: float) -> ControlSettings:
+        return self._change(gains=gains, target_time=target_time)
+
+    def set_model(self, model: ArmParameters) -> ControlSettings:
+        return self._change(model=model)
+
+    def _change(self, **values: object) -> ControlSettings:
+        device = self._alive()
+        device.settings = replace(device.settings, **values)  # type: ignore[arg-type]
+        return device.settings
+
+    def now(self) -> Stop:
+        self._alive()
+        return "none"
+
+    def judge(self, state: ArmState, confidence: float) -> Stop:
+        return self.now()
+
+
+class Peer:
+    """The emulator's place on the bus, and what the bridge says there."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.bus = bus
+        self.events: list[Event] = []
+        self.status: list[Status] = []
+        self._publish = bus.publisher(SENSORS)
+        self._tick = 0
+        bus.subscribe(EVENTS, Event, self.events.append)
+        bus.subscribe(STATUS, Status, self.status.append, "bridge")
+        bus.answer(LATCH, LatchRequest, None, lambda: LatchState(0.0, 0, "none"))
+
+    def sample(self) -> None:
+        self._tick += 1
+        self._publish(Sensors(self._tick, 0.01 * self._tick, (0.0, 0.0, 0.0), 0.9, False, ""))
+
+    def until(self, condition: Callable[[], object], what: str) -> None:
+        until(condition, what, PATIENCE, self.sample)
+
+
+@contextmanager
+def bridged(meet: str, state: StateFile) -> Iterator[None]:
+    """A bridge that works on a thread of its own."""
+    with Service("bridge", bridge.Options(meet=meet)) as service:
+        thread = threading.Thread(target=bridge.Bridge(service, Address("127.0.0.1", 1), state, False).run)
+        thread.start()
+        try:
+            yield
+        finally:
+            service.stopping = True
+            thread.join(PATIENCE)
+
+
+@pytest.fixture
+def device(monkeypatch: pytest.MonkeyPatch) -> Device:
+    device = Device()
+    monkeypatch.setattr(bridge, "ControlLoop", lambda address: Loop(device))
+    monkeypatch.setattr(bridge, "PATIENCE", 0.0)
+    return device
+
+
+def test_no_sample_is_answered_with_other_settings(device: Device, tmp_path: Path) -> None:
+    meet, file = f"tcp/127.0.0.1:{free_port()}", tmp_path / "settings"
+    with Bus(open_peer(meet)) as bus:
+        peer = Peer(bus)
+        with bridged(meet, StateFile(file)):
+            peer.until(lambda: device.answered, "samples are answered")
+            bus.ask(SETTINGS, SettingsRequest(TUNED.gains, TUNED.target_time), SettingsInForce)
+            device.answered.clear()
+            device.come_back(ControlSettings())
+            peer.until(lambda: device.answered, "the device that came back answers")
+            peer.until(lambda: any(e.kind == EventKind.RESTORED for e in peer.events), "the event says so")
+        device.come_back(ControlSettings())
+        with bridged(meet, StateFile(file)):
+            before = len(device.answered)
+            peer.until(lambda: len(device.answered) > before, "another bridge has samples answered")
+        assert set(device.answered) == {TUNED}
+
+
+def test_a_controller_that_cannot_have_the_settings_answers_nothing(device: Device, tmp_path: Path) -> None:
+    meet = f"tcp/127.0.0.1:{free_port()}"
+    with Bus(open_peer(meet)) as bus, bridged(meet, StateFile(tmp_path / "settings")):
+        peer = Peer(bus)
+        peer.until(lambda: device.answered, "samples are answered")
+        device.come_back(ControlSettings(law="row_sum"))
+        device.answered.clear()
+        peer.until(lambda: any(e.kind == EventKind.TROUBLE for e in peer.events), "an event says why")
+        (text,) = (event.text for event in peer.events if event.kind == EventKind.TROUBLE)
+        assert "no sample is answered" in text
+        assert "CONTROLLER.LAW" in text
+        peer.until(lambda: peer.status and peer.status[-1].state == "waiting", "the status says so")
+        assert "CONTROLLER.LAW" in peer.status[-1].last_error
+        assert device.answered == []
+        device.come_back(ControlSettings())
+        peer.until(lambda: device.answered, "the right one answers")
+
+
+def test_a_state_file_is_whole_or_refused(tmp_path: Path) -> None:
+    path = tmp_path / "settings"
+    StateFile(path).keep(TUNED)
+    assert StateFile(path).settings == replace(TUNED, payload_model="point")
+    path.write_bytes(path.read_bytes()[:40])
+    with pytest.raises(RecordingError, match=f"{path}: expected settings in force"):
+        StateFile(path)
+
+
+def test_settings_that_cannot_be_written_are_kept_in_memory_until_they_can(tmp_path: Path) -> None:
+    path = tmp_path / "folder" / "settings"
+    state = StateFile(path)
+    with pytest.raises(RecordingError, match="cannot be written"):
+        state.keep(TUNED)
+    assert (state.settings, state.saved) == (TUNED, False)
+    path.parent.mkdir()
+    state.save()
+    assert state.saved
+    assert not StateFile(path).settings.differing(TUNED)  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("killed", [("controller",), ("controller", "bridge")], ids="+".join)
+def test_confirmed_settings_are_in_force_before_the_arm_moves(
+    desk: Desk, tmp_path: Path, killed: tuple[str, ...]
+) -> None:
+    history = str(tmp_path / "history.jsonl")
+    desk.up("--detach", "--pace", "lockstep", "--simulation", "--history", history, "--seed", "2")
+    with join("cell") as bus:
+        watch = Watch(bus, desk)
+        for words in (("gains", "--kp", "260", "500", "300"), ("target", "--time", "3")):
+            kind, *values = words
+            json.loads(desk.run("upload", kind, "--why", "to try", "--who", "anna", *values))
+            until(lambda: not bus.ask(UPLOAD, None, Upload).on_trial, "the trial ends", 120.0)
+            assert bus.ask(UPLOAD, None, Upload).action == "confirm"
+        watch.demand("torque off")
+        off = watch.tick + 1
+        watch.kill(killed)
+        until(lambda: watch.stop() == "torque off", "the bridge answers", PATIENCE)
+        watch.goes_on(50)
+        found = bus.ask(SETTINGS, None, SettingsInForce)
+        assert (found.gains.kp[0], found.target_time) == (260.0, 3.0)
+        assert not watch.obeyed()[off : watch.tick].any(), "nothing moves the arm before"
+        watch.release()
+        watch.goes_on(100)
+        assert bus.ask(SETTINGS, None, SettingsInForce) == found
+    desk.run("down")
+    assert list((desk.folder / "dtwin").glob("cell.settings*")) == []
