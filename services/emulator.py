@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Final, Literal, TypeVar
 
 from dtwin.bus.messages import (
+    ACTED,
     EVENTS,
     FAULT,
     LATCH,
@@ -26,6 +27,7 @@ from dtwin.bus.messages import (
     SENSORS,
     TRUTH,
     VOLTAGES,
+    Acted,
     Done,
     FaultRequest,
     LatchRequest,
@@ -99,6 +101,7 @@ class Emulator:
         self._latencies = Latencies()
         self._late = 0
         self._sent = [0.0] * _REMEMBERED
+        self._obeyed: Voltages | None = None
         self._gate.restart(self._read().sequence)
         self._state: State = "waiting"
         self._anew = False
@@ -108,6 +111,7 @@ class Emulator:
         # A recorder must see every tick of a lockstep run, even if that slows the run down.
         lossless = pace != "realtime"
         self._publish_sensors: Callable[[Sensors], None] = bus.publisher(SENSORS, lossless=lossless)
+        self._publish_acted: Callable[[Acted], None] = bus.publisher(ACTED, lossless=lossless)
         self._publish_truth: Callable[[Truth], None] = bus.publisher(TRUTH, lossless=lossless)
         self._publish_event: Callable[[Event], None] = bus.publisher(EVENTS, lossless=lossless)
         inbox = service.inbox
@@ -161,6 +165,7 @@ class Emulator:
         if self._anew or self._service.stopping:
             self._anew = False
             return time.monotonic()
+        self._tell_what_acts(sensors)
         self._cell.advance()
         if self._pace == "realtime":
             self._idle_until(due)
@@ -220,6 +225,7 @@ class Emulator:
         self._state = "running"
         if self._began is None:
             self._began = (came, self._read().time)
+        self._obeyed = command
         if self._cell.latch.passes(sender):
             self._cell.obey(command)
         else:
@@ -229,6 +235,12 @@ class Emulator:
         self._state = "safe"
         self._cell.stop()
         self._announce(EventKind.SAFE, "no valid command in time: the arm gets 0 V")
+
+    def _tell_what_acts(self, sensors: Sensors) -> None:
+        """Publishes what acts in this tick unless that is the command that answers its sample."""
+        acts = self._cell.command
+        if acts is not self._obeyed or acts.sequence != sensors.sequence:
+            self._publish_acted(Acted(sensors.sequence, sensors.time, acts.volts, acts.box_gripped))
 
     def _announce(self, kind: EventKind, text: str) -> None:
         log.warning("%s", text)

@@ -17,6 +17,7 @@ from typing import Final
 import msgspec
 
 from dtwin.bus.messages import (
+    ACTED,
     DECIDE,
     EVENTS,
     IDENTIFICATION,
@@ -25,6 +26,7 @@ from dtwin.bus.messages import (
     SIGNAL,
     UPLOAD,
     VOLTAGES,
+    Acted,
     IdentificationSignal,
     SignalRequest,
 )
@@ -101,6 +103,7 @@ class Identification:
         self._tell = bus.publisher(EVENTS)
         bus.subscribe(SENSORS, Sensors, service.inbox.put)
         bus.subscribe(VOLTAGES, Voltages, service.inbox.put)
+        bus.subscribe(ACTED, Acted, service.inbox.put)
         bus.answer(IDENTIFY, IdentificationRequest, self._ask, lambda: self._state)
         bus.answer(DECIDE, IdentificationDecision, self._decide, lambda: self._state)
 
@@ -158,7 +161,7 @@ class Identification:
             return f"not uploaded: {error}"
         return f"on trial in the controller as version {answer.version} of the settings"
 
-    def _deal_with(self, item: Sensors | Voltages | IdentificationRequest | None) -> None:
+    def _deal_with(self, item: Sensors | Voltages | Acted | IdentificationRequest | None) -> None:
         if isinstance(item, IdentificationRequest):
             self._begin(item)
         elif item is not None:
@@ -187,10 +190,13 @@ class Identification:
         bus.ask(SIGNAL, SignalRequest(True), IdentificationSignal)
         self._enter(IdentificationState("measuring", "the arm is excited", 0, signal.samples))
 
-    def _collect(self, collector: SignalCollector, item: Sensors | Voltages) -> None:
+    def _collect(self, collector: SignalCollector, item: Sensors | Voltages | Acted) -> None:
         """Finds the signal among what passes."""
         if isinstance(item, Voltages):
             collector.command(item)
+            return
+        if isinstance(item, Acted):
+            collector.acted(item)
             return
         before = collector.done
         collector.sample(item)

@@ -1,7 +1,7 @@
 """Watches the running arm: samples and commands off the bus in, verdicts and residuals out.
 
-A sample counts when its command is there, too; what is lost on the way is counted and bridged by the monitor. When
-the service starts again, it starts from the model and learns anew. It may ask the function blocks for a safe stop.
+A sample counts once it is known what acted on the arm after it: its command, or what the emulator says acted instead.
+What is lost on the way is counted and bridged by the monitor. When the service starts again, it starts from the model and learns anew. It may ask the function blocks for a safe stop.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from dtwin.bus.messages import ACKNOWLEDGE, EVENTS, MONITORING, RESIDUALS, SENSORS, VOLTAGES
-from dtwin.bus.pairs import Pairs
+from dtwin.bus.messages import ACKNOWLEDGE, ACTED, EVENTS, MONITORING, RESIDUALS, SENSORS, VOLTAGES, Acted
+from dtwin.bus.ticks import Ticks
 from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringResiduals, MonitoringVerdict
 from dtwin.errors import CommunicationError, DtwinError
 from dtwin.identification.model import read_model
@@ -68,7 +68,7 @@ class Monitoring:
     def __init__(self, service: Service, monitor: Monitor, demands: Demands | None = None) -> None:
         self._service = service
         self._monitor = monitor
-        self._pairs: Pairs[Sensors, Voltages] = Pairs()
+        self._ticks = Ticks()
         self._demands = demands
         self._told = self._confirmed = 0
         bus = service.bus
@@ -77,6 +77,7 @@ class Monitoring:
         self._tell_residuals: Callable[[MonitoringResiduals], None] = bus.publisher(RESIDUALS)
         bus.subscribe(SENSORS, Sensors, service.inbox.put)
         bus.subscribe(VOLTAGES, Voltages, service.inbox.put)
+        bus.subscribe(ACTED, Acted, service.inbox.put)
         bus.answer(ACKNOWLEDGE, AcknowledgeRequest, self._ask, lambda: self._ask(None))
 
     def run(self) -> None:
@@ -85,16 +86,12 @@ class Monitoring:
         service.ready()
         while not service.stopping:
             item = service.next(0.2)
-            pair = None
-            if isinstance(item, Sensors):
-                pair = self._pairs.first(item)
-            elif isinstance(item, Voltages):
-                pair = self._pairs.second(item)
-            elif isinstance(item, _Asked):
+            if isinstance(item, _Asked):
                 self._acknowledge(item)
-            if pair is not None:
-                self._watch(*pair)
-                done += 1
+            elif item is not None:
+                for sensors, acted in self._ticks.take(item):
+                    self._watch(sensors, acted)
+                    done += 1
             if service.report_due():
                 service.report("running" if done else "waiting", done, time=max(self._monitor.time, 0.0))
 
@@ -116,10 +113,10 @@ class Monitoring:
         except DtwinError as error:
             asked.verdict.set_exception(error)
 
-    def _watch(self, sensors: Sensors, command: Voltages) -> None:
+    def _watch(self, sensors: Sensors, acted: Voltages | Acted) -> None:
         monitor = self._monitor
-        volts = np.array(command.volts[:3])
-        monitor.update(sensors.sequence, np.array(sensors.theta), volts, command.box_gripped)
+        volts = np.array(acted.volts[:3])
+        monitor.update(sensors.sequence, np.array(sensors.theta), volts, acted.box_gripped)
         if sensors.sequence % RESIDUAL_EVERY == 0:
             self._tell_residuals(residuals(sensors.sequence, sensors.theta, monitor))
         if not self._tell_news() and sensors.sequence % VERDICT_EVERY == 0:

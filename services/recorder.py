@@ -17,7 +17,7 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
-from dtwin.bus.messages import EVENTS, MONITORING, PATH, RESIDUALS, SENSORS, TRUTH, VOLTAGES, State
+from dtwin.bus.messages import ACTED, EVENTS, MONITORING, PATH, RESIDUALS, SENSORS, TRUTH, VOLTAGES, Acted, State
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.twin_messages import MonitoringResiduals, MonitoringVerdict
 from dtwin.errors import ParameterError
@@ -100,6 +100,7 @@ class Recorder:
         bus.subscribe(SENSORS, Sensors, lambda message: take((rows.sensors, message)))
         bus.subscribe(TRUTH, Truth, lambda message: take((rows.truth, message)))
         bus.subscribe(VOLTAGES, Voltages, lambda message: take((rows.answer, message)))
+        bus.subscribe(ACTED, Acted, lambda message: take((rows.acted, message)))
         bus.subscribe(PATH, PathAngles, lambda message: take((rows.answer, message)))
         bus.subscribe(EVENTS, Event, lambda message: take((self._take_event, message)))
         if options.monitored:
@@ -135,7 +136,6 @@ class Recorder:
             receive(message, time.monotonic())
 
     def _take_event(self, event: Event, now: float) -> None:
-        self._rows.event(event)
         self._run_log.add_events([event])
 
     def _take_residuals(self, message: MonitoringResiduals, now: float) -> None:

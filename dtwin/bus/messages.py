@@ -36,6 +36,7 @@ from dtwin.signals import (
     Stop,
     Truth,
     Voltages,
+    Volts,
     Word,
 )
 
@@ -85,6 +86,25 @@ class Status(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     boxes: BoxCounts | None = None
     refused: dict[Word, Count] = {}
     last_error: Line = ""
+
+
+class Acted(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA):
+    """What acted in a tick instead of the command that answers its sample.
+
+    Such a command was late or missing, or the arm has been made safe or stopped. Nothing is published for the other
+    ticks. The message of a tick comes before the next sample.
+
+    Attributes:
+        sequence: number of the sample with which the tick began.
+        time: plant time of that sample, s.
+        volts: voltages of joints 1 to 3 and the gripper, V.
+        box_gripped: whether a box was held.
+    """
+
+    sequence: Count
+    time: Seconds
+    volts: tuple[Volts, Volts, Volts, Volts]
+    box_gripped: bool
 
 
 class Path(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA):
@@ -266,6 +286,7 @@ class Topic(NamedTuple):
 
 SENSORS: Final = Topic("sensors", "publication", Sensors, None, "emulator")
 VOLTAGES: Final = Topic("voltages", "publication", Voltages, None, "bridge")
+ACTED: Final = Topic("acted", "publication", Acted, None, "emulator")
 TRUTH: Final = Topic("truth", "publication", Truth, None, "emulator")
 EVENTS: Final = Topic("events", "publication", Event, None, "any service")
 STATUS: Final = Topic("status/*", "publication", Status, None, "every service")
@@ -295,7 +316,7 @@ ACKNOWLEDGE: Final = Topic(
 )
 RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
 TOPICS: Final = (
-    *(SENSORS, VOLTAGES, PATH, TRUTH, EVENTS, STATUS, ALIVE),
+    *(SENSORS, VOLTAGES, ACTED, PATH, TRUTH, EVENTS, STATUS, ALIVE),
     *(SETTINGS, SIGNAL, STOP, RELEASE, FAULT, RESET, LATCH, SUMMARY),
     *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, MONITORING, RESIDUALS, ACKNOWLEDGE),
 )

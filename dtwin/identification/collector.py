@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final
 
+from dtwin.bus.messages import Acted
 from dtwin.errors import IdentificationError
 from dtwin.identification.data import Experiment
 from dtwin.identification.excitation.plan import Excitation
@@ -35,6 +36,7 @@ class SignalCollector:
     _expected: list[list[float]] = field(init=False, repr=False)
     _sensors: dict[int, Sensors] = field(default_factory=dict, init=False, repr=False)
     _commands: dict[int, Voltages] = field(default_factory=dict, init=False, repr=False)
+    _acted: dict[int, Acted] = field(default_factory=dict, init=False, repr=False)
     _next: int = field(default=-1, init=False, repr=False)
     _measured: list[Triple] = field(default_factory=list, init=False, repr=False)
     _volts: list[list[float]] = field(default_factory=list, init=False, repr=False)
@@ -58,7 +60,10 @@ class SignalCollector:
         if self._next < 0:
             self._next = sensors.sequence
         while self._next <= sensors.sequence - LAG and not self.complete:
-            self._tick(self._sensors.pop(self._next, None), self._commands.pop(self._next, None))
+            number = self._next
+            self._tick(
+                self._sensors.pop(number, None), self._commands.pop(number, None), self._acted.pop(number, None)
+            )
             self._next += 1
 
     def command(self, voltages: Voltages) -> None:
@@ -66,10 +71,15 @@ class SignalCollector:
         if voltages.sequence >= self._next:
             self._commands.setdefault(voltages.sequence, voltages)
 
-    def _tick(self, sensors: Sensors | None, command: Voltages | None) -> None:
-        """Takes one tick; without a command of its own the arm was under the command before."""
+    def acted(self, message: Acted) -> None:
+        """Takes what acted in a tick instead of the command that answers its sample."""
+        if message.sequence >= self._next:
+            self._acted[message.sequence] = message
+
+    def _tick(self, sensors: Sensors | None, command: Voltages | None, acted: Acted | None) -> None:
+        """Takes one tick; of which nobody tells anything, the arm was under the same voltages as before."""
         if command is not None and sensors is not None and list(command.volts[:3]) == self._expected[self.done]:
-            self._take(sensors.theta, list(command.volts[:3]), self.box_mass if command.box_gripped else 0.0)
+            self._take(sensors.theta, acted or command)
             self.done += 1
         elif self.done:
             held = len(self._measured) + 1 - self.done
@@ -78,12 +88,12 @@ class SignalCollector:
                     f"the signal broke off after {self.done} of {self.samples} ticks, at {self._next * PERIOD:.2f} s:"
                     " ticks are missing or something else commands the arm; ask again"
                 )
-            self._take(sensors.theta, self._volts[-1], self._payload[-1])
+            self._take(sensors.theta, acted)
 
-    def _take(self, theta: Triple, volts: list[float], payload: float) -> None:
+    def _take(self, theta: Triple, acted: Voltages | Acted | None) -> None:
         self._measured.append(theta)
-        self._volts.append(volts)
-        self._payload.append(payload)
+        self._volts.append(self._volts[-1] if acted is None else list(acted.volts[:3]))
+        self._payload.append(self._payload[-1] if acted is None else self.box_mass * acted.box_gripped)
 
     def experiment(self) -> Experiment:
         """The measured experiment, whose initial state is unknown.

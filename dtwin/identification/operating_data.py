@@ -6,12 +6,14 @@ without an identification signal. Motions with a box are left out, since the mas
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
-from dtwin.bus.pairs import WAITING, Pairs
+from dtwin.bus.messages import Acted
+from dtwin.bus.ticks import Tick, Ticks
 from dtwin.errors import IdentificationError
 from dtwin.identification.data import Experiment
 from dtwin.identification.estimation.estimate import Estimate, EstimationSettings, identify
@@ -32,41 +34,31 @@ MOVED: Final = 0.1
 
 
 class OperatingData:
-    """The last ticks of a running cell: its samples and the commands that answer them."""
+    """The last ticks of a running cell: its samples and what acted on the arm after them."""
 
     def __init__(self) -> None:
-        self._pairs: Pairs[Sensors, Voltages] = Pairs()
-        self._ticks: dict[int, tuple[Sensors, Voltages]] = {}
-        self._newest = -1
+        self._incoming = Ticks()
+        self._ticks: deque[Tick] = deque(maxlen=MEMORY)
 
-    def take(self, item: Sensors | Voltages) -> None:
-        """Takes a sample or a command, which may come in either order."""
-        number = item.sequence
-        if number < self._newest - WAITING:  # another run has begun
-            self._pairs.clear()
-            self._ticks.clear()
-            self._newest = number
-        self._newest = max(self._newest, number)
-        pair = self._pairs.first(item) if isinstance(item, Sensors) else self._pairs.second(item)
-        if pair is not None:
-            self._ticks[number] = pair
-            while len(self._ticks) > MEMORY:
-                del self._ticks[next(iter(self._ticks))]
+    def take(self, item: Sensors | Voltages | Acted) -> None:
+        """Takes a sample, a command or what acted instead of one; commands may come before or after their samples."""
+        if isinstance(item, Sensors) and self._ticks and item.sequence <= self._ticks[-1][0].sequence:
+            self._ticks.clear()  # another run has begun
+        self._ticks.extend(self._incoming.take(item))
 
     def pieces(self, since: float) -> list[Experiment]:
         """Pieces of motion with an empty gripper that began at a plant time (s) or later, oldest first."""
         found = []
-        run: list[tuple[Sensors, Voltages]] = []
-        for number in sorted(self._ticks):
-            sensors, command = tick = self._ticks[number]
-            if command.box_gripped or sensors.time < since:
+        run: list[Tick] = []
+        for sensors, acted in self._ticks:
+            if acted.box_gripped or sensors.time < since:
                 run.clear()
                 continue
-            if run and number != run[-1][0].sequence + 1:
+            if run and sensors.sequence != run[-1][0].sequence + 1:
                 run.clear()
-            run.append(tick)
+            run.append((sensors, acted))
             if len(run) == PIECE:
-                piece = Experiment([s.theta for s, _ in run], [c.volts[:3] for _, c in run])
+                piece = Experiment([s.theta for s, _ in run], [a.volts[:3] for _, a in run])
                 if float(np.ptp(piece.measured, axis=0).max()) > MOVED:
                     found.append(piece)
                 run.clear()

@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from dtwin.bus.messages import Path
+from dtwin.bus.messages import Acted, Path
 from dtwin.parameters import Triple
-from dtwin.signals import Event, EventKind, Quad, Sensors, StepRecord, Truth, Voltages
+from dtwin.signals import Quad, Sensors, StepRecord, Truth, Voltages
 
 PATIENCE: Final = 2.0
 """s that a row waits for what belongs to it"""
@@ -21,13 +21,14 @@ _NO_VOLTS: Final[Quad] = (0.0, 0.0, 0.0, 0.0)
 
 
 class _Row:
-    __slots__ = ("came", "command", "path", "sensors", "truth")
+    __slots__ = ("acted", "came", "command", "path", "sensors", "truth")
 
     def __init__(self, sensors: Sensors, came: float) -> None:
         self.sensors = sensors
         self.came = came
         self.truth: Truth | None = None
         self.command: Voltages | None = None
+        self.acted: Acted | None = None
         self.path: Path | None = None
 
     def take(self, message: Voltages | Path) -> None:
@@ -38,10 +39,10 @@ class _Row:
 
 
 class Rows:
-    """Emits a record for every sample, in order, once its truth, command and path are there or too late.
+    """Emits a record for every sample, in order, once the next one, its truth, command and path are there or too late.
 
-    A row whose command never came shows the one that the arm obeyed instead: the last one, or 0 V once it was safe.
-    A path that never came is NaN.
+    A row shows what acted on the arm, which the emulator tells before the next sample if it was not the command; a row
+    of which nobody told anything shows what acted before. A path that never came is NaN.
 
     Args:
         emit: receives the records.
@@ -94,10 +95,12 @@ class Rows:
         elif len(self._early) < EARLY_LIMIT and self._may_be_early(message.sequence):
             self._early.setdefault(message.sequence, []).append(message)
 
-    def event(self, event: Event) -> None:
-        """Takes note when the arm has lost its voltage."""
-        if event.kind == EventKind.SAFE:
-            self._volts = _NO_VOLTS
+    def acted(self, message: Acted, now: float) -> None:
+        """Takes what acted after the last sample instead of its command; both come from the emulator, in this order."""
+        row = self._rows.get(message.sequence)
+        if row is not None:
+            row.acted = message
+            self._emit_due(now)
 
     def flush(self) -> None:
         """Emits all rows that have at least their truth."""
@@ -112,21 +115,22 @@ class Rows:
         rows = self._rows
         while rows:
             row = next(iter(rows.values()))
-            complete = row.truth and row.command and (row.path or not self._paths)
+            complete = len(rows) > 1 and row.truth and (row.acted or row.command) and (row.path or not self._paths)
             if not complete and now - row.came < PATIENCE and len(rows) < PENDING_LIMIT:
                 return
             self._finish(row)
             del rows[row.sensors.sequence]
 
     def _finish(self, row: _Row) -> None:
-        if row.command is not None:
-            self._volts, self._gripped = row.command.volts, row.command.box_gripped
+        acted = row.acted or row.command
+        if acted is not None:
+            self._volts, self._gripped = acted.volts, acted.box_gripped
         if row.truth is None:
             self.late += 1
             return
         sensors = row.sensors
-        if row.command is None or (self._paths and row.path is None):
+        if acted is None or (self._paths and row.path is None):
             self.late += 1
-        command = row.command or Voltages(sensors.sequence, sensors.time, self._volts, self._gripped)
+        command = Voltages(sensors.sequence, sensors.time, self._volts, self._gripped)
         target = row.path.theta if row.path is not None else NO_TARGET
         self._emit(StepRecord(row.truth, sensors, target, command))

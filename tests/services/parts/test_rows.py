@@ -5,8 +5,8 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dtwin.bus.messages import Path
-from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
+from dtwin.bus.messages import Acted, Path
+from dtwin.signals import Sensors, StepRecord, Truth, Voltages
 from services.parts.rows import EARLY_LIMIT, PATIENCE, Rows
 
 COUNT = 12
@@ -55,6 +55,7 @@ def test_any_interleaving_of_the_senders_gives_the_same_rows(order: list[str]) -
             collected.tick(k)
         else:
             collected.rows.answer(command(k) if sender == "command" else path(k), 0.0)
+    collected.rows.flush()
     assert collected.records == [StepRecord(truth(k), sample(k), path(k).theta, command(k)) for k in range(COUNT)]
     assert collected.rows.late == 0
 
@@ -74,14 +75,20 @@ def test_a_row_waits_only_so_long_and_then_shows_what_held() -> None:
     assert collected.rows.late == 1
 
 
-def test_without_a_command_a_safe_arm_has_no_volts() -> None:
+def test_a_row_shows_what_acted_and_not_the_command_that_came_too_late() -> None:
     collected = Collected(paths=False)
     collected.tick(0)
-    collected.rows.answer(command(0), 0.0)
-    collected.rows.event(Event(0.01, "safe", ""))
+    collected.rows.answer(command(0, 1.0), 0.0)
     collected.tick(1)
+    collected.rows.answer(command(1, 2.0), 0.0)
+    collected.rows.acted(Acted(1, 0.01, (1.0, 0.0, 0.0, 0.0), False), 0.0)
+    collected.tick(2)
+    collected.rows.acted(Acted(2, 0.02, (0.0, 0.0, 0.0, 0.0), False), 0.0)
+    collected.tick(3)
     collected.rows.flush()
-    assert [record.voltages.volts[0] for record in collected.records] == [1.0, 0.0]
+    assert [record.voltages.volts[0] for record in collected.records] == [1.0, 1.0, 0.0, 0.0]
+    assert [record.voltages.sequence for record in collected.records] == [0, 1, 2, 3]
+    assert collected.rows.late == 1, "of the last nobody has told anything"
 
 
 def test_a_repeated_sample_counts_once_and_the_first_command_too() -> None:
@@ -99,6 +106,7 @@ def test_numbers_that_go_back_are_another_run() -> None:
     for k in (0, 1, 0, 1):
         collected.tick(k)
         collected.rows.answer(command(k), 0.0)
+    collected.rows.flush()
     assert collected.restarts == 1
     assert [record.sensors.sequence for record in collected.records] == [0, 1, 0, 1]
 
