@@ -54,6 +54,7 @@ class EventKind(StrEnum):
     DISMISSED = "dismissed"
     FAILED = "failed"
     RECOVERED = "recovered"
+    SPIKE = "spike"
     ACKNOWLEDGED = "acknowledged"
     RESTART = "restart"
     START = "start"

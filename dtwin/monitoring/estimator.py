@@ -188,6 +188,12 @@ class Estimator:
             )
         return likelihood
 
+    def expected(self) -> tuple[Array, Array]:
+        """The readings as they are expected now, (3,), and their standard deviations about that, (3,), rad."""
+        P, angle, bias = self.P, np.arange(3), np.arange(BIAS, DRIFT)
+        variance = P[angle, angle] + 2.0 * P[angle, bias] + P[bias, bias] + self._noise
+        return self.x[:W] + self.x[BIAS:DRIFT], np.sqrt(variance)
+
     def set_noise(self, deviation: Array) -> None:
         """Standard deviation of the encoders' noise, (3,) rad."""
         self._noise = np.maximum(np.square(deviation), NOISE_FLOOR**2)

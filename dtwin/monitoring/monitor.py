@@ -17,7 +17,7 @@ from dtwin.monitoring.estimator import Estimator, Tuning
 from dtwin.monitoring.findings import Consequences, Findings
 from dtwin.monitoring.kinds import FREEZE, UNKNOWN, FaultId, faults, parse_fault_id, plausible_sizes
 from dtwin.monitoring.modes import Diagnosing, Lost, Mode, Settling, Turn, Turns, Watching
-from dtwin.monitoring.readings import FROZEN, Readings
+from dtwin.monitoring.readings import Readings
 from dtwin.monitoring.signatures import LONGEST, SPACING, SignatureBank, threshold
 from dtwin.monitoring.trend import WATCHED, Trend
 from dtwin.monitoring.verdict import Finding, Forecast, finding, monitored_units, unit_of
@@ -123,7 +123,7 @@ class Monitor:
         if not (np.isfinite(measured).all() and np.isfinite(volts).all()):
             return  # what says nothing has not arrived; the next sample counts it as missing
         gap = sample - self.sample
-        used = self._readings.usable(measured)
+        angles = self._readings.take(measured)
         bridged = gap == 1 or (1 < gap <= BRIDGED + 1 and gripped == self._gripped)
         if self.sample < 0 or not bridged:
             self._restart(sample, measured, gripped, gap)
@@ -133,13 +133,13 @@ class Monitor:
                 command = self._command + (step - 1) / gap * (volts - self._command)
                 doubt = 0.0 if gap == 1 else _BLIND + _DOUBT * float(np.abs(volts - self._command).max())
                 self.sample += 1
-                self._step(measured, used if step == gap else np.zeros(3, dtype=bool), command, doubt)
+                self._step(angles, step == gap, command, doubt)
         self._command, self._gripped = volts, gripped
         louder = self._readings.listen(measured)
         if louder is not None:
             self._belief = replace(self._belief, noise=louder)
             self.estimator = Estimator(self._belief, self.settings.tuning)
-            self._begin(measured, gripped)
+            self._begin(measured, gripped, max(SETTLING, self._readings.unheard))
 
     @property
     def statistic(self) -> float:
@@ -266,11 +266,12 @@ class Monitor:
         if after.jumped in WATCHED:
             self.trend.restart()
 
-    def _step(self, measured: Array, used: NDArray[np.bool_], command: Array, doubt: float) -> None:
+    def _step(self, measured: Array, arrived: bool, command: Array, doubt: float) -> None:
         """Carries the estimate over one period and does what the mode asks for."""
         estimator, gripped = self.estimator, self._gripped
         regripped = gripped != estimator.gripped
         estimator.predict(command, gripped, doubt)
+        used = self._judge() if arrived else np.zeros(3, dtype=bool)
         likelihood = estimator.correct(measured, used)
         if not likelihood > _LEAST_LIKELY:
             likelihood = _LEAST_LIKELY
@@ -287,7 +288,7 @@ class Monitor:
                 self.findings.pick_up(self.time)
             else:
                 self._apply(self.findings.put_down(self.time))
-        self._watch_repetition()
+        self._watch_readings()
         match self._mode:
             case Settling(left, begun, then):
                 left -= 1
@@ -368,14 +369,21 @@ class Monitor:
             self.findings.give_up(self.time, first.detected, pending, first.findings)
             self._try_again(Lost(first.estimator))
 
-    def _watch_repetition(self) -> None:
-        """Enters encoders that repeat themselves, and ends what is said of those that do not any more."""
-        readings, estimator = self._readings, self.estimator
+    def _judge(self) -> NDArray[np.bool_]:
+        """Which readings of the sample that has arrived are measurements."""
+        trusted = isinstance(self._mode, Watching | Settling) and not self._readings.unheard
+        used = self._readings.judge(*self.estimator.expected(), trusted)
+        for i in np.flatnonzero(self._readings.spikes).tolist():
+            self.findings.note(self.time - PERIOD, "spike", f"one reading of joint {i + 1} was far off and is left out")
+        return used
+
+    def _watch_readings(self) -> None:
+        """Enters encoders that have stopped, and ends what is said of those that work again."""
+        readings = self._readings
         for fault in faults(FREEZE):
             i, name = fault.joint - 1, str(fault)
             count = int(readings.repeated[i])
-            surprising = readings.noisy[i] or abs(estimator.innovation[i]) > 6.0 * estimator.variance[i] ** 0.5
-            if name not in self.findings.current and count >= FROZEN - 1 and surprising:
+            if readings.frozen[i] and name not in self.findings.current:
                 self.findings.enter(self.time, finding(fault, self.time - count * PERIOD, self.time))
             elif count == 0:
                 self.findings.end(self.time, name)
