@@ -374,7 +374,9 @@ class Monitor:
         trusted = isinstance(self._mode, Watching | Settling) and not self._readings.unheard
         used = self._readings.judge(*self.estimator.expected(), trusted)
         for i in np.flatnonzero(self._readings.spikes).tolist():
-            self.findings.note(self.time - PERIOD, "spike", f"one reading of joint {i + 1} was far off and is left out")
+            self.findings.note(
+                self.time - PERIOD, "spike", f"one reading of joint {i + 1} was far off and is left out"
+            )
         return used
 
     def _watch_readings(self) -> None:

@@ -57,7 +57,16 @@ def test_a_sample_of_which_nobody_tells_anything_is_left_out() -> None:
 
 def test_a_repeated_sample_is_one_and_numbers_that_go_back_are_another_run() -> None:
     ticks = Ticks()
-    messages: list[Sensors | Voltages] = [sample(7), sample(7), command(7), sample(0), command(0), sample(1), command(1), sample(2)]
+    messages: list[Sensors | Voltages] = [
+        sample(7),
+        sample(7),
+        command(7),
+        sample(0),
+        command(0),
+        sample(1),
+        command(1),
+        sample(2),
+    ]
     done = [tick for message in messages for tick in ticks.take(message)]
     assert done == [(sample(0), command(0)), (sample(1), command(1))]
 

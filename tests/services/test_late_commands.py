@@ -60,7 +60,7 @@ def test_late_and_missing_commands_are_no_fault() -> None:
 
 
 def test_without_what_acted_they_would_be() -> None:
-    monitor = monitored((message for message in traffic() if not isinstance(message, Acted)))
+    monitor = monitored(message for message in traffic() if not isinstance(message, Acted))
     assert monitor.history
 
 

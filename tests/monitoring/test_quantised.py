@@ -1,0 +1,131 @@
+"""Encoders of finite resolution, and single wrong readings: what a healthy arm's encoders do is no failure."""
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+from dtwin.controller.embedded import EmbeddedController
+from dtwin.emulation import Emulation, parse_fault
+from dtwin.monitoring.belief import assumed
+from dtwin.monitoring.monitor import Monitor
+from dtwin.monitoring.readings import FROZEN, Readings
+from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.signals import Sensors
+
+SPIKE = 0.05
+"""rad"""
+EVERY = 1000
+"""ticks between two spikes"""
+
+
+def resolution(bits: int) -> float:
+    return 2.0 * math.pi / 2**bits
+
+
+def read(sensors: Sensors, bits: int, wrong: tuple[float, float, float]) -> Sensors:
+    """What encoders of so many bits make of the angles and of a wrong reading, rad."""
+    q = resolution(bits)
+    first, second, third = (round((angle + error) / q) * q for angle, error in zip(sensors.theta, wrong, strict=True))
+    return msgspec.structs.replace(sensors, theta=(first, second, third))
+
+
+def monitored(
+    bits: int, seed: int, duration: float, noise: float = 0.0, spikes: bool = False, fault: str = ""
+) -> Monitor:
+    """A monitor after some seconds of the closed loop, with controller and monitor at the same encoders; noise in
+    resolutions."""
+    faults = [parse_fault(fault)] if fault else []
+    plant = Emulation(seed=seed, noise=noise * resolution(bits), faults=faults)
+    controller, monitor = EmbeddedController(), Monitor(assumed(ArmParameters(), (0.0, 0.0, 0.0)))
+    generator = np.random.default_rng(seed)
+    for tick in range(round(duration / PERIOD)):
+        wrong = [0.0, 0.0, 0.0]
+        if spikes and tick % EVERY == EVERY // 2:
+            wrong[generator.integers(3)] = SPIKE * generator.choice((-1.0, 1.0))
+        sensors = read(plant.read(), bits, (wrong[0], wrong[1], wrong[2]))
+        command = controller.step(sensors)
+        monitor.update(tick, np.array(sensors.theta), np.array(command.volts[:3]), command.box_gripped)
+        plant.apply(command)
+        plant.advance(PERIOD)
+    return monitor
+
+
+@pytest.mark.parametrize(
+    ("bits", "noise"), [(10, 0.0), (12, 0.3), (14, 0.0), (16, 1.0)], ids=["10", "12-noisy", "14", "16-noisy"]
+)
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_healthy_arm_with_such_encoders_raises_no_alarm(bits: int, noise: float, seed: int) -> None:
+    monitor = monitored(bits, seed, 120.0, noise)
+    assert monitor.history == []
+    assert [event.kind for event in monitor.events if event.kind != "spike"] == []
+
+
+@pytest.mark.parametrize("bits", [12, 14])
+def test_single_wrong_readings_are_left_out_and_told(bits: int) -> None:
+    monitor = monitored(bits, 1, 60.0, spikes=True)
+    assert [event.kind for event in monitor.events] == ["spike"] * 6
+    assert [event.time for event in monitor.events] == pytest.approx([5.0 + 10.0 * k for k in range(6)])
+
+
+@pytest.mark.parametrize("bits", [12, 14, 16])
+def test_an_encoder_that_stops_in_motion_is_found_at_once(bits: int) -> None:
+    monitor = monitored(bits, 3, 32.0, fault="freeze2@31")
+    assert [event.kind for event in monitor.events] == ["failed"]
+    (found,) = monitor.history
+    assert found.parameter == "freeze2"
+    assert found.detected <= 31.2
+
+
+@pytest.mark.parametrize("fault", ["K2*=0.5", "bias3+=0.05"])
+def test_other_faults_are_found_through_such_encoders(fault: str) -> None:
+    monitor = monitored(14, 3, 36.0, fault=f"{fault}@31")
+    assert monitor.history
+    assert monitor.history[0].parameter == fault.split("*")[0].split("+")[0]
+    assert 31.0 < monitor.history[0].detected < 32.0
+
+
+def taken(readings: Readings, angle: float, expected: float, deviation: float) -> bool:
+    """Whether a reading of joint 1 counts that was expected like that."""
+    readings.take(np.array([angle, 0.0, 0.0]))
+    used = readings.judge(np.array([expected, 0.0, 0.0]), np.array([deviation, 1.0, 1.0]), True)
+    return bool(used[0])
+
+
+def test_the_resolution_is_the_common_divisor_of_the_steps() -> None:
+    readings = Readings((0.0, 0.0, 0.0))
+    generator = np.random.default_rng(0)
+    q = resolution(14)
+    for _ in range(30):
+        readings.take(np.array([q * generator.integers(50), generator.random(), 0.0]))
+    assert readings.resolution[0] == pytest.approx(q, rel=1e-9)
+    assert readings.resolution[1] == 0.0
+
+
+def test_equal_readings_of_a_joint_at_rest_are_no_frozen_encoder() -> None:
+    readings, q = Readings((0.0, 0.0, 0.0)), resolution(14)
+    for k in range(4):
+        taken(readings, k * q, k * q, q)
+    for _ in range(1000):
+        taken(readings, 3 * q, 3 * q, q / 4)
+    assert not readings.frozen.any()
+    for k in range(FROZEN):
+        taken(readings, 3 * q, (4 + k) * q, q / 4)
+    assert readings.frozen.tolist() == [True, False, False]
+    taken(readings, 9 * q, 9 * q, q / 4)
+    assert not readings.frozen.any()
+
+
+def test_one_reading_far_off_does_not_count_and_a_second_one_does() -> None:
+    readings = Readings((1e-3, 1e-3, 1e-3))
+    generator = np.random.default_rng(0)
+    for _ in range(30):
+        assert taken(readings, 1e-3 * generator.standard_normal(), 0.0, 1e-3)
+    assert not taken(readings, 0.05, 0.0, 1e-3)
+    assert not readings.spikes.any()
+    assert taken(readings, 0.0001, 0.0, 1e-3)
+    assert readings.spikes.tolist() == [True, False, False]
+    assert not taken(readings, 0.05, 0.0, 1e-3)
+    assert taken(readings, 0.051, 0.0, 1e-3)
+    assert not readings.spikes.any()
