@@ -1,7 +1,8 @@
 """Watches the running arm: samples and commands off the bus in, verdicts and residuals out.
 
 A sample counts once it is known what acted on the arm after it: its command, or what the emulator says acted instead.
-What is lost on the way is counted and bridged by the monitor. When the service starts again, it starts from the model and learns anew. It may ask the function blocks for a safe stop.
+What is lost on the way is counted and bridged by the monitor. When the service starts again, it starts from the model
+and learns anew. It may ask the function blocks for a safe stop.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Tells under which voltages the arm was from each sample to the next, whatever the order in which messages come.
 
-Samples and what acted come from the emulator in the order in which they are published: what acted in a tick, if that was
-not the command that answers its sample, comes before the next sample. Commands come from another sender.
+Samples and what acted come from the emulator in the order in which they are published: what acted in a tick, if that
+was not the command that answers its sample, comes before the next sample. Commands come from another sender.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ Tick = tuple[Sensors, Voltages | Acted]
 class Ticks:
     """Puts a sample and what acted after it together, in the order of the samples.
 
-    A sample is complete once the next one is there. One of which nobody ever tells what acted is left out. Numbers that
-    go back are those of another run: what waits is forgotten.
+    A sample is complete once the next one is there. One of which nobody ever tells what acted is left out. Numbers
+    that go back are those of another run: what waits is forgotten.
     """
 
     def __init__(self) -> None:

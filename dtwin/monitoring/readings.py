@@ -1,9 +1,9 @@
 """What the encoders' readings tell by themselves: their noise and resolution, and which of them are no measurements.
 
-An encoder of resolution q reads a multiple of q. A reading that repeats the one before says only that the angle is still
-within the same q; it is looked at again when the estimate has left that. The first one after a step was taken
-somewhere beyond the edge between the two, by as much as the angle moves in a sample. Where noise exceeds the resolution
-none of this matters.
+An encoder of resolution q reads a multiple of q. A reading that repeats the one before says only that the angle is
+still within the same q; it is looked at again when the estimate has left that. The first one after a step was taken
+somewhere beyond the edge between the two, by as much as the angle moves in a sample. Where noise exceeds the
+resolution none of this matters.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LISTENING: Final = 100
 FROZEN: Final = 5
 """equal readings in a row that an encoder of a moving joint does not give"""
 COARSEST: Final = 0.03
-"""rad: steps of a reading from which on they tell nothing of the resolution, which is taken for so much while unknown"""
+"""rad: larger steps of a reading tell nothing of the resolution, which is taken for so much while it is not known"""
 _NOISIER: Final = 1.3
 """factor by which noise must differ from what is believed to be believed instead"""
 _TELLING: Final = 2
@@ -165,7 +165,7 @@ class Readings:
 
 
 def _common_divisor(first: float, second: float) -> float:
-    """The greatest common divisor of two lengths but for rounding, by Euclid's algorithm with the nearest quotient."""
+    """The greatest common divisor of two lengths but for rounding, by Euclid's algorithm."""
     while second > _ROUNDING:
         rest = abs(first - second * round(first / second))
         first, second = second, rest

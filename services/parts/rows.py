@@ -39,10 +39,10 @@ class _Row:
 
 
 class Rows:
-    """Emits a record for every sample, in order, once the next one, its truth, command and path are there or too late.
+    """Emits a record for every sample, in order, once all that belongs to it and the next one are there, or too late.
 
-    A row shows what acted on the arm, which the emulator tells before the next sample if it was not the command; a row
-    of which nobody told anything shows what acted before. A path that never came is NaN.
+    A row shows what acted on the arm, which the emulator tells before the next sample if it was not the command; a
+    row of which nobody told anything shows what acted before. A path that never came is NaN.
 
     Args:
         emit: receives the records.
@@ -96,7 +96,7 @@ class Rows:
             self._early.setdefault(message.sequence, []).append(message)
 
     def acted(self, message: Acted, now: float) -> None:
-        """Takes what acted after the last sample instead of its command; both come from the emulator, in this order."""
+        """Takes what acted after the last sample instead of its command; the emulator sends both in this order."""
         row = self._rows.get(message.sequence)
         if row is not None:
             row.acted = message
