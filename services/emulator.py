@@ -128,6 +128,7 @@ class Emulator:
         """Runs until the cell has done so many ticks, or is asked to end."""
         service = self._service
         service.ready()
+        self._tell_news()
         due = time.monotonic()
         while not service.stopping:
             sensors = self._read()
@@ -162,6 +163,7 @@ class Emulator:
             self._anew = False
             return time.monotonic()
         self._cell.advance()
+        self._tell_news()
         if self._pace == "realtime":
             self._idle_until(due)
         if self._service.report_due():
@@ -229,6 +231,11 @@ class Emulator:
         self._state = "safe"
         self._cell.stop()
         self._announce(EventKind.SAFE, "no valid command in time: the arm gets 0 V")
+
+    def _tell_news(self) -> None:
+        """Tells what happened to the journal."""
+        for text in self._cell.drain_news():
+            self._announce(EventKind.DISK, text)
 
     def _announce(self, kind: EventKind, text: str) -> None:
         log.warning("%s", text)

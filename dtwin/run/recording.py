@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -21,7 +22,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from dtwin.errors import RecordingError
+from dtwin.errors import NoSpaceError, RecordingError
 from dtwin.signals import NO_COLOUR, Event, StepRecord
 
 NUMBERS: Final = (
@@ -38,6 +39,9 @@ angle as sensed (rad) and true payload (kg).
 """
 COLUMNS: Final = (*NUMBERS, "box_present", "box_colour", "box_gripped")
 """Names of all columns in the order of the file."""
+
+NO_SPACE: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+"""Numbers of the system's errors that say that there is no room for a file."""
 
 _COLOUR_TYPE: Final = pa.dictionary(pa.int32(), pa.string())
 _SCHEMA: Final = pa.schema(
@@ -213,6 +217,7 @@ def replacing(path: Path) -> Iterator[Path]:
     """Gives a temporary path beside `path` to write to; the file replaces `path` when the block succeeds.
 
     Raises:
+        NoSpaceError: there is no room for the file.
         RecordingError: `path` is no path of a file, or it cannot be written.
     """
     target = path.resolve()
@@ -225,7 +230,8 @@ def replacing(path: Path) -> Iterator[Path]:
         yield temporary
         os.replace(temporary, target)
     except OSError as error:
-        raise RecordingError(f"{path}: cannot be written: {_reason(error)}") from None
+        failure = NoSpaceError if error.errno in NO_SPACE else RecordingError
+        raise failure(f"{path}: cannot be written: {_reason(error)}") from None
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink()

@@ -31,6 +31,7 @@ _LEVELS: Final[Mapping[str, rr.TextLogLevel]] = {
     EventKind.FAULT: rr.TextLogLevel.WARN,
     EventKind.SAFE: rr.TextLogLevel.WARN,
     EventKind.RIVALS: rr.TextLogLevel.WARN,
+    EventKind.DISK: rr.TextLogLevel.WARN,
     MONITOR + EventKind.SUSPECTED: rr.TextLogLevel.WARN,
     MONITOR + EventKind.FAILED: rr.TextLogLevel.ERROR,
     MONITOR + EventKind.RESTART: rr.TextLogLevel.WARN,
