@@ -112,12 +112,14 @@ COMMAND = ((1.0, -2.0, 0.5, 3.0), True)
 
 def test_a_checkpoint_is_due_in_time_and_takes_the_place_of_what_came_before(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "j", 4)
+    due = []
     for _ in range(ROTATION):
-        assert not journal.due
+        due.append(journal.due)
         journal.command(*COMMAND)
-    assert journal.due
+    due.append(journal.due)
     journal.checkpoint(b"state")
-    assert not journal.due
+    due.append(journal.due)
+    assert due == [*[False] * ROTATION, True, False]
     journal.fault("later")
     journal.close()
     again = Journal(tmp_path / "j", 0)
@@ -134,7 +136,7 @@ def test_a_full_disk_costs_what_it_cannot_take_until_there_is_room(tmp_path: Pat
     with full_disk(room):
         for _ in range(RETRY):
             journal.command(*COMMAND)
-        assert journal.due
+        due = [journal.due]
         journal.checkpoint(bytes(room))
         journal.fault("not noted")
     assert len(journal.news) == 1
@@ -142,8 +144,9 @@ def test_a_full_disk_costs_what_it_cannot_take_until_there_is_room(tmp_path: Pat
     assert Journal(path, 0).entries() == [COMMAND], "half a record is cut off, and no later one follows it"
     assert [file.name for file in tmp_path.iterdir()] == ["j"]
     for _ in range(RETRY):
-        assert not journal.due
+        due.append(journal.due)
         journal.command(*COMMAND)
+    assert due == [True, *[False] * RETRY]
     assert Journal(path, 0).entries() == [COMMAND], "a record is missing, so none is added before a checkpoint"
     journal.checkpoint(b"state")
     journal.fault("noted")
