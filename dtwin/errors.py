@@ -60,6 +60,10 @@ class RecordingError(DtwinError):
     """A log or recording cannot be read or written."""
 
 
+class NoSpaceError(RecordingError):
+    """A log or recording cannot be written because the disk, or the part of it that one may use, is full."""
+
+
 class CommunicationError(DtwinError):
     """A peer is unreachable, late, or speaks another protocol."""
 

@@ -64,6 +64,7 @@ class EventKind(StrEnum):
     ROLL_BACK = "roll back"
     IDENTIFICATION = "identification"
     OPERATOR = "operator"
+    DISK = "disk"
 
 
 MONITOR: Final = "monitor_"

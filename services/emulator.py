@@ -132,6 +132,7 @@ class Emulator:
         """Runs until the cell has done so many ticks, or is asked to end."""
         service = self._service
         service.ready()
+        self._tell_news()
         due = time.monotonic()
         while not service.stopping:
             sensors = self._read()
@@ -167,6 +168,7 @@ class Emulator:
             return time.monotonic()
         self._tell_what_acts(sensors)
         self._cell.advance()
+        self._tell_news()
         if self._pace == "realtime":
             self._idle_until(due)
         if self._service.report_due():
@@ -241,6 +243,11 @@ class Emulator:
         acts = self._cell.command
         if acts is not self._obeyed or acts.sequence != sensors.sequence:
             self._publish_acted(Acted(sensors.sequence, sensors.time, acts.volts, acts.box_gripped))
+
+    def _tell_news(self) -> None:
+        """Tells what happened to the journal."""
+        for text in self._cell.drain_news():
+            self._announce(EventKind.DISK, text)
 
     def _announce(self, kind: EventKind, text: str) -> None:
         log.warning("%s", text)

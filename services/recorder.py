@@ -20,11 +20,11 @@ import numpy as np
 from dtwin.bus.messages import ACTED, EVENTS, MONITORING, PATH, RESIDUALS, SENSORS, TRUTH, VOLTAGES, Acted, State
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.twin_messages import MonitoringResiduals, MonitoringVerdict
-from dtwin.errors import ParameterError
+from dtwin.errors import NoSpaceError, ParameterError, RecordingError
 from dtwin.parameters import ArmParameters
 from dtwin.run.options import ArmOptions
-from dtwin.run.recording import Log, RunLog, ensure_writable
-from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
+from dtwin.run.recording import Log, RunLog
+from dtwin.signals import Event, EventKind, Sensors, StepRecord, Truth, Voltages
 from dtwin.view import LiveView, Ports, Predictions, Viewer, ViewerProcess
 from services.parts.log_parts import Parts
 from services.parts.rows import Rows
@@ -35,6 +35,10 @@ log = logging.getLogger(__name__)
 NAME: Final = "recorder"
 FLUSH: Final = 0.5
 """s between two parts"""
+DRAWING: Final = 0.2
+"""Longest time for which what an earlier recorder left is drawn before the next messages are taken, s."""
+LAST_DRAWING: Final = 2.0
+"""Longest time for which the rest is drawn at the end, s."""
 QUIET: Final = 0.3
 """s without a message after which nothing more is on its way at the end"""
 
@@ -61,31 +65,44 @@ class Options(ArmOptions, Link):
             notes = msgspec.json.decode(self.notes, type=dict[str, Any])
         except msgspec.MsgspecError as error:
             raise ParameterError(f"--notes: expected a JSON object: {error}") from None
-        for path in (self.log, self.record):
-            if path is not None:
-                ensure_writable(path)
         arm = self.parameters()
         with Service(NAME, self) as service:
-            recorder = Recorder(service, self, notes, arm)
+            recorder = Recorder(self, notes, arm, service.bus.publisher(EVENTS))
             try:
-                recorder.run()
+                recorder.listen(service)
+                recorder.run(service)
             finally:
                 recorder.close()
         return 0
 
 
 class Recorder:
-    """Collects rows and keeps them."""
+    """Collects rows and keeps them; a disk that is full costs what memory cannot hold and nothing else.
 
-    def __init__(self, service: Service, options: Options, notes: dict[str, Any], arm: ArmParameters) -> None:
-        self._service = service
+    Args:
+        options: what to write and to show.
+        notes: what the log says about how the run was made.
+        arm: arm that is drawn.
+        tell: receives events about the files.
+
+    Attributes:
+        rows: what takes the messages that rows are put together from.
+
+    Raises:
+        DtwinError: a file cannot be written for another reason than a full disk, or the viewer does not start.
+    """
+
+    def __init__(
+        self, options: Options, notes: dict[str, Any], arm: ArmParameters, tell: Callable[[Event], None]
+    ) -> None:
+        self._tell = tell
         self._options = options
         self._notes = notes
         self._arm = arm
         self._runs = 0
         self._ticks = 0
         self._run_log = RunLog()
-        self._rows = Rows(self._add_row, self._begin_another)
+        self.rows = Rows(self._add_row, self._begin_another)
         self._parts: Parts | None = None
         self._view: LiveView | None = None
         kind = options.viewer
@@ -93,39 +110,43 @@ class Recorder:
         self._time = 0.0
         self._residuals: list[MonitoringResiduals] = []
         self._verdicts: list[MonitoringVerdict] = []
+        self._undrawn: int | None = None
+        self._unready = False
         self._begin()
+
+    def listen(self, service: Service) -> None:
+        """Puts what passes on the bus into the inbox of the service."""
         bus = service.bus
         take = service.inbox.put
-        rows = self._rows
+        rows = self.rows
         bus.subscribe(SENSORS, Sensors, lambda message: take((rows.sensors, message)))
         bus.subscribe(TRUTH, Truth, lambda message: take((rows.truth, message)))
         bus.subscribe(VOLTAGES, Voltages, lambda message: take((rows.answer, message)))
         bus.subscribe(ACTED, Acted, lambda message: take((rows.acted, message)))
         bus.subscribe(PATH, PathAngles, lambda message: take((rows.answer, message)))
-        bus.subscribe(EVENTS, Event, lambda message: take((self._take_event, message)))
-        if options.monitored:
+        bus.subscribe(EVENTS, Event, lambda message: take((self.take_event, message)))
+        if self._options.monitored:
             bus.subscribe(RESIDUALS, MonitoringResiduals, lambda message: take((self._take_residuals, message)))
             bus.subscribe(MONITORING, MonitoringVerdict, lambda message: take((self._take_verdict, message)))
 
-    def run(self) -> None:
+    def run(self, service: Service) -> None:
         """Records until it is asked to end, and what was on its way then."""
-        service = self._service
         service.ready()
         due = time.monotonic() + FLUSH
         while not service.stopping:
             self._deal_with(service.next(due - time.monotonic()))
             if time.monotonic() >= due:
-                self._keep()
+                self.keep()
                 due = time.monotonic() + FLUSH
             if service.report_due():
-                self._report("running")
+                self._report(service, "running")
         while (item := service.next(QUIET)) is not None:
             self._deal_with(item)
-        self._report("stopping")
+        self._report(service, "stopping")
 
     def close(self) -> None:
         """Writes the rest."""
-        self._rows.flush()
+        self.rows.flush()
         self._end()
         if self._viewer is not None:
             self._viewer.close()
@@ -135,7 +156,8 @@ class Recorder:
             receive, message = item
             receive(message, time.monotonic())
 
-    def _take_event(self, event: Event, now: float) -> None:
+    def take_event(self, event: Event, now: float) -> None:
+        """Takes an event."""
         self._run_log.add_events([event])
 
     def _take_residuals(self, message: MonitoringResiduals, now: float) -> None:
@@ -149,8 +171,8 @@ class Recorder:
         self._time = record.sensors.time
         self._ticks += 1
 
-    def _keep(self) -> None:
-        """Keeps what has come since the last time."""
+    def keep(self) -> None:
+        """Keeps what has come since the last time, and draws it."""
         part = self._run_log.freeze()
         if not len(part):
             return
@@ -159,38 +181,77 @@ class Recorder:
             self._join(part)
         if self._parts is not None:
             self._parts.add(part)
-        if self._view is not None:
-            self._view.add(part)
+            self._tell_news(self._parts)
+        if self._view is None and (self._options.record is not None or self._viewer is not None):
+            self._undrawn = 0
+            self._open_view()
+        if self._view is not None and self._view.ready:
+            self._draw(self._view, part)
             self._view.add_monitoring(predictions(self._residuals), self._verdicts)
+        elif self._view is not None:
+            self._say_unready(f"{self._options.record}: no room for more")
+            if self._undrawn is None and self._parts is not None:
+                self._undrawn = self._parts.rows - (0 if self._parts.waiting else len(part))
         self._residuals, self._verdicts = [], []
 
     def _join(self, part: Log) -> None:
         """Goes on with what an earlier recorder left, if this part follows it."""
         self._joined = True
-        if self._parts is None or not self._parts.logs:
+        if self._parts is None or not self._parts.rows:
             return
-        last, first = self._parts.logs[-1].columns["t"][-1], part.columns["t"][0]
+        last, first = self._parts.last, part.columns["t"][0]
         if first <= last:
             self._parts.clear()
             return
         log.warning("goes on with a log that ends at %.2f s; %.2f s are missing", last, first - last)
-        if self._view is not None:
-            for earlier in self._parts.logs:
-                self._view.add(earlier)
+        self._undrawn = 0
+
+    def _draw(self, view: LiveView, part: Log) -> None:
+        """Draws what has come; first of all, for a short while each time, what is on disk and not drawn yet."""
+        if self._unready:
+            self._unready = False
+            self._announce("the recording is written again")
+        if self._undrawn is None or self._parts is None:
+            view.add(part)
+        else:
+            self._undrawn = self._draw_from(view, self._parts, self._undrawn, DRAWING)
+
+    def _draw_from(self, view: LiveView, parts: Parts, row: int, seconds: float) -> int | None:
+        """Draws the parts on disk from a row on for a time; returns the row to go on from, None when all is drawn."""
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            earlier = parts.read(row)
+            if earlier is None:
+                # Rows that wait for room on the disk are drawn as soon as they are there.
+                return row if parts.waiting else None
+            rows, row = earlier
+            view.add(rows)
+        return row
 
     def _begin(self) -> None:
         """Opens what is to be written; after the first run the names get a number."""
         self._joined = False
+        self._undrawn = None
+        self._view = None
         self._runs += 1
         options = self._options
         if options.log is not None:
             self._parts = Parts(self._numbered(options.log))
             if self._runs > 1:
                 self._parts.clear()
+            self._tell_news(self._parts)
         if options.record is not None or options.viewer != "none":
-            file = None if options.record is None else self._numbered(options.record)
-            url = "" if self._viewer is None else options.ports.data_url
+            self._open_view()
+
+    def _open_view(self) -> None:
+        """Opens the recording, unless there is no room for it now."""
+        options = self._options
+        file = None if options.record is None else self._numbered(options.record)
+        url = "" if self._viewer is None else options.ports.data_url
+        try:
             self._view = LiveView(options.mjcf, self._arm, file, url, options.monitored)
+        except NoSpaceError as error:
+            self._say_unready(str(error))
 
     def _numbered(self, path: Path) -> Path:
         return path if self._runs == 1 else path.with_stem(f"{path.stem}-{self._runs}")
@@ -201,14 +262,37 @@ class Recorder:
         self._begin()
 
     def _end(self) -> None:
-        self._keep()
+        self.keep()
+        if self._undrawn is not None and self._parts is not None and self._view is not None and self._view.ready:
+            self._undrawn = self._draw_from(self._view, self._parts, self._undrawn, LAST_DRAWING)
+        if self._undrawn is not None:
+            self._announce("the recording lacks what has not been drawn yet; the log holds it")
         if self._parts is not None:
-            self._parts.finish(self._notes)
+            try:
+                self._parts.finish(self._notes)
+            except RecordingError as error:
+                self._announce(str(error))
         if self._view is not None:
             self._view.close()
 
-    def _report(self, state: State) -> None:
-        self._service.report(state, self._ticks, time=self._time, late_ticks=self._rows.late)
+    def _tell_news(self, parts: Parts) -> None:
+        """Tells what happened to the files of the log."""
+        news, parts.news = parts.news, []
+        for text in news:
+            self._announce(text)
+
+    def _say_unready(self, text: str) -> None:
+        """Says once that there is no room for the recording."""
+        if not self._unready:
+            self._unready = True
+            self._announce(f"{text}; what the log holds is drawn when there is room")
+
+    def _announce(self, text: str) -> None:
+        log.warning("%s", text)
+        self._tell(Event(self._time, EventKind.DISK, text[:1000]))
+
+    def _report(self, service: Service, state: State) -> None:
+        service.report(state, self._ticks, time=self._time, late_ticks=self.rows.late)
 
 
 def predictions(messages: Sequence[MonitoringResiduals]) -> Predictions:

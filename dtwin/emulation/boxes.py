@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator
 from typing import Final
 
 import msgspec
 import numpy as np
 
+from dtwin.emulation.generators import generator_state, set_generator_state
 from dtwin.parameters import PICKUP, PLACES, Colour, GripperParameters, Place
 from dtwin.signals import BoxCounts, Event, EventKind
 
@@ -17,6 +17,8 @@ REACH: Final = 0.020
 """Largest distance between the tip and the pickup point or a place at which a box is gripped or delivered, m."""
 GRIP_TOLERANCE: Final = 0.05
 """Largest angle between the gripper and its closed stop at which it grips a box, rad."""
+
+_COLOURS: Final = tuple(PLACES)
 
 Point = tuple[float, float]
 
@@ -28,11 +30,35 @@ class Box(msgspec.Struct, frozen=True, gc=False):
     colour: Colour
 
 
+class BoxesState(msgspec.Struct, frozen=True):
+    """All that the boxes and their counts depend on.
+
+    Attributes:
+        generator: state of the random generator.
+        arrival: hundredths of a second of plant time at which the next box arrives.
+        coming: box that arrives then.
+        waiting: box at the pickup point, None for no box.
+        held: box in the gripper, None for no box.
+        counts: number of events by kind.
+        errors: distance of every delivered box from its place, mm.
+    """
+
+    generator: str
+    arrival: int
+    coming: Box
+    waiting: Box | None
+    held: Box | None
+    counts: dict[str, int]
+    errors: list[float]
+
+
 class Boxes:
     """The stream of boxes and the state of each: waiting, held or placed.
 
     Arrivals follow from the generator alone: every arrival draws its mass and colour even if it is dropped, so the
-    stream does not depend on what the arm does.
+    boxes that come do not depend on what the arm does. With u uniform in [0, 1), the first box arrives at
+    round(15 u, 2) + 0.5 s and every further one round(30 u, 2) s after the one before. Times are counted in whole
+    hundredths of a second, so that their sum stays exact.
 
     Args:
         generator: random generator of arrival times, masses and colours, used for nothing else.
@@ -40,9 +66,10 @@ class Boxes:
     """
 
     def __init__(self, generator: np.random.Generator, gripper: GripperParameters) -> None:
-        self._stream = _stream(generator)
+        self._generator = generator
         self._closed = gripper.closed + GRIP_TOLERANCE
-        self._arrival, self._coming = next(self._stream)
+        self._hundredths = round(1500 * generator.random()) + 50
+        self._coming = self._draw_box()
         self._counts: Counter[EventKind] = Counter()
         self._errors: list[float] = []
         self.waiting: Box | None = None
@@ -51,7 +78,7 @@ class Boxes:
     @property
     def next_arrival(self) -> float:
         """Plant time at which the next box arrives, s."""
-        return self._arrival
+        return self._hundredths / 100
 
     @property
     def counts(self) -> BoxCounts:
@@ -74,7 +101,8 @@ class Boxes:
     def arrive(self, time: float) -> Event:
         """Lets the next box arrive at a plant time (s); it is turned away when another one waits."""
         box = self._coming
-        self._arrival, self._coming = next(self._stream)
+        self._hundredths += round(3000 * self._generator.random())
+        self._coming = self._draw_box()
         if self.waiting:
             text = f"a {box.colour} box was turned away: a {self.waiting.colour} one is still waiting"
             return self._count(time, EventKind.DROPPED_ARRIVAL, text)
@@ -115,23 +143,34 @@ class Boxes:
             return None
         return self._count(time, EventKind.SLIPPED, f"the {box.colour} box slipped out of the gripper")
 
+    def state(self) -> BoxesState:
+        """All that the boxes and their counts depend on."""
+        return BoxesState(
+            generator_state(self._generator),
+            self._hundredths,
+            self._coming,
+            self.waiting,
+            self.held,
+            {str(kind): number for kind, number in self._counts.items()},
+            list(self._errors),
+        )
+
+    def restore(self, state: BoxesState) -> None:
+        """Goes on where other boxes were."""
+        set_generator_state(self._generator, state.generator)
+        self._hundredths, self._coming = state.arrival, state.coming
+        self.waiting, self.held = state.waiting, state.held
+        self._counts = Counter({EventKind(kind): number for kind, number in state.counts.items()})
+        self._errors = list(state.errors)
+
+    def _draw_box(self) -> Box:
+        """A box of 0.190 + 0.020 u kg, u uniform in [0, 1), and of any colour."""
+        mass = 0.190 + 0.020 * self._generator.random()
+        return Box(mass, _COLOURS[int(self._generator.integers(len(_COLOURS)))])
+
     def _count(self, time: float, kind: EventKind, text: str) -> Event:
         self._counts[kind] += 1
         return Event(time, kind, text)
-
-
-def _stream(generator: np.random.Generator) -> Iterator[tuple[float, Box]]:
-    """Arrival times (s) and boxes; times are counted in whole hundredths, so that their sum stays exact.
-
-    With u uniform in [0, 1), the first box arrives at round(15 u, 2) + 0.5 s and every further one round(30 u, 2) s
-    after the one before. A box has a mass of 0.190 + 0.020 u kg.
-    """
-    colours = tuple(PLACES)
-    hundredths = round(1500 * generator.random()) + 50
-    while True:
-        mass = 0.190 + 0.020 * generator.random()
-        yield hundredths / 100, Box(mass, colours[int(generator.integers(len(colours)))])
-        hundredths += round(3000 * generator.random())
 
 
 def _distance(tip: Point, place: Place) -> float:

@@ -7,12 +7,13 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
-from dtwin.emulation.boxes import Boxes
-from dtwin.emulation.encoders import Encoders, NoiseKind
-from dtwin.emulation.faults import Condition, Fault, schedule
-from dtwin.emulation.plant import MODEL_FILE, Plant
+from dtwin.emulation.boxes import Boxes, BoxesState
+from dtwin.emulation.encoders import Encoders, EncodersState, NoiseKind
+from dtwin.emulation.faults import Condition, Fault, parse_fault, schedule
+from dtwin.emulation.plant import MODEL_FILE, Plant, PlantState
 from dtwin.errors import ParameterError
 from dtwin.parameters import HANGING, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
 from dtwin.signals import NO_COLOUR, BoxCounts, Event, EventKind, Sensors, Truth, Voltages
@@ -20,6 +21,26 @@ from dtwin.signals import NO_COLOUR, BoxCounts, Event, EventKind, Sensors, Truth
 _NEVER = 2**62
 _ROUNDING = 1e-6
 """Tolerance of due times, in steps: a change due at 45 s happens at 45 s however the sum of steps is rounded."""
+
+
+class EmulationState(msgspec.Struct, frozen=True):
+    """All that the further course of a cell depends on, beside the settings that it was made with.
+
+    Attributes:
+        sensors: sample that the cell gives now.
+        gripped: whether the last command said that the box is held.
+        faults: all faults, those that were added to the running cell too.
+        plant: state of arm and gripper.
+        encoders: state of the encoders.
+        boxes: state of the boxes.
+    """
+
+    sensors: Sensors
+    gripped: bool
+    faults: tuple[str, ...]
+    plant: PlantState
+    encoders: EncodersState
+    boxes: BoxesState
 
 
 class Emulation:
@@ -157,6 +178,38 @@ class Emulation:
         self._due = min([self._due, *(self._steps_to(t.time) for t in self._transitions[-1:])])
         return late
 
+    def state(self) -> EmulationState:
+        """All that the further course depends on, but for the events that nobody has asked for yet."""
+        return EmulationState(
+            self._sensors,
+            self._gripped,
+            tuple(map(str, self._faults)),
+            self._plant.state(),
+            self._encoders.state(),
+            self._boxes.state(),
+        )
+
+    def restore(self, state: EmulationState) -> None:
+        """Goes on where a cell of the same settings and seed was, equal to the bit; there are no events yet.
+
+        Raises:
+            DtwinError: the state is that of a cell with other settings.
+        """
+        steps = state.plant.steps
+        self._faults = tuple(map(parse_fault, state.faults))
+        transitions = schedule(self._healthy, self._faults)
+        passed = [transition for transition in transitions if self._steps_to(transition.time) <= steps]
+        self._transitions = transitions[len(passed) :][::-1]
+        self._boxes.restore(state.boxes)
+        self._enter(passed[-1].condition if passed else Condition(self._healthy))
+        self._load()
+        self._encoders.restore(state.encoders)
+        # Last, because a lock stops its joint, which moves by a rounding error once it is locked.
+        self._plant.restore(state.plant)
+        self._gripped, self._sensors, self._sequence = state.gripped, state.sensors, state.sensors.sequence
+        self._events = []
+        self._find_due()
+
     def _sample(self) -> None:
         time = self._plant.time
         first, second, third, gripper = self._encoders.measure(self._plant.angles, time)
@@ -171,7 +224,7 @@ class Emulation:
         )
 
     def _change_due(self) -> None:
-        """Carries out all changes whose time has come and finds the step at which the next one is due."""
+        """Carries out all changes whose time has come and finds when the next one is due."""
         steps = self._plant.steps
         while self._transitions and self._steps_to(self._transitions[-1].time) <= steps:
             transition = self._transitions.pop()
@@ -182,6 +235,10 @@ class Emulation:
             self._load()
         while self._steps_to(self._boxes.next_arrival) <= steps:
             self._record(self._boxes.arrive(self._plant.time))
+        self._find_due()
+
+    def _find_due(self) -> None:
+        """Finds the step at which the next change is due."""
         next_fault = self._steps_to(self._transitions[-1].time) if self._transitions else _NEVER
         self._due = min(next_fault, self._steps_to(self._boxes.next_arrival))
 

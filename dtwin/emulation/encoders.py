@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, Literal, get_args
 
+import msgspec
 import numpy as np
 
+from dtwin.emulation.generators import generator_state, set_generator_state
 from dtwin.errors import ParameterError, choices
 from dtwin.parameters import Triple
 
@@ -34,6 +35,20 @@ class EncoderFaults:
 HEALTHY: Final = EncoderFaults()
 
 
+class EncodersState(msgspec.Struct, frozen=True):
+    """What the next measurements depend on, beside the faults.
+
+    Attributes:
+        generator: state of the random generator before it drew the block of errors in use.
+        used: number of samples of this block that have been used.
+        last: last readings of joints 1 to 3 and the gripper, rad; empty before the first.
+    """
+
+    generator: str
+    used: int
+    last: list[float]
+
+
 class Encoders:
     """Measures the joints and the gripper.
 
@@ -53,7 +68,12 @@ class Encoders:
         if not (math.isfinite(magnitude) and magnitude >= 0):
             raise ParameterError(f"noise: expected a finite magnitude of at least 0 rad, got {magnitude}")
         self._noisy = kind != "none" and magnitude > 0
-        self._noise = _noise(kind, magnitude, generator)
+        self._magnitude = magnitude
+        self._generator = generator
+        self._draw = generator.random if kind == "uniform" else generator.standard_normal
+        self._before = generator_state(generator)
+        self._errors: list[list[float]] = []
+        self._used = 0
         self._faults = HEALTHY
         self._faulty = False
         self._last: list[float] = []
@@ -66,11 +86,34 @@ class Encoders:
     def measure(self, angles: list[float], time: float) -> list[float]:
         """Readings (rad) for the true angles of joints 1 to 3 and the gripper (rad) at a plant time (s)."""
         if self._noisy:
-            angles = [angle + noise for angle, noise in zip(angles, next(self._noise), strict=True)]
+            if self._used == len(self._errors):
+                self._draw_errors()
+            errors = self._errors[self._used]
+            self._used += 1
+            angles = [angle + error for angle, error in zip(angles, errors, strict=True)]
         if self._faulty:
             angles = self._distort(angles, time)
         self._last = angles
         return angles
+
+    def state(self) -> EncodersState:
+        """What the next measurements depend on, beside the faults."""
+        return EncodersState(self._before, self._used, self._last)
+
+    def restore(self, state: EncodersState) -> None:
+        """Goes on where encoders of the same kind and magnitude were."""
+        set_generator_state(self._generator, state.generator)
+        self._errors = []
+        if state.used:
+            self._draw_errors()
+        self._used = state.used
+        self._last = state.last
+
+    def _draw_errors(self) -> None:
+        """Draws a block of the four errors of each sample, rad."""
+        self._before = generator_state(self._generator)
+        self._errors = (self._magnitude * self._draw((_BLOCK, 4))).tolist()
+        self._used = 0
 
     def _distort(self, angles: list[float], time: float) -> list[float]:
         readings = list(angles)
@@ -81,10 +124,3 @@ class Encoders:
             else:
                 readings[i] += faults.offset[i] + faults.rate[i] * time
         return readings
-
-
-def _noise(kind: NoiseKind, magnitude: float, generator: np.random.Generator) -> Iterator[list[float]]:
-    """For every sample a list of the four errors, rad."""
-    draw = generator.random if kind == "uniform" else generator.standard_normal
-    while True:
-        yield from (magnitude * draw((_BLOCK, 4))).tolist()

@@ -16,7 +16,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
+import msgspec
 import mujoco
+import numpy as np
 
 from dtwin.errors import DivergenceError, ModelError, ParameterError, choices
 from dtwin.parameters import COULOMB_WIDTH, GRAVITY, PHYSICS_STEP, ROOT, ArmParameters, GripperParameters, Triple
@@ -38,7 +40,21 @@ _COMMAND_LIMIT: Final = 1e9
 _LOCK_ARMATURE: Final = 1e9
 """Inertia added to a locked joint, kg m^2: 2 N m turn it by 1e-5 rad in 100 s."""
 
+_STATE: Final = mujoco.mjtState.mjSTATE_INTEGRATION
+
 _log = logging.getLogger(__name__)
+
+
+class PlantState(msgspec.Struct, frozen=True):
+    """What the motion of a plant depends on, beside its parameters, locks and payload.
+
+    Attributes:
+        steps: number of integration steps since the last reset.
+        values: MuJoCo's state of the integration (mjSTATE_INTEGRATION) in its own units.
+    """
+
+    steps: int
+    values: list[float]
 
 
 class Plant:
@@ -150,6 +166,25 @@ class Plant:
         self._qpos[:] = (*theta, self._opened)
         self._qvel[:] = (*omega, 0.0)
         self.steps = 0
+        self._read()
+
+    def state(self) -> PlantState:
+        """What the motion depends on from now on, beside the parameters, the locks and the payload."""
+        values = np.empty(mujoco.mj_stateSize(self.model, _STATE))
+        mujoco.mj_getState(self.model, self.data, values, _STATE)
+        return PlantState(self.steps, values.tolist())
+
+    def restore(self, state: PlantState) -> None:
+        """Goes on where a plant of the same model, parameters, locks and payload was.
+
+        Raises:
+            ParameterError: the state is that of another model.
+        """
+        size = mujoco.mj_stateSize(self.model, _STATE)
+        if len(state.values) != size:
+            raise ParameterError(f"state of the plant: expected {size} numbers, got {len(state.values)}")
+        mujoco.mj_setState(self.model, self.data, np.array(state.values), _STATE)
+        self.steps = state.steps
         self._read()
 
     def apply(self, volts: Quad) -> None:

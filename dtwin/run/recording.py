@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -18,10 +19,11 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from dtwin.errors import RecordingError
+from dtwin.errors import NoSpaceError, RecordingError
 from dtwin.signals import NO_COLOUR, Event, StepRecord
 
 NUMBERS: Final = (
@@ -38,6 +40,9 @@ angle as sensed (rad) and true payload (kg).
 """
 COLUMNS: Final = (*NUMBERS, "box_present", "box_colour", "box_gripped")
 """Names of all columns in the order of the file."""
+
+NO_SPACE: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+"""Numbers of the system's errors that say that there is no room for a file."""
 
 _COLOUR_TYPE: Final = pa.dictionary(pa.int32(), pa.string())
 _SCHEMA: Final = pa.schema(
@@ -90,11 +95,7 @@ class Log:
         """The log as an Arrow table; events and metadata are JSON in the metadata of the schema."""
         arrays = {name: pa.array(self.columns[name]) for name in COLUMNS}
         arrays["box_colour"] = arrays["box_colour"].dictionary_encode()
-        notes = {
-            _EVENTS_KEY: msgspec.json.encode(self.events),
-            _METADATA_KEY: msgspec.json.encode(dict(self.metadata), order="sorted"),
-        }
-        return pa.Table.from_pydict(arrays, schema=_SCHEMA.with_metadata(notes))
+        return pa.Table.from_pydict(arrays, schema=_schema(self.events, self.metadata))
 
     def write_parquet(self, path: Path) -> None:
         """Writes the log; the file appears complete or not at all.
@@ -102,10 +103,9 @@ class Log:
         Raises:
             RecordingError: the path cannot be written.
         """
-        with replacing(path) as temporary:
-            pq.write_table(
-                self.table(), temporary, compression="zstd", use_dictionary=["box_colour"], row_group_size=_ROW_GROUP
-            )
+        table = self.table()
+        with replacing(path) as temporary, _writer(temporary, table.schema) as writer:
+            writer.write_table(table, row_group_size=_ROW_GROUP)
 
 
 class RunLog:
@@ -166,6 +166,39 @@ def concatenate(logs: Sequence[Log], metadata: Mapping[str, Any]) -> Log:
     return Log(_read_only(columns), events, metadata)
 
 
+def join_logs(parts: Sequence[Path], path: Path, metadata: Mapping[str, Any]) -> None:
+    """Writes the logs of some files, each of which follows the one before in time, to one file.
+
+    The file equals that of the joined log byte by byte, and appears complete or not at all. It is written row group
+    by row group, so that memory is bounded however long the log is.
+
+    Raises:
+        NoSpaceError: there is no room for the file.
+        RecordingError: a part is no log, or `path` cannot be written.
+    """
+    events: list[Event] = []
+    colours: dict[str, None] = {}
+    for part in parts:
+        with _opened(part) as file:
+            events += _notes(part, file.schema_arrow)[0]
+            for group in range(file.num_row_groups):
+                seen = file.read_row_group(group, columns=["box_colour"]).column(0).cast(pa.string()).unique()
+                colours.update(dict.fromkeys(seen.to_pylist()))
+    schema = _schema(tuple(events), metadata)
+    with replacing(path) as temporary, _writer(temporary, schema) as writer:
+        for table in _groups(parts, schema, pa.array(colours, pa.string())):
+            writer.write_table(table, row_group_size=_ROW_GROUP)
+
+
+def is_log(path: Path) -> bool:
+    """Whether a file is there and is whole, as far as its last bytes tell."""
+    try:
+        with _opened(path):
+            return True
+    except RecordingError:
+        return False
+
+
 def read_log(path: Path) -> Log:
     """Reads what `Log.write_parquet` wrote.
 
@@ -185,12 +218,7 @@ def read_log(path: Path) -> Log:
     if not np.all(steps > 0):
         row = int(np.argmin(steps > 0)) + 1
         raise RecordingError(f"{path}: column t: expected increasing time, row {row} does not increase")
-    notes = table.schema.metadata or {}
-    try:
-        events = msgspec.json.decode(notes.get(_EVENTS_KEY, b"[]"), type=tuple[Event, ...])
-        metadata = msgspec.json.decode(notes.get(_METADATA_KEY, b"{}"), type=dict[str, Any])
-    except msgspec.MsgspecError as error:
-        raise RecordingError(f"{path}: expected events and run metadata as JSON: {error}") from None
+    events, metadata = _notes(path, table.schema)
     return Log(_read_only(columns), events, metadata)
 
 
@@ -213,6 +241,7 @@ def replacing(path: Path) -> Iterator[Path]:
     """Gives a temporary path beside `path` to write to; the file replaces `path` when the block succeeds.
 
     Raises:
+        NoSpaceError: there is no room for the file.
         RecordingError: `path` is no path of a file, or it cannot be written.
     """
     target = path.resolve()
@@ -225,10 +254,79 @@ def replacing(path: Path) -> Iterator[Path]:
         yield temporary
         os.replace(temporary, target)
     except OSError as error:
-        raise RecordingError(f"{path}: cannot be written: {_reason(error)}") from None
+        failure = NoSpaceError if error.errno in NO_SPACE else RecordingError
+        raise failure(f"{path}: cannot be written: {_reason(error)}") from None
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
+
+
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[pq.ParquetFile]:
+    """An open Parquet file.
+
+    Raises:
+        RecordingError: the file is missing, no Parquet file or not whole.
+    """
+    try:
+        with pq.ParquetFile(path) as file:
+            yield file
+    except pa.ArrowInvalid:
+        raise RecordingError(f"{path}: expected a Parquet file") from None
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {_reason(error)}") from None
+
+
+def _groups(parts: Iterable[Path], schema: pa.Schema, colours: pa.Array) -> Iterator[pa.Table]:
+    """The rows of some files in tables of _ROW_GROUP rows, the last of which may be shorter."""
+    pending: list[pa.Table] = []
+    rows = 0
+    for part in parts:
+        with _opened(part) as file:
+            for group in range(file.num_row_groups):
+                table = file.read_row_group(group, columns=list(COLUMNS))
+                pending.append(table)
+                rows += len(table)
+                while rows >= _ROW_GROUP:
+                    joined = pa.concat_tables(pending)
+                    yield _recoded(joined.slice(0, _ROW_GROUP), schema, colours)
+                    rows -= _ROW_GROUP
+                    pending = [joined.slice(_ROW_GROUP)]
+    if rows:
+        yield _recoded(pa.concat_tables(pending), schema, colours)
+
+
+def _recoded(table: pa.Table, schema: pa.Schema, colours: pa.Array) -> pa.Table:
+    """A table in one piece whose colours are encoded by the colours of the whole log."""
+    arrays = [table.column(name).combine_chunks() for name in NUMBERS]
+    codes = pc.index_in(table.column("box_colour").cast(pa.string()).combine_chunks(), value_set=colours)
+    encoded = pa.DictionaryArray.from_arrays(codes, colours)
+    switches = [table.column(name).combine_chunks() for name in ("box_present", "box_gripped")]
+    return pa.Table.from_arrays([*arrays, switches[0], encoded, switches[1]], schema=schema)
+
+
+def _writer(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
+    return pq.ParquetWriter(path, schema, compression="zstd", use_dictionary=["box_colour"])
+
+
+def _schema(events: tuple[Event, ...], metadata: Mapping[str, Any]) -> pa.Schema:
+    """The schema of a log with what is kept in its metadata: events and notes of the run, as JSON."""
+    return _SCHEMA.with_metadata(
+        {
+            _EVENTS_KEY: msgspec.json.encode(events),
+            _METADATA_KEY: msgspec.json.encode(dict(metadata), order="sorted"),
+        }
+    )
+
+
+def _notes(path: Path, schema: pa.Schema) -> tuple[tuple[Event, ...], dict[str, Any]]:
+    """Events and notes of the run from the metadata of a schema."""
+    notes = schema.metadata or {}
+    try:
+        events = msgspec.json.decode(notes.get(_EVENTS_KEY, b"[]"), type=tuple[Event, ...])
+        return events, msgspec.json.decode(notes.get(_METADATA_KEY, b"{}"), type=dict[str, Any])
+    except msgspec.MsgspecError as error:
+        raise RecordingError(f"{path}: expected events and run metadata as JSON: {error}") from None
 
 
 def _reason(error: OSError) -> str:

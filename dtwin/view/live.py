@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -12,6 +13,7 @@ import numpy as np
 import rerun as rr
 
 from dtwin.bus.twin_messages import MonitoringVerdict
+from dtwin.errors import NoSpaceError
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log, concatenate, ensure_writable
 from dtwin.view.boxes import grasps, waiting
@@ -27,6 +29,8 @@ from dtwin.view.scene import Scene
 from dtwin.view.series import log_events, log_limits, log_plots, log_states, log_styles
 from dtwin.view.write import APPLICATION
 
+RESERVE: Final = 64 << 20
+"""Room on the disk below which no more is sent to a file, bytes: Rerun waits for ever for a disk that is full."""
 _STATE: Final = ("box_present", "box_colour", "box_gripped")
 
 
@@ -42,6 +46,7 @@ class LiveView:
 
     Raises:
         ModelError: the model cannot be drawn.
+        NoSpaceError: there is no room for the file.
         RecordingError: the file cannot be written.
     """
 
@@ -57,14 +62,21 @@ class LiveView:
         self._temporary: Path | None = None
         sinks: list[rr.FileSink | rr.GrpcSink] = []
         if file is not None:
+            if not has_room(file):
+                raise NoSpaceError(f"{file}: cannot be written: no space left on device")
             ensure_writable(file)
-            self._temporary = file.with_name(f".{file.name}.{os.getpid()}.part")
+            self._temporary = file.with_name(f".{file.name}.part")
             sinks.append(rr.FileSink(self._temporary))
         if url:
             sinks.append(rr.GrpcSink(url))
         self._arm, self._monitored = arm, monitored
         tabs = [monitoring_views()] if monitored else []
         self._stream.set_sinks(*sinks, default_blueprint=live_blueprint(*tabs))
+
+    @property
+    def ready(self) -> bool:
+        """Whether there is room for more in the file."""
+        return self._file is None or has_room(self._file)
 
     def add(self, log: Log) -> None:
         """Sends ticks and events that follow those sent before."""
@@ -93,19 +105,27 @@ class LiveView:
             log_verdicts(self._stream, self._arm, verdicts)
 
     def _add_states(self, log: Log) -> None:
-        """Draws all boxes again when the state of one of them has changed."""
+        """Draws the boxes again when the state of one of them has changed."""
         changes = _changes(self._states, log)
         if self._states is not None and not len(changes):
             return
         before = [] if self._states is None else [self._states]
+        drawn = sum(map(len, before))
         self._states = concatenate([*before, changes], {})
         waits, carried = waiting(self._states), grasps(self._states)
-        self._scene.log_boxes(self._stream, self._states, waits, carried)
-        log_states(self._stream, self._states, waits, carried)
+        self._scene.log_boxes(self._stream, self._states, waits, carried, drawn)
+        log_states(self._stream, self._states, waits, carried, drawn)
 
     def close(self) -> None:
         """Closes the file and the connection to the viewer."""
         self._stream.disconnect()
+        if self._temporary is not None:
+            self._temporary.unlink(missing_ok=True)
+
+
+def has_room(file: Path) -> bool:
+    """Whether the disk has the reserve of room for a file."""
+    return shutil.disk_usage(file.parent).free >= RESERVE
 
 
 def _changes(before: Log | None, log: Log) -> Log:

@@ -93,9 +93,22 @@ class Scene:
         stream.send_columns(TRAIL, indexes=[times], columns=positions)
 
     def log_boxes(
-        self, stream: rr.RecordingStream, log: Log, waiting: Sequence[Waiting], grasps: Sequence[Grasp]
+        self,
+        stream: rr.RecordingStream,
+        log: Log,
+        waiting: Sequence[Waiting],
+        grasps: Sequence[Grasp],
+        since: int = 0,
     ) -> None:
-        """Sends the boxes that wait, are held or were placed last, and the number of boxes at each place."""
+        """Sends the boxes that wait, are held or were placed last, and the number of boxes at each place.
+
+        Args:
+            stream: where they are sent.
+            log: the run.
+            waiting: all readings of the box sensor.
+            grasps: all grasps.
+            since: first tick whose changes are sent.
+        """
         t = log.columns["t"]
         centre = np.zeros(3)
 
@@ -109,10 +122,13 @@ class Scene:
         ends = [grasp.end for grasp in grasps if grasp.end is not None]
         placed = placements(grasps, self._poses(log, ends)[self._tip].position)
 
-        self._send_boxes(stream, "waiting", t, waits, self._pickup)
-        self._send_boxes(stream, "held", t, held, self._tip)
-        self._send_boxes(stream, "placed", t, _placed_rows(placed), None)
-        _send_counts(stream, t, placed)
+        for name, rows, body in (
+            ("waiting", waits, self._pickup),
+            ("held", held, self._tip),
+            ("placed", _placed_rows(placed), None),
+        ):
+            self._send_boxes(stream, name, t, [row for row in rows if row[0] >= since], body)
+        _send_counts(stream, t, placed, since)
 
     def _poses(self, log: Log, ticks: slice | list[int]) -> dict[str, Pose]:
         return body_poses(self._logger.model, {joint: log.columns[name][ticks] for joint, name in _JOINTS.items()})
@@ -130,6 +146,8 @@ class Scene:
         if body is not None:
             stream.log(entity, self.frame(body), static=True)
         stream.log(entity, rr.Boxes3D.from_fields(fill_mode="solid"), static=True)
+        if not rows:
+            return
         spots = [spot for _, row in rows for spot in row]
         columns = rr.Boxes3D.columns(
             half_sizes=np.tile(self._half_size, (len(spots), 1)),
@@ -158,15 +176,16 @@ def _placed_rows(placed: Sequence[Placed]) -> list[tuple[int, list[_Spot]]]:
     return rows
 
 
-def _send_counts(stream: rr.RecordingStream, t: NDArray[np.float64], placed: Sequence[Placed]) -> None:
+def _send_counts(stream: rr.RecordingStream, t: NDArray[np.float64], placed: Sequence[Placed], since: int) -> None:
     """Sends a label for every place with the number of boxes that it got."""
     counts: Counter[str] = Counter()
-    ticks, labels = [0], [f"{name}: 0" for name in PLACES]
+    rows = [(0, [f"{name}: 0" for name in PLACES])]
     for box in placed:
         if box.place is not None:
             counts[box.place] += 1
-            ticks.append(box.tick)
-            labels += [f"{name}: {counts[name]}" for name in PLACES]
+            rows.append((box.tick, [f"{name}: {counts[name]}" for name in PLACES]))
+    ticks = [tick for tick, _ in rows if tick >= since]
+    labels = [label for tick, row in rows if tick >= since for label in row]
     stream.log(
         COUNTS,
         rr.Points3D(
@@ -177,8 +196,9 @@ def _send_counts(stream: rr.RecordingStream, t: NDArray[np.float64], placed: Seq
         ),
         static=True,
     )
-    columns = rr.Points3D.columns(labels=labels).partition([len(PLACES)] * len(ticks))
-    stream.send_columns(COUNTS, indexes=[time_column(t[ticks])], columns=columns)
+    if ticks:
+        columns = rr.Points3D.columns(labels=labels).partition([len(PLACES)] * len(ticks))
+        stream.send_columns(COUNTS, indexes=[time_column(t[ticks])], columns=columns)
 
 
 def _require(model_file: Path, kind: str, expected: Iterable[str], found: Iterable[str]) -> None:

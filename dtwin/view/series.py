@@ -31,6 +31,7 @@ _LEVELS: Final[Mapping[str, rr.TextLogLevel]] = {
     EventKind.FAULT: rr.TextLogLevel.WARN,
     EventKind.SAFE: rr.TextLogLevel.WARN,
     EventKind.RIVALS: rr.TextLogLevel.WARN,
+    EventKind.DISK: rr.TextLogLevel.WARN,
     MONITOR + EventKind.SUSPECTED: rr.TextLogLevel.WARN,
     MONITOR + EventKind.FAILED: rr.TextLogLevel.ERROR,
     MONITOR + EventKind.RESTART: rr.TextLogLevel.WARN,
@@ -115,8 +116,10 @@ def log_plots(stream: rr.RecordingStream, log: Log) -> None:
         stream.send_columns(plot.entity, indexes=[times], columns=rr.Scalars.columns(scalars=plot.values(log)))
 
 
-def log_states(stream: rr.RecordingStream, log: Log, waiting: Sequence[Waiting], grasps: Sequence[Grasp]) -> None:
-    """Sends which box waits and which is held, as lanes of colours over time."""
+def log_states(
+    stream: rr.RecordingStream, log: Log, waiting: Sequence[Waiting], grasps: Sequence[Grasp], since: int = 0
+) -> None:
+    """Sends which box waits and which is held from the tick `since` on, as lanes of colours over time."""
     held = [(0, NO_COLOUR)]
     for grasp in grasps:
         held.append((grasp.start, grasp.colour))
@@ -135,6 +138,9 @@ def log_states(stream: rr.RecordingStream, log: Log, waiting: Sequence[Waiting],
             ),
             static=True,
         )
+        changes = [change for change in changes if change[0] >= since]
+        if not changes:
+            continue
         ticks, colours = zip(*changes, strict=True)
         stream.send_columns(
             entity,

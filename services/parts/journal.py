@@ -3,13 +3,19 @@
 The emulation is a function of its settings and its commands: a journal holds the seed, then every tick's command and
 every fault in the order they came, and replaying it gives the same cell to the bit. Beside them it holds the latched
 stop, which outlives the cell: a journal that begins anew keeps it. A record is written whole with one system call;
-what a kill leaves of the last one is cut off.
+what a kill leaves of the last one is cut off. So that neither the file nor the replay grows with the
+run, the journal begins anew with a checkpoint, the state of the cell, from time to time.
 
-    journal = MAGIC, seed, { "V" volts[4] gripped | "F" length text | "S" number stop }
+    journal = MAGIC, seed, stop, [ "C" length state ], { "V" volts[4] gripped | "F" length text | stop }
+    stop = "S" number stop
+
+A disk that is full costs what it cannot take and nothing else: the journal keeps what it holds, the cell goes on, and
+a checkpoint begins the journal anew when there is room. A stop that finds no room takes that of the ticks.
 """
 
 from __future__ import annotations
 
+import io
 import logging
 import os
 import struct
@@ -18,53 +24,69 @@ from pathlib import Path
 from typing import Final
 
 from dtwin.errors import RecordingError
+from dtwin.run.recording import NO_SPACE, replacing
 from dtwin.signals import STOPS, Quad
 from services.parts.latch import Latched
 
 log = logging.getLogger(__name__)
 
-MAGIC: Final = b"dtwin journal 2\n"
-_EARLIER: Final = b"dtwin journal 1\n"
-"""Head of the layout without stops, which is read as one that holds none."""
+MAGIC: Final = b"dtwin journal 3\n"
+_EARLIER: Final = (b"dtwin journal 1\n", b"dtwin journal 2\n")
+"""Heads of the layouts without stops and without checkpoints, which are read as journals that hold none."""
+ROTATION: Final = 6000
+"""Number of ticks after which a checkpoint is due."""
+RETRY: Final = 100
+"""Number of ticks after which a checkpoint is due when the journal could not be written."""
 _SEED: Final = struct.Struct("<Q")
 _COMMAND: Final = struct.Struct("<c4d?")
 _TEXT: Final = struct.Struct("<cH")
 _STOP: Final = struct.Struct("<cQB")
+_STATE: Final = struct.Struct("<cI")
 
-Entry = tuple[Quad, bool] | str
-"""A tick's volts and whether a box was held, or a fault."""
+Entry = tuple[Quad, bool] | str | bytes
+"""A tick's volts and whether a box was held, a fault, or, first of all, the state of a checkpoint."""
 
 
 class Journal:
     """Appends to a journal; opening one that exists keeps what it holds, for `entries`.
 
     Args:
-        path: of the file.
-        seed: of the cell, for a new journal.
+        path: path of the file.
+        seed: number of the random generators of the cell, for a new journal.
 
     Attributes:
-        seed: of the cell the journal is about.
+        seed: number of the random generators of the cell that the journal is about.
         latched: stop that was latched last.
+        news: what happened to the file, in words; whoever reads it clears it.
 
     Raises:
-        RecordingError: the file cannot be opened, or is no journal.
+        RecordingError: the file cannot be opened for another reason than a full disk, or is no journal.
     """
 
     def __init__(self, path: Path, seed: int) -> None:
         self._path = path
         self.seed = seed
         self.latched = Latched()
+        self.news: list[str] = []
         self._entries: list[Entry] = []
+        self._ticks = 0
+        self._complete = True
+        self._failing = False
+        self._end = 0
+        self._file: io.FileIO | None = None
         try:
-            self._file = path.open("r+b" if path.exists() else "w+b", buffering=0)
+            self._file = io.FileIO(path, "r+" if path.exists() else "w+")
+            content = self._file.readall()
         except OSError as error:
-            raise RecordingError(f"{path}: cannot be opened: {error.strerror}") from None
-        content = self._file.read()
+            if error.errno not in NO_SPACE:
+                raise RecordingError(f"{path}: cannot be opened: {error.strerror}") from None
+            self._fail(str(error.strerror))
+            return
         head = len(MAGIC) + _SEED.size
         if len(content) < head:
             self.restart(seed)
             return
-        if not content.startswith((MAGIC, _EARLIER)):
+        if not content.startswith((MAGIC, *_EARLIER)):
             raise RecordingError(f"{path}: expected a journal of an emulated cell")
         self.seed = _SEED.unpack_from(content, len(MAGIC))[0]
         records = list(_parse(content, head))
@@ -75,40 +97,108 @@ class Journal:
                 self._entries.append(record)
         self._file.seek(0)
         self._file.write(MAGIC)
-        self._file.seek(records[-1][1] if records else head)
-        self._file.truncate()
+        self._ticks = sum(isinstance(entry, tuple) for entry in self._entries)
+        self._cut(records[-1][1] if records else head)
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time for a checkpoint."""
+        return self._ticks >= (RETRY if self._failing else ROTATION)
 
     def entries(self) -> list[Entry]:
-        """What the journal held when it was opened, oldest first."""
-        return self._entries
+        """What the journal held when it was opened, oldest first; afterwards it is forgotten."""
+        entries, self._entries = self._entries, []
+        return entries
 
     def restart(self, seed: int) -> None:
         """Forgets everything but the latched stop: the cell starts anew."""
         self.seed = seed
-        # A file in place of the old one: a kill meanwhile must not lose the stop.
-        fresh = self._path.with_name(f"{self._path.name}.new")
-        file = fresh.open("w+b", buffering=0)
-        file.write(MAGIC + _SEED.pack(seed) + _packed(self.latched))
-        os.replace(fresh, self._path)
-        self._file.close()
-        self._file = file
+        self._rewrite(b"")
+        if self._failing and self._file is not None:
+            # An emulator that is started again must not go on with the run that is over.
+            self._keep_stop_alone()
+
+    def checkpoint(self, state: bytes) -> None:
+        """Begins anew with the state of the cell, which makes everything before it superfluous."""
+        self._rewrite(_STATE.pack(b"C", len(state)) + state)
 
     def command(self, volts: Quad, gripped: bool) -> None:
         """Notes a tick and the command that held in it."""
-        self._file.write(_COMMAND.pack(b"V", *volts, gripped))
+        self._ticks += 1
+        self._append(_COMMAND.pack(b"V", *volts, gripped))
 
     def fault(self, text: str) -> None:
         """Notes a fault that came before the next tick."""
         data = text.encode()
-        self._file.write(_TEXT.pack(b"F", len(data)) + data)
+        self._append(_TEXT.pack(b"F", len(data)) + data)
 
     def latch(self, latched: Latched) -> None:
         """Notes a stop that is latched, or released."""
-        self._file.write(_packed(latched))
         self.latched = latched
+        if not self._try(_packed(latched)) and self._file is not None:
+            self._keep_stop_alone()
 
     def close(self) -> None:
-        self._file.close()
+        if self._file is not None:
+            self._file.close()
+
+    def _append(self, record: bytes) -> None:
+        """Writes a record whole; after one that could not be written none is, until the journal begins anew."""
+        if self._complete:
+            self._try(record)
+
+    def _try(self, record: bytes) -> bool:
+        """Writes a record whole or not at all; returns whether it was written."""
+        if self._file is None:
+            return False
+        try:
+            written = self._file.write(record)
+            reason = os.strerror(min(NO_SPACE))
+        except OSError as error:
+            written, reason = 0, str(error.strerror)
+        if written == len(record):
+            self._end += written
+            return True
+        self._cut(self._end)
+        self._complete = False
+        self._fail(reason)
+        return False
+
+    def _keep_stop_alone(self) -> None:
+        """Leaves nothing but the stop in the file, which even a full disk takes: it needs less room than before."""
+        self._cut(0)
+        self._complete = False
+        self._try(MAGIC + _SEED.pack(self.seed) + _packed(self.latched))
+
+    def _rewrite(self, content: bytes) -> None:
+        """Replaces the file by a journal with this content; where that cannot be done it stays as it is."""
+        self._ticks = 0
+        head = MAGIC + _SEED.pack(self.seed) + _packed(self.latched)
+        try:
+            with replacing(self._path) as temporary:
+                temporary.write_bytes(head + content)
+                file = io.FileIO(temporary, "r+")
+        except RecordingError as error:
+            self._fail(str(error))
+            return
+        self.close()
+        self._file = file
+        self._cut(len(head) + len(content))
+        self._complete = True
+        if self._failing:
+            self._failing = False
+            self.news.append("the journal is written again")
+
+    def _cut(self, end: int) -> None:
+        assert self._file is not None
+        self._file.truncate(end)
+        self._file.seek(end)
+        self._end = end
+
+    def _fail(self, reason: str) -> None:
+        if not self._failing:
+            self._failing = True
+            self.news.append(f"the journal cannot be written, the cell goes on without it: {reason}")
 
 
 def carry_over(path: Path, seed: int) -> None:
@@ -150,24 +240,26 @@ def _packed(latched: Latched) -> bytes:
 
 def _parse(content: bytes, at: int) -> Iterator[tuple[Entry | Latched, int]]:
     """Whole records and where each ends; stops at the first that is not whole."""
-    size = len(content)
-    while at < size:
-        if content[at : at + 1] == b"V" and at + _COMMAND.size <= size:
-            _, v_1, v_2, v_3, v_4, gripped = _COMMAND.unpack_from(content, at)
-            at += _COMMAND.size
+    while at < len(content):
+        kind = content[at : at + 1]
+        layout = {b"V": _COMMAND, b"F": _TEXT, b"C": _STATE, b"S": _STOP}.get(kind)
+        if layout is None or at + layout.size > len(content):
+            return
+        _, *values = layout.unpack_from(content, at)
+        at += layout.size
+        if layout is _COMMAND:
+            v_1, v_2, v_3, v_4, gripped = values
             yield ((v_1, v_2, v_3, v_4), gripped), at
-        elif content[at : at + 1] == b"F" and at + _TEXT.size <= size:
-            length = _TEXT.unpack_from(content, at)[1]
-            end = at + _TEXT.size + length
-            if end > size:
-                return
-            yield content[at + _TEXT.size : end].decode(), end
-            at = end
-        elif content[at : at + 1] == b"S" and at + _STOP.size <= size:
-            _, number, stop = _STOP.unpack_from(content, at)
+            continue
+        if layout is _STOP:
+            number, stop = values
             if stop >= len(STOPS):
                 return
-            at += _STOP.size
             yield Latched(number, STOPS[stop]), at
-        else:
+            continue
+        end = at + values[0]
+        if end > len(content):
             return
+        data = content[at:end]
+        yield (data if layout is _STATE else data.decode()), end
+        at = end

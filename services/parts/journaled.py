@@ -5,29 +5,40 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from dtwin.emulation import Emulation, parse_fault
+import msgspec
+
+from dtwin.emulation import Emulation, EmulationState, parse_fault
+from dtwin.errors import RecordingError
 from dtwin.parameters import PERIOD
 from dtwin.run.cell import CellSettings, emulate
-from dtwin.signals import Voltages
+from dtwin.signals import Quad, Voltages
 from services.parts.journal import Journal
 from services.parts.latch import Latch, Latched
+
+
+class Checkpoint(msgspec.Struct, frozen=True):
+    """The cell at a moment of a tick when its command is set: its state, and volts (V) and grip of the command."""
+
+    cell: EmulationState
+    volts: Quad
+    gripped: bool
 
 
 class JournaledCell:
     """The cell, with every tick's command and every fault noted in a journal if there is one.
 
     Args:
-        settings: of the cell; a journal that holds something brings its own seed.
-        journal: what it holds is replayed.
+        settings: settings of the cell; a journal that holds something brings its own seed.
+        journal: journal of the cell, None for none; what it holds is replayed.
 
     Attributes:
-        emulation: to be read; commands, ticks and faults go through this class.
-        command: that the arm obeys.
+        emulation: emulated cell, to be read; commands, ticks and faults go through this class.
+        command: command that the arm obeys.
         latch: stop that is kept until its release, in the journal too.
-        replayed: entries of the journal.
+        replayed: number of entries of the journal that were replayed.
 
     Raises:
-        DtwinError: a setting cannot be used, or the journal's faults cannot be.
+        DtwinError: a setting cannot be used, or the journal's faults or its checkpoint cannot be.
     """
 
     def __init__(self, settings: CellSettings, journal: Journal | None) -> None:
@@ -38,6 +49,9 @@ class JournaledCell:
         entries = [] if journal is None else journal.entries()
         self.replayed = len(entries)
         for entry in entries:
+            if isinstance(entry, bytes):
+                self._restore(entry)
+                continue
             if isinstance(entry, str):
                 self.emulation.inject([parse_fault(entry)])
                 continue
@@ -68,6 +82,10 @@ class JournaledCell:
     def advance(self) -> None:
         """One tick under the command."""
         if self._journal is not None:
+            if self._journal.due:
+                command = self.command
+                state = Checkpoint(self.emulation.state(), command.volts, command.box_gripped)
+                self._journal.checkpoint(msgspec.msgpack.encode(state))
             self._journal.command(self.command.volts, self.command.box_gripped)
         self.emulation.advance(PERIOD)
 
@@ -82,6 +100,13 @@ class JournaledCell:
             for text in texts:
                 self._journal.fault(text)
         return texts
+
+    def drain_news(self) -> list[str]:
+        """What happened to the journal's file since the last call, in words."""
+        if self._journal is None or not self._journal.news:
+            return []
+        news, self._journal.news = self._journal.news, []
+        return news
 
     def restart(self, seed: int) -> None:
         """Starts anew at time 0, with the boxes and the noise of a seed.
@@ -98,6 +123,16 @@ class JournaledCell:
     def _note(self, latched: Latched) -> None:
         if self._journal is not None:
             self._journal.latch(latched)
+
+    def _restore(self, data: bytes) -> None:
+        """Goes on from a checkpoint of the journal."""
+        try:
+            state = msgspec.msgpack.decode(data, type=Checkpoint)
+        except msgspec.MsgspecError as error:
+            raise RecordingError(f"journal: expected the state of an emulated cell: {error}") from None
+        self.emulation.restore(state.cell)
+        sensors = state.cell.sensors
+        self.command = Voltages(sensors.sequence, sensors.time, state.volts, state.gripped)
 
 
 def without_volts(command: Voltages) -> Voltages:

@@ -2,6 +2,7 @@
 
 import tracemalloc
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dtwin.errors import RecordingError
-from dtwin.run.recording import COLUMNS, NUMBERS, RunLog, ensure_writable, read_log
+from dtwin.errors import NoSpaceError, RecordingError
+from dtwin.run.recording import COLUMNS, NUMBERS, Log, RunLog, ensure_writable, is_log, join_logs, read_log
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
+from tests.support.disks import full_disk
 
 number = st.floats(allow_nan=False)
 triple = st.tuples(number, number, number)
@@ -222,20 +224,37 @@ def test_checking_a_path_leaves_everything_as_it_was(tmp_path: Path) -> None:
     assert (tmp_path / "old").read_text() == "kept"
 
 
-def test_a_failed_write_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_write_keeps_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "run.parquet"
     logged(2).freeze().write_parquet(path)
     before = path.read_bytes()
-
-    def full_disk(table: pa.Table, where: Path, **settings: object) -> None:
-        Path(where).write_bytes(b"half")
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("dtwin.run.recording.pq.write_table", full_disk)
-    with pytest.raises(RecordingError, match="No space left on device"):
+    with full_disk(1000), pytest.raises(NoSpaceError, match="File too large"):
         logged(3).freeze().write_parquet(path)
     assert path.read_bytes() == before
     assert [file.name for file in tmp_path.iterdir()] == ["run.parquet"]
+
+
+def test_logs_are_joined_to_the_bytes_of_one(tmp_path: Path) -> None:
+    whole = logged(140_000)
+    whole.add_events([Event(0.1 * k, "kind", str(k)) for k in range(4)])
+    log = whole.freeze()
+    log.write_parquet(tmp_path / "whole")
+    parts = []
+    for number, (start, stop) in enumerate(pairwise((0, 1, 3, 1000, 131_072, 131_073, 140_000))):
+        columns = log.part(start, stop).columns
+        parts.append(tmp_path / f"part {number}")
+        Log(columns, log.events[number : number + 1]).write_parquet(parts[-1])
+    join_logs(parts, tmp_path / "joined", {"seed": 7})
+    assert (tmp_path / "joined").read_bytes() == (tmp_path / "whole").read_bytes()
+
+
+def test_a_part_that_is_no_log_leaves_no_joined_file(tmp_path: Path) -> None:
+    logged(3).freeze().write_parquet(tmp_path / "part")
+    (tmp_path / "empty").touch()
+    with pytest.raises(RecordingError, match="empty: expected a Parquet file"):
+        join_logs([tmp_path / "part", tmp_path / "empty"], tmp_path / "joined", {})
+    assert not (tmp_path / "joined").exists()
+    assert [is_log(tmp_path / name) for name in ("part", "empty", "none")] == [True, False, False]
 
 
 def test_log_is_empty_without_ticks(tmp_path: Path) -> None:

@@ -31,6 +31,7 @@ from dtwin.bus.session import Bus
 from dtwin.errors import CommunicationError
 from dtwin.parameters import ROOT, GripperParameters
 from dtwin.signals import Event, Sensors, Truth, Voltages
+from tests.support.disks import full_disk
 from tests.support.ports import free_port
 from tests.support.waiting import until
 
@@ -219,6 +220,30 @@ def test_a_killed_emulator_goes_on_with_its_journal(tmp_path: Path) -> None:
         emulator.answering = True
         emulator.command(again.sequence)
         until(lambda: emulator.tick() > at + 50, "the cell runs again")
+    finally:
+        emulator.close()
+
+
+def test_an_emulator_on_a_full_disk_goes_on_and_takes_its_journal_up_again(tmp_path: Path) -> None:
+    emulator = Emulator("--pace", "lockstep", "--journal", str(tmp_path / "journal"))
+    try:
+        emulator.answering = True
+        until(lambda: emulator.tick() >= 50, "the cell runs", 60.0)
+        with full_disk(1000, emulator.process.pid):
+            at = emulator.tick()
+            until(lambda: emulator.tick() >= at + 500, "it goes on without its journal", 60.0)
+            until(lambda: emulator.status and "journal" in emulator.status.last_error, "its status tells", 60.0)
+        until(lambda: emulator.kinds()["disk"] == 2, "it tells once that it cannot write and once that it can", 60.0)
+        assert emulator.status is not None
+        assert emulator.status.state == "running"
+        emulator.answering = False
+        emulator.process.kill()
+        emulator.process.communicate()
+        at = emulator.tick()
+        emulator.samples.clear()
+        emulator.start()
+        until(lambda: emulator.samples, "it publishes again", 60.0)
+        assert at - 1 <= emulator.samples[0].sequence <= at + 1
     finally:
         emulator.close()
 

@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import RecordingError
-from services.parts.journal import MAGIC, Entry, Journal, carry_over
+from services.parts.journal import MAGIC, RETRY, ROTATION, Entry, Journal, carry_over
 from services.parts.latch import Latched
+from tests.support.disks import full_disk
 
 volts = st.floats(-8, 8)
 commands = st.tuples(st.tuples(volts, volts, volts, volts), st.booleans())
@@ -104,3 +105,85 @@ def test_an_unreadable_journal_may_have_held_a_stop(tmp_path: Path) -> None:
     carry_over(path, 9)
     assert Journal(path, 0).latched == (1, "torque off")
     assert (tmp_path / "j.unreadable").read_bytes().startswith(b"something else")
+
+
+COMMAND = ((1.0, -2.0, 0.5, 3.0), True)
+
+
+def test_a_checkpoint_is_due_in_time_and_takes_the_place_of_what_came_before(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "j", 4)
+    due = []
+    for _ in range(ROTATION):
+        due.append(journal.due)
+        journal.command(*COMMAND)
+    due.append(journal.due)
+    journal.checkpoint(b"state")
+    due.append(journal.due)
+    assert due == [*[False] * ROTATION, True, False]
+    journal.fault("later")
+    journal.close()
+    again = Journal(tmp_path / "j", 0)
+    assert (again.seed, again.entries()) == (4, [b"state", "later"])
+    assert (tmp_path / "j").stat().st_size < 100
+    assert again.news == []
+
+
+def test_a_full_disk_costs_what_it_cannot_take_until_there_is_room(tmp_path: Path) -> None:
+    path = tmp_path / "j"
+    journal = Journal(path, 4)
+    journal.command(*COMMAND)
+    room = path.stat().st_size + 10
+    with full_disk(room):
+        for _ in range(RETRY):
+            journal.command(*COMMAND)
+        due = [journal.due]
+        journal.checkpoint(bytes(room))
+        journal.fault("not noted")
+    assert len(journal.news) == 1
+    assert "File too large" in journal.news[0]
+    assert Journal(path, 0).entries() == [COMMAND], "half a record is cut off, and no later one follows it"
+    assert [file.name for file in tmp_path.iterdir()] == ["j"]
+    for _ in range(RETRY):
+        due.append(journal.due)
+        journal.command(*COMMAND)
+    assert due == [True, *[False] * RETRY]
+    assert Journal(path, 0).entries() == [COMMAND], "a record is missing, so none is added before a checkpoint"
+    journal.checkpoint(b"state")
+    journal.fault("noted")
+    assert Journal(path, 0).entries() == [b"state", "noted"]
+    assert len(journal.news) == 2
+    assert "again" in journal.news[1]
+
+
+def test_a_new_run_on_a_full_disk_does_not_leave_the_old_one(tmp_path: Path) -> None:
+    write(tmp_path / "j", 4, ["old"])
+    journal = Journal(tmp_path / "j", 0)
+    with full_disk(0):
+        journal.restart(5)
+        journal.command(*COMMAND)
+    journal.command(*COMMAND)
+    assert Journal(tmp_path / "j", 7).entries() == []
+
+
+def test_a_journal_begins_on_a_full_disk(tmp_path: Path) -> None:
+    with full_disk(0):
+        journal = Journal(tmp_path / "j", 4)
+        journal.command(*COMMAND)
+    assert len(journal.news) == 1
+    journal.checkpoint(b"state")
+    again = Journal(tmp_path / "j", 0)
+    assert (again.seed, again.entries()) == (4, [b"state"])
+
+
+def test_a_stop_on_a_full_disk_is_kept_at_the_cost_of_the_ticks(tmp_path: Path) -> None:
+    path = tmp_path / "j"
+    journal = Journal(path, 4)
+    journal.command(*COMMAND)
+    with full_disk(path.stat().st_size):
+        journal.latch(Latched(1, "torque off"))
+        assert Journal(path, 0).latched == (1, "torque off")
+        journal.restart(5)
+    again = Journal(path, 0)
+    assert (again.seed, again.latched, again.entries()) == (5, (1, "torque off"), [])
+    journal.checkpoint(b"state")
+    assert Journal(path, 0).latched == (1, "torque off")

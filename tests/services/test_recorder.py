@@ -1,0 +1,119 @@
+"""The recorder on a disk that is full for a while, with many parts of an earlier one, and over long runs."""
+
+import shutil
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dtwin.bus.messages import Path as PathAngles
+from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.run.recording import Log, read_log
+from dtwin.signals import Event, Sensors, Truth, Voltages
+from dtwin.view import live
+from services.recorder import Options, Recorder
+from tests.services.parts.test_log_parts import log as rows_of
+from tests.support.desk import Desk
+from tests.support.disks import full_disk
+from tests.support.waiting import until
+
+
+def feed(recorder: Recorder, first: int, last: int) -> None:
+    """The messages of some ticks, which are kept at the end."""
+    for tick in range(first, last):
+        now, colour = tick * PERIOD, "red" if tick % 7 > 3 else ""
+        recorder.rows.sensors(Sensors(tick, now, (0.1, 0.2, 0.3), 0.9, colour != "", colour), now)
+        recorder.rows.truth(Truth(now, (0.1, 0.2, 0.3), (0.0, 0.0, 0.0), 0.9, 0.0), now)
+        recorder.rows.answer(Voltages(tick, now, (1.0, 0.0, 0.0, 3.0), False), now)
+        recorder.rows.answer(PathAngles(tick, now, (0.1, 0.2, 0.3)), now)
+    recorder.keep()
+
+
+def recorder_of(folder: Path, told: list[Event], **options: Any) -> Recorder:
+    return Recorder(Options(log=folder / "run.parquet", **options), {}, ArmParameters(), told.append)
+
+
+def test_a_recorder_on_a_full_disk_goes_on_tells_once_and_catches_up(tmp_path: Path) -> None:
+    told: list[Event] = []
+    recorder = recorder_of(tmp_path, told)
+    feed(recorder, 0, 50)
+    with full_disk(1000):
+        for k in range(1, 9):
+            feed(recorder, 50 * k, 50 * k + 50)
+    assert [event.kind for event in told] == ["disk"]
+    feed(recorder, 450, 500)
+    assert [event.kind for event in told] == ["disk"] * 2
+    recorder.close()
+    assert len(read_log(tmp_path / "run.parquet")) == 500
+    assert [file.name for file in tmp_path.iterdir()] == ["run.parquet"]
+
+
+def test_a_recorder_that_begins_and_ends_on_a_full_disk_leaves_nothing_half(tmp_path: Path) -> None:
+    told: list[Event] = []
+    with full_disk(0):
+        recorder = recorder_of(tmp_path, told)
+        feed(recorder, 0, 50)
+        recorder.close()
+    assert not [file for file in tmp_path.rglob("*") if file.is_file()]
+    assert "rows are lost" in told[-1].text
+
+
+def test_a_recording_waits_for_room_and_draws_what_the_log_holds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    full = {"free": 0}
+    monkeypatch.setattr(live, "has_room", lambda file: full["free"] > 0)
+    drawn: list[int] = []
+    add = live.LiveView.add
+
+    def count(view: live.LiveView, log: Log) -> None:
+        drawn.append(len(log))
+        add(view, log)
+
+    monkeypatch.setattr(live.LiveView, "add", count)
+    told: list[Event] = []
+    recorder = recorder_of(tmp_path, told, record=tmp_path / "run.rrd")
+    feed(recorder, 0, 50)
+    feed(recorder, 50, 100)
+    assert (len(told), drawn) == (1, [])
+    full["free"] = 1
+    feed(recorder, 100, 150)
+    feed(recorder, 150, 200)
+    full["free"] = 0
+    feed(recorder, 200, 250)
+    feed(recorder, 250, 300)
+    assert [event.kind for event in told] == ["disk"] * 3
+    full["free"] = 1
+    recorder.close()
+    assert (len(told), sum(drawn)) == (3, 300), "each row is drawn once"
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["run.parquet", "run.rrd"]
+
+
+def test_a_recorder_with_thousands_of_parts_is_at_work_within_two_seconds(tmp_path: Path) -> None:
+    folder = tmp_path / "run.parquet.parts"
+    folder.mkdir()
+    rows_of(0, 2).write_parquet(tmp_path / "one")
+    for k in range(3000):
+        shutil.copyfile(tmp_path / "one", folder / f"{2 * k:09d}-2.parquet")
+    began = time.monotonic()
+    recorder = recorder_of(tmp_path, [], record=tmp_path / "run.rrd")
+    feed(recorder, 6000, 6050)
+    assert time.monotonic() - began < 2.0
+    assert recorder.rows.late == 0
+
+
+def test_a_cell_lives_through_a_full_disk(desk: Desk, tmp_path: Path) -> None:
+    desk.up("--detach", "--pace", "lockstep", "--log", str(tmp_path / "run.parquet"))
+    until(lambda: desk.summary()["ticks"] > 100, "the cell runs", 60.0)
+    pids = [desk.find(f"services.{name}") for name in ("recorder", "emulator")]
+    with full_disk(1000, pids[0]), full_disk(1000, pids[1]):
+        before = desk.summary()["ticks"]
+        until(lambda: desk.summary()["ticks"] > before + 1000, "the cell goes on", 60.0)
+    before = desk.summary()["ticks"]
+    until(lambda: desk.summary()["ticks"] > before + 1000, "the cell goes on", 60.0)
+    assert {service["restarts"] for service in desk.summary()["services"].values()} == {0}
+    desk.run("down")
+    until(lambda: not desk.processes(), "all processes end", 60.0)
+    times = read_log(tmp_path / "run.parquet").columns["t"]
+    assert len(times) == round(times[-1] / PERIOD) + 1, "no row is missing"
