@@ -42,9 +42,10 @@ from dtwin.identification.data import Experiment
 from dtwin.identification.estimation.estimate import Estimate, EstimationSettings, identify, load_kernels
 from dtwin.identification.excitation.plan import Excitation
 from dtwin.identification.held_out import compare
-from dtwin.identification.model import IdentifiedModel, from_estimate, read_model
+from dtwin.identification.model import IdentifiedModel, read_model
 from dtwin.identification.operating_data import PIECES, OperatingData, estimate_from, renewed
 from dtwin.identification.parsing import free_names, settings_for
+from dtwin.identification.result import from_estimate
 from dtwin.identification.store import STORE, ModelStore
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.signals import Event, EventKind, Sensors, Voltages

@@ -9,26 +9,29 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
-import numpy as np
 
 from dtwin.bus.messages import EVENTS, MONITORING, PATH, RESIDUALS, SENSORS, TRUTH, VOLTAGES, State
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.twin_messages import MonitoringResiduals, MonitoringVerdict
 from dtwin.errors import ParameterError
+from dtwin.files import ensure_writable
 from dtwin.parameters import ArmParameters
 from dtwin.run.options import ArmOptions
-from dtwin.run.recording import Log, RunLog, ensure_writable
+from dtwin.run.recording import Log, RunLog
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
-from dtwin.view import LiveView, Ports, Predictions, Viewer, ViewerProcess
+from dtwin.view.viewer import Ports, Viewer, ViewerProcess
 from services.parts.log_parts import Parts
 from services.parts.rows import Rows
 from services.service import Link, Service, main
+
+if TYPE_CHECKING:
+    from dtwin.view.live import LiveView
 
 log = logging.getLogger(__name__)
 
@@ -161,7 +164,7 @@ class Recorder:
             self._parts.add(part)
         if self._view is not None:
             self._view.add(part)
-            self._view.add_monitoring(predictions(self._residuals), self._verdicts)
+            self._view.add_monitoring(self._residuals, self._verdicts)
         self._residuals, self._verdicts = [], []
 
     def _join(self, part: Log) -> None:
@@ -188,6 +191,8 @@ class Recorder:
             if self._runs > 1:
                 self._parts.clear()
         if options.record is not None or options.viewer != "none":
+            from dtwin.view.live import LiveView  # loads Rerun and MuJoCo, which a log alone does not need
+
             file = None if options.record is None else self._numbered(options.record)
             url = "" if self._viewer is None else options.ports.data_url
             self._view = LiveView(options.mjcf, self._arm, file, url, options.monitored)
@@ -209,19 +214,6 @@ class Recorder:
 
     def _report(self, state: State) -> None:
         self._service.report(state, self._ticks, time=self._time, late_ticks=self._rows.late)
-
-
-def predictions(messages: Sequence[MonitoringResiduals]) -> Predictions:
-    """What the monitor expected, as it is drawn."""
-    predicted = np.array([message.predicted for message in messages]).reshape(-1, 3)
-    return Predictions(
-        np.array([message.time for message in messages]),
-        predicted + np.array([message.residual for message in messages]).reshape(-1, 3),
-        predicted,
-        np.array([message.deviation for message in messages]).reshape(-1, 3),
-        np.array([message.evidence for message in messages]),
-        messages[-1].threshold if messages else 0.0,
-    )
 
 
 if __name__ == "__main__":

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
+from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.boxes import Boxes
 from dtwin.emulation.encoders import Encoders, NoiseKind
 from dtwin.emulation.faults import Condition, Fault, schedule
-from dtwin.emulation.plant import MODEL_FILE, Plant
+from dtwin.emulation.plant import Plant
 from dtwin.errors import ParameterError
 from dtwin.parameters import HANGING, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
 from dtwin.signals import NO_COLOUR, BoxCounts, Event, EventKind, Sensors, Truth, Voltages

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final, Literal, get_args
-
-import numpy as np
+from typing import TYPE_CHECKING, Final, Literal, get_args
 
 from dtwin.errors import ParameterError, choices
 from dtwin.parameters import Triple
+
+if TYPE_CHECKING:
+    import numpy as np
 
 NoiseKind = Literal["none", "uniform", "gaussian"]
 NOISE_KINDS: Final[tuple[str, ...]] = get_args(NoiseKind)

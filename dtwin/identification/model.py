@@ -1,26 +1,24 @@
-"""Identified models as JSON files, validated on load, with all figures that say how far to trust them."""
+"""Identified models as JSON files, validated on load, with all figures that say how far to trust them.
+
+Reading a model loads neither the estimator nor numpy: commands and services that only pass one on start at once.
+"""
 
 from __future__ import annotations
 
 import math
-import platform
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final
 
 import msgspec
-import numpy as np
 
-from dtwin import __version__
 from dtwin.errors import DtwinError, ModelError, choices
-from dtwin.identification.data import Array, fingerprint
-from dtwin.identification.estimation.estimate import Estimate
-from dtwin.identification.estimation.problem import OFFSETS
-from dtwin.identification.estimation.residuals import LAGS
+from dtwin.files import replacing
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
-from dtwin.run.recording import replacing
 
 SCHEMA: Final = "dtwin identified model 1"
+OFFSETS: Final = ("offset1", "offset2", "offset3")
+"""Names of the encoder offsets, which are in rad."""
 
 
 class PriorRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -111,50 +109,6 @@ class IdentifiedModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return ArmParameters.from_vector(tuple(self.parameters[name] for name in PARAMETER_NAMES))
 
 
-def from_estimate(estimate: Estimate, fit: Array, source: str) -> IdentifiedModel:
-    """Makes the model of an estimate.
-
-    Args:
-        estimate: result of an identification.
-        fit: (3,), fit of every joint on held-out data.
-        source: description of the data in words.
-    """
-    problem = estimate.problem
-    hidden = estimate.identifiability.unidentifiable
-    kept = [k for k, name in enumerate(problem.shared) if name not in hidden]
-    names = [problem.shared[k] for k in kept]
-    matrix = estimate.covariance[np.ix_(kept, kept)]
-    return IdentifiedModel(
-        schema=SCHEMA,
-        parameters=dict(zip(PARAMETER_NAMES, estimate.parameters.vector(), strict=True)),
-        free=list(problem.free),
-        unidentifiable=list(hidden),
-        identifiability=estimate.identifiability.text(),
-        standard_errors={name: estimate.standard_errors[name] for name in names},
-        covariance=Covariance(names, matrix.tolist()),
-        offsets=problem.offset(estimate.x).tolist(),
-        priors={name: PriorRecord(prior.mean, prior.deviation) for name, prior in problem.priors.items()},
-        data=Data(
-            fingerprint(problem.experiments),
-            source,
-            [len(experiment) for experiment in problem.experiments],
-            [float(experiment.payload.max()) for experiment in problem.experiments],
-            problem.experiments[0].payload_model,
-        ),
-        validity=Validity(
-            estimate.converged,
-            fit.tolist(),
-            estimate.noise.tolist(),
-            estimate.shape,
-            estimate.whiteness.white,
-            list(estimate.whiteness.p_values),
-            LAGS,
-            estimate.bic,
-        ),
-        versions={"dtwin": __version__, "numpy": np.__version__, "python": platform.python_version()},
-    )
-
-
 def encode(model: IdentifiedModel) -> bytes:
     """The bytes of a model file; equal models give equal bytes."""
     return msgspec.json.format(msgspec.json.encode(model), indent=2) + b"\n"
@@ -209,10 +163,11 @@ def _check(model: IdentifiedModel) -> None:
     rows: list[Any] = model.covariance.matrix
     if len(rows) != count or any(len(row) != count for row in rows):
         raise ModelError(f"covariance: expected a {count} x {count} matrix, one row a name")
-    matrix = np.array(rows).reshape(count, count)
-    scale = np.sqrt(np.abs(np.outer(matrix.diagonal(), matrix.diagonal())))
-    if not np.isfinite(matrix).all() or np.any(np.abs(matrix - matrix.T) > 1e-9 * scale):
-        raise ModelError("covariance: expected a symmetric matrix of finite numbers")
+    for i, row in enumerate(rows):
+        for j, value in enumerate(row):
+            scale = math.sqrt(abs(row[i])) * math.sqrt(abs(rows[j][j]))
+            if not math.isfinite(value) or abs(value - rows[j][i]) > 1e-9 * scale:
+                raise ModelError("covariance: expected a symmetric matrix of finite numbers")
     for name, values in (("offsets", model.offsets), ("fit", model.validity.fit), ("noise", model.validity.noise)):
         if len(values) != 3:
             raise ModelError(f"{name}: expected 3 numbers, one a joint, got {len(values)}")

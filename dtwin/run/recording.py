@@ -6,10 +6,8 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import struct
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -22,6 +20,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from dtwin.errors import RecordingError
+from dtwin.files import reason_of, replacing
 from dtwin.signals import NO_COLOUR, Event, StepRecord
 
 NUMBERS: Final = (
@@ -179,7 +178,7 @@ def read_log(path: Path) -> Log:
     except pa.ArrowInvalid:
         raise RecordingError(f"{path}: expected a Parquet file") from None
     except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {_reason(error)}") from None
+        raise RecordingError(f"{path}: cannot be read: {reason_of(error)}") from None
     columns = {field.name: _column(path, table, field) for field in _SCHEMA}
     steps = np.diff(columns["t"])
     if not np.all(steps > 0):
@@ -192,48 +191,6 @@ def read_log(path: Path) -> Log:
     except msgspec.MsgspecError as error:
         raise RecordingError(f"{path}: expected events and run metadata as JSON: {error}") from None
     return Log(_read_only(columns), events, metadata)
-
-
-def ensure_writable(path: Path) -> None:
-    """Checks that a file can be written at `path`, so that a long run does not fail at its end.
-
-    Raises:
-        RecordingError: the folder is missing or read-only, or the path is not a regular file.
-    """
-    with contextlib.suppress(_Checked), replacing(path):
-        raise _Checked
-
-
-class _Checked(Exception):
-    """Leaves the block of `replacing` without replacing the file."""
-
-
-@contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """Gives a temporary path beside `path` to write to; the file replaces `path` when the block succeeds.
-
-    Raises:
-        RecordingError: `path` is no path of a file, or it cannot be written.
-    """
-    target = path.resolve()
-    if target.exists() and not target.is_file():
-        kind = "a folder" if target.is_dir() else "a device"
-        raise RecordingError(f"{path}: expected the path of a file, this is {kind}")
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        temporary.touch()
-        yield temporary
-        os.replace(temporary, target)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written: {_reason(error)}") from None
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
-
-
-def _reason(error: OSError) -> str:
-    """The operating system's text of an error; the text of Arrow would name temporary files."""
-    return os.strerror(error.errno) if error.errno else str(error).splitlines()[0]
 
 
 def _column(path: Path, table: pa.Table, expected: pa.Field) -> NDArray[Any]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from dtwin.emulation import Emulation, parse_fault
+from dtwin.emulation.emulation import Emulation
+from dtwin.emulation.faults import parse_fault
 from dtwin.parameters import PERIOD
-from dtwin.run.cell import CellSettings, emulate
+from dtwin.run.emulate import emulate
+from dtwin.run.settings import CellSettings
 from dtwin.signals import Voltages
 from services.parts.journal import Journal
 from services.parts.latch import Latch, Latched

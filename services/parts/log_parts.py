@@ -7,18 +7,12 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from dtwin.errors import RecordingError
-from dtwin.run.recording import Log, concatenate, ensure_writable, read_log
-
-SUFFIX: Final = ".parts"
-"""of the folder of parts, after the log's name; any Parquet reader takes the folder for one table"""
-
-
-def discard_parts(path: Path) -> None:
-    """Forgets what an earlier run left unfinished of the log `path`."""
-    shutil.rmtree(_folder(path), ignore_errors=True)
+from dtwin.files import ensure_writable
+from dtwin.run.recording import Log, concatenate, read_log
+from services.parts.part_files import folder_of
 
 
 class Parts:
@@ -37,7 +31,7 @@ class Parts:
     def __init__(self, path: Path) -> None:
         ensure_writable(path)
         self._path = path
-        self._folder = _folder(path)
+        self._folder = folder_of(path)
         try:
             self._folder.mkdir(exist_ok=True)
         except OSError as error:
@@ -62,7 +56,3 @@ class Parts:
             whole.write_parquet(self._path)
         shutil.rmtree(self._folder)
         return whole
-
-
-def _folder(path: Path) -> Path:
-    return path.with_name(path.name + SUFFIX)

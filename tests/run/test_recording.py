@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import RecordingError
-from dtwin.run.recording import COLUMNS, NUMBERS, RunLog, ensure_writable, read_log
+from dtwin.files import ensure_writable
+from dtwin.run.recording import COLUMNS, NUMBERS, RunLog, read_log
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
 
 number = st.floats(allow_nan=False)

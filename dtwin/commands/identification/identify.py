@@ -16,6 +16,7 @@ from rich.table import Table
 
 from dtwin.controller.excitation import ExcitationController
 from dtwin.errors import IdentificationError, ParameterError
+from dtwin.files import ensure_writable
 from dtwin.identification.data import Experiment, Start, from_log
 from dtwin.identification.estimation.estimate import NINETY_FIVE, Estimate, EstimationSettings, identify, load_kernels
 from dtwin.identification.estimation.friction import FRICTIONS, Friction, choose, with_friction
@@ -23,11 +24,11 @@ from dtwin.identification.excitation.design import optimise
 from dtwin.identification.excitation.plan import HELD_OUT, PLAIN, Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.identification.held_out import Comparison, compare
-from dtwin.identification.model import from_estimate
 from dtwin.identification.parsing import settings_for
+from dtwin.identification.result import from_estimate
 from dtwin.identification.store import STORE, ModelStore, check_name
 from dtwin.parameters import PERIOD, ArmParameters, assignment, load_arm
-from dtwin.run.recording import Log, ensure_writable, read_log
+from dtwin.run.recording import Log, read_log
 
 _HELD_OUT_SHARE = 0.2
 """share of a log that is kept for judging the model"""

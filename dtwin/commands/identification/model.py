@@ -13,11 +13,11 @@ from rich.console import Console
 from rich.table import Table
 
 from dtwin.errors import ModelError
+from dtwin.files import replacing
 from dtwin.identification.mjcf import export_mjcf
 from dtwin.identification.model import IdentifiedModel, read_model
 from dtwin.identification.store import STORE, ModelStore, StoredModel, open_model
 from dtwin.parameters import PARAMETER_NAMES
-from dtwin.run.recording import replacing
 
 _DIFFERENT = 3.0
 """standard errors from which two estimates count as different"""

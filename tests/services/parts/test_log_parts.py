@@ -4,7 +4,8 @@ from pathlib import Path
 
 from dtwin.run.recording import Log, RunLog, read_log
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
-from services.parts.log_parts import SUFFIX, Parts
+from services.parts.log_parts import Parts
+from services.parts.part_files import SUFFIX
 
 
 def log(first: int, last: int) -> Log:
