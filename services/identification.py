@@ -138,8 +138,11 @@ class Identification:
         if not decision.accept:
             self._enter(msgspec.structs.replace(self._state, phase="rejected", text="the model was not kept"))
             return self._state
+        doubts = model.validity.doubts
+        if doubts and not decision.anyway:
+            raise IdentificationError(f"the model is in doubt, {doubts}: expected to be kept anyway, or rejected")
         entry = self._store.save(model, decision.name)
-        text = f"kept as {entry}"
+        text = f"kept as {entry}, though {doubts}" if doubts else f"kept as {entry}"
         if decision.upload:
             text = f"{text}, {self._upload(model.arm, text)}"
         self._enter(
@@ -242,6 +245,7 @@ class Identification:
                     for name in estimate.identifiability.identifiable
                 },
                 fit=(first, second, third),
+                doubts=model.validity.doubts[:1000],
             )
         )
 

@@ -53,12 +53,13 @@ class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     payload_model: str
 
 
-class Validity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Validity(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """How well a model explains the arm.
 
     Per joint, fit is 1 - ||y - yhat|| / ||y - mean(y)|| on motion that the model was not fitted to, noise the
     standard deviation of the residuals (rad) and whiteness_p the p-value of the autocorrelation test. noise_shape is
-    the exponent of the density of the residuals.
+    the exponent of the density of the residuals. at_bound names the parameters that sit on a bound of the search; a
+    file in which none does leaves it out.
     """
 
     converged: bool
@@ -69,6 +70,17 @@ class Validity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     whiteness_p: list[float]
     whiteness_lags: int
     bic: float
+    at_bound: list[str] = []
+
+    @property
+    def doubts(self) -> str:
+        """Why the model should not be used, in words; "" if nothing speaks against it."""
+        found = [] if self.converged else ["the search did not converge"]
+        if not self.residual_white:
+            found.append("the residuals are not white: the model leaves something unexplained")
+        if self.at_bound:
+            found.append(f"on a bound of the search: {', '.join(self.at_bound)}")
+        return "; ".join(found)
 
 
 class IdentifiedModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -154,6 +166,7 @@ def _check(model: IdentifiedModel) -> None:
     _ = model.arm
     _check_names("free", model.free, PARAMETER_NAMES)
     _check_names("unidentifiable", model.unidentifiable, model.free)
+    _check_names("at_bound", model.validity.at_bound, model.free)
     _check_names("standard_errors", model.standard_errors, (*model.free, *OFFSETS))
     _check_names("covariance", model.covariance.names, (*model.free, *OFFSETS))
     for name, error in model.standard_errors.items():

@@ -53,6 +53,7 @@ def from_estimate(estimate: Estimate, fit: Array, source: str) -> IdentifiedMode
             list(estimate.whiteness.p_values),
             LAGS,
             estimate.bic,
+            list(estimate.at_bound),
         ),
         versions={"dtwin": __version__, "numpy": np.__version__, "python": platform.python_version()},
     )
