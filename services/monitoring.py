@@ -85,7 +85,7 @@ class Monitoring:
         service.ready()
         while not service.stopping:
             item = service.next(0.2)
-            pair = None
+            before, pair = done, None
             if isinstance(item, Sensors):
                 pair = self._pairs.first(item)
             elif isinstance(item, Voltages):
@@ -95,7 +95,7 @@ class Monitoring:
             if pair is not None:
                 self._watch(*pair)
                 done += 1
-            if service.report_due():
+            if service.report_due() or (done and not before):
                 service.report("running" if done else "waiting", done, time=max(self._monitor.time, 0.0))
 
     def _ask(self, request: AcknowledgeRequest | None) -> MonitoringVerdict:
