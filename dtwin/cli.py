@@ -57,6 +57,7 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "target set": Subcommand("live.settings", "TargetSet", "set how long the motions take"),
         "stop": Subcommand("live.stop", "StopCommand", "let the function blocks stop the arm"),
         "release": Subcommand("live.stop", "ReleaseCommand", "let a stopped arm move again"),
+        "bench start": Subcommand("live.bench", "BenchStart", "time the start of a cell with all services"),
     },
     "identification": {
         "identify": Subcommand(

@@ -16,7 +16,7 @@ from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal, TypeVar
+from typing import Final, TypeVar
 
 from dtwin.bus.messages import (
     ACTED,
@@ -44,6 +44,7 @@ from services.parts.gate import STALE, Gate
 from services.parts.journal import Journal
 from services.parts.journaled import JournaledCell
 from services.parts.latencies import Latencies
+from services.parts.pace import Pace
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)
@@ -56,7 +57,6 @@ _REMEMBERED: Final = 256
 REQUEST_TIMEOUT: Final = 4.0
 """Longest time that a request waits for its turn between two ticks, s."""
 
-Pace = Literal["realtime", "lockstep", "free"]
 R = TypeVar("R")
 
 

@@ -44,9 +44,10 @@ from dtwin.identification.data import Experiment
 from dtwin.identification.estimation.estimate import Estimate, EstimationSettings, identify, load_kernels
 from dtwin.identification.excitation.plan import Excitation
 from dtwin.identification.held_out import compare
-from dtwin.identification.model import IdentifiedModel, from_estimate, read_model
+from dtwin.identification.model import IdentifiedModel, read_model
 from dtwin.identification.operating_data import PIECES, OperatingData, estimate_from, renewed
 from dtwin.identification.parsing import free_names, settings_for
+from dtwin.identification.result import from_estimate
 from dtwin.identification.store import STORE, ModelStore
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.signals import Event, EventKind, Sensors, Voltages
@@ -140,8 +141,11 @@ class Identification:
         if not decision.accept:
             self._enter(msgspec.structs.replace(self._state, phase="rejected", text="the model was not kept"))
             return self._state
+        doubts = model.validity.doubts
+        if doubts and not decision.anyway:
+            raise IdentificationError(f"the model is in doubt, {doubts}: expected to be kept anyway, or rejected")
         entry = self._store.save(model, decision.name)
-        text = f"kept as {entry}"
+        text = f"kept as {entry}, though {doubts}" if doubts else f"kept as {entry}"
         if decision.upload:
             text = f"{text}, {self._upload(model.arm, text)}"
         self._enter(
@@ -247,6 +251,7 @@ class Identification:
                     for name in estimate.identifiability.identifiable
                 },
                 fit=(first, second, third),
+                doubts=model.validity.doubts[:1000],
             )
         )
 

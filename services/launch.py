@@ -1,10 +1,15 @@
-"""Starts the services of a cell as processes and stops them together."""
+"""Starts the services of a cell as processes and stops them together.
+
+The supervisor does nothing but wait, so it loads no more than the bus. What needs MuJoCo to check an option runs in a
+process that ends again; tests/test_imports.py says what must not be loaded here.
+"""
 
 from __future__ import annotations
 
 import os
 import shutil
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -20,21 +25,21 @@ from dtwin.bus.opening import has_certificates, open_configured, open_peer
 from dtwin.bus.session import Bus
 from dtwin.bus.signature import new_key
 from dtwin.errors import CommunicationError, ParameterError
+from dtwin.files import ensure_writable
 from dtwin.identification.store import STORE
 from dtwin.iec61499.net.address import LocalAddress, parse_address
 from dtwin.options import arguments
-from dtwin.run.cell import CellSettings, emulate, metadata
+from dtwin.parameters import ROOT
 from dtwin.run.loop import tick_count
 from dtwin.run.options import ArmOptions, ControlOptions, PlantOptions
-from dtwin.run.recording import ensure_writable
+from dtwin.run.settings import CellSettings, metadata
 from dtwin.simulation.history import HISTORY
-from dtwin.view import Ports, Viewer, free_ports
+from dtwin.view.viewer import Ports, Viewer, free_ports
 from services import runfile
-from services.controller import deploy_cell
-from services.emulator import Pace
 from services.parts.fence import fence_warning
 from services.parts.journal import carry_over
-from services.parts.log_parts import discard_parts
+from services.parts.pace import Pace
+from services.parts.part_files import discard_parts
 from services.runfile import OPERATOR, RunFile
 from services.service import free_port
 from services.supervisor import Program, Supervisor
@@ -92,7 +97,8 @@ class CellOptions(PlantOptions, ControlOptions):
         """
         if self.duration is not None:
             tick_count(self.duration)
-        emulate(self.settings())
+        self.settings()
+        self._check_plant()
         for path in (self.log, self.record):
             if path is not None:
                 ensure_writable(path)
@@ -105,6 +111,17 @@ class CellOptions(PlantOptions, ControlOptions):
             raise ParameterError(
                 f"--controller {self.controller}: expected embedded, forte://HOST:PORT or tcp://HOST:PORT"
             )
+
+    def _check_plant(self) -> None:
+        """Has the emulated cell made once in a process of its own, unless it is the usual one."""
+        options = arguments(self, PlantOptions)
+        if options:
+            command = [sys.executable, "-m", "services.check", *options]
+            made = subprocess.run(
+                command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=False
+            )
+            if made.returncode:
+                raise ParameterError(made.stderr.strip().splitlines()[-1].removeprefix("check: "))
 
     def settings(self) -> CellSettings:
         """The emulated cell and its controller that the options stand for.
@@ -127,6 +144,8 @@ class CellOptions(PlantOptions, ControlOptions):
         programs = []
         management = self.management(file)
         if self.controller.startswith("forte://"):
+            from services.controller import deploy_cell  # loads the reader of function blocks
+
             deploy_cell(parse_address(self.controller, "forte"), self.control())
         if self.controller == "embedded":
             programs.append(_service("controller", [*link, "--listen", management, *arguments(self, ControlOptions)]))

@@ -87,13 +87,14 @@ class Monitoring:
         service.ready()
         while not service.stopping:
             item = service.next(0.2)
+            before = done
             if isinstance(item, _Asked):
                 self._acknowledge(item)
             elif item is not None:
                 for sensors, acted in self._ticks.take(item):
                     self._watch(sensors, acted)
                     done += 1
-            if service.report_due():
+            if service.report_due() or (done and not before):
                 service.report("running" if done else "waiting", done, time=max(self._monitor.time, 0.0))
 
     def _ask(self, request: AcknowledgeRequest | None) -> MonitoringVerdict:

@@ -9,13 +9,12 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
-import numpy as np
 
 from dtwin.bus.messages import ACTED, EVENTS, MONITORING, PATH, RESIDUALS, SENSORS, TRUTH, VOLTAGES, Acted, State
 from dtwin.bus.messages import Path as PathAngles
@@ -25,10 +24,13 @@ from dtwin.parameters import ArmParameters
 from dtwin.run.options import ArmOptions
 from dtwin.run.recording import Log, RunLog
 from dtwin.signals import Event, EventKind, Sensors, StepRecord, Truth, Voltages
-from dtwin.view import LiveView, Ports, Predictions, Viewer, ViewerProcess
+from dtwin.view.viewer import Ports, Viewer, ViewerProcess
 from services.parts.log_parts import Parts
 from services.parts.rows import Rows
 from services.service import Link, Service, main
+
+if TYPE_CHECKING:
+    from dtwin.view.live import LiveView
 
 log = logging.getLogger(__name__)
 
@@ -187,7 +189,7 @@ class Recorder:
             self._open_view()
         if self._view is not None and self._view.ready:
             self._draw(self._view, part)
-            self._view.add_monitoring(predictions(self._residuals), self._verdicts)
+            self._view.add_monitoring(self._residuals, self._verdicts)
         elif self._view is not None:
             self._say_unready(f"{self._options.record}: no room for more")
             if self._undrawn is None and self._parts is not None:
@@ -245,6 +247,8 @@ class Recorder:
 
     def _open_view(self) -> None:
         """Opens the recording, unless there is no room for it now."""
+        from dtwin.view.live import LiveView  # loads Rerun and MuJoCo, which a log alone does not need
+
         options = self._options
         file = None if options.record is None else self._numbered(options.record)
         url = "" if self._viewer is None else options.ports.data_url
@@ -293,19 +297,6 @@ class Recorder:
 
     def _report(self, service: Service, state: State) -> None:
         service.report(state, self._ticks, time=self._time, late_ticks=self.rows.late)
-
-
-def predictions(messages: Sequence[MonitoringResiduals]) -> Predictions:
-    """What the monitor expected, as it is drawn."""
-    predicted = np.array([message.predicted for message in messages]).reshape(-1, 3)
-    return Predictions(
-        np.array([message.time for message in messages]),
-        predicted + np.array([message.residual for message in messages]).reshape(-1, 3),
-        predicted,
-        np.array([message.deviation for message in messages]).reshape(-1, 3),
-        np.array([message.evidence for message in messages]),
-        messages[-1].threshold if messages else 0.0,
-    )
 
 
 if __name__ == "__main__":

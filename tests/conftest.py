@@ -6,11 +6,12 @@ from functools import cache
 import pytest
 from hypothesis import settings
 
-from dtwin.emulation import parse_fault
+from dtwin.emulation.faults import parse_fault
 from dtwin.experiments.monitoring.trial import identified_belief
 from dtwin.monitoring.belief import Belief
-from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.cell import Cell
 from dtwin.run.recording import Log
+from dtwin.run.settings import CellSettings
 
 # No deadline, since a first call may compile; the same examples every time.
 settings.register_profile("dtwin", deadline=None, derandomize=True, max_examples=50)

@@ -40,11 +40,15 @@ class IdentificationRequest(msgspec.Struct, frozen=True, tag_field="schema", tag
 
 
 class IdentificationDecision(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """An operator's answer to a proposed model: kept under a name or not, and uploaded to the controller or not."""
+    """An operator's answer to a proposed model: kept under a name or not, and uploaded to the controller or not.
+
+    A model in doubt is kept only if `anyway` says so, too.
+    """
 
     accept: bool
     name: Name = "arm"
     upload: bool = False
+    anyway: bool = False
 
 
 class Estimated(msgspec.Struct, frozen=True):
@@ -71,6 +75,7 @@ class IdentificationState(msgspec.Struct, frozen=True, tag_field="schema", tag=S
         parameters: estimates by name, of what the data determine.
         fit: a joint, on held-out motion.
         model_file: file of an accepted model.
+        doubts: why the proposed model should not be used, "" if nothing speaks against it.
     """
 
     phase: IdentificationPhase
@@ -83,6 +88,7 @@ class IdentificationState(msgspec.Struct, frozen=True, tag_field="schema", tag=S
     parameters: dict[Word, Estimated] = {}
     fit: Triple | None = None
     model_file: Line = ""
+    doubts: Line = ""
 
 
 class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

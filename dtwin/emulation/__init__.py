@@ -1,8 +1,11 @@
-"""The emulated cell: MuJoCo plant, encoders, boxes and faults behind one interface: read, apply, advance."""
+"""The emulated cell: MuJoCo plant, encoders, boxes and faults behind one interface: read, apply, advance.
 
-from dtwin.emulation.emulation import Emulation, EmulationState
-from dtwin.emulation.encoders import NOISE_KINDS, NoiseKind
-from dtwin.emulation.faults import Fault, parse_fault
-from dtwin.emulation.plant import MODEL_FILE, Plant
+Import from the modules: nothing is re-exported here, so that reading options does not load MuJoCo.
+"""
 
-__all__ = ["MODEL_FILE", "NOISE_KINDS", "Emulation", "EmulationState", "Fault", "NoiseKind", "Plant", "parse_fault"]
+from typing import Final
+
+from dtwin.parameters import ROOT
+
+MODEL_FILE: Final = ROOT / "models" / "arm.xml"
+"""MJCF file of the cell."""

@@ -10,10 +10,11 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.boxes import Boxes, BoxesState
 from dtwin.emulation.encoders import Encoders, EncodersState, NoiseKind
 from dtwin.emulation.faults import Condition, Fault, parse_fault, schedule
-from dtwin.emulation.plant import MODEL_FILE, Plant, PlantState
+from dtwin.emulation.plant import Plant, PlantState
 from dtwin.errors import ParameterError
 from dtwin.parameters import HANGING, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
 from dtwin.signals import NO_COLOUR, BoxCounts, Event, EventKind, Sensors, Truth, Voltages

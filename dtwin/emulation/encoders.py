@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, Literal, get_args
+from typing import TYPE_CHECKING, Final, Literal, get_args
 
 import msgspec
-import numpy as np
 
 from dtwin.emulation.generators import generator_state, set_generator_state
 from dtwin.errors import ParameterError, choices
 from dtwin.parameters import Triple
+
+if TYPE_CHECKING:
+    import numpy as np
 
 NoiseKind = Literal["none", "uniform", "gaussian"]
 NOISE_KINDS: Final[tuple[str, ...]] = get_args(NoiseKind)

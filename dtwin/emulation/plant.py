@@ -20,11 +20,11 @@ import msgspec
 import mujoco
 import numpy as np
 
+from dtwin.emulation import MODEL_FILE
 from dtwin.errors import DivergenceError, ModelError, ParameterError, choices
-from dtwin.parameters import COULOMB_WIDTH, GRAVITY, PHYSICS_STEP, ROOT, ArmParameters, GripperParameters, Triple
+from dtwin.parameters import COULOMB_WIDTH, GRAVITY, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
 from dtwin.signals import Quad
 
-MODEL_FILE: Final = ROOT / "models" / "arm.xml"
 LINKS: Final = ("link_1", "link_2", "link_3")
 JOINTS: Final = ("joint_1", "joint_2", "joint_3", "gripper")
 ACTUATORS: Final = ("motor_1", "motor_2", "motor_3", "motor_gripper")

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import mujoco
 
-from dtwin.emulation.plant import MODEL_FILE, Plant
+from dtwin.emulation import MODEL_FILE
+from dtwin.emulation.plant import Plant
 from dtwin.parameters import PERIOD
 
 

@@ -23,12 +23,13 @@ from dtwin.iec61499.net.reactor import Reactor
 from dtwin.iec61499.net.stream import StreamServer
 from dtwin.iec61499.net.wire import MessageReader
 from dtwin.parameters import PERIOD, PICKUP, ArmParameters
-from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.cell import Cell
 from dtwin.run.loop import run, tick_count
+from dtwin.run.settings import CellSettings
 from dtwin.signals import Sensors
 from dtwin.simulation.whatif import MotionCase, Simulator
 from dtwin.twin.rollout import rollout
-from dtwin.view import write_recording
+from dtwin.view.write import write_recording
 
 DURATION: Final = 120.0
 """s of plant time in one timed run"""

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from dtwin.errors import RecordingError
+from dtwin.files import replacing
 from dtwin.pictures import save
-from dtwin.run.recording import replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -5,14 +5,17 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dtwin.errors import IdentificationError, ParameterError
 from dtwin.parameters import HOME, PERIOD, PayloadModel, Triple
-from dtwin.run.recording import Log
 from dtwin.twin.rollout import checked_payload
+
+if TYPE_CHECKING:
+    from dtwin.run.recording import Log
 
 Array = NDArray[np.float64]
 

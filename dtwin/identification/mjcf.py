@@ -8,8 +8,8 @@ from typing import Final
 from lxml import etree
 
 from dtwin.errors import ModelError
+from dtwin.files import replacing
 from dtwin.parameters import ROOT, ArmParameters
-from dtwin.run.recording import replacing
 
 MODEL_FILE: Final = ROOT / "models" / "arm.xml"
 _AXIAL_INERTIA: Final = 0.1

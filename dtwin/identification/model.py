@@ -1,26 +1,24 @@
-"""Identified models as JSON files, validated on load, with all figures that say how far to trust them."""
+"""Identified models as JSON files, validated on load, with all figures that say how far to trust them.
+
+Reading a model loads neither the estimator nor numpy: commands and services that only pass one on start at once.
+"""
 
 from __future__ import annotations
 
 import math
-import platform
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final
 
 import msgspec
-import numpy as np
 
-from dtwin import __version__
 from dtwin.errors import DtwinError, ModelError, choices
-from dtwin.identification.data import Array, fingerprint
-from dtwin.identification.estimation.estimate import Estimate
-from dtwin.identification.estimation.problem import OFFSETS
-from dtwin.identification.estimation.residuals import LAGS
+from dtwin.files import replacing
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
-from dtwin.run.recording import replacing
 
 SCHEMA: Final = "dtwin identified model 1"
+OFFSETS: Final = ("offset1", "offset2", "offset3")
+"""Names of the encoder offsets, which are in rad."""
 
 
 class PriorRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -55,12 +53,13 @@ class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     payload_model: str
 
 
-class Validity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Validity(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """How well a model explains the arm.
 
     Per joint, fit is 1 - ||y - yhat|| / ||y - mean(y)|| on motion that the model was not fitted to, noise the
     standard deviation of the residuals (rad) and whiteness_p the p-value of the autocorrelation test. noise_shape is
-    the exponent of the density of the residuals.
+    the exponent of the density of the residuals. at_bound names the parameters that sit on a bound of the search; a
+    file in which none does leaves it out.
     """
 
     converged: bool
@@ -71,6 +70,17 @@ class Validity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     whiteness_p: list[float]
     whiteness_lags: int
     bic: float
+    at_bound: list[str] = []
+
+    @property
+    def doubts(self) -> str:
+        """Why the model should not be used, in words; "" if nothing speaks against it."""
+        found = [] if self.converged else ["the search did not converge"]
+        if not self.residual_white:
+            found.append("the residuals are not white: the model leaves something unexplained")
+        if self.at_bound:
+            found.append(f"on a bound of the search: {', '.join(self.at_bound)}")
+        return "; ".join(found)
 
 
 class IdentifiedModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -109,50 +119,6 @@ class IdentifiedModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def arm(self) -> ArmParameters:
         """The parameters as `ArmParameters`."""
         return ArmParameters.from_vector(tuple(self.parameters[name] for name in PARAMETER_NAMES))
-
-
-def from_estimate(estimate: Estimate, fit: Array, source: str) -> IdentifiedModel:
-    """Makes the model of an estimate.
-
-    Args:
-        estimate: result of an identification.
-        fit: (3,), fit of every joint on held-out data.
-        source: description of the data in words.
-    """
-    problem = estimate.problem
-    hidden = estimate.identifiability.unidentifiable
-    kept = [k for k, name in enumerate(problem.shared) if name not in hidden]
-    names = [problem.shared[k] for k in kept]
-    matrix = estimate.covariance[np.ix_(kept, kept)]
-    return IdentifiedModel(
-        schema=SCHEMA,
-        parameters=dict(zip(PARAMETER_NAMES, estimate.parameters.vector(), strict=True)),
-        free=list(problem.free),
-        unidentifiable=list(hidden),
-        identifiability=estimate.identifiability.text(),
-        standard_errors={name: estimate.standard_errors[name] for name in names},
-        covariance=Covariance(names, matrix.tolist()),
-        offsets=problem.offset(estimate.x).tolist(),
-        priors={name: PriorRecord(prior.mean, prior.deviation) for name, prior in problem.priors.items()},
-        data=Data(
-            fingerprint(problem.experiments),
-            source,
-            [len(experiment) for experiment in problem.experiments],
-            [float(experiment.payload.max()) for experiment in problem.experiments],
-            problem.experiments[0].payload_model,
-        ),
-        validity=Validity(
-            estimate.converged,
-            fit.tolist(),
-            estimate.noise.tolist(),
-            estimate.shape,
-            estimate.whiteness.white,
-            list(estimate.whiteness.p_values),
-            LAGS,
-            estimate.bic,
-        ),
-        versions={"dtwin": __version__, "numpy": np.__version__, "python": platform.python_version()},
-    )
 
 
 def encode(model: IdentifiedModel) -> bytes:
@@ -200,6 +166,7 @@ def _check(model: IdentifiedModel) -> None:
     _ = model.arm
     _check_names("free", model.free, PARAMETER_NAMES)
     _check_names("unidentifiable", model.unidentifiable, model.free)
+    _check_names("at_bound", model.validity.at_bound, model.free)
     _check_names("standard_errors", model.standard_errors, (*model.free, *OFFSETS))
     _check_names("covariance", model.covariance.names, (*model.free, *OFFSETS))
     for name, error in model.standard_errors.items():
@@ -209,10 +176,11 @@ def _check(model: IdentifiedModel) -> None:
     rows: list[Any] = model.covariance.matrix
     if len(rows) != count or any(len(row) != count for row in rows):
         raise ModelError(f"covariance: expected a {count} x {count} matrix, one row a name")
-    matrix = np.array(rows).reshape(count, count)
-    scale = np.sqrt(np.abs(np.outer(matrix.diagonal(), matrix.diagonal())))
-    if not np.isfinite(matrix).all() or np.any(np.abs(matrix - matrix.T) > 1e-9 * scale):
-        raise ModelError("covariance: expected a symmetric matrix of finite numbers")
+    for i, row in enumerate(rows):
+        for j, value in enumerate(row):
+            scale = math.sqrt(abs(row[i])) * math.sqrt(abs(rows[j][j]))
+            if not math.isfinite(value) or abs(value - rows[j][i]) > 1e-9 * scale:
+                raise ModelError("covariance: expected a symmetric matrix of finite numbers")
     for name, values in (("offsets", model.offsets), ("fit", model.validity.fit), ("noise", model.validity.noise)):
         if len(values) != 3:
             raise ModelError(f"{name}: expected 3 numbers, one a joint, got {len(values)}")

@@ -19,7 +19,8 @@ from dtwin.identification.data import Experiment
 from dtwin.identification.estimation.estimate import Estimate, EstimationSettings, identify
 from dtwin.identification.estimation.problem import Prior
 from dtwin.identification.held_out import compare
-from dtwin.identification.model import IdentifiedModel, from_estimate
+from dtwin.identification.model import IdentifiedModel
+from dtwin.identification.result import from_estimate
 from dtwin.parameters import ArmParameters
 from dtwin.signals import Sensors, Voltages
 

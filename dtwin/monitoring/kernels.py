@@ -21,17 +21,16 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.monitoring.layout import BIAS, DRIFT, MOVING, SIZE
+from dtwin.twin.compiled import kernel
 
 Array = NDArray[np.float64]
-_kernel: Any = numba.njit(cache=True, error_model="numpy")
 
 
-@_kernel
+@kernel
 def predict(P: Array, F: Array, torque: Array, volts: Array, walk: Array, period: float) -> None:
     """Carries the covariance over one sample, in place.
 
@@ -65,7 +64,7 @@ def predict(P: Array, F: Array, torque: Array, volts: Array, walk: Array, period
         P[i, i] += walk[i]
 
 
-@_kernel
+@kernel
 def _shrink(P: Array, column: Array, s: float) -> None:
     """P -= column column^T / s, symmetric to the last bit: an asymmetry would grow."""
     share = 1.0 / s
@@ -74,7 +73,7 @@ def _shrink(P: Array, column: Array, s: float) -> None:
             P[j, k] -= (column[j] * column[k]) * share
 
 
-@_kernel
+@kernel
 def correct(
     x: Array,
     P: Array,
@@ -126,7 +125,7 @@ def correct(
     return likelihood
 
 
-@_kernel
+@kernel
 def trace(
     E: Array,
     h: Array,
@@ -176,7 +175,7 @@ def trace(
                     E[j, c] -= k * g[c]
 
 
-@_kernel
+@kernel
 def follow_clones(
     clones: Array,
     C: Array,

@@ -5,46 +5,17 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
 
-from dtwin import __version__
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.controller.ports import BLOCKS
-from dtwin.controller.settings import ControlSettings
-from dtwin.emulation import MODEL_FILE, Emulation, Fault, NoiseKind
-from dtwin.parameters import PERIOD, PHYSICS_STEP, VOLTAGE_LIMIT, ArmParameters, Triple
+from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, Triple
+from dtwin.run.emulate import emulate
 from dtwin.run.loop import Controller, Pacer, run, tick_count
 from dtwin.run.recording import Log, RunLog
+from dtwin.run.settings import CellSettings, metadata
 from dtwin.signals import BoxCounts
-
-
-@dataclass(frozen=True, slots=True)
-class CellSettings:
-    """The settings of a run; equal settings give equal logs, byte by byte.
-
-    Attributes:
-        duration: plant time of the run, s.
-        seed: number of the random generators of boxes and noise, which are independent of each other.
-        noise: amplitude (uniform) or standard deviation (gaussian) of the encoder noise, rad.
-        arm: parameters of the plant; the controller keeps its own model.
-        step: integration step of the physics, s; the controller period must be a whole multiple of it.
-    """
-
-    duration: float = 120.0
-    seed: int = 0
-    noise: float = 0.0
-    noise_kind: NoiseKind = "uniform"
-    faults: tuple[Fault, ...] = ()
-    arm: ArmParameters = field(default_factory=ArmParameters)
-    control: ControlSettings = field(default_factory=ControlSettings)
-    step: float = PHYSICS_STEP
-    model_file: Path = MODEL_FILE
-    blocks: Path = BLOCKS
 
 
 class Millimetres(msgspec.Struct, frozen=True):
@@ -71,25 +42,6 @@ class RunSummary(msgspec.Struct, frozen=True):
     real_time_factor: float
     wall_seconds: float
     events: dict[str, int]
-
-
-def emulate(settings: CellSettings) -> Emulation:
-    """The emulated arm and its boxes.
-
-    Raises:
-        DtwinError: a setting or the model file cannot be used.
-    """
-    emulation = Emulation(
-        parameters=settings.arm,
-        noise=settings.noise,
-        noise_kind=settings.noise_kind,
-        seed=settings.seed,
-        faults=settings.faults,
-        model_file=settings.model_file,
-        step=settings.step,
-    )
-    emulation.check_period(PERIOD)
-    return emulation
 
 
 class Cell:
@@ -152,17 +104,3 @@ class Cell:
             wall_seconds=self._wall,
             events=dict(sorted(Counter(event.kind for event in log.events).items())),
         )
-
-
-def metadata(settings: CellSettings) -> dict[str, Any]:
-    """The metadata of a log: the settings that the run was made with."""
-    return {
-        "version": __version__,
-        "seed": settings.seed,
-        "noise": settings.noise,
-        "noise_kind": settings.noise_kind,
-        "faults": [str(fault) for fault in settings.faults],
-        "arm": asdict(settings.arm),
-        "control": asdict(settings.control),
-        "step": settings.step,
-    }

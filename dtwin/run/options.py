@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dtwin.controller.settings import ControlSettings
-from dtwin.emulation import MODEL_FILE, NoiseKind, parse_fault
+from dtwin.emulation import MODEL_FILE
+from dtwin.emulation.encoders import NoiseKind
+from dtwin.emulation.faults import parse_fault
 from dtwin.parameters import PHYSICS_STEP, ArmParameters, Law, assignment
-from dtwin.run.cell import CellSettings
+from dtwin.run.settings import CellSettings
 
 
 @dataclass(frozen=True, kw_only=True)

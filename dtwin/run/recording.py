@@ -7,8 +7,6 @@
 from __future__ import annotations
 
 import contextlib
-import errno
-import os
 import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,7 +21,8 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from dtwin.errors import NoSpaceError, RecordingError
+from dtwin.errors import RecordingError
+from dtwin.files import reason_of, replacing
 from dtwin.signals import NO_COLOUR, Event, StepRecord
 
 NUMBERS: Final = (
@@ -41,8 +40,6 @@ angle as sensed (rad) and true payload (kg).
 COLUMNS: Final = (*NUMBERS, "box_present", "box_colour", "box_gripped")
 """Names of all columns in the order of the file."""
 
-NO_SPACE: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
-"""Numbers of the system's errors that say that there is no room for a file."""
 
 _COLOUR_TYPE: Final = pa.dictionary(pa.int32(), pa.string())
 _SCHEMA: Final = pa.schema(
@@ -212,7 +209,7 @@ def read_log(path: Path) -> Log:
     except pa.ArrowInvalid:
         raise RecordingError(f"{path}: expected a Parquet file") from None
     except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {_reason(error)}") from None
+        raise RecordingError(f"{path}: cannot be read: {reason_of(error)}") from None
     columns = {field.name: _column(path, table, field) for field in _SCHEMA}
     steps = np.diff(columns["t"])
     if not np.all(steps > 0):
@@ -220,45 +217,6 @@ def read_log(path: Path) -> Log:
         raise RecordingError(f"{path}: column t: expected increasing time, row {row} does not increase")
     events, metadata = _notes(path, table.schema)
     return Log(_read_only(columns), events, metadata)
-
-
-def ensure_writable(path: Path) -> None:
-    """Checks that a file can be written at `path`, so that a long run does not fail at its end.
-
-    Raises:
-        RecordingError: the folder is missing or read-only, or the path is not a regular file.
-    """
-    with contextlib.suppress(_Checked), replacing(path):
-        raise _Checked
-
-
-class _Checked(Exception):
-    """Leaves the block of `replacing` without replacing the file."""
-
-
-@contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """Gives a temporary path beside `path` to write to; the file replaces `path` when the block succeeds.
-
-    Raises:
-        NoSpaceError: there is no room for the file.
-        RecordingError: `path` is no path of a file, or it cannot be written.
-    """
-    target = path.resolve()
-    if target.exists() and not target.is_file():
-        kind = "a folder" if target.is_dir() else "a device"
-        raise RecordingError(f"{path}: expected the path of a file, this is {kind}")
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        temporary.touch()
-        yield temporary
-        os.replace(temporary, target)
-    except OSError as error:
-        failure = NoSpaceError if error.errno in NO_SPACE else RecordingError
-        raise failure(f"{path}: cannot be written: {_reason(error)}") from None
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
 
 
 @contextlib.contextmanager
@@ -274,7 +232,7 @@ def _opened(path: Path) -> Iterator[pq.ParquetFile]:
     except pa.ArrowInvalid:
         raise RecordingError(f"{path}: expected a Parquet file") from None
     except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {_reason(error)}") from None
+        raise RecordingError(f"{path}: cannot be read: {reason_of(error)}") from None
 
 
 def _groups(parts: Iterable[Path], schema: pa.Schema, colours: pa.Array) -> Iterator[pa.Table]:
@@ -327,11 +285,6 @@ def _notes(path: Path, schema: pa.Schema) -> tuple[tuple[Event, ...], dict[str, 
         return events, msgspec.json.decode(notes.get(_METADATA_KEY, b"{}"), type=dict[str, Any])
     except msgspec.MsgspecError as error:
         raise RecordingError(f"{path}: expected events and run metadata as JSON: {error}") from None
-
-
-def _reason(error: OSError) -> str:
-    """The operating system's text of an error; the text of Arrow would name temporary files."""
-    return os.strerror(error.errno) if error.errno else str(error).splitlines()[0]
 
 
 def _column(path: Path, table: pa.Table, expected: pa.Field) -> NDArray[Any]:

@@ -32,19 +32,16 @@ Numba notices edits of this file but not of files whose kernels it inlined, so a
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.parameters import COULOMB_WIDTH, GRAVITY, VOLTAGE_LIMIT, Triple
+from dtwin.twin.compiled import kernel
 
 Array = NDArray[np.float64]
 Sextuple = tuple[float, float, float, float, float, float]
-
-
-_kernel: Any = numba.njit(cache=True, error_model="numpy")
 
 
 class Coefficients(NamedTuple):
@@ -74,7 +71,7 @@ class Coefficients(NamedTuple):
     mu3: float
 
 
-@_kernel
+@kernel
 def coefficients(p: Array, payload: float, weight_only: bool) -> Coefficients:
     """Computes the constants of the equations of motion."""
     K1, K2, K3, m1, m2, m3, I1, I2, I3, l1, l2, l3, c1, c2, c3 = (
@@ -98,7 +95,7 @@ def coefficients(p: Array, payload: float, weight_only: bool) -> Coefficients:
     )  # fmt: skip
 
 
-@_kernel
+@kernel
 def _mass(q2: float, q3: float, arm: Coefficients) -> Sextuple:
     """The entries M11, M21, M31, M22, M32, M33 of the mass matrix, kg m^2."""
     A, B, E = arm.A * math.cos(q2), arm.B * math.cos(q2 + q3), arm.E * math.cos(q3)
@@ -110,7 +107,7 @@ def _mass(q2: float, q3: float, arm: Coefficients) -> Sextuple:
     return M11, M21, M31, M22, M32, arm.J3
 
 
-@_kernel
+@kernel
 def _coriolis(q2: float, q3: float, w1: float, w2: float, w3: float, arm: Coefficients) -> Triple:
     A, B, E = arm.A * math.sin(q2), arm.B * math.sin(q2 + q3), arm.E * math.sin(q3)
     a, b = A + B, B + E
@@ -122,19 +119,19 @@ def _coriolis(q2: float, q3: float, w1: float, w2: float, w3: float, arm: Coeffi
     )
 
 
-@_kernel
+@kernel
 def _gravity(q1: float, q2: float, q3: float, arm: Coefficients) -> Triple:
     g3 = arm.G3 * math.cos(q1 + q2 + q3)
     g2 = g3 + arm.G2 * math.cos(q1 + q2)
     return g2 + arm.G1 * math.cos(q1), g2, g3
 
 
-@_kernel
+@kernel
 def _coulomb(w: float, mu: float, width: float) -> float:
     return mu * math.tanh(w / width) if mu != 0.0 else 0.0
 
 
-@_kernel
+@kernel
 def _friction(w1: float, w2: float, w3: float, arm: Coefficients, width: float) -> Triple:
     return (
         arm.D1 * w1 + _coulomb(w1, arm.mu1, width),
@@ -143,7 +140,7 @@ def _friction(w1: float, w2: float, w3: float, arm: Coefficients, width: float) 
     )
 
 
-@_kernel
+@kernel
 def _clip(volts: float) -> float:
     if volts > VOLTAGE_LIMIT:
         return VOLTAGE_LIMIT
@@ -152,12 +149,12 @@ def _clip(volts: float) -> float:
     return volts
 
 
-@_kernel
+@kernel
 def _motor(volts: Array, arm: Coefficients) -> Triple:
     return arm.K1 * _clip(volts[0]), arm.K2 * _clip(volts[1]), arm.K3 * _clip(volts[2])
 
 
-@_kernel
+@kernel
 def _solve(M: Sextuple, r1: float, r2: float, r3: float) -> Triple:
     """Solves M x = r by M = L diag(d) L^T from the last row up; M is symmetric positive definite, so no pivoting."""
     M11, M21, M31, M22, M32, d3 = M
@@ -173,7 +170,7 @@ def _solve(M: Sextuple, r1: float, r2: float, r3: float) -> Triple:
     return x1, x2, r3 / d3 - L31 * x1 - L32 * x2
 
 
-@_kernel
+@kernel
 def _derivative(x: Sextuple, torque: Triple, arm: Coefficients, width: float) -> Sextuple:
     q1, q2, q3, w1, w2, w3 = x
     h1, h2, h3 = _coriolis(q2, q3, w1, w2, w3, arm)
@@ -185,7 +182,7 @@ def _derivative(x: Sextuple, torque: Triple, arm: Coefficients, width: float) ->
     return w1, w2, w3, a1, a2, a3
 
 
-@_kernel
+@kernel
 def _along(x: Sextuple, step: float, slope: Sextuple) -> Sextuple:
     return (
         x[0] + step * slope[0],
@@ -197,7 +194,7 @@ def _along(x: Sextuple, step: float, slope: Sextuple) -> Sextuple:
     )
 
 
-@_kernel
+@kernel
 def _rk4(x: Sextuple, torque: Triple, arm: Coefficients, width: float, step: float) -> Sextuple:
     """One step of the classical Runge-Kutta method with the torque held."""
     k1 = _derivative(x, torque, arm, width)
@@ -207,7 +204,7 @@ def _rk4(x: Sextuple, torque: Triple, arm: Coefficients, width: float, step: flo
     return _along(_along(_along(_along(x, step / 6.0, k1), step / 3.0, k2), step / 3.0, k3), step / 6.0, k4)
 
 
-@_kernel
+@kernel
 def integrate(
     p: Array,
     volts: Array,
@@ -250,38 +247,38 @@ def integrate(
     return samples
 
 
-@_kernel
+@kernel
 def mass_matrix(q: Array, p: Array, payload: float = 0.0, weight_only: bool = False) -> Array:
     """Mass matrix M(q), (3, 3), kg m^2."""
     M11, M21, M31, M22, M32, M33 = _mass(q[1], q[2], coefficients(p, payload, weight_only))
     return np.array(((M11, M21, M31), (M21, M22, M32), (M31, M32, M33)))
 
 
-@_kernel
+@kernel
 def coriolis(q: Array, omega: Array, p: Array, payload: float = 0.0, weight_only: bool = False) -> Array:
     """Centrifugal and Coriolis torques h(q, q'), (3,), N m."""
     return np.array(_coriolis(q[1], q[2], omega[0], omega[1], omega[2], coefficients(p, payload, weight_only)))
 
 
-@_kernel
+@kernel
 def gravity(q: Array, p: Array, payload: float = 0.0, weight_only: bool = False) -> Array:
     """Gravity torques g(q), which hold the arm still, (3,), N m."""
     return np.array(_gravity(q[0], q[1], q[2], coefficients(p, payload, weight_only)))
 
 
-@_kernel
+@kernel
 def friction(omega: Array, p: Array, width: float = COULOMB_WIDTH) -> Array:
     """Friction torques D q' + mu tanh(q'/width), (3,), N m."""
     return np.array(_friction(omega[0], omega[1], omega[2], coefficients(p, 0.0, False), width))
 
 
-@_kernel
+@kernel
 def motor_torque(volts: Array, p: Array) -> Array:
     """Motor torques K u with u clipped to +-VOLTAGE_LIMIT, (3,), N m."""
     return np.array(_motor(volts, coefficients(p, 0.0, False)))
 
 
-@_kernel
+@kernel
 def forward_dynamics(
     state: Array,
     volts: Array,
@@ -296,7 +293,7 @@ def forward_dynamics(
     return np.array(_derivative(x, _motor(volts, arm), arm, width)[3:])
 
 
-@_kernel
+@kernel
 def inverse_dynamics(
     q: Array,
     omega: Array,
@@ -321,7 +318,7 @@ def inverse_dynamics(
     )
 
 
-@_kernel
+@kernel
 def energy(state: Array, p: Array, payload: float = 0.0, weight_only: bool = False) -> tuple[float, float]:
     """Kinetic and potential energy, J; the potential energy is zero with the arm stretched out horizontally."""
     arm = coefficients(p, payload, weight_only)

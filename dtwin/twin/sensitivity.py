@@ -15,12 +15,12 @@ import math
 from collections.abc import Sequence
 from typing import Any, Final
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dtwin.errors import DivergenceError, ParameterError, choices
 from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters
+from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import Array, Coefficients, coefficients
 from dtwin.twin.rollout import PayloadModel, check_stepping, checked_array, checked_payload, is_weight_only
 
@@ -29,7 +29,6 @@ STATE_NAMES: Final = ("theta1", "theta2", "theta3", "omega1", "omega2", "omega3"
 COLUMN_NAMES: Final = (*PARAMETER_NAMES, *STATE_NAMES)
 
 _COMPLEX_STEP: Final = 1e-30
-_kernel: Any = numba.njit(cache=True, error_model="numpy")
 
 
 def sensitivities(
@@ -100,7 +99,7 @@ def _direction(name: str) -> Array:
     return np.array([float(name == other) for other in COLUMN_NAMES])
 
 
-@_kernel
+@kernel
 def _linearise(x: Array, c: Array, u: Array, width: float, coulomb: bool, a: Array, slope: Array) -> None:
     """Writes the acceleration a (3,) and its derivatives slope (3, 24) by q, omega and the 18 coefficients c."""
     q1, q2, q3, w1, w2, w3 = x[0], x[1], x[2], x[3], x[4], x[5]
@@ -184,7 +183,7 @@ def _linearise(x: Array, c: Array, u: Array, width: float, coulomb: bool, a: Arr
         slope[2, k] = n31 * y1 + n32 * y2 + n33 * y3
 
 
-@_kernel
+@kernel
 def _multiply_row(row: Array, z: Array, out: Array) -> None:
     """Writes out (n,) = row (24,) @ z (24, n), six terms at a time, which compiles to vector instructions."""
     out[:] = 0.0
@@ -200,7 +199,7 @@ def _multiply_row(row: Array, z: Array, out: Array) -> None:
             )
 
 
-@_kernel
+@kernel
 def integrate_linearised(
     held: Array,
     moved: Array,

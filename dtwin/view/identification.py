@@ -12,7 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from dtwin.run.recording import replacing
+from dtwin.files import replacing
 from dtwin.view.layout import plot_view
 from dtwin.view.series import TIMELINE
 

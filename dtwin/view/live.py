@@ -12,18 +12,19 @@ from typing import Final
 import numpy as np
 import rerun as rr
 
-from dtwin.bus.twin_messages import MonitoringVerdict
+from dtwin.bus.twin_messages import MonitoringResiduals, MonitoringVerdict
 from dtwin.errors import NoSpaceError
+from dtwin.files import ensure_writable
 from dtwin.parameters import ArmParameters
-from dtwin.run.recording import Log, concatenate, ensure_writable
+from dtwin.run.recording import Log, concatenate
 from dtwin.view.boxes import grasps, waiting
 from dtwin.view.layout import live_blueprint
 from dtwin.view.monitoring import (
-    Predictions,
     log_monitor_styles,
     log_predictions,
     log_verdicts,
     monitoring_views,
+    predictions,
 )
 from dtwin.view.scene import Scene
 from dtwin.view.series import log_events, log_limits, log_plots, log_states, log_styles
@@ -97,10 +98,10 @@ class LiveView:
             os.replace(self._temporary, self._file)
             self._temporary = None
 
-    def add_monitoring(self, seen: Predictions, verdicts: Sequence[MonitoringVerdict]) -> None:
-        """Sends the new predictions and verdicts of a monitor, if there are any."""
-        if len(seen.t):
-            log_predictions(self._stream, seen)
+    def add_monitoring(self, residuals: Sequence[MonitoringResiduals], verdicts: Sequence[MonitoringVerdict]) -> None:
+        """Sends the new residuals, as predictions, and verdicts of a monitor, if there are any."""
+        if residuals:
+            log_predictions(self._stream, predictions(residuals))
         if verdicts:
             log_verdicts(self._stream, self._arm, verdicts)
 

@@ -12,10 +12,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from dtwin.bus.twin_messages import UNITS, MonitoredUnit, MonitoringVerdict, UnitState
+from dtwin.bus.twin_messages import UNITS, MonitoredUnit, MonitoringResiduals, MonitoringVerdict, UnitState
 from dtwin.errors import RecordingError
+from dtwin.files import replacing
 from dtwin.parameters import ArmParameters
-from dtwin.run.recording import Log, replacing
+from dtwin.run.recording import Log
 from dtwin.signals import Event, EventKind
 from dtwin.view import scene, style
 from dtwin.view.layout import cell_view, plot_view
@@ -88,6 +89,19 @@ class Predictions:
     deviation: Array
     evidence: Array
     threshold: float
+
+
+def predictions(messages: Sequence[MonitoringResiduals]) -> Predictions:
+    """What the monitor expected, as it is drawn."""
+    predicted = np.array([message.predicted for message in messages]).reshape(-1, 3)
+    return Predictions(
+        np.array([message.time for message in messages]),
+        predicted + np.array([message.residual for message in messages]).reshape(-1, 3),
+        predicted,
+        np.array([message.deviation for message in messages]).reshape(-1, 3),
+        np.array([message.evidence for message in messages]),
+        messages[-1].threshold if messages else 0.0,
+    )
 
 
 def write_monitoring(

@@ -10,8 +10,9 @@ import msgspec
 import rerun as rr
 
 from dtwin.errors import RecordingError
+from dtwin.files import replacing
 from dtwin.parameters import ArmParameters
-from dtwin.run.recording import COLUMNS, Log, replacing
+from dtwin.run.recording import COLUMNS, Log
 from dtwin.view.boxes import grasps, waiting
 from dtwin.view.layout import blueprint
 from dtwin.view.scene import Scene

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Final
 
 from dtwin.errors import RecordingError
-from dtwin.run.recording import NO_SPACE, replacing
+from dtwin.files import NO_SPACE, replacing
 from dtwin.signals import STOPS, Quad
 from services.parts.latch import Latched
 

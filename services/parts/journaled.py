@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import msgspec
 
-from dtwin.emulation import Emulation, EmulationState, parse_fault
+from dtwin.emulation.emulation import Emulation, EmulationState
+from dtwin.emulation.faults import parse_fault
 from dtwin.errors import RecordingError
 from dtwin.parameters import PERIOD
-from dtwin.run.cell import CellSettings, emulate
+from dtwin.run.emulate import emulate
+from dtwin.run.settings import CellSettings
 from dtwin.signals import Quad, Voltages
 from services.parts.journal import Journal
 from services.parts.latch import Latch, Latched

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import logging
 import re
-import shutil
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -19,12 +18,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from dtwin.errors import NoSpaceError, RecordingError
-from dtwin.run.recording import NO_SPACE, Log, concatenate, ensure_writable, is_log, join_logs, read_log
+from dtwin.files import NO_SPACE, ensure_writable
+from dtwin.run.recording import Log, concatenate, is_log, join_logs, read_log
+from services.parts.part_files import discard_parts, folder_of
 
 log = logging.getLogger(__name__)
 
-SUFFIX: Final = ".parts"
-"""End of the name of the folder of parts, after the log's name; any Parquet reader takes the folder for one table."""
 MERGED: Final = 64
 """Number of small parts that are merged into one."""
 LARGE: Final = 1 << 15
@@ -34,11 +33,6 @@ WAITING_LIMIT: Final = 1 << 17
 _CHUNK: Final = 1 << 12
 """Number of rows of one part of those that wait."""
 _NAME: Final = re.compile(r"(\d+)-(\d+)\.parquet")
-
-
-def discard_parts(path: Path) -> None:
-    """Forgets what an earlier run left unfinished of the log `path`."""
-    shutil.rmtree(_folder(path), ignore_errors=True)
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -75,7 +69,7 @@ class Parts:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._folder = _folder(path)
+        self._folder = folder_of(path)
         self._waiting: deque[Log] = deque()
         self._lost: list[float] = []
         self._lost_rows = 0
@@ -112,7 +106,7 @@ class Parts:
             self._lose(self._waiting.popleft())
 
     def read(self, row: int) -> tuple[Log, int] | None:
-        """The rows from a row on in the first part that reaches beyond it, and the row after them; None at the end."""
+        """The rows from a row on in the first part that reaches beyond it, and the row after them; None if none does."""
         for span in [span for span in self._spans if span.end > row]:
             if self._sound([span]):
                 whole = read_log(self._folder / span.name)
@@ -242,7 +236,3 @@ class Parts:
         said = f"; {self._lost_rows} rows from {first:.2f} s to {last:.2f} s are missing"
         self._lost, self._lost_rows = [], 0
         return said
-
-
-def _folder(path: Path) -> Path:
-    return path.with_name(path.name + SUFFIX)

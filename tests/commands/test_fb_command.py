@@ -17,7 +17,8 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.remote import RemoteController
 from dtwin.iec61499.net.address import Address, parse_address
 from dtwin.parameters import ROOT
-from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.cell import Cell
+from dtwin.run.settings import CellSettings
 
 PATIENCE = 20.0
 

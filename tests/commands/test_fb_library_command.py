@@ -14,7 +14,8 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.lua_export import LuaType
 from dtwin.iec61499.library import Library
 from dtwin.parameters import ROOT
-from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.cell import Cell
+from dtwin.run.settings import CellSettings
 from tests.commands.test_fb_command import device
 from tests.support.iec61499.lua_bench import LuaBench
 

@@ -60,6 +60,30 @@ def test_a_wrong_model_ends_with_status_1(capsys: pytest.CaptureFixture[str]) ->
     assert not report["residual_white"]
 
 
+def test_a_model_in_doubt_is_kept_only_if_that_is_wanted(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    words = ["identify", "--set", "mu1=0.02", "--noise", "0.002"]
+    assert main(words) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "the residuals are not white" in said
+    assert "not kept as arm: --anyway keeps it all the same" in said
+    assert not (tmp_path / "identified").exists()
+    report = run_json(capsys, *words, "--anyway", status=1)
+    assert report["model_file"] == "identified/arm/0001.json"
+    assert report["doubts"].startswith("the residuals are not white")
+    assert main(["model", "export", "arm", "arm.json"]) == 0
+    assert "model arm is in doubt: the residuals are not white" in capsys.readouterr().err
+
+
+def test_a_model_on_a_bound_is_in_doubt(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    words = ["identify", "--free", "m1", "--set", "m1=0.5", "--noise", "0.002"]
+    report = run_json(capsys, *words, status=1)
+    assert "on a bound of the search: m1" in report["doubts"]
+    assert report["model_file"] is None
+    run_json(capsys, *words, "--anyway", status=1)
+    kept = json.loads((tmp_path / "identified/arm/0001.json").read_text())
+    assert kept["validity"]["at_bound"] == ["m1"]
+
+
 def test_identify_from_a_log(capsys: pytest.CaptureFixture[str]) -> None:
     run = ["run", "--duration", "12", "--seed", "1", "--noise", "0.002", "--log", "cell.parquet", "--record", "None"]
     assert main([*run, "--json"]) == 0

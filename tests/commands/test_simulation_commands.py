@@ -10,7 +10,8 @@ import pytest
 
 from dtwin.cli import main
 from dtwin.controller.settings import ControlSettings
-from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.cell import Cell
+from dtwin.run.settings import CellSettings
 from dtwin.simulation.history import Entry, History
 
 PNG = b"\x89PNG\r\n\x1a\n"

@@ -4,7 +4,9 @@ import math
 
 import pytest
 
-from dtwin.emulation import Emulation, NoiseKind, parse_fault
+from dtwin.emulation.emulation import Emulation
+from dtwin.emulation.encoders import NoiseKind
+from dtwin.emulation.faults import parse_fault
 from dtwin.emulation.plant import Plant
 from dtwin.errors import DivergenceError, FaultError, ParameterError
 from dtwin.parameters import HANGING, HOME, PERIOD, PICKUP, PLACES, ArmParameters, GripperParameters, Triple

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dtwin.emulation.plant import MODEL_FILE, Plant
+from dtwin.emulation import MODEL_FILE
+from dtwin.emulation.plant import Plant
 from dtwin.errors import DivergenceError, ModelError, ParameterError
 from dtwin.parameters import (
     COULOMB_WIDTH,

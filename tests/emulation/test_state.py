@@ -4,7 +4,8 @@ import msgspec
 import pytest
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.emulation import Emulation, EmulationState, parse_fault
+from dtwin.emulation.emulation import Emulation, EmulationState
+from dtwin.emulation.faults import parse_fault
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event, Sensors, Truth, Voltages
 

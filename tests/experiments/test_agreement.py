@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dtwin.emulation import Plant
+from dtwin.emulation.plant import Plant
 from dtwin.experiments.validation import AGREEMENT, validate
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.twin.dynamics import forward_dynamics

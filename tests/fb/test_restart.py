@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.emulation import parse_fault
-from dtwin.run.cell import Cell, CellSettings
+from dtwin.emulation.faults import parse_fault
+from dtwin.run.cell import Cell
 from dtwin.run.loop import run
+from dtwin.run.settings import CellSettings
 from tests.support.driven import Application, Driven, step, triple
 
 JUMP = 0.5

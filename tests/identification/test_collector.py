@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.emulation import Emulation
+from dtwin.emulation.emulation import Emulation
 from dtwin.errors import IdentificationError
 from dtwin.identification.collector import LAG, SignalCollector, divided
 from dtwin.identification.estimation.estimate import identify

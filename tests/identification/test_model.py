@@ -11,7 +11,8 @@ import pytest
 from dtwin.errors import ModelError
 from dtwin.identification.data import fingerprint
 from dtwin.identification.estimation.estimate import EstimationSettings, identify
-from dtwin.identification.model import encode, from_estimate, read_model, write_model
+from dtwin.identification.model import encode, read_model, write_model
+from dtwin.identification.result import from_estimate
 from tests.support.identification import ALL, CLEAN, SETTINGS, noisy
 from tests.support.identified import ESTIMATE, FIT, MODEL
 

@@ -7,7 +7,8 @@ import pytest
 
 from dtwin.bus.ticks import EARLY
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.emulation import Emulation, parse_fault
+from dtwin.emulation.emulation import Emulation
+from dtwin.emulation.faults import parse_fault
 from dtwin.errors import IdentificationError
 from dtwin.identification.operating_data import MEMORY, PIECE, PIECES, OperatingData, estimate_from, renewed
 from dtwin.parameters import PERIOD, ArmParameters

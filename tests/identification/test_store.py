@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import ModelError
-from dtwin.identification.model import from_estimate, read_model
+from dtwin.identification.model import read_model
+from dtwin.identification.result import from_estimate
 from dtwin.identification.store import ModelStore, open_model
 from tests.support.identified import ESTIMATE, FIT, MODEL
 

@@ -14,7 +14,7 @@ import pytest
 from dtwin.cli import main
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.remote import RemoteController
-from dtwin.emulation import parse_fault
+from dtwin.emulation.faults import parse_fault
 from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.build import deploy
 from dtwin.iec61499.deploy.plan import plan_deployment
@@ -27,9 +27,10 @@ from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.standard.notation import basic
 from dtwin.iec61499.types import BOOL, DINT, LREAL, parse_literal
 from dtwin.parameters import ArmParameters
-from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.cell import Cell
 from dtwin.run.loop import run
 from dtwin.run.recording import Log
+from dtwin.run.settings import CellSettings
 from dtwin.signals import STOPS
 from tests.support.devices import BLOCKS, DeployedApplication, Receiver, embedded
 from tests.support.forte import FORTE, NO_FORTE, forte

@@ -221,7 +221,7 @@ def test_models_with_open_parameters_are_refused() -> None:
     from dtwin.identification.estimation.estimate import EstimationSettings, identify
     from dtwin.identification.excitation.plan import Plan
     from dtwin.identification.excitation.rig import Rig
-    from dtwin.identification.model import from_estimate
+    from dtwin.identification.result import from_estimate
 
     experiment = Rig(noise=0.001).measure(Plan(payload=0.0), ExcitationController(), np.random.default_rng(0))
     estimate = identify(

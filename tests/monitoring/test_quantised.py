@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.emulation import Emulation, parse_fault
+from dtwin.emulation.emulation import Emulation
+from dtwin.emulation.faults import parse_fault
 from dtwin.monitoring.belief import assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.readings import FROZEN, Readings

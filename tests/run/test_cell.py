@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from dtwin.controller.settings import ControlSettings
-from dtwin.emulation import parse_fault
+from dtwin.emulation.faults import parse_fault
 from dtwin.errors import DivergenceError, ParameterError
-from dtwin.run.cell import Cell, CellSettings, RunSummary
+from dtwin.run.cell import Cell, RunSummary
 from dtwin.run.loop import tick_count
 from dtwin.run.recording import Log
+from dtwin.run.settings import CellSettings
 
 
 def run(settings: CellSettings) -> tuple[Log, RunSummary]:

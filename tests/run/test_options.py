@@ -9,7 +9,7 @@ from typing import get_args
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dtwin.emulation import NoiseKind
+from dtwin.emulation.encoders import NoiseKind
 from dtwin.options import arguments, parse_options
 from dtwin.parameters import Law
 from dtwin.run.options import ArmOptions, ControlOptions, PlantOptions

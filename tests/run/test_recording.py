@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import NoSpaceError, RecordingError
-from dtwin.run.recording import COLUMNS, NUMBERS, Log, RunLog, ensure_writable, is_log, join_logs, read_log
+from dtwin.files import ensure_writable
+from dtwin.run.recording import COLUMNS, NUMBERS, Log, RunLog, is_log, join_logs, read_log
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
 from tests.support.disks import full_disk
 

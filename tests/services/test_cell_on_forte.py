@@ -30,8 +30,9 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError
 from dtwin.identification.store import ModelStore, open_model
 from dtwin.parameters import ROOT, ArmParameters, Gains, scaled
-from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.cell import Cell
 from dtwin.run.recording import read_log
+from dtwin.run.settings import CellSettings
 from dtwin.signals import Event, EventKind, Voltages
 from dtwin.simulation.history import History
 from services import runfile

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from dtwin.parameters import ROOT
-from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.cell import Cell
+from dtwin.run.settings import CellSettings
 from services import runfile
 from tests.support.desk import Desk
 from tests.support.devices import DeployedApplication, embedded

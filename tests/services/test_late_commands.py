@@ -8,7 +8,8 @@ import pytest
 from dtwin.bus.messages import Acted
 from dtwin.bus.ticks import Ticks
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.emulation import Emulation, parse_fault
+from dtwin.emulation.emulation import Emulation
+from dtwin.emulation.faults import parse_fault
 from dtwin.experiments.monitoring.trial import true_cause
 from dtwin.monitoring.belief import assumed
 from dtwin.monitoring.monitor import Monitor

@@ -13,8 +13,9 @@ import pytest
 from dtwin.experiments.recovery.operator import LIMIT, Story
 from dtwin.experiments.recovery.outcome import TOLERANCE, healthy_run, judge, tracked
 from dtwin.parameters import ROOT, ArmParameters
-from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.cell import Cell
 from dtwin.run.recording import read_log
+from dtwin.run.settings import CellSettings
 from tests.support.desk import Desk
 
 

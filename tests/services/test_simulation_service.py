@@ -24,7 +24,8 @@ from dtwin.experiments.identification.standard import standard_settings
 from dtwin.identification.estimation.estimate import identify
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.model import from_estimate, write_model
+from dtwin.identification.model import write_model
+from dtwin.identification.result import from_estimate
 from dtwin.parameters import ArmParameters, Gains, Triple, scaled
 from dtwin.signals import Sensors
 from dtwin.simulation.checks import MOTIONS

@@ -8,9 +8,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from dtwin.emulation import parse_fault
-from dtwin.run.cell import Cell, CellSettings
+from dtwin.emulation.faults import parse_fault
+from dtwin.run.cell import Cell
 from dtwin.run.recording import read_log
+from dtwin.run.settings import CellSettings
 from dtwin.signals import BoxCounts
 from tests.support.desk import Desk, boxes
 from tests.support.waiting import until

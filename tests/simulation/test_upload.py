@@ -13,8 +13,9 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.parameters import ArmParameters, Gains, scaled
-from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.cell import Cell
 from dtwin.run.recording import Log
+from dtwin.run.settings import CellSettings
 from dtwin.simulation.checks import Checker, Refused
 from dtwin.simulation.history import History
 from dtwin.simulation.trial import Trial, TrialRules

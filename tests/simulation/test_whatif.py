@@ -10,7 +10,7 @@ import pytest
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import ControlSettings
-from dtwin.emulation import Emulation
+from dtwin.emulation.emulation import Emulation
 from dtwin.errors import ParameterError
 from dtwin.experiments.simulation.emulated_arm import EmulatedArm
 from dtwin.parameters import HANGING, PERIOD, PLACES, ArmParameters, Gains, Law

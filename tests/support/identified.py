@@ -3,7 +3,7 @@
 import numpy as np
 
 from dtwin.identification.estimation.estimate import identify
-from dtwin.identification.model import from_estimate
+from dtwin.identification.result import from_estimate
 from tests.support.identification import SETTINGS, noisy
 
 ESTIMATE = identify([noisy(0, 0.005)], SETTINGS)

@@ -14,7 +14,7 @@ from dtwin.errors import ModelError, RecordingError
 from dtwin.parameters import PICKUP, PLACES, ROOT, ArmParameters, Colour
 from dtwin.run.recording import Log, RunLog
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
-from dtwin.view import write_recording
+from dtwin.view.write import write_recording
 
 MODEL = ROOT / "models" / "arm.xml"
 TICKS = 300

@@ -9,6 +9,7 @@ from typing import Literal
 import tyro
 
 from dtwin.errors import FunctionBlockError, ParameterError, choices
+from dtwin.files import replacing
 from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.build import deploy
 from dtwin.iec61499.deploy.lua_export import export_type
@@ -21,7 +22,6 @@ from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.address import parse_stream_address
 from dtwin.iec61499.runtime.generic_ports import unconnected
 from dtwin.parameters import ROOT
-from dtwin.run.recording import replacing
 
 BLOCKS = ROOT / "fb"
 SYSTEM = BLOCKS / "dtwin.sys"

@@ -16,11 +16,13 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.remote import RemoteController
 from dtwin.errors import DtwinError
+from dtwin.files import ensure_writable
 from dtwin.iec61499.net.address import parse_address
 from dtwin.parameters import PERIOD
-from dtwin.run.cell import Cell, CellSettings, RunSummary
+from dtwin.run.cell import Cell, RunSummary
 from dtwin.run.options import ControlOptions, PlantOptions
-from dtwin.run.recording import Log, ensure_writable
+from dtwin.run.recording import Log
+from dtwin.run.settings import CellSettings
 
 SAME_VOLTS: Final = 1e-9
 """Difference of their voltages within which two controllers count as the same, V."""
@@ -101,7 +103,7 @@ class Run(PlantOptions, ControlOptions):
         if self.log is not None:
             log.write_parquet(self.log)
         if record is not None and len(log):
-            from dtwin.view import write_recording  # rerun takes half a second to import
+            from dtwin.view.write import write_recording  # rerun takes half a second to import
 
             write_recording(log, self.mjcf, record, cell.settings.arm)
 

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from dtwin.commands.frame import JsonOption, print_json
 from dtwin.experiments.validation import ValidationOutcome, draw, validate
-from dtwin.run.recording import ensure_writable
+from dtwin.files import ensure_writable
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from dtwin.controller.excitation import ExcitationController
 from dtwin.errors import IdentificationError, ParameterError
+from dtwin.files import ensure_writable
 from dtwin.identification.data import Experiment, Start, from_log
 from dtwin.identification.estimation.estimate import NINETY_FIVE, Estimate, EstimationSettings, identify, load_kernels
 from dtwin.identification.estimation.friction import FRICTIONS, Friction, choose, with_friction
@@ -23,11 +24,11 @@ from dtwin.identification.excitation.design import optimise
 from dtwin.identification.excitation.plan import HELD_OUT, PLAIN, Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.identification.held_out import Comparison, compare
-from dtwin.identification.model import from_estimate
 from dtwin.identification.parsing import settings_for
+from dtwin.identification.result import from_estimate
 from dtwin.identification.store import STORE, ModelStore, check_name
 from dtwin.parameters import PERIOD, ArmParameters, assignment, load_arm
-from dtwin.run.recording import Log, ensure_writable, read_log
+from dtwin.run.recording import Log, read_log
 
 _HELD_OUT_SHARE = 0.2
 """share of a log that is kept for judging the model"""
@@ -40,7 +41,8 @@ _DESIGN_NOISE = 0.003
 class Identify:
     """Identify the arm's parameters, from a log of the cell or from a simulated 3-2-1-1 experiment.
 
-    The exit status is 1 when the search did not converge or the residuals show that the model is wrong.
+    The exit status is 1 when the model is in doubt: the search did not converge or ended on a bound, or the residuals
+    show that the model is wrong. Such a model is not kept without --anyway.
     """
 
     log: Annotated[Path | None, tyro.conf.Positional] = None
@@ -73,6 +75,8 @@ class Identify:
     """Number of the random generators of noise, further starting points and the design of the signal."""
     save: str | None = "arm"
     """Name to keep the model under; None keeps it nowhere."""
+    anyway: bool = False
+    """Keep the model even if it is in doubt; it says so."""
     store: Path = STORE
     """Folder of the kept models."""
     plot: Path | None = None
@@ -104,15 +108,17 @@ class Identify:
         offset = estimate.problem.offset(estimate.x)
         new = compare(judging, estimate.parameters, offset)
         model = from_estimate(estimate, new.fit, str(self.log or "simulated experiment"))
-        file = ModelStore(self.store).save(model, self.save).path if self.save else None
+        doubts = model.validity.doubts
+        kept = self.save is not None and (self.anyway or not doubts)
+        file = ModelStore(self.store).save(model, self.save).path if self.save and kept else None
         if self.plot is not None or self.record is not None:
             self._draw(estimate, compare(judging, estimate.problem.fixed, offset), new, truth)
-        report = _report(estimate, new, truth, criteria, seconds, file)
+        report = _report(estimate, new, truth, criteria, seconds, file, doubts)
         if self.json:
             print(msgspec.json.encode(report).decode())
         else:
-            _print(report, estimate)
-        return 0 if estimate.converged and estimate.whiteness.white else 1
+            _print(report, estimate, "" if kept or self.save is None else self.save)
+        return 1 if doubts else 0
 
     def _settings(self) -> EstimationSettings:
         known = load_arm(self.known) if self.known is not None else None
@@ -192,6 +198,7 @@ def _report(
     criteria: dict[Friction, float] | None,
     seconds: float,
     file: Path | None,
+    doubts: str,
 ) -> dict[str, Any]:
     identifiability = estimate.identifiability
     report = {
@@ -218,10 +225,11 @@ def _report(
         "seconds": seconds,
         "model_file": str(file) if file else None,
     }
-    return report | ({"criterion": criteria} if criteria else {})
+    return report | ({"criterion": criteria} if criteria else {}) | ({"doubts": doubts} if doubts else {})
 
 
-def _print(report: dict[str, Any], estimate: Estimate) -> None:
+def _print(report: dict[str, Any], estimate: Estimate, withheld: str) -> None:
+    """Prints the report for people; `withheld` is the name under which the model was not kept, "" if none."""
     table = Table("", "estimate", "95 % interval", "relative", "truth", "error")
     for name, entry in report["parameters"].items():
         value, half, truth = entry["estimate"], NINETY_FIVE * entry["standard_error"], entry["truth"]
@@ -238,15 +246,15 @@ def _print(report: dict[str, Any], estimate: Estimate) -> None:
         f"fit on held-out motion {fits}; noise {', '.join(f'{value:.2g}' for value in estimate.noise)} rad",
         highlight=False,
     )
-    if not estimate.converged:
-        console.print("[bold red]The search did not converge: do not use this model.[/]")
-    elif estimate.whiteness.white:
-        console.print("The residuals are white: nothing but noise is left to explain.")
+    if "doubts" in report:
+        console.print(f"[bold red]Do not use this model: {report['doubts']}.[/]", soft_wrap=True)
     else:
-        console.print("[bold red]The residuals are not white: the model leaves something unexplained.[/]")
+        console.print("The residuals are white: nothing but noise is left to explain.")
     if "criterion" in report:
         criteria = ", ".join(f"{name} {value:.0f}" for name, value in report["criterion"].items())
         console.print(f"criterion (BIC, least is best): {criteria}", highlight=False)
     if report["model_file"]:
         console.print(f"kept as {report['model_file']}: see dtwin model list")
+    if withheld:
+        console.print(f"not kept as {withheld}: --anyway keeps it all the same")
     sys.stdout.flush()

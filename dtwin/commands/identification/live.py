@@ -43,7 +43,9 @@ class IdentifyLive:
     anew: str = ""
     """Which of the free parameters are not known any more, e.g. --free D --anew D2; all if not given. For motion."""
     accept: bool = False
-    """Keep the model without asking, if its residuals are white."""
+    """Keep the model without asking, unless it is in doubt."""
+    anyway: bool = False
+    """Keep an accepted model even if it is in doubt; it says so."""
     upload: bool = False
     """Upload an accepted model to the controller, too. Needs dtwin up --simulation."""
     name: str = "arm"
@@ -66,7 +68,7 @@ class IdentifyLive:
                 raise IdentificationError(state.text)
             if not self.json:
                 _print(state)
-            decision = IdentificationDecision(self._accepts(state), self.name, self.upload)
+            decision = IdentificationDecision(self._accepts(state), self.name, self.upload, self.anyway)
             state = bus.ask(DECIDE, decision, IdentificationState)
         if self.json:
             print(msgspec.json.encode(state).decode())
@@ -88,9 +90,12 @@ class IdentifyLive:
         raise CommunicationError(f"no model within {self.timeout:g} s; the identification goes on")
 
     def _accepts(self, state: IdentificationState) -> bool:
-        sound = state.converged and state.residual_white
+        if state.doubts and not self.anyway:
+            if not self.json:
+                Console().print("not kept: --anyway keeps it all the same")
+            return False
         if self.accept or self.json or not sys.stdin.isatty():
-            return self.accept and sound
+            return self.accept
         return input("keep this model? [y/N] ").strip().lower() in ("y", "yes")
 
 
@@ -106,3 +111,5 @@ def _print(state: IdentificationState) -> None:
     fits = ", ".join(f"{value:.4f}" for value in state.fit or ())
     white = "white" if state.residual_white else "not white: the model leaves something unexplained"
     console.print(f"fit on held-out motion {fits}; residuals {white}", highlight=False)
+    if state.doubts:
+        console.print(f"[bold red]Do not use this model: {state.doubts}.[/]", soft_wrap=True)

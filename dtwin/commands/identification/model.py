@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -13,11 +14,11 @@ from rich.console import Console
 from rich.table import Table
 
 from dtwin.errors import ModelError
+from dtwin.files import replacing
 from dtwin.identification.mjcf import export_mjcf
 from dtwin.identification.model import IdentifiedModel, read_model
 from dtwin.identification.store import STORE, ModelStore, StoredModel, open_model
 from dtwin.parameters import PARAMETER_NAMES
-from dtwin.run.recording import replacing
 
 _DIFFERENT = 3.0
 """standard errors from which two estimates count as different"""
@@ -86,6 +87,8 @@ class ModelShow:
         console.print(model.identifiability)
         white = "white" if model.validity.residual_white else "not white: the model leaves something unexplained"
         console.print(f"fit {_numbers(model.validity.fit)}; residuals {white}", highlight=False)
+        if model.validity.doubts:
+            console.print(f"in doubt: {model.validity.doubts}", highlight=False, soft_wrap=True)
         loads = _numbers(model.data.payload_kg)
         console.print(
             f"from {model.data.source}, {sum(model.data.samples)} samples, load {loads} kg, "
@@ -160,7 +163,8 @@ class ModelExport:
     """What to write, if the file's ending does not say."""
 
     def execute(self) -> int:
-        arm = open_model(self.model, ModelStore(self.store)).arm
+        model = open_model(self.model, ModelStore(self.store))
+        arm = model.arm
         kind = self.format or {".xml": "mjcf", ".json": "parameters"}.get(self.file.suffix)
         if kind is None:
             raise ModelError(f"{self.file}: expected a name that ends in .xml or .json, or --format")
@@ -170,6 +174,8 @@ class ModelExport:
             values = dict(zip(PARAMETER_NAMES, arm.vector(), strict=True))
             with replacing(self.file) as temporary:
                 temporary.write_bytes(msgspec.json.format(msgspec.json.encode(values), indent=2) + b"\n")
+        if doubts := model.validity.doubts:
+            print(f"dtwin: model {self.model} is in doubt: {doubts}", file=sys.stderr)
         return 0
 
 

@@ -18,6 +18,7 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.errors import ParameterError
 from dtwin.experiments.monitoring.trial import Method
+from dtwin.files import ensure_writable
 from dtwin.identification.estimation.quality import noise
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.monitoring.belief import Belief, assumed, identified
@@ -25,7 +26,7 @@ from dtwin.monitoring.monitor import ALARMS_PER_HOUR, Monitor, MonitorSettings
 from dtwin.monitoring.offline import SECOND, Stream, Trace, stream, watch
 from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
 from dtwin.parameters import ArmParameters
-from dtwin.run.recording import ensure_writable, read_log
+from dtwin.run.recording import read_log
 from dtwin.signals import Event
 
 STATE_COLOURS: Final = {"nominal": "green", "may be degrading": "yellow", "failed": "bold red"}

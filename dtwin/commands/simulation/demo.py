@@ -16,7 +16,7 @@ from dtwin.experiments.recovery.demonstration import recover
 from dtwin.experiments.recovery.operator import LIMIT, LONGEST
 from dtwin.experiments.recovery.outcome import Recovery
 from dtwin.experiments.recovery.picture import draw
-from dtwin.run.recording import ensure_writable
+from dtwin.files import ensure_writable
 from services.emulator import Pace
 from services.launch import CellOptions
 

@@ -15,10 +15,10 @@ from rich.table import Table
 
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
+from dtwin.files import ensure_writable, replacing
 from dtwin.identification.model import IdentifiedModel
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import ArmParameters, Gains, Law, Triple
-from dtwin.run.recording import ensure_writable, replacing
 from dtwin.simulation.checks import MOTIONS, Motion
 from dtwin.simulation.objective import Limits, Objective, possible_arms, scenarios_for
 from dtwin.simulation.optimise import Optimum, check_search, optimise

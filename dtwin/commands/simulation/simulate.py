@@ -20,9 +20,10 @@ from dtwin.commands.simulation.upload import in_force
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import CommunicationError, ParameterError
+from dtwin.files import ensure_writable
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import PERIOD, ArmParameters, Gains, Law, Triple
-from dtwin.run.recording import Log, ensure_writable, read_log
+from dtwin.run.recording import Log, read_log
 from dtwin.signals import Sensors
 from dtwin.simulation.candidates import vary
 from dtwin.simulation.figures import Figures, triple

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import getpass
+import sys
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -95,7 +96,10 @@ class UploadCommand(_Request):
         raise NotImplementedError
 
     def _model(self, reference: str) -> ArmParameters:
-        return open_model(reference, ModelStore(self.store)).arm
+        model = open_model(reference, ModelStore(self.store))
+        if doubts := model.validity.doubts:
+            print(f"dtwin: model {reference} is in doubt: {doubts}", file=sys.stderr)
+        return model.arm
 
     def _outcome(self, bus: Bus, answer: Upload) -> int:
         """Waits until the trial is over."""

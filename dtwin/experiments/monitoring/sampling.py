@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 import numpy as np
 
-from dtwin.emulation import parse_fault
+from dtwin.emulation.faults import parse_fault
 from dtwin.experiments.monitoring.failure import FAULT, START
 from dtwin.experiments.monitoring.numbers import CHART, number
 from dtwin.experiments.monitoring.trial import Method, identified_belief
@@ -20,7 +20,8 @@ from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
 from dtwin.pictures import new_figure
 from dtwin.pool import Progress
-from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.cell import Cell
+from dtwin.run.settings import CellSettings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

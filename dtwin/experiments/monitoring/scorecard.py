@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.emulation import Emulation
+from dtwin.emulation.emulation import Emulation
 from dtwin.experiments.monitoring.trial import FaultOutcome, FaultTrial, identified_belief, run_trial, true_cause
 from dtwin.monitoring.monitor import Monitor, MonitorSettings
 from dtwin.pool import Progress, spread

@@ -12,7 +12,8 @@ import numpy as np
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import STOP, VERDICT
-from dtwin.emulation import Emulation, parse_fault
+from dtwin.emulation.emulation import Emulation
+from dtwin.emulation.faults import parse_fault
 from dtwin.errors import DivergenceError
 from dtwin.experiments.monitoring.numbers import CHART, median_and_largest
 from dtwin.experiments.monitoring.trial import MOVING, identified_belief, true_cause

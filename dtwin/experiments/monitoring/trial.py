@@ -10,11 +10,13 @@ import msgspec
 import numpy as np
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.emulation import Emulation, Fault, NoiseKind, parse_fault
+from dtwin.emulation.emulation import Emulation
+from dtwin.emulation.encoders import NoiseKind
+from dtwin.emulation.faults import Fault, parse_fault
 from dtwin.errors import DivergenceError
 from dtwin.experiments.identification.standard import standard_estimate
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.model import from_estimate
+from dtwin.identification.result import from_estimate
 from dtwin.monitoring.belief import Belief, identified
 from dtwin.monitoring.kinds import RELATIVE, parse_fault_id
 from dtwin.monitoring.monitor import Monitor, MonitorSettings

@@ -13,7 +13,8 @@ from dtwin.experiments.identification.standard import standard_estimate
 from dtwin.experiments.recovery.operator import Operator
 from dtwin.experiments.recovery.outcome import Recovery, healthy_run, judge
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.model import from_estimate, write_model
+from dtwin.identification.model import write_model
+from dtwin.identification.result import from_estimate
 from dtwin.parameters import PERIOD
 from dtwin.run.recording import read_log
 from services.launch import CellOptions, launched

@@ -12,8 +12,9 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.experiments.recovery.operator import LIMIT, NAME, Story
 from dtwin.parameters import PERIOD, PICKUP, PLACES, ArmParameters, Triple
-from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.cell import Cell
 from dtwin.run.recording import Log
+from dtwin.run.settings import CellSettings
 from dtwin.signals import Sensors, Voltages
 from dtwin.simulation.measured import motions
 

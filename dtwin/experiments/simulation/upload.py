@@ -17,8 +17,9 @@ from dtwin.experiments.report import Picture, Report, page, table
 from dtwin.identification.estimation.problem import START
 from dtwin.parameters import PERIOD, ArmParameters, Gains, Triple
 from dtwin.pictures import COLOURS, RED, new_figure
-from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.cell import Cell
 from dtwin.run.recording import Log
+from dtwin.run.settings import CellSettings
 from dtwin.signals import BoxCounts
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.figures import triple

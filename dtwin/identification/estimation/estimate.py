@@ -29,6 +29,8 @@ LOSSES: Final = ("adaptive", "gaussian", "huber")
 
 NINETY_FIVE: Final = 1.959964
 """Half width of a 95 % confidence interval in standard errors."""
+_AT_BOUND: Final = 1e-6
+"""Distance from a bound within which an estimate sits on it, relative to the size of the parameter."""
 _HUBER: Final = 1.345
 """Residual beyond which Huber's loss is linear, in standard deviations: 95 % efficiency under Gaussian noise."""
 _SPREAD_OF_STARTS: Final = 0.5
@@ -120,6 +122,19 @@ class Estimate:
     def standard_errors(self) -> dict[str, float]:
         """Standard errors of the shared unknowns by name, SI units; NaN where not identifiable."""
         return dict(zip(self.problem.shared, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    @cached_property
+    def at_bound(self) -> tuple[str, ...]:
+        """Names of the free parameters that the search would have carried beyond their bounds.
+
+        Coulomb friction of 0 is not counted: it says that there is none, as in the data sheet.
+        """
+        free = self.problem.free
+        count = len(free)
+        x, (lower, upper) = self.x[:count], self.problem.bounds
+        lowest = np.where([symbol_of(name) == "mu" for name in free], -np.inf, lower[:count])
+        at = (np.abs(x - lowest) < _AT_BOUND) | (np.abs(x - upper[:count]) < _AT_BOUND)
+        return tuple(name for name, there in zip(free, at, strict=True) if there)
 
     @property
     def correlation(self) -> Array:

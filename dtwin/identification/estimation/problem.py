@@ -18,12 +18,10 @@ import numpy as np
 from dtwin.errors import DivergenceError, ParameterError, choices
 from dtwin.identification.data import Array, Experiment
 from dtwin.identification.estimation.solver import NormalEquations
+from dtwin.identification.model import OFFSETS
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, symbol_of
 from dtwin.twin.rollout import rollout
 from dtwin.twin.sensitivity import STATE_NAMES, sensitivities
-
-OFFSETS: Final = ("offset1", "offset2", "offset3")
-"""Names of the encoder offsets, which are in rad."""
 
 UPPER: Final = MappingProxyType({"K": 1.0, "m": 0.15, "I": 0.1, "l": 0.2, "c": 0.15, "D": 0.1, "mu": 0.5})
 """Upper bounds of the estimates by symbol, SI units."""

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import gammaln
-from scipy.stats import chi2
+from scipy.special import chdtrc, gammaln
 
 from dtwin.identification.data import Array
 
@@ -55,7 +53,7 @@ def whiteness(residuals: Sequence[Array]) -> Whiteness:
     products = [np.sum([np.sum(block[k:] * block[:-k], axis=0) for block in centred], axis=0) for k in lags]
     correlations = np.array(products) / np.maximum(power, np.finfo(float).tiny)
     statistic = count * (count + 2) * np.sum(correlations**2 / (count - np.array(lags)[:, None]), axis=0)
-    return Whiteness(tuple(chi2.sf(statistic, len(lags)).tolist()), tuple(np.abs(correlations).max(axis=0).tolist()))
+    return Whiteness(tuple(chdtrc(len(lags), statistic).tolist()), tuple(np.abs(correlations).max(axis=0).tolist()))
 
 
 def fit(measured: Array, predicted: Array) -> Array:
@@ -72,6 +70,8 @@ def shape(residuals: Array) -> float:
     noise, which has no finite exponent, gives the largest one allowed, 6 (Box and Tiao, Bayesian Inference in
     Statistical Analysis, 1973, ch. 3).
     """
+    from scipy.optimize import brentq  # loaded here: takes longer than the rest of the estimator, seldom needed
+
     centred = residuals - residuals.mean()
     kurtosis = float(np.mean(centred**4) / np.mean(centred**2) ** 2)
     if kurtosis > 3.0 - 3.0 * math.sqrt(24.0 / residuals.size):

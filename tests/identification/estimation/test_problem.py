@@ -94,7 +94,8 @@ def test_shapes_are_checked() -> None:
 
 
 def test_a_log_becomes_segments() -> None:
-    from dtwin.run.cell import Cell, CellSettings
+    from dtwin.run.cell import Cell
+    from dtwin.run.settings import CellSettings
 
     cell = Cell(CellSettings(duration=15.05, seed=1))
     cell.run()

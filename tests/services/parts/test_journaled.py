@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.emulation import parse_fault
+from dtwin.emulation.faults import parse_fault
 from dtwin.errors import RecordingError
 from dtwin.run.cell import CellSettings
 from dtwin.signals import Event, Sensors, Truth, Voltages

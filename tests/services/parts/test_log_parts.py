@@ -9,7 +9,8 @@ from dtwin.errors import RecordingError
 from dtwin.run.recording import Log, RunLog, concatenate, join_logs, read_log
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
 from services.parts import log_parts
-from services.parts.log_parts import MERGED, SUFFIX, WAITING_LIMIT, Parts, Span
+from services.parts.log_parts import MERGED, WAITING_LIMIT, Parts, Span
+from services.parts.part_files import SUFFIX
 from tests.support.disks import full_disk
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.emulation import Emulation
+from dtwin.emulation.emulation import Emulation
 from dtwin.parameters import PERIOD
 from dtwin.signals import Sensors, Voltages
 from services.parts.strides import MOST, STRIDE, strides

@@ -1,0 +1,56 @@
+"""The settings of a run of the cell, and what a log says of them.
+
+Nothing here loads MuJoCo or a controller: whoever starts a cell reads its options in the same way as whoever runs it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dtwin import __version__
+from dtwin.controller.ports import BLOCKS
+from dtwin.controller.settings import ControlSettings
+from dtwin.emulation import MODEL_FILE
+from dtwin.emulation.encoders import NoiseKind
+from dtwin.emulation.faults import Fault
+from dtwin.parameters import PHYSICS_STEP, ArmParameters
+
+
+@dataclass(frozen=True, slots=True)
+class CellSettings:
+    """The settings of a run; equal settings give equal logs, byte by byte.
+
+    Attributes:
+        duration: plant time of the run, s.
+        seed: number of the random generators of boxes and noise, which are independent of each other.
+        noise: amplitude (uniform) or standard deviation (gaussian) of the encoder noise, rad.
+        arm: parameters of the plant; the controller keeps its own model.
+        step: integration step of the physics, s; the controller period must be a whole multiple of it.
+    """
+
+    duration: float = 120.0
+    seed: int = 0
+    noise: float = 0.0
+    noise_kind: NoiseKind = "uniform"
+    faults: tuple[Fault, ...] = ()
+    arm: ArmParameters = field(default_factory=ArmParameters)
+    control: ControlSettings = field(default_factory=ControlSettings)
+    step: float = PHYSICS_STEP
+    model_file: Path = MODEL_FILE
+    blocks: Path = BLOCKS
+
+
+def metadata(settings: CellSettings) -> dict[str, Any]:
+    """The metadata of a log: the settings that the run was made with."""
+    return {
+        "version": __version__,
+        "seed": settings.seed,
+        "noise": settings.noise,
+        "noise_kind": settings.noise_kind,
+        "faults": [str(fault) for fault in settings.faults],
+        "arm": asdict(settings.arm),
+        "control": asdict(settings.control),
+        "step": settings.step,
+    }

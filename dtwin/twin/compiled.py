@@ -1,0 +1,72 @@
+"""Compiles kernels to machine code, and keeps the code on disk for every process that comes after.
+
+Numba puts the files beside the sources, in `__pycache__`, or in the user's cache folder where the sources are
+read-only; NUMBA_CACHE_DIR names another folder. It trusts what it finds there: half a file would end every process
+that reads it, and other machine code would crash it. So each file carries its checksum here, and a damaged one counts
+as none: the kernel is compiled again and the file replaced. Where nothing can be written, every process compiles.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+import numba
+from numba.core.caching import FunctionCache, IndexDataCacheFile
+
+log = logging.getLogger(__name__)
+
+_CHECKSUM: Final = hashlib.sha256().digest_size
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Decorates a function that Numba compiles at its first call, or loads compiled."""
+    dispatcher = numba.njit(error_model="numpy")(function)
+    try:
+        dispatcher._cache = _Cache(function)
+    except RuntimeError as error:  # no folder can be written
+        log.info("%s", error)
+    return dispatcher
+
+
+class _Cache(FunctionCache):
+    """The compiled forms of one kernel, in checked files."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._cache_file = _CheckedFile(
+            self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp()
+        )
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:
+            log.info("compiled code of %s is not kept: %s", self._name, error)
+
+
+class _CheckedFile(IndexDataCacheFile):
+    """The index and the code files of one kernel; after each pickle, which ends by itself, stands its checksum."""
+
+    def _dump(self, obj: Any) -> bytes:
+        content: bytes = super()._dump(obj)
+        return content + hashlib.sha256(content).digest()
+
+    def _load_index(self) -> dict[Any, str]:
+        try:
+            overloads: dict[Any, str] = super()._load_index()
+        except Exception as error:  # a damaged pickle raises anything
+            log.info("%s: damaged, compiled again: %s", self._index_path, error)
+            return {}
+        return overloads
+
+    def _load_data(self, name: str) -> Any:
+        """Raises OSError, which counts as a missing file, when the file is damaged."""
+        content = Path(self._data_path(name)).read_bytes()
+        if hashlib.sha256(content[:-_CHECKSUM]).digest() != content[-_CHECKSUM:]:
+            log.info("%s: damaged, compiled again", self._data_path(name))
+            raise OSError(f"{name}: damaged")
+        return super()._load_data(name)
