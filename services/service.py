@@ -29,6 +29,7 @@ from dtwin.bus.session import Bus
 from dtwin.bus.signature import KEY_SIZE
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.options import parse_options
+from dtwin.terminal import LineFormatter
 from services.supervisor import KEY, LIFELINE
 
 REPORT_PERIOD: Final = 1.0
@@ -190,7 +191,9 @@ class Runnable(Protocol):
 
 def main(name: str, options: type[Runnable], arguments: Sequence[str] | None = None) -> int:
     """Runs one service from its command line; returns the exit status."""
-    logging.basicConfig(format=f"{name}: %(message)s", level=logging.INFO, stream=sys.stderr)
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(LineFormatter(f"{name}: %(message)s"))
+    logging.basicConfig(level=logging.INFO, handlers=[handler])
     words = sys.argv[1:] if arguments is None else arguments
     try:
         command: Runnable = parse_options(options, f"python -m services.{name}", words)

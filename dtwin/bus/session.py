@@ -17,6 +17,7 @@ from dtwin.bus.codec import M, MessageError, Reader, encode
 from dtwin.bus.messages import ALIVE, Topic
 from dtwin.bus.signature import Signer, Verifier
 from dtwin.errors import CommunicationError, DtwinError, UnansweredError
+from dtwin.terminal import printable
 
 log = logging.getLogger(__name__)
 
@@ -119,7 +120,7 @@ class Bus:
         with self._lock:
             self.refused[reason] += 1
             count = self.refused[reason]
-        self.last_refusal = f"{reason}: {detail}"
+        self.last_refusal = printable(f"{reason}: {detail}")
         if count <= _SAID:
             rest = "; more of these are only counted" if count == _SAID else ""
             log.warning("refused %s%s", self.last_refusal, rest)

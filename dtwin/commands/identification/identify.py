@@ -28,6 +28,7 @@ from dtwin.identification.parsing import settings_for
 from dtwin.identification.store import STORE, ModelStore, check_name
 from dtwin.parameters import PERIOD, ArmParameters, assignment, load_arm
 from dtwin.run.recording import Log, ensure_writable, read_log
+from dtwin.terminal import as_text, print_json
 
 _HELD_OUT_SHARE = 0.2
 """share of a log that is kept for judging the model"""
@@ -109,7 +110,7 @@ class Identify:
             self._draw(estimate, compare(judging, estimate.problem.fixed, offset), new, truth)
         report = _report(estimate, new, truth, criteria, seconds, file)
         if self.json:
-            print(msgspec.json.encode(report).decode())
+            print_json(report)
         else:
             _print(report, estimate)
         return 0 if estimate.converged and estimate.whiteness.white else 1
@@ -232,7 +233,7 @@ def _print(report: dict[str, Any], estimate: Estimate) -> None:
         )
     console = Console()
     console.print(table)
-    console.print(report["identifiability"])
+    console.print(as_text(report["identifiability"]))
     fits = ", ".join(f"{value:.4f}" for value in report["fit"])
     console.print(
         f"fit on held-out motion {fits}; noise {', '.join(f'{value:.2g}' for value in estimate.noise)} rad",
@@ -248,5 +249,5 @@ def _print(report: dict[str, Any], estimate: Estimate) -> None:
         criteria = ", ".join(f"{name} {value:.0f}" for name, value in report["criterion"].items())
         console.print(f"criterion (BIC, least is best): {criteria}", highlight=False)
     if report["model_file"]:
-        console.print(f"kept as {report['model_file']}: see dtwin model list")
+        console.print(as_text(f"kept as {report['model_file']}: see dtwin model list"))
     sys.stdout.flush()
