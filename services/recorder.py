@@ -17,6 +17,7 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
+from dtwin.bus.following import Following
 from dtwin.bus.messages import EVENTS, MONITORING, PATH, RESIDUALS, SENSORS, TRUTH, VOLTAGES, State
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.twin_messages import MonitoringResiduals, MonitoringVerdict
@@ -24,7 +25,7 @@ from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters
 from dtwin.run.options import ArmOptions
 from dtwin.run.recording import Log, RunLog, ensure_writable
-from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
+from dtwin.signals import Event, EventKind, Sensors, StepRecord, Truth, Voltages
 from dtwin.view import LiveView, Ports, Predictions, Viewer, ViewerProcess
 from services.parts.log_parts import Parts
 from services.parts.rows import Rows
@@ -35,6 +36,8 @@ log = logging.getLogger(__name__)
 NAME: Final = "recorder"
 FLUSH: Final = 0.5
 """s between two parts"""
+RECORDINGS: Final = 50
+"""Number of recordings of one run; every reset of the cell begins another one."""
 QUIET: Final = 0.3
 """s without a message after which nothing more is on its way at the end"""
 
@@ -84,6 +87,7 @@ class Recorder:
         self._arm = arm
         self._runs = 0
         self._ticks = 0
+        self._over = False
         self._run_log = RunLog()
         self._rows = Rows(self._add_row, self._begin_another)
         self._parts: Parts | None = None
@@ -95,9 +99,11 @@ class Recorder:
         self._verdicts: list[MonitoringVerdict] = []
         self._begin()
         bus = service.bus
+        self._tell = bus.publisher(EVENTS)
         take = service.inbox.put
         rows = self._rows
-        bus.subscribe(SENSORS, Sensors, lambda message: take((rows.sensors, message)))
+        following = Following(lambda message: take((rows.sensors, message)), bus.refuse)
+        bus.subscribe(SENSORS, Sensors, following)
         bus.subscribe(TRUTH, Truth, lambda message: take((rows.truth, message)))
         bus.subscribe(VOLTAGES, Voltages, lambda message: take((rows.answer, message)))
         bus.subscribe(PATH, PathAngles, lambda message: take((rows.answer, message)))
@@ -136,7 +142,8 @@ class Recorder:
 
     def _take_event(self, event: Event, now: float) -> None:
         self._rows.event(event)
-        self._run_log.add_events([event])
+        if not self._over:
+            self._run_log.add_events([event])
 
     def _take_residuals(self, message: MonitoringResiduals, now: float) -> None:
         self._residuals.append(message)
@@ -195,10 +202,18 @@ class Recorder:
     def _numbered(self, path: Path) -> Path:
         return path if self._runs == 1 else path.with_stem(f"{path.stem}-{self._runs}")
 
-    def _begin_another(self) -> None:
+    def _begin_another(self) -> bool:
+        """Whether another recording could begin."""
+        if self._runs == RECORDINGS:
+            self._over = True
+            text = f"the cell has started anew: nothing is recorded any more after {RECORDINGS} recordings"
+            log.error("%s", text)
+            self._tell(Event(0.0, EventKind.RECORDING, text))
+            return False
         log.warning("the cell has started anew after %.2f s: another recording begins", self._time)
         self._end()
         self._begin()
+        return True
 
     def _end(self) -> None:
         self._keep()

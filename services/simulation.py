@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from dtwin.bus.following import Following
 from dtwin.bus.messages import (
     EVENTS,
     PATH,
@@ -110,7 +111,7 @@ class Simulation:
         bus = service.bus
         self._publish = bus.publisher(EVENTS)
         self._path: Subscription | None = None
-        bus.subscribe(SENSORS, Sensors, service.inbox.put)
+        bus.subscribe(SENSORS, Sensors, Following(service.inbox.put, bus.refuse))
         bus.answer(UPLOAD, UploadRequest, self._answer, self._now)
         bus.answer(PREDICT, PredictionRequest, self._predict)
         bus.answer(ROLL_BACK, RollBackRequest, self._roll_back, self._now)
