@@ -74,7 +74,7 @@ def test_examples(text: str, fault: Fault) -> None:
         ("lock1+=2@45", "fault lock1: takes no number"),
         ("K2*=1e999@45", r"a number up to 1e\+06, got inf"),
         ("K2*=-1e7@45", r"a number up to 1e\+06, got -1"),
-        ("K2*=0.1@1e10", r"a start from 0 to 1e\+09 s, got 1"),,
+        ("K2*=0.1@1e10", r"a start from 0 to 1e\+09 s, got 1"),
         ("K2*=0.1@1e999", r"a start from 0 to 1e\+09 s, got inf"),
         ("K2*=0.1@45-45", "expected an end after its start 45.0 s, got 45.0"),
         ("slip@30-40", "slip@START without an end"),
