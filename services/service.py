@@ -107,11 +107,8 @@ class Service:
 
     def _join(self, link: Link) -> Bus:
         """Joins the bus; until that is done, which may be never, a signal ends the process at once."""
-        numbers = (signal.SIGINT, signal.SIGTERM)
-        for number in numbers:
-            signal.signal(number, signal.SIG_DFL)
         bus = link.bus(self.name)
-        for number in numbers:
+        for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._stop)
         return bus
 

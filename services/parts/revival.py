@@ -30,7 +30,10 @@ def revive(settings: CellSettings, path: Path) -> tuple[JournaledCell, str]:
         return _replayed(settings, path), ""
     except RecordingError as error:
         aside = _set_aside(path)
-        return _replayed(settings, path), f"the cell starts anew, its journal is kept as {aside.name}: {error}"
+        cell = _replayed(settings, path)
+        cell.latch.stop("torque off", b"")  # The journal may have held a stop that nobody has released.
+        trouble = f"the cell starts anew with the torque off, its journal is kept as {aside.name}: {error}"
+        return cell, trouble
 
 
 def _replayed(settings: CellSettings, path: Path) -> JournaledCell:
