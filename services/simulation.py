@@ -38,7 +38,7 @@ from dtwin.bus.twin_messages import (
     Upload,
     UploadRequest,
 )
-from dtwin.controller.bounds import check_bounds
+from dtwin.controller.bounds import check_bounds, check_model
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.parameters import ArmParameters, Gains
@@ -170,6 +170,8 @@ class Simulation:
 
     def _answer(self, request: UploadRequest) -> Upload:
         """Answers on a thread of its own: a check may take longer than a tick."""
+        if request.arm is not None:
+            check_model(request.arm)
         return self._change(lambda uploader: uploader.upload(_proposal(uploader, request), self._time, request.arm))
 
     def _roll_back(self, request: RollBackRequest) -> Upload:
@@ -198,8 +200,10 @@ class Simulation:
         with self._lock:
             uploader = self._there()
             settings = changed(uploader.settings, asked.gains, asked.target_time, asked.model)
+            arm = asked.arm or settings.model
             check_bounds(settings)
-            found = self._checker.simulate(settings, asked.arm or settings.model, asked.box)
+            check_model(arm)
+            found = self._checker.simulate(settings, arm, asked.box)
             version = uploader.version
         return Predicted(
             version,
