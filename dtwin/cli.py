@@ -15,6 +15,7 @@ from typing import Final
 from dtwin import __version__
 from dtwin.errors import DtwinError, choices
 from dtwin.options import parse_options
+from dtwin.terminal import printable
 
 DESCRIPTION: Final = "A digital twin of a box-sorting arm controlled by IEC 61499 function blocks."
 
@@ -143,7 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return status
     except DtwinError as error:
-        print(f"dtwin: {error}", file=sys.stderr)
+        print(f"dtwin: {printable(str(error))}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("dtwin: interrupted", file=sys.stderr)

@@ -15,8 +15,12 @@ from dtwin.parameters import VOLTAGE_LIMIT, Triple
 SCHEMA: Final = 1
 """Version of the messages' layout, in every message as `schema`; a change that old readers misread raises it."""
 
-Count = Annotated[int, msgspec.Meta(ge=0)]
-Seconds = Annotated[float, msgspec.Meta(ge=0.0)]
+LARGEST_COUNT: Final = 2**63 - 1
+"""Largest whole number in a message: what the 64 bits of a log's columns and of a journal hold."""
+LATEST: Final = 1e9
+"""Latest plant time in a message, s: 30 years, which 64 bits still hold in nanoseconds."""
+Count = Annotated[int, msgspec.Meta(ge=0, le=LARGEST_COUNT)]
+Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=LATEST)]
 Volts = Annotated[float, msgspec.Meta(ge=-VOLTAGE_LIMIT, le=VOLTAGE_LIMIT)]
 Word = Annotated[str, msgspec.Meta(max_length=32)]
 Line = Annotated[str, msgspec.Meta(max_length=1000)]
@@ -47,6 +51,8 @@ class EventKind(StrEnum):
     SAFE = "safe"
     RESUMED = "resumed"
     RIVALS = "rivals"
+    JOURNAL = "journal"
+    RECORDING = "recording"
     STOP = "stop"
     TROUBLE = "trouble"
     RESTORED = "restored"

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Final, TypeVar
 
+from dtwin.bus.following import Following
 from dtwin.bus.messages import (
     EVENTS,
     PATH,
@@ -91,13 +92,14 @@ class Bridge:
         self._trouble = ""
         self._last: Voltages | None = None
         self._before: Sensors | None = None
+        self._heard = 0.0
         self._restart = False
         self._answered = 0
         self._skipped = 0
         self._publish = bus.publisher(VOLTAGES, lossless=lossless)
         self._publish_path = bus.publisher(PATH, lossless=lossless)
         self._tell = bus.publisher(EVENTS)
-        bus.subscribe(SENSORS, Sensors, service.inbox.put)
+        bus.subscribe(SENSORS, Sensors, Following(self._hear, bus.refuse))
         bus.subscribe(EVENTS, Event, self._note)
         self._settings_lock = threading.Lock()
         bus.answer(SETTINGS, SettingsRequest, self._set, self._in_force, trusted=True)
@@ -243,8 +245,13 @@ class Bridge:
             self._trouble = text
             self._tell(Event(self._time(), EventKind.TROUBLE, text[:1000]))
 
+    def _hear(self, sensors: Sensors) -> None:
+        self._heard = sensors.time
+        self._service.inbox.put(sensors)
+
     def _note(self, event: Event) -> None:
-        if event.kind == EventKind.SAFE:
+        """Takes note when the arm has lost its voltage; the emulator says so at the time of its last sample."""
+        if event.kind == EventKind.SAFE and abs(event.time - self._heard) <= STALE:
             self._restart = True
 
     def _time(self) -> float:

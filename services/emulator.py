@@ -41,10 +41,10 @@ from dtwin.run.loop import tick_count
 from dtwin.run.options import PlantOptions
 from dtwin.signals import Event, EventKind, Sensors, Truth, Voltages
 from services.parts.gate import STALE, Gate
-from services.parts.journal import Journal
 from services.parts.journaled import JournaledCell
 from services.parts.latencies import Latencies
 from services.parts.pace import Pace
+from services.parts.revival import revive
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)
@@ -76,9 +76,12 @@ class Options(PlantOptions, Link):
     def run(self) -> int:
         settings = self.settings()
         ticks = None if self.duration is None else tick_count(self.duration)
-        journal = None if self.journal is None else Journal(self.journal, self.seed)
+        if self.journal is None:
+            cell, trouble = JournaledCell(settings, None), ""
+        else:
+            cell, trouble = revive(settings, self.journal)
         with Service(NAME, self) as service:
-            Emulator(service, JournaledCell(settings, journal), self.pace, self.stale).run(ticks)
+            Emulator(service, cell, self.pace, self.stale, trouble).run(ticks)
         return 0
 
 
@@ -90,9 +93,10 @@ class Emulator:
         cell: emulated cell that runs.
         pace: how long a tick waits for its command.
         stale: time without a command, in real time, after which the arm gets 0 V, s.
+        trouble: What was wrong with the journal, "" for nothing.
     """
 
-    def __init__(self, service: Service, cell: JournaledCell, pace: Pace, stale: float) -> None:
+    def __init__(self, service: Service, cell: JournaledCell, pace: Pace, stale: float, trouble: str = "") -> None:
         bus = service.bus
         self._service = service
         self._cell = cell
@@ -105,6 +109,8 @@ class Emulator:
         self._gate.restart(self._read().sequence)
         self._state: State = "waiting"
         self._anew = False
+        self._trouble = trouble
+        self._rivals_told = False
         if cell.replayed:
             log.info("goes on at %.2f s after %d entries of the journal", self._read().time, cell.replayed)
         self._began: tuple[float, float] | None = None
@@ -116,7 +122,10 @@ class Emulator:
         self._publish_event: Callable[[Event], None] = bus.publisher(EVENTS, lossless=lossless)
         inbox = service.inbox
         bus.subscribe_senders(
-            VOLTAGES, Voltages, lambda command, sender: inbox.put((time.monotonic(), command, sender))
+            VOLTAGES,
+            Voltages,
+            lambda command, sender: inbox.put((time.monotonic(), command, sender)),
+            stranger=lambda: inbox.put(self._note_stranger),
         )
         bus.answer(FAULT, FaultRequest, lambda request: self._between_ticks(lambda: self._inject(request)))
         bus.answer(RESET, ResetRequest, lambda request: self._between_ticks(lambda: self._reset(request)))
@@ -132,6 +141,8 @@ class Emulator:
         """Runs until the cell has done so many ticks, or is asked to end."""
         service = self._service
         service.ready()
+        if self._trouble:
+            self._announce(EventKind.JOURNAL, self._trouble)
         self._tell_news()
         due = time.monotonic()
         while not service.stopping:
@@ -216,8 +227,7 @@ class Emulator:
         came, command, sender = item
         if not self._gate.take(command, came):
             if self._gate.rivals:
-                self._gate.rivals = False
-                self._announce(EventKind.RIVALS, "two publishers of voltages: the first answer to each sample counts")
+                self._tell_rivals("two publishers of voltages: the first answer to each sample counts")
             return
         if self._began is not None and self._gate.expected - command.sequence < _REMEMBERED:
             now = time.monotonic()
@@ -249,15 +259,25 @@ class Emulator:
         for text in self._cell.drain_news():
             self._announce(EventKind.DISK, text)
 
+    def _note_stranger(self) -> None:
+        self._tell_rivals("somebody without the key of this cell publishes voltages: none of them counts")
+
+    def _tell_rivals(self, text: str) -> None:
+        """Tells once in a run of this service; the status counts what is refused."""
+        if not self._rivals_told:
+            self._rivals_told = True
+            self._announce(EventKind.RIVALS, text)
+
     def _announce(self, kind: EventKind, text: str) -> None:
         log.warning("%s", text)
-        self._publish_event(Event(self._read().time, kind, text))
+        self._publish_event(Event(self._read().time, kind, text[:1000]))
 
     def _read(self) -> Sensors:
         return self._cell.emulation.read()
 
     def _inject(self, request: FaultRequest) -> Done:
-        return Done(self._read().time, "injected " + ", ".join(self._cell.inject(request.faults)))
+        injected = "injected " + ", ".join(self._cell.inject(request.faults))
+        return Done(self._read().time, injected[:1000])
 
     def _reset(self, request: ResetRequest) -> Done:
         seed = request.seed

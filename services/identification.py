@@ -16,6 +16,7 @@ from typing import Final
 
 import msgspec
 
+from dtwin.bus.following import Following
 from dtwin.bus.messages import (
     ACTED,
     DECIDE,
@@ -102,7 +103,7 @@ class Identification:
         bus = service.bus
         self._publish = bus.publisher(IDENTIFICATION)
         self._tell = bus.publisher(EVENTS)
-        bus.subscribe(SENSORS, Sensors, service.inbox.put)
+        bus.subscribe(SENSORS, Sensors, Following(service.inbox.put, bus.refuse))
         bus.subscribe(VOLTAGES, Voltages, service.inbox.put)
         bus.subscribe(ACTED, Acted, service.inbox.put)
         bus.answer(IDENTIFY, IdentificationRequest, self._ask, lambda: self._state)

@@ -223,7 +223,7 @@ class Launched:
             CommunicationError: a service cannot start, or takes too long.
         """
         deadline = time.monotonic() + READY_TIMEOUT
-        while not (self.supervisor.ready or self.stop.wait(LOOK)):
+        while not (self.supervisor.ready or self.supervisor.finished or self.stop.wait(LOOK)):
             self.supervisor.look()
             if time.monotonic() > deadline:
                 raise CommunicationError(f"not ready after {READY_TIMEOUT:g} s: {self.supervisor.missing()}")

@@ -17,6 +17,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from dtwin.bus.following import Following
 from dtwin.bus.messages import ACKNOWLEDGE, ACTED, EVENTS, MONITORING, RESIDUALS, SENSORS, VOLTAGES, Acted
 from dtwin.bus.ticks import Ticks
 from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringResiduals, MonitoringVerdict
@@ -76,7 +77,7 @@ class Monitoring:
         self._tell_event: Callable[[Event], None] = bus.publisher(EVENTS)
         self._tell_verdict: Callable[[MonitoringVerdict], None] = bus.publisher(MONITORING)
         self._tell_residuals: Callable[[MonitoringResiduals], None] = bus.publisher(RESIDUALS)
-        bus.subscribe(SENSORS, Sensors, service.inbox.put)
+        bus.subscribe(SENSORS, Sensors, Following(service.inbox.put, bus.refuse))
         bus.subscribe(VOLTAGES, Voltages, service.inbox.put)
         bus.subscribe(ACTED, Acted, service.inbox.put)
         bus.answer(ACKNOWLEDGE, AcknowledgeRequest, self._ask, lambda: self._ask(None))

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
+from dtwin.bus.following import Following
 from dtwin.bus.messages import ACTED, EVENTS, MONITORING, PATH, RESIDUALS, SENSORS, TRUTH, VOLTAGES, Acted, State
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.twin_messages import MonitoringResiduals, MonitoringVerdict
@@ -41,6 +42,8 @@ DRAWING: Final = 0.2
 """Longest time for which what an earlier recorder left is drawn before the next messages are taken, s."""
 LAST_DRAWING: Final = 2.0
 """Longest time for which the rest is drawn at the end, s."""
+RECORDINGS: Final = 50
+"""Number of recordings of one run; every reset of the cell begins another one."""
 QUIET: Final = 0.3
 """s without a message after which nothing more is on its way at the end"""
 
@@ -103,6 +106,7 @@ class Recorder:
         self._arm = arm
         self._runs = 0
         self._ticks = 0
+        self._over = False
         self._run_log = RunLog()
         self.rows = Rows(self._add_row, self._begin_another)
         self._parts: Parts | None = None
@@ -119,9 +123,11 @@ class Recorder:
     def listen(self, service: Service) -> None:
         """Puts what passes on the bus into the inbox of the service."""
         bus = service.bus
+        self._tell = bus.publisher(EVENTS)
         take = service.inbox.put
         rows = self.rows
-        bus.subscribe(SENSORS, Sensors, lambda message: take((rows.sensors, message)))
+        following = Following(lambda message: take((rows.sensors, message)), bus.refuse)
+        bus.subscribe(SENSORS, Sensors, following)
         bus.subscribe(TRUTH, Truth, lambda message: take((rows.truth, message)))
         bus.subscribe(VOLTAGES, Voltages, lambda message: take((rows.answer, message)))
         bus.subscribe(ACTED, Acted, lambda message: take((rows.acted, message)))
@@ -160,7 +166,8 @@ class Recorder:
 
     def take_event(self, event: Event, now: float) -> None:
         """Takes an event."""
-        self._run_log.add_events([event])
+        if not self._over:
+            self._run_log.add_events([event])
 
     def _take_residuals(self, message: MonitoringResiduals, now: float) -> None:
         self._residuals.append(message)
@@ -260,10 +267,18 @@ class Recorder:
     def _numbered(self, path: Path) -> Path:
         return path if self._runs == 1 else path.with_stem(f"{path.stem}-{self._runs}")
 
-    def _begin_another(self) -> None:
+    def _begin_another(self) -> bool:
+        """Whether another recording could begin."""
+        if self._runs == RECORDINGS:
+            self._over = True
+            text = f"the cell has started anew: nothing is recorded any more after {RECORDINGS} recordings"
+            log.error("%s", text)
+            self._tell(Event(0.0, EventKind.RECORDING, text))
+            return False
         log.warning("the cell has started anew after %.2f s: another recording begins", self._time)
         self._end()
         self._begin()
+        return True
 
     def _end(self) -> None:
         self.keep()

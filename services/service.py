@@ -29,6 +29,7 @@ from dtwin.bus.session import Bus
 from dtwin.bus.signature import KEY_SIZE
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.options import parse_options
+from dtwin.terminal import LineFormatter
 from services.supervisor import KEY, LIFELINE
 
 REPORT_PERIOD: Final = 1.0
@@ -106,11 +107,8 @@ class Service:
 
     def _join(self, link: Link) -> Bus:
         """Joins the bus; until that is done, which may be never, a signal ends the process at once."""
-        numbers = (signal.SIGINT, signal.SIGTERM)
-        for number in numbers:
-            signal.signal(number, signal.SIG_DFL)
         bus = link.bus(self.name)
-        for number in numbers:
+        for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._stop)
         return bus
 
@@ -190,7 +188,9 @@ class Runnable(Protocol):
 
 def main(name: str, options: type[Runnable], arguments: Sequence[str] | None = None) -> int:
     """Runs one service from its command line; returns the exit status."""
-    logging.basicConfig(format=f"{name}: %(message)s", level=logging.INFO, stream=sys.stderr)
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(LineFormatter(f"{name}: %(message)s"))
+    logging.basicConfig(level=logging.INFO, handlers=[handler])
     words = sys.argv[1:] if arguments is None else arguments
     try:
         command: Runnable = parse_options(options, f"python -m services.{name}", words)

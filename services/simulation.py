@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from dtwin.bus.following import Following
 from dtwin.bus.messages import (
     EVENTS,
     PATH,
@@ -37,7 +38,7 @@ from dtwin.bus.twin_messages import (
     Upload,
     UploadRequest,
 )
-from dtwin.controller.bounds import check_bounds
+from dtwin.controller.bounds import check_bounds, check_model
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.parameters import ArmParameters, Gains
@@ -110,7 +111,7 @@ class Simulation:
         bus = service.bus
         self._publish = bus.publisher(EVENTS)
         self._path: Subscription | None = None
-        bus.subscribe(SENSORS, Sensors, service.inbox.put)
+        bus.subscribe(SENSORS, Sensors, Following(service.inbox.put, bus.refuse))
         bus.answer(UPLOAD, UploadRequest, self._answer, self._now)
         bus.answer(PREDICT, PredictionRequest, self._predict)
         bus.answer(ROLL_BACK, RollBackRequest, self._roll_back, self._now)
@@ -169,6 +170,8 @@ class Simulation:
 
     def _answer(self, request: UploadRequest) -> Upload:
         """Answers on a thread of its own: a check may take longer than a tick."""
+        if request.arm is not None:
+            check_model(request.arm)
         return self._change(lambda uploader: uploader.upload(_proposal(uploader, request), self._time, request.arm))
 
     def _roll_back(self, request: RollBackRequest) -> Upload:
@@ -197,8 +200,10 @@ class Simulation:
         with self._lock:
             uploader = self._there()
             settings = changed(uploader.settings, asked.gains, asked.target_time, asked.model)
+            arm = asked.arm or settings.model
             check_bounds(settings)
-            found = self._checker.simulate(settings, asked.arm or settings.model, asked.box)
+            check_model(arm)
+            found = self._checker.simulate(settings, arm, asked.box)
             version = uploader.version
         return Predicted(
             version,

@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 FLOORS = [
     {"dtwin.errors"},
-    {"dtwin.files", "dtwin.options", "dtwin.parameters", "dtwin.pool", "dtwin.iec61499"},
+    {"dtwin.files", "dtwin.options", "dtwin.parameters", "dtwin.pool", "dtwin.terminal", "dtwin.iec61499"},
     {"dtwin.signals"},
     {"dtwin.bus", "dtwin.emulation", "dtwin.twin", "dtwin.controller"},
     {"dtwin.run"},

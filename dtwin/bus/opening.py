@@ -12,8 +12,11 @@ import errno
 import json
 import logging
 import re
+import signal
 import socket
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -83,7 +86,7 @@ def open_configured(path: Path, name: str) -> zenoh.Session:
     """Opens a session with a Zenoh configuration file.
 
     In a folder the file is `NAME.json5`, or `service.json5` where that is missing. Paths of certificates and keys are
-    relative to the file.
+    relative to the file. While the session joins, which may take for ever, SIGINT and SIGTERM end the process.
 
     Raises:
         CommunicationError: the file is missing or is no Zenoh configuration, or the session cannot be opened.
@@ -105,9 +108,25 @@ def open_configured(path: Path, name: str) -> zenoh.Session:
     configuration = _configuration(file)
     threading.Thread(target=explain, name="explain", daemon=True).start()
     try:
-        return _open(configuration)
+        with _ended_by_signals():
+            return _open(configuration)
     finally:
         opened.set()
+
+
+@contextmanager
+def _ended_by_signals() -> Iterator[None]:
+    """Lets SIGINT and SIGTERM end the process: Zenoh may wait for ever, and handlers of Python would wait with it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    previous = [signal.signal(number, signal.SIG_DFL) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, previous, strict=True):
+            signal.signal(number, handler)
 
 
 def has_certificates(path: Path, name: str) -> bool:

@@ -15,8 +15,9 @@ from zenoh.handlers import Callback
 
 from dtwin.bus.codec import M, MessageError, Reader, encode
 from dtwin.bus.messages import ALIVE, Topic
-from dtwin.bus.signature import Signer, Verifier
+from dtwin.bus.signature import FORGED, UNSIGNED, Signer, Verifier
 from dtwin.errors import CommunicationError, DtwinError, UnansweredError
+from dtwin.terminal import printable
 
 log = logging.getLogger(__name__)
 
@@ -119,7 +120,7 @@ class Bus:
         with self._lock:
             self.refused[reason] += 1
             count = self.refused[reason]
-        self.last_refusal = f"{reason}: {detail}"
+        self.last_refusal = printable(f"{reason}: {detail}")
         if count <= _SAID:
             rest = "; more of these are only counted" if count == _SAID else ""
             log.warning("refused %s%s", self.last_refusal, rest)
@@ -146,21 +147,37 @@ class Bus:
         )
         return Publisher(publisher, Signer(self._key) if self._key else None)
 
-    def subscribe(self, topic: Topic, message: type[M], receive: Callable[[M], Any], part: str = "*") -> Subscription:
+    def subscribe(
+        self,
+        topic: Topic,
+        message: type[M],
+        receive: Callable[[M], Any],
+        part: str = "*",
+        *,
+        stranger: Callable[[], Any] | None = None,
+    ) -> Subscription:
         """Calls `receive` with every valid message of a topic.
 
         `receive` runs on a thread of Zenoh; it must return at once and not raise. The subscription lasts as long as
         the session, unless it is ended before.
         """
-        return self.subscribe_senders(topic, message, lambda found, sender: receive(found), part)
+        return self.subscribe_senders(topic, message, lambda found, sender: receive(found), part, stranger=stranger)
 
     def subscribe_senders(
-        self, topic: Topic, message: type[M], receive: Callable[[M, bytes], Any], part: str = "*"
+        self,
+        topic: Topic,
+        message: type[M],
+        receive: Callable[[M, bytes], Any],
+        part: str = "*",
+        *,
+        stranger: Callable[[], Any] | None = None,
     ) -> Subscription:
         """Calls `receive` with every valid message of a topic and its sender.
 
-        The sender is the name that the publisher chose for itself, or b"" in a cell without key.
+        The sender is the name that the publisher chose for itself, or b"" in a cell without key. The first message
+        that is refused because somebody without the cell's key has sent it calls `stranger`, on the same thread.
         """
+        strangers = iter(() if stranger is None else (stranger,))
         reader = Reader(message)
         verify = Verifier(self._key) if self._key else None
 
@@ -173,6 +190,9 @@ class Bus:
                 receive(reader(payload), sender)
             except MessageError as error:
                 self.refuse(error.reason, f"{sample.key_expr}: {error}")
+                if error.reason in (UNSIGNED, FORGED):
+                    for tell in strangers:
+                        tell()
 
         return Subscription(self._declare(self._session.declare_subscriber, self.key(topic, part), take))
 
@@ -243,6 +263,9 @@ class Bus:
                     query.reply_err(str(error))
                 except DtwinError as error:
                     query.reply_err(str(error))
+                except Exception as error:  # The thread answers everybody: no query of one may end it.
+                    self.refuse("failed", f"{query.key_expr}: {type(error).__name__}: {error}")
+                    query.reply_err(f"failed: {type(error).__name__}")
 
         # A thread of its own: what is asked for may take a while, and signals come in on Zenoh's own thread.
         handler = Callback(take, lambda: None, indirect=True)

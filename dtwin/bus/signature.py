@@ -18,6 +18,10 @@ from dtwin.bus.codec import MessageError
 
 KEY_SIZE: Final = 32
 """Bytes of a key."""
+UNSIGNED: Final = "unsigned"
+"""Reason for the refusal of a message without signature."""
+FORGED: Final = "forged"
+"""Reason for the refusal of a message with the signature of another key."""
 _SENDER: Final = 8
 _NUMBER: Final = 8
 _DIGEST: Final = 16
@@ -70,10 +74,10 @@ class Verifier:
             MessageError: The message is not signed, is signed with another key, or has been received before.
         """
         if attachment is None or len(attachment) != _SIZE:
-            raise MessageError("unsigned", "expected the signature of a service of this cell")
+            raise MessageError(UNSIGNED, "expected the signature of a service of this cell")
         head, digest = attachment[: _SENDER + _NUMBER], attachment[_SENDER + _NUMBER :]
         if not hmac.compare_digest(digest, _digest(self._key, expression, head, payload)):
-            raise MessageError("forged", "expected the signature of a service of this cell, got another one")
+            raise MessageError(FORGED, "expected the signature of a service of this cell, got another one")
         sender, number = head[:_SENDER], int.from_bytes(head[_SENDER:], "big")
         if number <= self._last.get(sender, 0):
             raise MessageError("replayed", f"message {number} of its sender has been received before")

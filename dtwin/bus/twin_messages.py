@@ -12,6 +12,9 @@ import msgspec
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
+HEAVIEST: Final = 1.0
+"""Greatest mass of a box in a request, kg: far more than the arm can lift."""
+Kilograms = Annotated[float, msgspec.Meta(ge=0.0, le=HEAVIEST)]
 Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}$")]
 
 
@@ -33,7 +36,7 @@ class IdentificationRequest(msgspec.Struct, frozen=True, tag_field="schema", tag
     """
 
     free: Line = "K2,K3,I,c,D"
-    box_mass: Annotated[float, msgspec.Meta(ge=0.0)] = 0.2
+    box_mass: Kilograms = 0.2
     source: DataSource = "signal"
     since: Seconds = 0.0
     anew: Line = ""
@@ -168,7 +171,7 @@ class PredictionRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCH
     target_time: float | None = None
     model: ArmParameters | None = None
     arm: ArmParameters | None = None
-    box: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.2
+    box: Kilograms = 0.2
 
 
 class PredictedMotion(msgspec.Struct, frozen=True):

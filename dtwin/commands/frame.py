@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
-import msgspec
 from rich.console import Console
 from rich.markdown import Markdown
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -19,6 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from dtwin import pool
 from dtwin.errors import ParameterError
 from dtwin.experiments.report import Report, ensure_folder
+from dtwin.terminal import as_text, print_json
 
 R = TypeVar("R")
 
@@ -85,7 +85,7 @@ class ExperimentCommand(JsonOption, ABC, Generic[R]):
         else:
             console = Console()
             console.print(Markdown(report.words.text))
-            console.print(f"{seconds:.1f} s; report {page}", highlight=False, soft_wrap=True)
+            console.print(as_text(f"{seconds:.1f} s; report {page}"), soft_wrap=True)
         return 0 if self.passed(result) else 1
 
 
@@ -110,11 +110,6 @@ def progress_bar(title: str) -> Iterator[pool.Progress]:
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=None)
         yield lambda done, of: bar.update(task, completed=done, total=of)
-
-
-def print_json(value: Any) -> None:
-    """Prints one JSON object on standard output."""
-    print(msgspec.json.encode(value).decode())
 
 
 def at_least(option: str, value: float, least: float) -> None:

@@ -8,7 +8,7 @@ from typing import Final
 
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
-from dtwin.parameters import PARAMETER_NAMES, symbol_of
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, symbol_of
 
 HIGHEST_GAINS: Final = {"kp": 1e5, "ki": 1e5, "kd": 1e3}
 """Greatest gains, 1/s^2, 1/s^3 and 1/s: a hundred times what is of use."""
@@ -37,7 +37,16 @@ def check_bounds(settings: ControlSettings) -> None:
         values: Iterable[float] = getattr(settings.gains, field.name)
         for joint, value in enumerate(values, 1):
             _check(f"{field.name}{joint}", value, 0.0, HIGHEST_GAINS[field.name])
-    for name, value in zip(PARAMETER_NAMES, settings.model.vector(), strict=True):
+    check_model(settings.model)
+
+
+def check_model(arm: ArmParameters) -> None:
+    """Checks the parameters of an arm.
+
+    Raises:
+        ParameterError: a value is none of an arm of this kind; the message says which, and what the range is.
+    """
+    for name, value in zip(PARAMETER_NAMES, arm.vector(), strict=True):
         _check(name, value, *MODEL_RANGES[symbol_of(name)])
 
 

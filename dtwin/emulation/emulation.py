@@ -17,7 +17,7 @@ from dtwin.emulation.faults import Condition, Fault, parse_fault, schedule
 from dtwin.emulation.plant import Plant, PlantState
 from dtwin.errors import ParameterError
 from dtwin.parameters import HANGING, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
-from dtwin.signals import NO_COLOUR, BoxCounts, Event, EventKind, Sensors, Truth, Voltages
+from dtwin.signals import LARGEST_COUNT, NO_COLOUR, BoxCounts, Event, EventKind, Sensors, Truth, Voltages
 
 _NEVER = 2**62
 _ROUNDING = 1e-6
@@ -79,8 +79,8 @@ class Emulation:
         model_file: Path = MODEL_FILE,
         step: float = PHYSICS_STEP,
     ) -> None:
-        if seed < 0:
-            raise ParameterError(f"seed: expected a whole number of at least 0, got {seed}")
+        if not 0 <= seed <= LARGEST_COUNT:
+            raise ParameterError(f"seed: expected a whole number from 0 to {LARGEST_COUNT} (2^63 - 1), got {seed}")
         if not all(map(math.isfinite, theta)):
             raise ParameterError(f"start angles: expected three finite numbers, got {theta}")
         parameters = parameters or ArmParameters()
@@ -173,8 +173,9 @@ class Emulation:
         plant = self._plant
         earliest = round(plant.time + plant.step, 9)
         late = tuple(replace(fault, start=max(fault.start, earliest)) for fault in faults)
-        transitions = schedule(self._healthy, (*self._faults, *late))
-        self._faults += late
+        standing = tuple(fault for fault in self._faults if not fault.over(plant.time))
+        transitions = schedule(self._healthy, (*standing, *late))
+        self._faults = (*standing, *late)
         self._transitions = [t for t in transitions if self._steps_to(t.time) > plant.steps][::-1]
         self._due = min([self._due, *(self._steps_to(t.time) for t in self._transitions[-1:])])
         return late

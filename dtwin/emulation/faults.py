@@ -21,6 +21,7 @@ from typing import Final
 from dtwin.emulation.encoders import HEALTHY, EncoderFaults
 from dtwin.errors import FaultError, ParameterError, choices
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
+from dtwin.signals import LATEST
 
 GRAMMAR: Final = "TARGET [*=|+=|= NUMBER] @ START [- END], as in K2*=0.1@45, D1+=0.05@30-60, freeze2@30 or slip@30"
 
@@ -42,6 +43,10 @@ _PATTERN: Final = re.compile(
     rf"\s*(?P<target>[A-Za-z]+\d*)\s*(?:(?P<operation>\*=|\+=|=)\s*(?P<value>[+-]?(?:{_NUMBER})))?"
     rf"\s*@\s*(?P<start>{_NUMBER})\s*(?:-\s*(?P<end>{_NUMBER}))?\s*"
 )
+MOST_FAULTS: Final = 64
+"""Number of faults that a cell may have at a time or still before it."""
+GREATEST: Final = 1e6
+"""Greatest number in a fault, in the unit of its target: far more than what any arm survives."""
 _LIGHTEST_BOX: Final = 0.190
 """Mass of the lightest box, kg."""
 
@@ -75,14 +80,18 @@ class Fault:
             raise FaultError(f"fault {self.target}: expected {choices(operations)} NUMBER, got {self.operation!r}")
         if not operations and (self.operation or self.value):
             raise FaultError(f"fault {self.target}: takes no number, expected {self.target}@START")
-        if not math.isfinite(self.value):
-            raise FaultError(f"fault {self.target}: expected a finite number, got {self.value}")
-        if not (math.isfinite(self.start) and self.start >= 0):
-            raise FaultError(f"fault {self.target}: expected a finite start of at least 0 s, got {self.start}")
+        if not abs(self.value) <= GREATEST:
+            raise FaultError(f"fault {self.target}: expected a number up to {GREATEST:g}, got {self.value}")
+        if not 0 <= self.start <= LATEST:
+            raise FaultError(f"fault {self.target}: expected a start from 0 to {LATEST:g} s, got {self.start}")
         if not self.end > self.start:
             raise FaultError(f"fault {self.target}: expected an end after its start {self.start} s, got {self.end}")
         if self.target == _SLIP and math.isfinite(self.end):
             raise FaultError("fault slip: happens at one moment, expected slip@START without an end")
+
+    def over(self, time: float) -> bool:
+        """Whether the fault changes nothing any more after a plant time (s)."""
+        return self.end <= time or (self.target == _SLIP and self.start <= time)
 
     def __str__(self) -> str:
         change = f"{self.operation}{_plain(self.value)}" if self.operation else ""
@@ -149,9 +158,11 @@ def schedule(parameters: ArmParameters, faults: Iterable[Fault]) -> list[Conditi
     """All changes of the condition, in order of time.
 
     Raises:
-        FaultError: the faults make a parameter or the payload impossible at some time.
+        FaultError: there are too many, or they make a parameter or the payload impossible at some time.
     """
     ordered = sorted(faults, key=lambda fault: fault.start)
+    if len(ordered) > MOST_FAULTS:
+        raise FaultError(f"faults: expected at most {MOST_FAULTS} that are not over yet, got {len(ordered)}")
     times = sorted({t for fault in ordered for t in (fault.start, fault.end) if math.isfinite(t)})
     transitions = []
     for time in times:
@@ -173,9 +184,9 @@ def _compose(parameters: ArmParameters, active: Sequence[Fault]) -> Condition:
             continue
         if fault.target == _PAYLOAD:
             factor, extra = _operate(fault, factor, extra)
-            if factor * _LIGHTEST_BOX + extra < 0:
+            if not 0 <= factor * _LIGHTEST_BOX + extra <= GREATEST:
                 raise FaultError(
-                    f"fault {fault}: expected a payload of at least 0 kg with a box of {_LIGHTEST_BOX} kg"
+                    f"fault {fault}: expected a payload from 0 to {GREATEST:g} kg with a box of {_LIGHTEST_BOX} kg"
                 )
             continue
         if fault.target == _SLIP:

@@ -114,12 +114,16 @@ class JournaledCell:
         """Starts anew at time 0, with the boxes and the noise of a seed.
 
         A latched stop stays, with the torque off: another arm stands there now.
+
+        Raises:
+            ParameterError: The seed is out of range; the cell goes on as it was.
         """
+        settings = replace(self._settings, seed=seed)
+        emulation = emulate(settings)
         self.latch.harden()
         if self._journal is not None:
             self._journal.restart(seed)
-        self._settings = replace(self._settings, seed=seed)
-        self.emulation = emulate(self._settings)
+        self._settings, self.emulation = settings, emulation
         self.command = without_volts(self.command)
 
     def _note(self, latched: Latched) -> None:

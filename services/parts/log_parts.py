@@ -106,7 +106,7 @@ class Parts:
             self._lose(self._waiting.popleft())
 
     def read(self, row: int) -> tuple[Log, int] | None:
-        """The rows from a row on in the first part that reaches beyond it, and the row after them; None if none does."""
+        """The rows from a row on of the first part that reaches so far, and the row after them; None at the end."""
         for span in [span for span in self._spans if span.end > row]:
             if self._sound([span]):
                 whole = read_log(self._folder / span.name)

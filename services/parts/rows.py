@@ -46,20 +46,22 @@ class Rows:
 
     Args:
         emit: receives the records.
-        restarted: called before a sample of a new run: numbers have gone back.
+        restarted: Function that is called before the first sample of a new run, whose numbers have gone back.
+            It tells whether the new run counts; otherwise nothing counts any more.
         paths: whether paths are sent at all.
 
     Attributes:
         late: rows emitted without all their parts.
     """
 
-    def __init__(self, emit: Callable[[StepRecord], None], restarted: Callable[[], None], paths: bool = True) -> None:
+    def __init__(self, emit: Callable[[StepRecord], None], restarted: Callable[[], bool], paths: bool = True) -> None:
         self._emit = emit
         self._restarted = restarted
         self._paths = paths
         self._rows: dict[int, _Row] = {}
         self._early: dict[int, list[Voltages | Path]] = {}
         self._last: Sensors | None = None
+        self._over = False
         self._volts = _NO_VOLTS
         self._gripped = False
         self.late = 0
@@ -67,17 +69,23 @@ class Rows:
     def sensors(self, sample: Sensors, now: float) -> None:
         """Takes a sample; one that is repeated because nobody answered it counts once."""
         last = self._last
+        if self._over:
+            return
         if last is not None and sample.sequence <= last.sequence:
             if sample == last:
                 return
             self.flush()
-            self._restarted()
+            if not self._restarted():
+                self._over = True
+                return
             self._early.clear()
             self._volts, self._gripped = _NO_VOLTS, False
         self._last = sample
         self._rows[sample.sequence] = row = _Row(sample, now)
         for message in self._early.pop(sample.sequence, ()):
             row.take(message)
+        if len(self._early) >= EARLY_LIMIT:
+            self._early = {number: kept for number, kept in self._early.items() if self._may_be_early(number)}
 
     def truth(self, truth: Truth, now: float) -> None:
         """Takes the truth of the last sample; both come from the emulator, in this order."""
@@ -93,7 +101,9 @@ class Rows:
             row.take(message)
             self._emit_due(now)
         elif len(self._early) < EARLY_LIMIT and self._may_be_early(message.sequence):
-            self._early.setdefault(message.sequence, []).append(message)
+            early = self._early.setdefault(message.sequence, [])
+            if not any(type(other) is type(message) for other in early):
+                early.append(message)
 
     def acted(self, message: Acted, now: float) -> None:
         """Takes what acted after the last sample instead of its command; the emulator sends both in this order."""

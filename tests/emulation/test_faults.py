@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dtwin.emulation.faults import TARGETS, Condition, Fault, parse_fault, schedule
+from dtwin.emulation.emulation import Emulation
+from dtwin.emulation.faults import GREATEST, MOST_FAULTS, TARGETS, Condition, Fault, parse_fault, schedule
 from dtwin.errors import FaultError
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
 
@@ -15,7 +16,7 @@ ARM = ArmParameters()
 SCALED = (*PARAMETER_NAMES, "payload")
 ADDED = tuple(f"{kind}{joint}" for kind in ("bias", "drift") for joint in (1, 2, 3))
 times = st.floats(0.0, 1e6)
-numbers = st.floats(allow_nan=False, allow_infinity=False)
+numbers = st.floats(-GREATEST, GREATEST)
 
 
 @st.composite
@@ -71,8 +72,10 @@ def test_examples(text: str, fault: Fault) -> None:
         ("K2@45", r"fault K2: expected \*=, \+= or = NUMBER"),
         ("bias1*=2@45", r"fault bias1: expected \+= NUMBER"),
         ("lock1+=2@45", "fault lock1: takes no number"),
-        ("K2*=1e999@45", "finite number"),
-        ("K2*=0.1@1e999", "finite start"),
+        ("K2*=1e999@45", r"a number up to 1e\+06, got inf"),
+        ("K2*=-1e7@45", r"a number up to 1e\+06, got -1"),
+        ("K2*=0.1@1e10", r"a start from 0 to 1e\+09 s, got 1"),
+        ("K2*=0.1@1e999", r"a start from 0 to 1e\+09 s, got inf"),
         ("K2*=0.1@45-45", "expected an end after its start 45.0 s, got 45.0"),
         ("slip@30-40", "slip@START without an end"),
     ],
@@ -130,6 +133,27 @@ def test_changes_are_told() -> None:
         (("K2*=0.1@1-2 began",), False),
         (("K2*=0.1@1-2 ended", "slip@2 began"), True),
     ]
+
+
+def test_a_cell_has_only_so_many_faults_that_are_not_over() -> None:
+    faults = [parse_fault("K2*=0.5@1-2"), *(parse_fault(f"D1*=1.01@{k}") for k in range(3, MOST_FAULTS + 2))]
+    cell = Emulation()
+    cell.inject(faults)
+    with pytest.raises(FaultError, match=f"at most {MOST_FAULTS} that are not over yet, got {MOST_FAULTS + 1}"):
+        cell.inject([parse_fault("slip@50")])
+    for _ in range(201):
+        cell.advance(0.01)
+    cell.inject([parse_fault("slip@50")])
+    assert [event.text for event in cell.drain_events() if event.kind == "fault"] == [
+        "K2*=0.5@1-2 began",
+        "K2*=0.5@1-2 ended",
+    ]
+
+
+def test_faults_that_grow_without_bound_together_are_refused() -> None:
+    for target in ("K2", "payload"):
+        with pytest.raises(FaultError, match=f"fault {target}"):
+            schedule(ARM, [parse_fault(f"{target}*=1e6@{k}") for k in range(60)])
 
 
 @pytest.mark.parametrize("text", ["m3+=-1@20", "K1=0@5", "I2*=-1@5", "payload+=-0.3@5"])

@@ -133,7 +133,8 @@ def test_safe_means_no_voltage(realtime: Emulator) -> None:
 def test_a_second_publisher_is_noticed(realtime: Emulator) -> None:
     realtime.answering, realtime.copies = True, 2
     until(lambda: realtime.kinds()["rivals"] >= 1, "the second publisher is noticed")
-    until(lambda: bool(realtime.status and realtime.status.refused.get("duplicate")), "and counted")
+    until(lambda: bool(realtime.status and realtime.status.refused.get("duplicate", 0) > 50), "and counted")
+    assert realtime.kinds()["rivals"] == 1, "and told once"
 
 
 def test_commands_out_of_order_are_refused_and_counted(lockstep: Emulator) -> None:
@@ -244,6 +245,62 @@ def test_an_emulator_on_a_full_disk_goes_on_and_takes_its_journal_up_again(tmp_p
         emulator.start()
         until(lambda: emulator.samples, "it publishes again", 60.0)
         assert at - 1 <= emulator.samples[0].sequence <= at + 1
+    finally:
+        emulator.close()
+
+
+def test_a_seed_out_of_range_is_refused_and_does_not_spoil_the_journal(tmp_path: Path) -> None:
+    emulator = Emulator("--pace", "lockstep", "--journal", str(tmp_path / "journal"))
+    try:
+        emulator.answering = True
+        until(lambda: emulator.tick() >= 20, "the cell runs")
+        key = emulator.bus.key(RESET)
+        for seed in (2**63, 2**64, 10**30, -1):
+            replies = emulator.bus._session.get(key, payload=b'{"schema":1,"seed":%d}' % seed, timeout=10.0)
+            (text,) = [reply.err.payload.to_bytes() for reply in replies if reply.err is not None]
+            assert (b">= 0" if seed < 0 else b"<= 9223372036854775807") in text
+        assert emulator.bus.ask(RESET, ResetRequest(2**63 - 1), Done).text.endswith("9223372036854775807")
+        until(lambda: emulator.samples[-1].sequence < 20, "the cell starts anew")
+        emulator.command(emulator.tick())
+        until(lambda: emulator.tick() >= 100, "the cell runs again")
+        emulator.process.kill()
+        emulator.process.communicate()
+        emulator.samples.clear()
+        emulator.start()
+        until(lambda: emulator.tick() >= 100, "it goes on with its journal")
+        assert [path.name for path in tmp_path.iterdir()] == ["journal"]
+    finally:
+        emulator.close()
+
+
+def test_a_journal_that_cannot_be_read_is_set_aside_and_told(tmp_path: Path) -> None:
+    (tmp_path / "journal").write_bytes(b"something else, and long enough to be one")
+    emulator = Emulator("--pace", "lockstep", "--journal", str(tmp_path / "journal"))
+    try:
+        emulator.answering = True
+        until(lambda: emulator.tick() >= 20, "the cell runs")
+        until(lambda: emulator.kinds()["journal"] == 1, "an event tells")
+        until(lambda: "unreadable-1" in (emulator.status.last_error if emulator.status else ""), "the status tells")
+        assert (tmp_path / "journal.unreadable-1").read_bytes().startswith(b"something else")
+    finally:
+        emulator.close()
+
+
+def test_a_cell_that_faults_tear_apart_starts_anew(tmp_path: Path) -> None:
+    """A diverged cell ends its process, and its journal cannot be replayed."""
+    emulator = Emulator("--pace", "lockstep", "--journal", str(tmp_path / "journal"))
+    try:
+        emulator.volts = (8.0, 8.0, 8.0, 0.0)
+        emulator.answering = True
+        until(lambda: emulator.tick() >= 20, "the cell runs")
+        emulator.bus.ask(FAULT, FaultRequest(("K2*=1000@0",)), Done)
+        until(lambda: emulator.process.poll() is not None, "the cell diverges")
+        _, said = emulator.process.communicate()
+        assert "diverged" in said
+        assert "Traceback" not in said
+        emulator.start()
+        until(lambda: emulator.kinds()["journal"] == 1, "it says that it starts anew")
+        until(lambda: emulator.tick() < 20, "at the beginning")
     finally:
         emulator.close()
 

@@ -106,6 +106,21 @@ def test_predictions_tell_what_would_be_and_change_nothing(cell: Desk) -> None:
     assert max(motion.saturated for motion in heavy.motions) > max(motion.saturated for motion in usual.motions) == 0
 
 
+@pytest.mark.parametrize("value", [1e-300, 1e300])
+def test_an_arm_that_cannot_be_is_refused(cell: Desk, value: float) -> None:
+    held = (value, value, value)
+    with join("cell") as bus:
+        before = now(bus)
+        for arm in (ArmParameters(mass=held), ArmParameters(inertia=held), ArmParameters(voltage_constant=held)):
+            with pytest.raises(CommunicationError, match=r"1: expected .*, got 1e"):
+                bus.ask(PREDICT, PredictionRequest(arm=arm), Predicted)
+            with pytest.raises(CommunicationError, match=r"1: expected .*, got 1e"):
+                bus.ask(UPLOAD, UploadRequest("x", "y", before.version, Gains(), arm=arm), Upload)
+        with pytest.raises(CommunicationError, match=r"<= 1.0"):
+            bus.ask(PREDICT, PredictionRequest(box=1e300), Predicted)
+        assert now(bus) == before
+
+
 def test_gains_are_checked_uploaded_and_confirmed(cell: Desk, history: History) -> None:
     with join("cell") as bus:
         before, count = now(bus).version, len(history.entries())
@@ -310,4 +325,4 @@ def until_there(bus: Bus) -> Upload:
         except CommunicationError:
             return None
 
-    return until(answer, "the service answers")
+    return until(answer, "the service answers", 60.0)

@@ -3,17 +3,21 @@
 import json
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import msgspec
 import pytest
 
 from dtwin.emulation.faults import parse_fault
+from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell
 from dtwin.run.recording import read_log
 from dtwin.run.settings import CellSettings
 from dtwin.signals import BoxCounts
 from tests.support.desk import Desk, boxes
+from tests.support.ports import free_port
 from tests.support.waiting import until
 
 DURATION = 20
@@ -81,6 +85,22 @@ def test_killed_services_come_back_and_end_with_their_supervisor(desk: Desk, tmp
     times = read_log(log).columns["t"]
     assert times[0] == 0.0
     assert times[-1] > 0.01 * before, "the recorder that came back went on with the log of the killed one"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_cell_that_finds_no_router(desk: Desk, tmp_path: Path, number: signal.Signals) -> None:
+    text = (ROOT / "config" / "routed" / "service.json5").read_text()
+    (tmp_path / "service.json5").write_text(text.replace("7447", str(free_port())))
+    command = [sys.executable, "-m", "dtwin", "up", "--zenoh", str(tmp_path)]
+    process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    assert process.stderr is not None
+    with process.stderr as said:
+        assert "cannot join yet" in said.readline()
+        process.send_signal(number)
+        assert process.wait(20.0) in (-number, 128 + number)
+        assert "Traceback" not in said.read()
+    assert not desk.processes()
+    assert "not up" in desk.run("status", status=2)
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from dtwin.iec61499.management.server import ManagementServer
 from dtwin.iec61499.net.address import parse_listening_address, parse_stream_address
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.parameters import ROOT
+from dtwin.terminal import LineFormatter, printable
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,9 @@ class FbRun:
     """Folder of the block types; without it the folder of FILE, and without FILE the project's own library."""
 
     def execute(self) -> int:
-        logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s")
+        handler = logging.StreamHandler()
+        handler.setFormatter(LineFormatter("%(asctime)s %(levelname)s %(message)s"))
+        logging.basicConfig(handlers=[handler])
         address = parse_listening_address(self.listen)
         library = Library([self.blocks or (self.file.parent if self.file else ROOT / "fb")])
         with Reactor() as reactor, _ended_by_signals(reactor):
@@ -53,7 +56,7 @@ class FbRun:
                 server = ManagementServer(reactor, address, device.handle)
                 print(f"management on {server.address}")
                 for name, where in device.addresses().items():
-                    print(f"{name} on {where}")
+                    print(printable(f"{name} on {where}"))
                 print("running; Ctrl-C ends it", flush=True)
                 reactor.run()
                 server.close()
@@ -104,9 +107,9 @@ class FbWatch:
             raise ParameterError("expected the name of at least one port, e.g. PLANNER.THETA_D1")
         with ManagementClient(parse_stream_address(self.address)) as client:
             ports = [_locate(client, name) for name in self.names]
-            print("\t".join(self.names), flush=True)
+            print("\t".join(map(printable, self.names)), flush=True)
             for number in itertools.count(1):
-                print("\t".join(client.read(resource, port) for resource, port in ports), flush=True)
+                print("\t".join(printable(client.read(resource, port)) for resource, port in ports), flush=True)
                 if number == self.count:
                     break
                 time.sleep(self.interval)
@@ -124,7 +127,7 @@ class FbStop:
         with ManagementClient(parse_stream_address(self.address)) as client:
             for resource in client.blocks(""):
                 refused = client.request(resource.name, "STOP").reason
-                print(f"{resource.name} {f'does not stop: {refused}' if refused else 'stopped'}")
+                print(printable(f"{resource.name} {f'does not stop: {refused}' if refused else 'stopped'}"))
         return 0
 
 

@@ -22,6 +22,7 @@ from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.address import parse_stream_address
 from dtwin.iec61499.runtime.generic_ports import unconnected
 from dtwin.parameters import ROOT
+from dtwin.terminal import printable
 
 BLOCKS = ROOT / "fb"
 SYSTEM = BLOCKS / "dtwin.sys"
@@ -53,7 +54,7 @@ class FbCheck:
                 found = [error]
             problems |= dict.fromkeys(map(str, found))
         for problem in problems:
-            print(problem)
+            print(printable(problem))
         print(f"files: {len(files)}, problems: {len(problems)}")
         return 1 if problems else 0
 
@@ -81,7 +82,7 @@ class FbExport:
         for name, text in texts.items():
             with replacing(self.folder / name) as temporary:
                 temporary.write_text(text)
-            print(self.folder / name)
+            print(printable(str(self.folder / name)))
         return 0
 
 
@@ -107,7 +108,8 @@ class FbDeploy:
         with ManagementClient(parse_stream_address(self.address)) as client:
             for plan in plans.get(self.device) or next(iter(plans.values())):
                 deploy(client, plan)
-                print(f"{plan.resource} runs: {len(plan.types)} block types, {len(plan.commands)} requests")
+                requests = f"{len(plan.types)} block types, {len(plan.commands)} requests"
+                print(printable(f"{plan.resource} runs: {requests}"))
         return 0
 
 

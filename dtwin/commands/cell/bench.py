@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from rich.console import Console
 from rich.table import Table
 
-from dtwin.commands.frame import JsonOption, at_least, print_json
+from dtwin.commands.frame import JsonOption, at_least
 from dtwin.experiments.benchmark import benchmark
+from dtwin.terminal import print_json
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-import msgspec
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
@@ -23,6 +22,7 @@ from dtwin.run.cell import Cell, RunSummary
 from dtwin.run.options import ControlOptions, PlantOptions
 from dtwin.run.recording import Log
 from dtwin.run.settings import CellSettings
+from dtwin.terminal import print_json, printable
 
 SAME_VOLTS: Final = 1e-9
 """Difference of their voltages within which two controllers count as the same, V."""
@@ -76,12 +76,12 @@ class Run(PlantOptions, ControlOptions):
             remote.close()
             if remote.largest_difference > SAME_VOLTS:
                 apart = f"{remote.largest_difference:.3g} V from those of the blocks in {self.blocks}"
-                print(f"dtwin: the voltages of {self.controller} are up to {apart}", file=sys.stderr)
+                print(printable(f"dtwin: the voltages of {self.controller} are up to {apart}"), file=sys.stderr)
         if failure is not None:
             raise failure
         summary = cell.summary(log)
         if self.json:
-            print(msgspec.json.encode(summary).decode())
+            print_json(summary)
         else:
             _print(summary, record, self.log)
         return 130 if interruption.requested else 0
@@ -150,4 +150,4 @@ def _print(summary: RunSummary, record: Path | None, log: Path | None) -> None:
     if record is not None:
         lines["recording"] = f"{record}: look at it with `rerun {record}`"
     for name, text in lines.items():
-        print(f"{name:<16}  {text}")
+        print(printable(f"{name:<16}  {text}"))

@@ -10,9 +10,10 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from dtwin.commands.frame import JsonOption, print_json
+from dtwin.commands.frame import JsonOption
 from dtwin.experiments.validation import ValidationOutcome, draw, validate
 from dtwin.files import ensure_writable
+from dtwin.terminal import print_json
 
 
 @dataclass(frozen=True)

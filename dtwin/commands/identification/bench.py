@@ -11,7 +11,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from dtwin.commands.frame import JsonOption, at_least, print_json
+from dtwin.commands.frame import JsonOption, at_least
 from dtwin.controller.excitation import ExcitationController
 from dtwin.emulation import peer
 from dtwin.experiments.identification.standard import FREE, standard_settings
@@ -21,6 +21,7 @@ from dtwin.identification.estimation.problem import LOWER, UPPER
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.parameters import ArmParameters, symbol_of
+from dtwin.terminal import print_json
 
 _OURS: dict[str, Loss] = {"dtwin": "adaptive", "dtwin, least squares": "gaussian"}
 _PEER = "mujoco.sysid"

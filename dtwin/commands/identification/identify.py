@@ -29,6 +29,7 @@ from dtwin.identification.result import from_estimate
 from dtwin.identification.store import STORE, ModelStore, check_name
 from dtwin.parameters import PERIOD, ArmParameters, assignment, load_arm
 from dtwin.run.recording import Log, read_log
+from dtwin.terminal import as_text, print_json
 
 _HELD_OUT_SHARE = 0.2
 """share of a log that is kept for judging the model"""
@@ -115,7 +116,7 @@ class Identify:
             self._draw(estimate, compare(judging, estimate.problem.fixed, offset), new, truth)
         report = _report(estimate, new, truth, criteria, seconds, file, doubts)
         if self.json:
-            print(msgspec.json.encode(report).decode())
+            print_json(report)
         else:
             _print(report, estimate, "" if kept or self.save is None else self.save)
         return 1 if doubts else 0
@@ -240,7 +241,7 @@ def _print(report: dict[str, Any], estimate: Estimate, withheld: str) -> None:
         )
     console = Console()
     console.print(table)
-    console.print(report["identifiability"])
+    console.print(as_text(report["identifiability"]))
     fits = ", ".join(f"{value:.4f}" for value in report["fit"])
     console.print(
         f"fit on held-out motion {fits}; noise {', '.join(f'{value:.2g}' for value in estimate.noise)} rad",
@@ -254,7 +255,7 @@ def _print(report: dict[str, Any], estimate: Estimate, withheld: str) -> None:
         criteria = ", ".join(f"{name} {value:.0f}" for name, value in report["criterion"].items())
         console.print(f"criterion (BIC, least is best): {criteria}", highlight=False)
     if report["model_file"]:
-        console.print(f"kept as {report['model_file']}: see dtwin model list")
+        console.print(as_text(f"kept as {report['model_file']}: see dtwin model list"))
     if withheld:
-        console.print(f"not kept as {withheld}: --anyway keeps it all the same")
+        console.print(as_text(f"not kept as {withheld}: --anyway keeps it all the same"))
     sys.stdout.flush()

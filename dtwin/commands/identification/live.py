@@ -7,7 +7,6 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-import msgspec
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
@@ -17,7 +16,8 @@ from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import DataSource, IdentificationDecision, IdentificationRequest, IdentificationState
 from dtwin.errors import CommunicationError, IdentificationError
 from dtwin.identification.estimation.estimate import NINETY_FIVE
-from dtwin.parameters import ArmParameters
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters
+from dtwin.terminal import as_text, print_json, printable
 from services.runfile import join
 
 _LOOK = 0.2
@@ -71,21 +71,21 @@ class IdentifyLive:
             decision = IdentificationDecision(self._accepts(state), self.name, self.upload, self.anyway)
             state = bus.ask(DECIDE, decision, IdentificationState)
         if self.json:
-            print(msgspec.json.encode(state).decode())
+            print_json(state)
         else:
-            Console().print(state.text)
+            Console().print(as_text(state.text))
         return 0 if state.phase == "accepted" else 1
 
     def _wait(self, bus: Bus) -> IdentificationState:
         deadline = time.monotonic() + self.timeout
-        columns = (TextColumn("{task.description}"), BarColumn())
+        columns = (TextColumn("{task.description}", markup=False), BarColumn())
         with Progress(*columns, console=Console(file=sys.stderr), transient=True) as bar:
             task = bar.add_task("asking", total=None)
             while time.monotonic() < deadline:
                 state = bus.ask(IDENTIFY, None, IdentificationState)
                 if state.phase in ("proposed", "refused"):
                     return state
-                bar.update(task, description=state.text, completed=state.samples, total=state.of or None)
+                bar.update(task, description=printable(state.text), completed=state.samples, total=state.of or None)
                 time.sleep(_LOOK)
         raise CommunicationError(f"no model within {self.timeout:g} s; the identification goes on")
 
@@ -104,10 +104,11 @@ def _print(state: IdentificationState) -> None:
     sheet = ArmParameters()
     for name, estimated in state.parameters.items():
         half = NINETY_FIVE * estimated.standard_error
-        table.add_row(name, f"{estimated.value:.6g}", f"+- {half:.2g}", f"{sheet.get(name):.6g}")
+        known = f"{sheet.get(name):.6g}" if name in PARAMETER_NAMES else ""
+        table.add_row(as_text(name), f"{estimated.value:.6g}", f"+- {half:.2g}", known)
     console = Console()
     console.print(table)
-    console.print(state.text)
+    console.print(as_text(state.text))
     fits = ", ".join(f"{value:.4f}" for value in state.fit or ())
     white = "white" if state.residual_white else "not white: the model leaves something unexplained"
     console.print(f"fit on held-out motion {fits}; residuals {white}", highlight=False)

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import msgspec
 import tyro
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from dtwin.errors import ModelError
 from dtwin.files import replacing
@@ -19,6 +19,7 @@ from dtwin.identification.mjcf import export_mjcf
 from dtwin.identification.model import IdentifiedModel, read_model
 from dtwin.identification.store import STORE, ModelStore, StoredModel, open_model
 from dtwin.parameters import PARAMETER_NAMES
+from dtwin.terminal import as_text, print_json
 
 _DIFFERENT = 3.0
 """standard errors from which two estimates count as different"""
@@ -50,9 +51,10 @@ class ModelList:
                 }
                 for entry, model in entries
             ]
-            print(msgspec.json.encode(rows).decode())
+            print_json(rows)
             return 0
-        table = Table("model", "estimated", "fit", "residuals", "data", title=f"identified models in {self.store}")
+        title = as_text(f"identified models in {self.store}")
+        table = Table("model", "estimated", "fit", "residuals", "data", title=title)
         for entry, model in entries:
             _add(table, entry, model)
         Console().print(table)
@@ -73,9 +75,9 @@ class ModelShow:
     def execute(self) -> int:
         model = open_model(self.model, ModelStore(self.store))
         if self.json:
-            print(msgspec.json.encode(model).decode())
+            print_json(model)
             return 0
-        table = Table("", "value", "standard error", "status", title=self.model)
+        table = Table("", "value", "standard error", "status", title=as_text(self.model))
         for name in PARAMETER_NAMES:
             error = model.standard_errors.get(name)
             status = (
@@ -84,17 +86,14 @@ class ModelShow:
             table.add_row(name, f"{model.parameters[name]:.6g}", f"{error:.2g}" if error is not None else "", status)
         console = Console()
         console.print(table)
-        console.print(model.identifiability)
+        console.print(as_text(model.identifiability))
         white = "white" if model.validity.residual_white else "not white: the model leaves something unexplained"
         console.print(f"fit {_numbers(model.validity.fit)}; residuals {white}", highlight=False)
         if model.validity.doubts:
             console.print(f"in doubt: {model.validity.doubts}", highlight=False, soft_wrap=True)
         loads = _numbers(model.data.payload_kg)
-        console.print(
-            f"from {model.data.source}, {sum(model.data.samples)} samples, load {loads} kg, "
-            f"data {model.data.fingerprint[:12]}",
-            highlight=False,
-        )
+        source = f"from {model.data.source}, {sum(model.data.samples)} samples, load {loads} kg"
+        console.print(as_text(f"{source}, data {model.data.fingerprint[:12]}"))
         return 0
 
 
@@ -124,13 +123,14 @@ class ModelDiff:
             if one.parameters[name] != other.parameters[name]
         }
         if self.json:
-            print(msgspec.json.encode(rows).decode())
+            print_json(rows)
             return 0
         console = Console()
         if not rows:
             console.print("no difference")
             return 0
-        table = Table("", self.first, self.second, "change", "standard errors apart")
+        names = (Column(as_text(name)) for name in (self.first, self.second))
+        table = Table("", *names, "change", "standard errors apart")
         for name, row in rows.items():
             first, second, apart = row["first"], row["second"], row["standard_errors_apart"]
             assert first is not None
@@ -182,11 +182,11 @@ class ModelExport:
 def _add(table: Table, entry: StoredModel, model: IdentifiedModel) -> None:
     open_ = f", {len(model.unidentifiable)} undetermined" if model.unidentifiable else ""
     table.add_row(
-        str(entry),
+        as_text(str(entry)),
         f"{len(model.free)}{open_}",
         _numbers(model.validity.fit),
         "white" if model.validity.residual_white else "not white",
-        f"{sum(model.data.samples)} samples, {model.data.fingerprint[:12]}",
+        as_text(f"{sum(model.data.samples)} samples, {model.data.fingerprint[:12]}"),
     )
 
 

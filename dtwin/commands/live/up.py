@@ -11,13 +11,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-import msgspec
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
 from dtwin.bus.messages import SUMMARY, Summary
 from dtwin.errors import CommunicationError
+from dtwin.terminal import as_text, print_json, printable
 from services import runfile
 from services.launch import LOOK, READY_TIMEOUT, CellOptions, launched
 from services.runfile import join
@@ -48,7 +48,7 @@ class UpCommand(CellOptions):
                         live.update(table(cell.supervisor.summary()))
             summary = cell.supervisor.summary()
         if self.json:
-            print(msgspec.json.encode(summary).decode())
+            print_json(summary)
         return 0
 
     @contextmanager
@@ -96,11 +96,11 @@ class StatusCommand:
         with join(self.cell) as bus:
             summary = bus.ask(SUMMARY, None, Summary)
         if self.json:
-            print(msgspec.json.encode(summary).decode())
+            print_json(summary)
         else:
             console = Console()
             console.print(table(summary))
-            console.print(f"controller: {runfile.require(self.cell).controller}", highlight=False, soft_wrap=True)
+            console.print(as_text(f"controller: {runfile.require(self.cell).controller}"), soft_wrap=True)
         return 0
 
 
@@ -125,9 +125,9 @@ def table(summary: Summary) -> Table:
     grid = Table("service", "state", "rate", "restarts", "last error", title=_title(summary), title_justify="left")
     colours = {"running": "green", "safe": "red", "dead": "red", "silent": "red"}
     for name, service in summary.services.items():
-        state = f"[{colours.get(service.state, 'yellow')}]{service.state}[/]"
+        state = as_text(service.state, colours.get(service.state, "yellow"))
         rate = f"{service.rate_hz:.0f} Hz" if service.rate_hz else ""
-        grid.add_row(name, state, rate, str(service.restarts or ""), service.last_error)
+        grid.add_row(as_text(name), state, rate, str(service.restarts or ""), as_text(service.last_error))
     return grid
 
 
@@ -146,7 +146,7 @@ def _title(summary: Summary) -> str:
 def _warn(up: runfile.Up) -> None:
     """Tells the user of open ports."""
     if up.warning:
-        print(f"dtwin: warning: {up.warning}", file=sys.stderr)
+        print(printable(f"dtwin: warning: {up.warning}"), file=sys.stderr)
 
 
 def _addresses(up: runfile.Up) -> list[str]:

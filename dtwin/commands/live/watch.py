@@ -12,6 +12,7 @@ import tyro
 from dtwin.bus.codec import SIZE_LIMIT, MessageError, Reader, encode
 from dtwin.bus.messages import TOPICS
 from dtwin.errors import ParameterError
+from dtwin.terminal import printable
 from services.runfile import join
 
 
@@ -43,7 +44,7 @@ class WatchCommand:
                     key, payload = inbox.get(timeout=1.0)
                 except Empty:
                     continue
-                print(key, describe(key, payload))
+                print(printable(f"{key} {describe(key, payload)}"))
                 printed += 1
                 if inbox.empty():
                     sys.stdout.flush()
@@ -70,5 +71,4 @@ def _readers(topic: str) -> list[Reader]:
 
 
 def _shown(payload: bytes) -> str:
-    text = payload[:SIZE_LIMIT].decode(errors="backslashreplace")
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    return payload[:SIZE_LIMIT].decode(errors="backslashreplace")

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import msgspec
 import tyro
 from rich.console import Console
 
 from dtwin.bus.messages import ACKNOWLEDGE
 from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringVerdict
 from dtwin.commands.monitoring.monitor import STATE_COLOURS
+from dtwin.terminal import as_text, print_json
 from services.runfile import join
 
 
@@ -37,9 +37,14 @@ class MonitorAcknowledge:
         with join(self.cell, self.zenoh) as bus:
             verdict = bus.ask(ACKNOWLEDGE, AcknowledgeRequest(self.parameter), MonitoringVerdict)
         if self.json:
-            print(msgspec.json.encode(verdict).decode())
+            print_json(verdict)
             return 0
-        console = Console(highlight=False, soft_wrap=True)
-        for name, unit in verdict.units.items():
-            console.print(f"{name:<8}  [{STATE_COLOURS[unit.state]}]{unit.state}[/]  {unit.text}")
+        _print(verdict)
         return 0
+
+
+def _print(verdict: MonitoringVerdict) -> None:
+    console = Console(highlight=False, soft_wrap=True)
+    for name, unit in verdict.units.items():
+        state = as_text(unit.state, STATE_COLOURS[unit.state])
+        console.print(as_text(f"{name:<8}  "), state, as_text(f"  {unit.text}"), sep="")

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import msgspec
 import tyro
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -28,6 +27,7 @@ from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import read_log
 from dtwin.signals import Event
+from dtwin.terminal import as_text, print_json
 
 STATE_COLOURS: Final = {"nominal": "green", "may be degrading": "yellow", "failed": "bold red"}
 
@@ -104,7 +104,7 @@ class MonitorCommand:
                 "events": [{"time": event.time, "kind": event.kind, "text": event.text} for event in monitor.events],
                 "real_time_factor": factor,
             }
-            print(msgspec.json.encode(report).decode())
+            print_json(report)
         else:
             _print(verdict, [each.text() for each in found], monitor.events, factor, self.record)
         return 1 if history or any(unit.state == "failed" for unit in verdict.units.values()) else 0
@@ -132,17 +132,17 @@ def _print(
 ) -> None:
     console = Console(highlight=False, soft_wrap=True)
     for event in events:
-        console.print(f"{event.time:10.2f} s  {event.kind:<10}  {event.text}")
+        console.print(as_text(f"{event.time:10.2f} s  {event.kind:<10}  {event.text}"))
     if events:
         console.print()
     for name, unit in verdict.units.items():
-        console.print(f"{name:<8}  [{STATE_COLOURS[unit.state]}]{unit.state}[/]")
+        console.print(as_text(f"{name:<8}  "), as_text(unit.state, STATE_COLOURS[unit.state]), sep="")
     for text in found:
-        console.print(f"finding   {text}")
+        console.print(as_text(f"finding   {text}"))
     for text in verdict.forecasts:
-        console.print(f"forecast  {text}")
+        console.print(as_text(f"forecast  {text}"))
     if verdict.unobservable:
-        console.print(f"the last seconds could not have shown: {', '.join(verdict.unobservable)}")
+        console.print(as_text(f"the last seconds could not have shown: {', '.join(verdict.unobservable)}"))
     console.print(f"{verdict.time:.0f} s watched, {verdict.missed} samples missed, {factor:.0f} x real time")
     if record is not None:
-        console.print(f"recording {record}: look at it with `rerun {record}`")
+        console.print(as_text(f"recording {record}: look at it with `rerun {record}`"))

@@ -11,12 +11,13 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from dtwin.commands.frame import JsonOption, at_least, print_json, progress_bar
+from dtwin.commands.frame import JsonOption, at_least, progress_bar
 from dtwin.experiments.recovery.demonstration import recover
 from dtwin.experiments.recovery.operator import LIMIT, LONGEST
 from dtwin.experiments.recovery.outcome import Recovery
 from dtwin.experiments.recovery.picture import draw
 from dtwin.files import ensure_writable
+from dtwin.terminal import as_text, print_json
 from services.emulator import Pace
 from services.launch import CellOptions
 
@@ -110,7 +111,7 @@ def _print(runs: Sequence[Recovery]) -> None:
     first = runs[0]
     lines = Table("since the fault", "who", "what", title=f"time line of seed {first.seed}")
     for moment in first.moments:
-        lines.add_row(_after(moment.time, first), moment.who, moment.text)
+        lines.add_row(_after(moment.time, first), as_text(moment.who), as_text(moment.text))
     console.print(lines)
     table = Table("seed", "fault", "noticed", "uploaded", "recovered", "worst since", "")
     for run in runs:
@@ -118,7 +119,7 @@ def _print(runs: Sequence[Recovery]) -> None:
         since = [one.ratio for one in run.motions if run.recovered is not None and one.motion.stop >= run.recovered]
         table.add_row(
             str(run.seed),
-            run.fault,
+            as_text(run.fault),
             _after(finding.detected if finding else None, run),
             _after(run.story.uploaded, run),
             _after(run.recovered, run),
@@ -131,7 +132,7 @@ def _print(runs: Sequence[Recovery]) -> None:
     )
     for run in runs:
         if run.story.trouble:
-            console.print(f"seed {run.seed}: {run.story.trouble}", highlight=False)
+            console.print(as_text(f"seed {run.seed}: {run.story.trouble}"))
 
 
 def _since(time: float | None, run: Recovery) -> float | None:

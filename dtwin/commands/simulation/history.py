@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import msgspec
-
 from dtwin.errors import RecordingError
 from dtwin.simulation.history import HISTORY, Entry, History
+from dtwin.terminal import print_json, printable
 
 
 @dataclass(frozen=True)
@@ -25,14 +24,14 @@ class ShowHistory:
             raise RecordingError(f"{self.file}: there is no history yet; the simulation service keeps it")
         entries = History(self.file).entries()
         if self.json:
-            print(msgspec.json.encode({"entries": entries}).decode())
+            print_json({"entries": entries})
             return 0
         for entry in entries:
             what = f"{entry.action} {entry.kind}".strip()
             reason = f": {entry.why}" if entry.why else ""
-            print(f"{entry.time:10.2f} s  version {entry.version}  {what} by {entry.who}{reason}")
+            print(printable(f"{entry.time:10.2f} s  version {entry.version}  {what} by {entry.who}{reason}"))
             if entry.text:
-                print(f"{'':14}{entry.text}")
+                print(printable(f"{'':14}{entry.text}"))
             if entry.action in ("start", "upload", "roll back"):
                 print(f"{'':14}{_settings(entry)}")
         return 0

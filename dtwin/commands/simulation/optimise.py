@@ -23,6 +23,7 @@ from dtwin.simulation.checks import MOTIONS, Motion
 from dtwin.simulation.objective import Limits, Objective, possible_arms, scenarios_for
 from dtwin.simulation.optimise import Optimum, check_search, optimise
 from dtwin.simulation.places import angles_of
+from dtwin.terminal import print_json
 
 _UNITS = {"time": "s", "tracking": "rad", "energy": "J", "voltage": "V"}
 
@@ -112,7 +113,7 @@ class Optimise:
                 content = {"target_time": found.best.target_time, "gains": found.best.gains}
                 temporary.write_bytes(msgspec.json.format(msgspec.json.encode(content)) + b"\n")
         if self.json:
-            print(msgspec.json.encode(_report(found)).decode())
+            print_json(_report(found))
         else:
             _print(found)
         return 1 if found.best.broken else 0

@@ -30,6 +30,7 @@ from dtwin.simulation.figures import Figures, triple
 from dtwin.simulation.measured import MotionComparison, compare, find, settings_of
 from dtwin.simulation.places import parse_goal, parse_start
 from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
+from dtwin.terminal import as_text, print_json
 from services.runfile import join
 
 _SAMPLES = 9
@@ -114,7 +115,7 @@ class Simulate:
 
             draw_motions(outcomes, self.plot, comparison)
         if self.json:
-            print(msgspec.json.encode(_report(outcomes, seconds, comparison)).decode())
+            print_json(_report(outcomes, seconds, comparison))
         else:
             _print(outcomes, seconds, comparison)
         return 0
@@ -220,8 +221,9 @@ def _report(
 
 
 def _print(outcomes: dict[str, Outcome], seconds: dict[str, float], comparison: MotionComparison | None) -> None:
+    names = (Column(as_text(name)) for name in outcomes)
     table = Table(
-        Column("", no_wrap=True), *outcomes, title="what if, on the analytic twin with the real function blocks"
+        Column("", no_wrap=True), *names, title="what if, on the analytic twin with the real function blocks"
     )
     columns = [outcome.figures for outcome in outcomes.values()]
     if comparison is not None:

@@ -17,6 +17,7 @@ from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
 from dtwin.errors import CommunicationError, ModelError, UnansweredError
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.terminal import print_json
 from services.runfile import join
 
 _LOOK = 0.2
@@ -174,7 +175,7 @@ class UploadVersion(UploadCommand):
 
 
 def _print(answer: Upload) -> None:
-    print(msgspec.json.encode(answer).decode(), flush=True)
+    print_json(answer)
 
 
 def _read(path: Path) -> SavedSettings:

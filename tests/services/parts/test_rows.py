@@ -31,13 +31,15 @@ def path(k: int) -> Path:
 class Collected:
     """Rows, what they emitted, and how often a run began anew."""
 
-    def __init__(self, paths: bool = True) -> None:
+    def __init__(self, paths: bool = True, runs: int = 1) -> None:
+        self.runs = runs
         self.records: list[StepRecord] = []
         self.restarts = 0
         self.rows = Rows(self.records.append, self._restarted, paths)
 
-    def _restarted(self) -> None:
+    def _restarted(self) -> bool:
         self.restarts += 1
+        return self.restarts <= self.runs
 
     def tick(self, k: int, now: float = 0.0) -> None:
         self.rows.sensors(sample(k), now)
@@ -115,4 +117,27 @@ def test_hostile_answers_take_no_memory() -> None:
     collected = Collected(paths=False)
     for k in range(3 * EARLY_LIMIT):
         collected.rows.answer(command(k), 0.0)
+        collected.rows.answer(command(0), 0.0)
     assert len(collected.rows._early) == EARLY_LIMIT
+    assert all(len(early) == 1 for early in collected.rows._early.values())
+
+
+def test_answers_to_samples_that_never_come_do_not_keep_out_those_that_do() -> None:
+    collected = Collected(paths=False)
+    for k in range(EARLY_LIMIT):
+        collected.rows.answer(command(10_000 + k), 0.0)
+    collected.tick(0)
+    collected.rows.answer(command(1), 0.0)
+    collected.tick(1)
+    collected.rows.flush()
+    assert collected.records[1].voltages == command(1)
+    assert collected.rows.late == 1
+
+
+def test_after_the_last_run_that_counts_nothing_is_taken_for_part_of_it() -> None:
+    collected = Collected(paths=False, runs=1)
+    for k in (0, 1, 2, 0, 1, 2, 0, 1, 2, 3, 4):
+        collected.tick(k)
+        collected.rows.answer(command(k), 0.0)
+    collected.rows.flush()
+    assert [record.sensors.sequence for record in collected.records] == [0, 1, 2, 0, 1, 2]

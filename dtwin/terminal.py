@@ -1,0 +1,44 @@
+"""Text of others on a terminal: shown as it is, never obeyed.
+
+Names, reasons and errors come from the bus, from files and from devices. A terminal would obey control characters
+and the marks that turn the direction of writing, and rich would obey markup in square brackets.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+
+def printable(text: str) -> str:
+    """A text in one line, with every character that cannot be seen in its place written as JSON escapes it.
+
+    A JSON text in one line stays the same JSON. What counts as visible is `str.isprintable`: letters, marks, digits,
+    punctuation, symbols and the space, but no control or format characters, separators or lone surrogates.
+    """
+    return text if text.isprintable() else "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in text)
+
+
+def as_text(text: str, style: str = "") -> Text:
+    """The same for rich, which takes nothing in it for markup; the style holds for all of it."""
+    from rich.text import Text  # takes longer to import than `dtwin --help` may take
+
+    return Text(printable(text), style)
+
+
+def print_json(value: Any) -> None:
+    """Prints one JSON value in one line on standard output, at once."""
+    print(printable(msgspec.json.encode(value).decode()), flush=True)
+
+
+class LineFormatter(logging.Formatter):
+    """Formats a log record as one printable line; a traceback follows in lines of its own."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:
+        return printable(super().formatMessage(record))
