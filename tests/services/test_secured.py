@@ -16,6 +16,7 @@ from dtwin.bus.messages import (
     FAULT,
     IDENTIFICATION,
     IDENTIFY,
+    LATCH,
     MONITORING,
     RELEASE,
     RESIDUALS,
@@ -29,6 +30,8 @@ from dtwin.bus.messages import (
     Done,
     FaultRequest,
     IdentificationSignal,
+    LatchRequest,
+    LatchState,
     ReleaseRequest,
     SettingsInForce,
     SettingsRequest,
@@ -201,6 +204,17 @@ def test_only_operators_may_inject_faults(secured: Path) -> None:
         for name in ("recorder", "monitoring", "simulation"):
             with Probe(secured, name) as other, pytest.raises(CommunicationError, match="may this session ask"):
                 other.bus.ask(FAULT, fault, Done, 0.5)
+
+
+def test_the_bridge_alone_tells_the_latch_of_a_stop(secured: Path) -> None:
+    kept = LatchState(0.0, 1, "braking")
+    with Probe(secured, "emulator") as emulator:
+        emulator.bus.answer(LATCH, LatchRequest, lambda asked: kept)
+        with Probe(secured, "bridge") as bridge:
+            assert bridge.bus.ask(LATCH, LatchRequest("braking"), LatchState) == kept
+        for name in ("operator", "monitoring", "simulation"):
+            with Probe(secured, name) as other, pytest.raises(CommunicationError, match="may this session ask"):
+                other.bus.ask(LATCH, LatchRequest("none", 1), LatchState, 0.5)
 
 
 def test_each_may_ask_the_controller_what_it_needs_and_no_more(secured: Path) -> None:

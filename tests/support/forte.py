@@ -18,7 +18,10 @@ NO_FORTE: Final = "set FORTE to the path of a 4diac FORTE binary, built as fb/RE
 
 @contextmanager
 def forte(folder: Path, *arguments: str, port: int | None = None) -> Iterator[Address]:
-    """A FORTE that listens at its management port, a free one if none is given; it prints to forte.log."""
+    """A FORTE that listens at its management port, a free one if none is given.
+
+    What it prints goes to forte.log in the folder.
+    """
     address = Address(LOOPBACK, port or free_port())
     with (folder / "forte.log").open("w") as log:
         command = [FORTE, "-c", f"localhost:{address.port}", *arguments]
