@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 from collections.abc import Iterator
 
@@ -11,11 +10,14 @@ import numpy as np
 import pytest
 
 from dtwin.bus.messages import (
+    ACTED,
     EVENTS,
     RELEASE,
     RESET,
     SENSORS,
     STOP,
+    VOLTAGES,
+    Acted,
     Done,
     ReleaseRequest,
     ResetRequest,
@@ -24,8 +26,7 @@ from dtwin.bus.messages import (
 )
 from dtwin.bus.session import Bus
 from dtwin.errors import CommunicationError
-from dtwin.signals import STOPS, ArmState, Event, Sensors
-from services.parts.journal import Journal
+from dtwin.signals import STOPS, ArmState, Event, Quad, Sensors, Voltages
 from services.runfile import join
 from tests.support.desk import Desk, new_desk
 from tests.support.waiting import until
@@ -51,13 +52,21 @@ class Watch:
         self.bus = bus
         self.desk = desk
         self.samples: dict[int, Sensors] = {}
+        self.commands: dict[int, Quad] = {}
+        self.acted: dict[int, Quad] = {}
         self.tick = 0
         self.events: list[Event] = []
         self.read: list[str] = []
         bus.subscribe(SENSORS, Sensors, self._take)
         bus.subscribe(EVENTS, Event, self.events.append)
+        bus.subscribe(VOLTAGES, Voltages, lambda command: self.commands.setdefault(command.sequence, command.volts))
+        bus.subscribe(ACTED, Acted, lambda acted: self.acted.update({acted.sequence: acted.volts}))
 
     def _take(self, sensors: Sensors) -> None:
+        if sensors.sequence < self.tick - 100:  # The cell has been reset.
+            self.samples.clear()
+            self.commands.clear()
+            self.acted.clear()
         self.samples[sensors.sequence] = sensors
         self.tick = sensors.sequence
 
@@ -85,12 +94,9 @@ class Watch:
         assert self.bus.ask(RELEASE, ReleaseRequest("anna", "done"), StopState).stop == "none"
 
     def obeyed(self) -> np.ndarray:
-        """Volts that the arm obeyed, tick by tick, V."""
-        copy = self.desk.folder / "copy"
-        shutil.copy(self.desk.folder / "dtwin" / "cell.journal", copy)
-        journal = Journal(copy, 0)
-        journal.close()
-        return np.array([entry[0] for entry in journal.entries() if not isinstance(entry, str)])
+        """Volts that the arm obeyed, tick by tick, V: the command that answers the sample, if nothing else acted."""
+        acted = {**self.commands, **self.acted}
+        return np.array([acted.get(k, (0.0, 0.0, 0.0, 0.0)) for k in range(self.tick)])
 
     def kill(self, names: tuple[str, ...]) -> None:
         """Kills services at once and waits until all are back."""
