@@ -46,7 +46,7 @@ from services.supervisor import Program, Supervisor
 
 MANAGEMENT: Final = 61499
 """Port of device management, here the name of a socket."""
-READY_TIMEOUT: Final = 30.0
+READY_TIMEOUT: Final = 120.0
 """Time in which all services must be ready, s."""
 LOOK: Final = 0.1
 """Time between two looks at the processes, s."""

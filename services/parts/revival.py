@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Final
 
 from dtwin.errors import DtwinError, RecordingError
-from dtwin.run.cell import CellSettings, emulate
+from dtwin.run.emulate import emulate
+from dtwin.run.settings import CellSettings
 from services.parts.journal import Journal
 from services.parts.journaled import JournaledCell
 

@@ -81,7 +81,7 @@ def test_the_run_ends_between_two_ticks_when_asked() -> None:
 
 
 def test_divergence_keeps_what_was_recorded() -> None:
-    cell = Cell(CellSettings(duration=10.0, faults=(parse_fault("D1*=1e9@2"),)))
+    cell = Cell(CellSettings(duration=10.0, faults=(parse_fault("D1*=1e6@2"),)))
     with pytest.raises(DivergenceError, match=r"t = 2\.\d+ s"):
         cell.run()
     log = cell.log.freeze()

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
@@ -208,15 +209,24 @@ class ByHand:
 
 
 @pytest.fixture
+def sockets() -> Iterator[str]:
+    """A folder for sockets, whose path must be short."""
+    with TemporaryDirectory() as folder:
+        yield folder
+
+
+@pytest.fixture
 def by_hand() -> Iterator[ByHand]:
     cell = ByHand()
     yield cell
     cell.close()
 
 
-def test_without_a_key_numbers_far_ahead_and_untimely_events_do_nothing(by_hand: ByHand, tmp_path: Path) -> None:
-    management = f"127.0.0.1:{free_port()}"
-    by_hand.start("controller", "--listen", management, "--free-ports")
+def test_without_a_key_numbers_far_ahead_and_untimely_events_do_nothing(
+    by_hand: ByHand, sockets: str, tmp_path: Path
+) -> None:
+    management = f"unix:{sockets}/61499"
+    by_hand.start("controller", "--listen", management)
     by_hand.start("recorder", "--log", str(tmp_path / "run.parquet"))
     listeners = ("recorder", "bridge", "monitoring", "identification")
     by_hand.start("bridge", "--controller", management, "--lossless", "--wait-for", "recorder")

@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import signal
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -229,7 +230,7 @@ def test_each_may_ask_the_controller_what_it_needs_and_no_more(secured: Path) ->
     may = {"simulation": {SETTINGS}, "identification": {SIGNAL}, "operator": {SIGNAL}, "monitoring": set()}
     with Probe(secured, "bridge") as bridge:
         for topic, reply in replies.items():
-            bridge.bus.answer(topic, type(requests[topic]), noting([], reply))
+            bridge.bus.answer(topic, type(requests[topic]), noting([], reply), partial(noting([], reply), None))
         for name, allowed in may.items():
             with Probe(secured, name) as service:
                 for topic, reply in replies.items():
@@ -245,9 +246,9 @@ def test_operators_ask_the_twin_and_each_module_answers_for_itself(secured: Path
     upload = Upload(1, 0.0, "start", "", False, Gains(), 2.0, ArmParameters())
     with Probe(secured, "simulation") as simulation, Probe(secured, "identification") as identification:
         for topic in (UPLOAD, ROLL_BACK):
-            simulation.bus.answer(topic, UploadRequest, lambda asked: upload)
+            simulation.bus.answer(topic, UploadRequest, lambda asked: upload, lambda: upload)
         for topic in (IDENTIFY, DECIDE):
-            identification.bus.answer(topic, IdentificationRequest, lambda asked: IDLE)
+            identification.bus.answer(topic, IdentificationRequest, lambda asked: IDLE, lambda: IDLE)
         assert identification.bus.ask(UPLOAD, None, Upload) == upload
         with Probe(secured, "operator") as operator:
             for topic in (UPLOAD, ROLL_BACK):

@@ -34,7 +34,7 @@ class Desk:
     def up(self, *words: str, status: int = 0) -> str:
         """Runs `dtwin up` as a process and returns what it said."""
         command = [sys.executable, "-m", "dtwin", "up", *words]
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=90)
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=180)
         assert done.returncode == status, done.stderr
         return done.stdout if status == 0 else done.stderr
 

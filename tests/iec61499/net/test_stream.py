@@ -7,7 +7,7 @@ import socket
 import threading
 import tracemalloc
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from typing import Any
 
 import pytest
@@ -343,15 +343,16 @@ def test_blocking_client_notices_that_the_server_closes(reactor: Reactor, stream
 def test_blocking_client_refuses_two_answers(reactor: Reactor, stream_address: StreamAddress) -> None:
     answers = NUMBER.encode([1]) + NUMBER.encode([2])
 
-    def accepted(sock: socket.socket, peer: str) -> None:
-        sock.sendall(answers)
-        sock.close()
+    with ExitStack() as peers:
 
-    listener = StreamListener(reactor, stream_address, accepted)
-    client = BlockingClient(listener.address, NUMBER, NUMBER, PATIENCE)
-    with served(reactor), client, pytest.raises(CommunicationError, match="more than one answer"):
-        client.exchange([1])
-    listener.close()
+        def accepted(sock: socket.socket, peer: str) -> None:
+            peers.enter_context(sock).sendall(answers)
+
+        listener = StreamListener(reactor, stream_address, accepted)
+        client = BlockingClient(listener.address, NUMBER, NUMBER, PATIENCE)
+        with served(reactor), client, pytest.raises(CommunicationError, match="more than one answer"):
+            client.exchange([1])
+        listener.close()
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "239.192.7.1"])
