@@ -47,7 +47,7 @@ from services.supervisor import Program, Supervisor
 MANAGEMENT: Final = 61499
 """Port of device management, here the name of a socket."""
 READY_TIMEOUT: Final = 120.0
-"""Time in which all services must be ready, s; after an update compiled code is made anew, half a minute on two cores."""
+"""Time in which all services must be ready, s; after an update compiled code is made anew, which takes a while."""
 LOOK: Final = 0.1
 """Time between two looks at the processes, s."""
 
