@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 import math
+import signal
 import sys
 import time
 from collections.abc import Callable
@@ -57,6 +58,8 @@ _REMEMBERED: Final = 256
 REQUEST_TIMEOUT: Final = 4.0
 """Longest time that a request waits for its turn between two ticks, s."""
 
+ASKED_TO_END: Final = 128 + signal.SIGTERM
+"""Exit status of an emulator that was asked to end before its run was over: the cell shall go on."""
 R = TypeVar("R")
 
 
@@ -81,8 +84,8 @@ class Options(PlantOptions, Link):
         else:
             cell, trouble = revive(settings, self.journal)
         with Service(NAME, self) as service:
-            Emulator(service, cell, self.pace, self.stale, trouble).run(ticks)
-        return 0
+            whole = Emulator(service, cell, self.pace, self.stale, trouble).run(ticks)
+        return 0 if whole else ASKED_TO_END
 
 
 class Emulator:
@@ -137,23 +140,24 @@ class Emulator:
             trusted=True,
         )
 
-    def run(self, ticks: int | None) -> None:
-        """Runs until the cell has done so many ticks, or is asked to end."""
+    def run(self, ticks: int | None) -> bool:
+        """Runs until the cell has done so many ticks, or is asked to end; returns whether it has done them."""
         service = self._service
         service.ready()
         if self._trouble:
             self._announce(EventKind.JOURNAL, self._trouble)
         self._tell_news()
-        due = time.monotonic()
+        due, whole = time.monotonic(), False
         while not service.stopping:
             sensors = self._read()
-            if ticks is not None and sensors.sequence >= ticks:
+            if whole := ticks is not None and sensors.sequence >= ticks:
                 break
             self._gate.expected = sensors.sequence
             due = self._tick(sensors, due)
         for event in self._cell.emulation.drain_events():
             self._publish_event(event)
         self._report("stopping")
+        return whole
 
     def _tick(self, sensors: Sensors, due: float) -> float:
         """One tick that should begin at `due`; returns when the next one should."""

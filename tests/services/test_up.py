@@ -59,10 +59,10 @@ def test_a_cell_is_started_watched_set_and_stopped(desk: Desk, tmp_path: Path) -
     assert "not up" in desk.run("status", status=2)
 
 
-def kill_and_wait(desk: Desk, name: str) -> int:
+def kill_and_wait(desk: Desk, name: str, number: signal.Signals = signal.SIGKILL) -> int:
     """Kills a service, waits until it is back and the cell goes on, and returns the tick of the kill."""
     ticks: int = desk.summary()["ticks"]
-    os.kill(desk.find(f"services.{name}"), signal.SIGKILL)
+    os.kill(desk.find(f"services.{name}"), number)
     back = {"restarts": 1, "state": "running"}.items()
     until(lambda: back <= desk.summary()["services"][name].items(), f"{name} is back")
     until(lambda: desk.summary()["ticks"] > ticks + 200, f"the cell goes on after {name}")
@@ -85,6 +85,12 @@ def test_killed_services_come_back_and_end_with_their_supervisor(desk: Desk, tmp
     times = read_log(log).columns["t"]
     assert times[0] == 0.0
     assert times[-1] > 0.01 * before, "the recorder that came back went on with the log of the killed one"
+
+
+def test_an_emulator_that_is_asked_to_end_comes_back(desk: Desk) -> None:
+    desk.up("--detach", "--pace", "lockstep")
+    kill_and_wait(desk, "emulator", signal.SIGTERM)
+    desk.run("down")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
