@@ -13,42 +13,52 @@ from dtwin.experiments.report import Report
 from dtwin.experiments.soak.chaos import ChaosRun, chaos_run
 from dtwin.experiments.soak.latency import SECONDS, LatencyRun, latency_run
 from dtwin.experiments.soak.memory import HOURS, MemoryRun, memory_run
+from dtwin.experiments.soak.storm import EVENTS, StormRun, storm_run
 from dtwin.pool import Progress
 from dtwin.run.loop import tick_count
 
+Outcome = LatencyRun | ChaosRun | StormRun | MemoryRun
+
 
 @dataclass(frozen=True)
-class ExperimentSoak(ExperimentCommand[LatencyRun | ChaosRun | MemoryRun]):
+class ExperimentSoak(ExperimentCommand[Outcome]):
     """Run all services of a cell in real time for long; the exit status is 1 when a promise is not kept.
 
-    latency leaves the cell alone and measures how fast samples are answered. chaos kills, freezes, cuts and restarts
-    one thing after the other and sees that the cell works on. memory takes the messages of hours through recorder and
-    journal, faster than in real time, and sees that their memory does not grow.
+    latency leaves the cell alone and measures how fast samples are answered. chaos brings one trouble after another:
+    kills, freezes, cuts, stops, settings, strangers, a full disk. storm sends signals to services at random on a
+    busy machine. After each the cell must work on. memory takes the messages of hours through recorder and journal,
+    faster than in real time, and sees that their memory does not grow.
     """
 
     name: ClassVar = "soak"
 
-    run: tyro.conf.Positional[Literal["latency", "chaos", "memory"]] = "latency"
+    run: tyro.conf.Positional[Literal["latency", "chaos", "storm", "memory"]] = "latency"
     """Which run to make."""
-    seconds: tyro.conf.Positional[float | None] = None
-    """Plant time of the run, s: 600 for latency, 36000 for memory if not given; chaos ends with its last trouble."""
+    amount: tyro.conf.Positional[float | None] = None
+    """Plant time of the latency run, s, 600 if not given; number of signals of the storm, 200 if not given;
+    plant time of the memory run, s, 36000 if not given."""
 
-    def measure(self, progress: Progress) -> LatencyRun | ChaosRun | MemoryRun:
+    def measure(self, progress: Progress) -> Outcome:
         if self.run == "latency":
-            seconds = SECONDS if self.seconds is None else self.seconds
+            seconds = SECONDS if self.amount is None else self.amount
             tick_count(seconds)
             return latency_run(seconds, self.seed)
+        if self.run == "storm":
+            events = EVENTS if self.amount is None else self.amount
+            if not (events >= 1 and events == int(events)):
+                raise ParameterError(f"storm: expected a whole number of signals of at least 1, got {events:g}")
+            return storm_run(int(events), self.seed, progress)
         if self.run == "memory":
-            return memory_run(3600 * HOURS if self.seconds is None else self.seconds, self.seed, progress)
-        if self.seconds is not None:
-            raise ParameterError(f"chaos: expected no time, which its troubles take, got {self.seconds:g}")
+            return memory_run(3600 * HOURS if self.amount is None else self.amount, self.seed, progress)
+        if self.amount is not None:
+            raise ParameterError(f"chaos: expected no amount, since it brings each trouble once, got {self.amount:g}")
         return chaos_run(self.seed, progress=progress)
 
-    def report(self, result: LatencyRun | ChaosRun | MemoryRun) -> Report:
+    def report(self, result: Outcome) -> Report:
         return result.report()
 
-    def figures(self, result: LatencyRun | ChaosRun | MemoryRun) -> dict[str, Any]:
+    def figures(self, result: Outcome) -> dict[str, Any]:
         return result.figures()
 
-    def passed(self, result: LatencyRun | ChaosRun | MemoryRun) -> bool:
+    def passed(self, result: Outcome) -> bool:
         return result.passed

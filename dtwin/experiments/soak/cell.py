@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Final
@@ -13,6 +14,7 @@ from typing import Final
 from dtwin.bus.messages import EVENTS, SUMMARY, Summary
 from dtwin.errors import CommunicationError
 from dtwin.experiments.soak.proxy import Proxy
+from dtwin.experiments.soak.small_disk import SmallDisk
 from dtwin.parameters import ROOT
 from dtwin.signals import Event
 from services.runfile import find, join
@@ -25,6 +27,8 @@ _LISTENED: Final = "0.0.0.0:7447"
 """address that the router listens at in its configuration file"""
 _RATE: Final = 90.0
 """Hz, from which ticks pass in real time"""
+_PAUSE: Final = 0.1
+"""s between two looks at a condition"""
 _LOOK: Final = 0.5
 """s between the two looks that show that ticks pass"""
 
@@ -39,7 +43,9 @@ class TroubledCell:
 
     Attributes:
         folder: where its configuration, log and parts of the log are kept.
-        log: path of the Parquet log, which is there once the cell is down.
+        name: the name of the cell.
+        disk: where the log is kept, a small file system if this user may mount one.
+        log: path of the Parquet log, which is complete, and beside the disk, once the cell is down.
         proxy: the network of the bridge.
         bus: the cell's bus, joined as operator.
         events: what the bus has told since the cell was up.
@@ -50,9 +56,10 @@ class TroubledCell:
 
     def __init__(self, folder: Path, name: str, seed: int = 0) -> None:
         self.folder = folder
-        self.log = folder / "run.parquet"
+        self.disk = SmallDisk(folder / "disk")
+        self.log = self.disk.folder / "run.parquet"
         self.events: list[Event] = []
-        self._name = name
+        self.name = name
         port = free_port()
         self.proxy = Proxy(port)
         self._configure("router", "router", _LISTENED, port)
@@ -61,7 +68,8 @@ class TroubledCell:
         self._start_router()
         try:
             dtwin(
-                "up", "--detach", "--cell", name, "--seed", str(seed), "--zenoh", str(folder), "--log", str(self.log)
+                *("up", "--detach", "--cell", name, "--seed", str(seed), "--zenoh", str(folder)),
+                *("--log", str(self.log), "--monitoring", "--simulation", "--history", str(folder / "history.jsonl")),
             )
             self.bus = join(name)
         except BaseException:
@@ -94,7 +102,7 @@ class TroubledCell:
                 words = (entry / "cmdline").read_bytes().decode().split("\0") if entry.name.isdigit() else []
             except (OSError, UnicodeDecodeError):
                 continue
-            if len(words) > 2 and words[2].startswith("services.") and self._name in words:
+            if len(words) > 2 and words[2].startswith("services.") and self.name in words:
                 found[words[2].removeprefix("services.")] = int(entry.name)
         return found
 
@@ -126,11 +134,13 @@ class TroubledCell:
             self._router = subprocess.Popen(command, cwd=ROOT, stdout=output, stderr=output)
 
     def _clear(self) -> None:
-        if find(self._name) is not None:
-            dtwin("down", "--cell", self._name)
+        if find(self.name) is not None:
+            dtwin("down", "--cell", self.name)
         self._router.terminate()
         self._router.wait()
         self.proxy.close()
+        self.disk.close(keep=self.folder)
+        self.log = self.folder / self.log.name
 
 
 def dtwin(*words: str) -> str:
@@ -150,3 +160,13 @@ def dtwin(*words: str) -> str:
 def cell_name() -> str:
     """A name that no other cell on this machine has."""
     return f"soak-{os.getpid()}"
+
+
+def wait(condition: Callable[[], bool], timeout: float) -> bool:
+    """Whether the condition held within the timeout, s."""
+    deadline = time.monotonic() + timeout
+    while time.monotonic() < deadline:
+        if condition():
+            return True
+        time.sleep(_PAUSE)
+    return False

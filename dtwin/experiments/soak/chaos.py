@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from dtwin.errors import CommunicationError
 from dtwin.experiments.report import Report, page, table
-from dtwin.experiments.soak.cell import TroubledCell, cell_name
+from dtwin.experiments.soak.cell import TroubledCell, cell_name, wait
 from dtwin.experiments.soak.troubles import TROUBLES, Aftermath, Trouble, count_kept
 from dtwin.pool import Progress
 from dtwin.run.recording import read_log
@@ -25,8 +25,6 @@ SHORTEST: Final = 1.0
 """s after the beginning of a trouble before which nothing counts as recovered: not all is noticed at once"""
 LATER: Final = 2.0
 """s between the recovery and the count of boxes"""
-_LOOK: Final = 0.1
-"""s"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,16 +139,16 @@ def chaos_run(
 
 
 def _bear(cell: TroubledCell, trouble: Trouble) -> Borne:
-    _wait(cell.is_calm, CALM)
+    wait(cell.is_calm, CALM)
     before, told = _boxes(cell), len(cell.events)
     began = time.monotonic()
-    trouble.action(cell)
-    recovered = _wait(lambda: cell.is_calm() and time.monotonic() - began > SHORTEST, RECOVERY)
+    said = trouble.action(cell)
+    recovered = wait(lambda: cell.is_calm() and time.monotonic() - began > SHORTEST, RECOVERY)
     seconds = time.monotonic() - began
     time.sleep(LATER)
     seen = Aftermath(before, _boxes(cell), tuple(cell.events[told:]), recovered, seconds)
     broken = tuple(promise.name for promise in trouble.promises if not promise.kept(cell, seen))
-    return Borne(trouble, seen, count_kept(cell, seen), broken)
+    return Borne(trouble, seen, count_kept(cell, seen), (*((said,) if said else ()), *broken))
 
 
 def _boxes(cell: TroubledCell) -> BoxCounts:
@@ -158,16 +156,6 @@ def _boxes(cell: TroubledCell) -> BoxCounts:
     if found is None:
         raise CommunicationError("the cell does not count its boxes: is its emulator working?")
     return found
-
-
-def _wait(condition: Callable[[], bool], timeout: float) -> bool:
-    """Whether the condition held within the timeout, s."""
-    deadline = time.monotonic() + timeout
-    while time.monotonic() < deadline:
-        if condition():
-            return True
-        time.sleep(_LOOK)
-    return False
 
 
 def _yes(answer: bool) -> str:

@@ -1,0 +1,71 @@
+"""Peers that do not belong to the cell: they ask for everything, drive the arm, and tell what is not so."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final
+
+from dtwin.bus.messages import EVENTS, SENSORS, VOLTAGES
+from dtwin.bus.opening import open_configured
+from dtwin.bus.session import Bus
+from dtwin.experiments.soak.cell import TroubledCell
+from dtwin.parameters import VOLTAGE_LIMIT
+from dtwin.signals import Event, EventKind, Sensors, Voltages
+
+HOSTILE: Final = 5.0
+"""s for which a stranger speaks"""
+_STRANGER: Final = "service"
+"""name of the stranger's configuration file, which is everybody's"""
+
+
+def ask_for_everything(cell: TroubledCell) -> str:
+    """Queries all keys at once, with and without a message: nothing may act on it."""
+    ticks = cell.summary().ticks
+    session = open_configured(cell.folder, _STRANGER)
+    try:
+        for payload in (b"", b'{"schema":1,"seed":1}', b'{"schema":1,"who":"soak","why":"no"}'):
+            list(session.get("dtwin/**", payload=payload, timeout=HOSTILE))
+    finally:
+        session.close()
+    return "" if cell.summary().ticks > ticks else "started anew"
+
+
+def answer_first(cell: TroubledCell) -> str:
+    """Answers every sample with full voltage before the bridge can: the arm may not obey."""
+    obeyed: list[Voltages] = []
+    with _stranger(cell) as stranger:
+        publish = stranger.publisher(VOLTAGES)
+        volts = (VOLTAGE_LIMIT, -VOLTAGE_LIMIT, VOLTAGE_LIMIT, 0.0)
+
+        def answer(sensors: Sensors) -> None:
+            command = Voltages(sensors.sequence, sensors.time, volts, False)
+            obeyed.append(command)
+            publish(command)
+
+        stranger.subscribe(SENSORS, Sensors, answer)
+        time.sleep(HOSTILE)
+    return "" if obeyed else "heard no sample"
+
+
+def cry_wolf(cell: TroubledCell) -> str:
+    """Says over and over that the arm has no voltage, and makes up samples of the far future."""
+    over = threading.Event()
+    with _stranger(cell) as stranger:
+        tell, sense = stranger.publisher(EVENTS), stranger.publisher(SENSORS)
+        began = time.monotonic()
+        while time.monotonic() - began < HOSTILE:
+            plant = cell.summary().ticks * 0.01
+            tell(Event(plant, EventKind.SAFE, "made up"))
+            sense(Sensors(10**12, 1e10, (0.0, 0.0, 0.0), 0.9, False, ""))
+            over.wait(0.05)
+    return ""
+
+
+@contextmanager
+def _stranger(cell: TroubledCell) -> Iterator[Bus]:
+    """A session that has joined the cell and does not know its key."""
+    with Bus(open_configured(cell.folder, _STRANGER), cell.name) as bus:
+        yield bus
