@@ -142,7 +142,10 @@ def _bear(cell: TroubledCell, trouble: Trouble) -> Borne:
     wait(cell.is_calm, CALM)
     before, told = _boxes(cell), len(cell.events)
     began = time.monotonic()
-    said = trouble.action(cell)
+    try:
+        said = trouble.action(cell)
+    except CommunicationError as error:
+        said = str(error)
     recovered = wait(lambda: cell.is_calm() and time.monotonic() - began > SHORTEST, RECOVERY)
     seconds = time.monotonic() - began
     time.sleep(LATER)
