@@ -30,7 +30,7 @@ def ask_for_everything(cell: TroubledCell) -> str:
             list(session.get("dtwin/**", payload=payload, timeout=HOSTILE))
     finally:
         session.close()
-    return "" if cell.summary().ticks > ticks else "started anew"
+    return "started anew" if cell.summary().ticks < ticks else ""
 
 
 def answer_first(cell: TroubledCell) -> str:
