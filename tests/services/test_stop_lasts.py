@@ -130,7 +130,8 @@ def test_only_a_release_ends_a_stop(stopped: tuple[Watch, str], killed: tuple[st
     off = watch.tick
     watch.kill(killed)
     until(lambda: watch.stop() == "torque off", "nobody knows any longer that the arm is held", PATIENCE)
-    off = off if stop == "torque off" else watch.tick + 1
+    if stop != "torque off" or "emulator" in killed:
+        off = watch.tick + 1  # What a new emulator says before it has found this subscriber is not heard.
     watch.goes_on(300)
     assert watch.stop() == "torque off"
     ranks = [STOPS.index(found) for found in watch.read]
