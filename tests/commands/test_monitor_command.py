@@ -104,7 +104,7 @@ def test_a_recording_shows_what_the_monitor_made_of_it(
         (["experiment", "stop", "--seed", "-1"], "--seed"),
         (["experiment", "stop", "--workers", "0"], "--workers"),
         (["experiment", "stop", "--out", "/dev/null/page"], "/dev/null"),
-        (["experiment", "soak", "chaos", "9"], "expected no time"),
+        (["experiment", "soak", "chaos", "9"], "expected no amount"),
         (["experiment", "stop", "--fault", "K9*=2"], "unknown fault target"),
     ],
 )
