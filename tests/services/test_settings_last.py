@@ -229,7 +229,7 @@ def test_confirmed_settings_are_in_force_before_the_arm_moves(
         watch.goes_on(50)
         found = bus.ask(SETTINGS, None, SettingsInForce)
         assert (found.gains.kp[0], found.target_time) == (260.0, 3.0)
-        assert not watch.obeyed()[off : watch.tick].any(), "nothing moves the arm before"
+        watch.assert_without_voltage(off, watch.tick)
         watch.release()
         watch.goes_on(100)
         assert bus.ask(SETTINGS, None, SettingsInForce) == found
