@@ -108,6 +108,11 @@ class Watch:
         assert self.bus.ask(RELEASE, ReleaseRequest("anna", "done"), StopState).stop == "none"
         return last
 
+    def hangs(self) -> bool:
+        """Whether the arm is as good as at rest."""
+        truths = dict(self.truths)
+        return max(map(abs, truths[max(truths)].omega)) < 0.1
+
     def first_command(self, after: int) -> int:
         """The first tick from `after` on whose command moves a joint; 0 while there is none."""
         return min((k for k, volts in dict(self.commands).items() if k >= after and any(volts[:3])), default=0)
@@ -166,6 +171,7 @@ def test_only_a_release_ends_a_stop(stopped: tuple[Watch, str], killed: tuple[st
     assert watch.stop() == "torque off"
     ranks = [STOPS.index(found) for found in watch.read]
     assert ranks == sorted(ranks), "it never reads weaker than before"
+    until(watch.hangs, "the arm has come to rest", PATIENCE)
     watch.assert_without_voltage(off, watch.tick)
     last = watch.release()
     until(lambda: watch.driven(last, watch.tick), "it moves again", PATIENCE)
