@@ -125,7 +125,8 @@ class Bridge:
             self._controller.close()
 
     def _newest(self, sensors: Sensors) -> Sensors:
-        while (later := self._service.next(0.0)) is not None:
+        inbox = self._service.inbox
+        while not inbox.empty() and (later := inbox.get()) is not None:
             self._skipped += 1
             sensors = later
         return sensors

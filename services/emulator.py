@@ -40,7 +40,7 @@ from dtwin.errors import CommunicationError, DtwinError
 from dtwin.parameters import PERIOD
 from dtwin.run.loop import tick_count
 from dtwin.run.options import PlantOptions
-from dtwin.signals import Event, EventKind, Sensors, Truth, Voltages
+from dtwin.signals import Event, EventKind, Sensors, Voltages
 from services.parts.gate import STALE, Gate
 from services.parts.journaled import JournaledCell
 from services.parts.latencies import Latencies
@@ -121,7 +121,7 @@ class Emulator:
         lossless = pace != "realtime"
         self._publish_sensors: Callable[[Sensors], None] = bus.publisher(SENSORS, lossless=lossless)
         self._publish_acted: Callable[[Acted], None] = bus.publisher(ACTED, lossless=lossless)
-        self._publish_truth: Callable[[Truth], None] = bus.publisher(TRUTH, lossless=lossless)
+        self._publish_truth = bus.publisher(TRUTH, lossless=lossless)
         self._publish_event: Callable[[Event], None] = bus.publisher(EVENTS, lossless=lossless)
         inbox = service.inbox
         bus.subscribe_senders(
@@ -163,8 +163,7 @@ class Emulator:
         """One tick that should begin at `due`; returns when the next one should."""
         began = time.monotonic()
         self._sent[sensors.sequence % _REMEMBERED] = began
-        self._publish_sensors(sensors)
-        self._publish_truth(self._cell.emulation.truth())
+        self._publish_sample(sensors)
         for event in self._cell.emulation.drain_events():
             self._publish_event(event)
         if self._pace == "realtime" and self._gate.commanded:
@@ -190,6 +189,12 @@ class Emulator:
             self._report(self._state)
         return due
 
+    def _publish_sample(self, sensors: Sensors) -> None:
+        """Publishes a sample, and the truth if anybody wants to know it."""
+        self._publish_sensors(sensors)
+        if self._publish_truth.wanted:
+            self._publish_truth(self._cell.emulation.truth())
+
     def _collect(self, until: float) -> None:
         """Waits for the command until a time; without it the last one holds, or the safe one when it is too old."""
         while not self._gate.answered and not self._anew:
@@ -208,8 +213,7 @@ class Emulator:
             now = time.monotonic()
             if now >= repeat:
                 self._state = "waiting"
-                self._publish_sensors(sensors)
-                self._publish_truth(self._cell.emulation.truth())
+                self._publish_sample(sensors)
                 repeat = now + REPEAT
             if self._service.report_due():
                 self._report(self._state)

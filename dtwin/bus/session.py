@@ -35,7 +35,6 @@ class Publisher:
         self._publisher = publisher
         self._put = publisher.put
         self._signer = signer
-        self._expression = str(publisher.key_expr)
         self._lock = threading.Lock()
 
     def __call__(self, message: msgspec.Struct) -> None:
@@ -44,7 +43,7 @@ class Publisher:
             self._put(payload)
             return
         with self._lock:  # The sequence numbers must leave in order.
-            self._put(payload, attachment=self._signer(self._expression, payload))
+            self._put(payload, attachment=self._signer(payload))
 
     @property
     def sender(self) -> bytes:
@@ -92,7 +91,7 @@ class Bus:
         self._lock = threading.Lock()
         self._session = session
         self._key = key
-        self._signer = Signer(key) if key else None
+        self._signers: dict[str, Signer] = {}
         self._declared: list[Any] = []
 
     def __enter__(self) -> Bus:
@@ -145,7 +144,7 @@ class Bus:
             priority=zenoh.Priority.REAL_TIME,
             express=True,
         )
-        return Publisher(publisher, Signer(self._key) if self._key else None)
+        return Publisher(publisher, Signer(self._key, self.key(topic)) if self._key else None)
 
     def subscribe(
         self,
@@ -179,14 +178,14 @@ class Bus:
         """
         strangers = iter(() if stranger is None else (stranger,))
         reader = Reader(message)
-        verify = Verifier(self._key) if self._key else None
+        verify = Verifier(self._key, self.key(topic)) if self._key else None
 
         def take(sample: zenoh.Sample) -> None:
             payload = _bytes(sample.payload)
             try:
                 sender = b""
                 if verify is not None:
-                    sender = verify(str(sample.key_expr), payload, _attached(sample))
+                    sender = verify(payload, _attached(sample))
                 receive(reader(payload), sender)
             except MessageError as error:
                 self.refuse(error.reason, f"{sample.key_expr}: {error}")
@@ -239,14 +238,14 @@ class Bus:
         """
         reader = Reader(message)
         key = self.key(topic)
-        verify = Verifier(self._key) if self._key and trusted else None
+        verify = Verifier(self._key, key) if self._key and trusted else None
 
         def found(query: zenoh.Query) -> Any:
             payload = _bytes(query.payload) if query.payload else b""
             if payload and str(query.key_expr) != key:
                 raise MessageError("inexact", f"expected the exact key {key} for a message that acts")
             if payload and verify is not None:
-                verify(key, payload, _attached(query))
+                verify(payload, _attached(query))
             asked = reader(payload) if payload else None
             if asked is not None and act is not None:
                 return act(asked)
@@ -300,7 +299,7 @@ class Bus:
             if not (_matching(querier.matching_status) or there.wait(timeout)):
                 raise UnansweredError(nobody)
             payload = b"" if message is None else encode(message)
-            attachment = self._signer(key, payload) if self._signer else None
+            attachment = self._signed(key, payload)
             for answer in querier.get(payload=payload, encoding=_JSON, attachment=attachment):
                 if answer.err is not None:
                     raise CommunicationError(f"{key}: {_bytes(answer.err.payload).decode(errors='replace')}")
@@ -310,6 +309,15 @@ class Bus:
         finally:
             listener.undeclare()
             querier.undeclare()
+
+    def _signed(self, key: str, payload: bytes) -> bytes | None:
+        """The attachment of a query; all queries of a topic have one sender."""
+        if self._key is None:
+            return None
+        with self._lock:
+            if key not in self._signers:
+                self._signers[key] = Signer(self._key, key)
+            return self._signers[key](payload)
 
     def _declare(self, declare: Callable[[str, Any], Any], key: str, take: Callable[[Any], None]) -> Any:
         # Direct: a hand-over to another thread would cost as much as the way over the wire.
@@ -328,4 +336,5 @@ def _bytes(payload: zenoh.ZBytes) -> bytes:
 
 
 def _attached(received: zenoh.Sample | zenoh.Query) -> bytes | None:
-    return None if received.attachment is None else _bytes(received.attachment)
+    attachment = received.attachment
+    return None if attachment is None else _bytes(attachment)

@@ -72,7 +72,8 @@ class BlockingClient:
 
     def _exchange(self, request: bytes) -> Message:
         deadline = time.monotonic() + self.timeout
-        self._sock.settimeout(self.timeout)
+        if self._sock.gettimeout() != self.timeout:  # Setting it costs a system call.
+            self._sock.settimeout(self.timeout)
         self._sock.sendall(request)
         while True:
             data = self._sock.recv(CHUNK)
