@@ -165,8 +165,12 @@ def _dispatch(arguments: list[str]) -> int:
         return 0
     words = 2 if " ".join(arguments[:2]) in COMMANDS else 1
     name = " ".join(arguments[:words])
-    if name not in COMMANDS:
-        under = [key for key in COMMANDS if key.startswith(f"{name} ")]
+    under = [key for key in COMMANDS if key.startswith(f"{name} ")]
+    if under and arguments[1:] in (["-h"], ["--help"]):
+        print(_group(name, under))
+        if name not in COMMANDS:
+            return 0
+    elif name not in COMMANDS:
         raise DtwinError(f"unknown command {name!r}: expected {choices(under or COMMANDS)}")
     # All matrices here are small: threads of the linear algebra would only fight over the cores.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -175,6 +179,13 @@ def _dispatch(arguments: list[str]) -> int:
     command = parse_options(options, f"dtwin {name}", arguments[words:])
     status: int = command.execute()
     return status
+
+
+def _group(name: str, under: Sequence[str]) -> str:
+    width = max(map(len, under))
+    lines = [f"usage: dtwin {name} COMMAND [OPTIONS]\n"]
+    lines += [f"  {command:<{width}}  {COMMANDS[command].summary}" for command in under]
+    return "\n".join([*lines, f"\ndtwin {under[0]} --help shows the options of that command.\n"])
 
 
 def _overview() -> str:

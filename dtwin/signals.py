@@ -52,6 +52,7 @@ class EventKind(StrEnum):
     RESUMED = "resumed"
     RIVALS = "rivals"
     JOURNAL = "journal"
+    DIVERGED = "diverged"
     RECORDING = "recording"
     STOP = "stop"
     TROUBLE = "trouble"

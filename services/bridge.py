@@ -140,6 +140,8 @@ class Bridge:
         if last is not None and (sensors.sequence, sensors.time) == (last.sequence, last.time):
             self._publish(last)
             return
+        if last is not None and sensors.sequence < last.sequence:
+            self._stops.renewed()
         controller = self._connect()
         if controller is None or not (self._stops.known or self._stops.remind()):
             return
@@ -186,7 +188,7 @@ class Bridge:
                 self._controller = self._connected()
                 self._looking_since = math.inf
                 self._trouble = ""
-                self._stops.connected()
+                self._stops.renewed()
             except DtwinError as error:
                 self._looking_since = min(self._looking_since, now)
                 if now - self._looking_since < PATIENCE:

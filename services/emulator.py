@@ -36,7 +36,7 @@ from dtwin.bus.messages import (
     ResetRequest,
     State,
 )
-from dtwin.errors import CommunicationError, DtwinError
+from dtwin.errors import CommunicationError, DivergenceError, DtwinError
 from dtwin.parameters import PERIOD
 from dtwin.run.loop import tick_count
 from dtwin.run.options import PlantOptions
@@ -181,7 +181,11 @@ class Emulator:
             self._anew = False
             return time.monotonic()
         self._tell_what_acts(sensors)
-        self._cell.advance()
+        try:
+            self._cell.advance()
+        except DivergenceError as error:
+            self._begin_after(error)
+            return time.monotonic()
         self._tell_news()
         if self._pace == "realtime":
             self._idle_until(due)
@@ -288,13 +292,21 @@ class Emulator:
         return Done(self._read().time, injected[:1000])
 
     def _reset(self, request: ResetRequest) -> Done:
-        seed = request.seed
+        self._begin_anew(request.seed)
+        self._anew = True
+        return Done(0.0, f"started anew with seed {request.seed}")
+
+    def _begin_after(self, error: DivergenceError) -> None:
+        """Begins anew with the torque off: no arm can go on from a state that has left the finite numbers."""
+        self._announce(EventKind.DIVERGED, f"the cell starts anew with the torque off: {error}")
+        self._cell.latch.stop("torque off", b"")
+        self._begin_anew(self._cell.seed)
+
+    def _begin_anew(self, seed: int) -> None:
         self._cell.restart(seed)
         self._gate.restart(0)
         self._state = "waiting"
         self._began = None
-        self._anew = True
-        return Done(0.0, f"started anew with seed {seed}")
 
     def _latch(self, request: LatchRequest) -> LatchState:
         latch = self._cell.latch

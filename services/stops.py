@@ -69,8 +69,8 @@ class Stops:
         bus.answer(STOP, StopRequest, self._judge, self._ask)
         bus.answer(RELEASE, ReleaseRequest, self._release, self._ask)
 
-    def connected(self) -> None:
-        """Other blocks than before answer: they may have forgotten a stop."""
+    def renewed(self) -> None:
+        """Other blocks than before answer, which may have forgotten a stop, or another arm, which may keep one."""
         self.known = False
 
     def remind(self) -> bool:

@@ -30,6 +30,7 @@ _LEVELS: Final[Mapping[str, rr.TextLogLevel]] = {
     EventKind.DROPPED_ARRIVAL: rr.TextLogLevel.WARN,
     EventKind.FAULT: rr.TextLogLevel.WARN,
     EventKind.SAFE: rr.TextLogLevel.WARN,
+    EventKind.DIVERGED: rr.TextLogLevel.ERROR,
     EventKind.RIVALS: rr.TextLogLevel.WARN,
     EventKind.DISK: rr.TextLogLevel.WARN,
     MONITOR + EventKind.SUSPECTED: rr.TextLogLevel.WARN,

@@ -189,3 +189,14 @@ def test_interrupt_keeps_what_was_recorded(tmp_path: Path) -> None:
     assert "recording" in out
     assert len(read_log(log)) >= 1
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run.parquet", "run.rrd"]
+
+
+@pytest.mark.parametrize("name", sorted({command.split()[0] for command in COMMANDS if " " in command}))
+def test_every_group_of_commands_has_its_help(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    try:
+        status = main([name, "--help"])
+    except SystemExit as exit_:  # A command of that name shows its options, too.
+        status = int(exit_.code or 0)
+    shown = capsys.readouterr().out
+    assert status == 0
+    assert all(command in shown for command in COMMANDS if command.startswith(f"{name} "))

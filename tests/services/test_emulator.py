@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from dtwin.bus.codec import encode
 from dtwin.bus.messages import (
     EVENTS,
     FAULT,
+    LATCH,
     RESET,
     SENSORS,
     STATUS,
@@ -23,13 +25,15 @@ from dtwin.bus.messages import (
     VOLTAGES,
     Done,
     FaultRequest,
+    LatchRequest,
+    LatchState,
     ResetRequest,
     Status,
 )
 from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
 from dtwin.errors import CommunicationError
-from dtwin.parameters import ROOT, GripperParameters
+from dtwin.parameters import HANGING, ROOT, GripperParameters
 from dtwin.signals import Event, Sensors, Truth, Voltages
 from services.emulator import ASKED_TO_END
 from tests.support.disks import full_disk
@@ -289,21 +293,24 @@ def test_a_journal_that_cannot_be_read_is_set_aside_and_told(tmp_path: Path) -> 
 
 
 def test_a_cell_that_faults_tear_apart_starts_anew(tmp_path: Path) -> None:
-    """A diverged cell ends its process, and its journal cannot be replayed."""
+    """A diverged cell tells so and hangs without torque until somebody releases the stop; its process lives."""
     emulator = Emulator("--pace", "lockstep", "--journal", str(tmp_path / "journal"))
     try:
         emulator.volts = (8.0, 8.0, 8.0, 0.0)
         emulator.answering = True
         until(lambda: emulator.tick() >= 20, "the cell runs")
         emulator.bus.ask(FAULT, FaultRequest(("K2*=1000@0",)), Done)
-        until(lambda: emulator.process.poll() is not None, "the cell diverges")
-        _, said = emulator.process.communicate()
-        assert "diverged" in said
-        assert "Traceback" not in said
-        emulator.samples.clear()
-        emulator.start()
-        until(lambda: emulator.kinds()["journal"] == 1, "it says that it starts anew")
-        assert until(lambda: emulator.samples, "it publishes")[0].sequence == 0
+        until(lambda: emulator.kinds()["diverged"] == 1, "the cell diverges")
+        until(lambda: any(b.sequence < a.sequence for a, b in pairwise(emulator.samples)), "it starts anew")
+        at = emulator.tick()
+        until(lambda: emulator.tick() >= at + 20, "ticks pass")
+        assert emulator.samples[-1].theta == pytest.approx(HANGING, abs=1e-9)
+        latch = emulator.bus.ask(LATCH, None, LatchState)
+        assert latch.stop == "torque off"
+        emulator.bus.ask(LATCH, LatchRequest("none", latch.number), LatchState)
+        until(lambda: emulator.samples[-1].theta != pytest.approx(HANGING, abs=1e-3), "the arm obeys again")
+        assert emulator.kinds()["diverged"] == 1, "the fault has gone with the arm that it tore apart"
+        assert emulator.process.poll() is None
     finally:
         emulator.close()
 

@@ -112,6 +112,21 @@ def test_an_operator_stops_and_releases_the_arm(desk: Desk) -> None:
     desk.run("down")
 
 
+def test_an_arm_that_has_diverged_begins_anew_without_torque_until_it_is_released(desk: Desk) -> None:
+    desk.up("--detach", "--pace", "lockstep")
+    with join("cell") as bus:
+        watch = Watch(bus)
+        until(lambda: watch.time > 1.0, "the arm moves")
+        bus.ask(FAULT, FaultRequest(("K2*=1000@0",)), Done)
+        until(lambda: watch.texts("diverged"), "the divergence is told")
+        until(lambda: watch.stop() == "torque off", "the bridge knows of the stop")
+        assert desk.run("release", "--why", "another arm", "--who", "anna") == "none: the arm moves\n"
+        until(lambda: boxes(desk).delivered > 0, "the arm sorts")
+        assert len(watch.texts("diverged")) == 1
+    assert desk.summary()["services"]["emulator"]["restarts"] == 0
+    desk.run("down")
+
+
 def test_a_demand_is_made_until_it_is_answered_once() -> None:
     meet = f"tcp/127.0.0.1:{free_port()}"
     asked: list[StopRequest | None] = []
