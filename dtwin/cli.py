@@ -8,13 +8,13 @@ from __future__ import annotations
 import importlib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 from dtwin import __version__
 from dtwin.errors import DtwinError, choices
-from dtwin.options import parse_options
+from dtwin.options import parse_apart, parse_options
 from dtwin.terminal import printable
 
 DESCRIPTION: Final = "A digital twin of a box-sorting arm controlled by IEC 61499 function blocks."
@@ -22,11 +22,19 @@ DESCRIPTION: Final = "A digital twin of a box-sorting arm controlled by IEC 6149
 
 @dataclass(frozen=True)
 class Subcommand:
-    """A subcommand: the module under dtwin.commands that holds its options, the class there, and a line of help."""
+    """A subcommand.
+
+    Attributes:
+        module: module under dtwin.commands that holds its options.
+        options: class of the options there.
+        summary: line of help.
+        read: function that reads the options from the command line.
+    """
 
     module: str
     options: str
     summary: str
+    read: Callable[[Callable[..., Any], str, Sequence[str]], Any] = parse_options
 
 
 GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
@@ -49,7 +57,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "fb stop": Subcommand("blocks.device", "FbStop", "stop what runs on a device"),
     },
     "the cell as services": {
-        "up": Subcommand("live.up", "UpCommand", "start the services of a cell on Zenoh and keep them running"),
+        "up": Subcommand(
+            "live.up", "UpCommand", "start the services of a cell on Zenoh and keep them running", parse_apart
+        ),
         "status": Subcommand("live.up", "StatusCommand", "show how the services of a cell do"),
         "down": Subcommand("live.up", "DownCommand", "stop a cell that is up"),
         "watch": Subcommand("live.watch", "WatchCommand", "print what passes on a cell's bus"),
@@ -176,7 +186,7 @@ def _dispatch(arguments: list[str]) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     entry = COMMANDS[name]
     options = getattr(importlib.import_module(f"dtwin.commands.{entry.module}"), entry.options)
-    command = parse_options(options, f"dtwin {name}", arguments[words:])
+    command = entry.read(options, f"dtwin {name}", arguments[words:])
     status: int = command.execute()
     return status
 

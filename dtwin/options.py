@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
+import pickle
 import re
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -34,6 +37,42 @@ def parse_options(options: Callable[..., Any], prog: str, arguments: Sequence[st
         if exit_.code == 0:
             raise
         raise DtwinError(_one_line(complaint.getvalue(), prog)) from None
+
+
+def parse_apart(options: Callable[..., Any], prog: str, arguments: Sequence[str]) -> Any:
+    """The same as `parse_options` for a process that stays: the parser and its memory are gone with a child.
+
+    Raises:
+        DtwinError: the arguments cannot be read. SystemExit: help was asked for and printed.
+    """
+    sys.stdout.flush()
+    receiver, sender = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            os.write(sender, pickle.dumps(_outcome(options, prog, arguments)))
+        finally:
+            os._exit(0)
+    os.close(sender)
+    with open(receiver, "rb") as pipe:
+        sent = pipe.read()
+    os.waitpid(child, 0)
+    if not sent:
+        raise DtwinError(f"{prog}: the options could not be read")
+    result = pickle.loads(sent)
+    if isinstance(result, BaseException):
+        raise result
+    return result
+
+
+def _outcome(options: Callable[..., Any], prog: str, arguments: Sequence[str]) -> Any:
+    """What `parse_options` returns or raises."""
+    try:
+        result = parse_options(options, prog, arguments)
+        sys.stdout.flush()
+    except BaseException as error:
+        return error
+    return result
 
 
 def arguments(options: Any, declared: type) -> list[str]:

@@ -10,10 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-
-from rich.console import Console
-from rich.live import Live
-from rich.table import Table
+from typing import TYPE_CHECKING
 
 from dtwin.bus.messages import SUMMARY, Summary
 from dtwin.errors import CommunicationError
@@ -22,6 +19,10 @@ from services import runfile
 from services.launch import LOOK, READY_TIMEOUT, CellOptions, launched
 from services.runfile import join
 from services.supervisor import Supervisor
+
+if TYPE_CHECKING:
+    from rich.live import Live
+    from rich.table import Table
 
 
 @dataclass(frozen=True)
@@ -56,17 +57,20 @@ class UpCommand(CellOptions):
         if self.json:
             yield None
             return
+        from rich.console import Console  # A cell that shows nothing does without.
+        from rich.live import Live
+
         with Live(table(supervisor.summary()), console=Console(stderr=True), refresh_per_second=4) as live:
             yield live
 
     def _detach(self) -> int:
-        """Starts the same command in a session of its own and waits until it is ready."""
-        words = [word for word in sys.argv[1:] if word != "--detach"]
+        """Starts the same command, which shows nothing, in a session of its own and waits until it is ready."""
+        words = [word for word in sys.argv[1:] if word not in ("--detach", "--json")]
         output = runfile.folder() / f"{self.cell}.log"
         if runfile.find(self.cell) is not None:
             raise CommunicationError(f"cell {self.cell!r} is up already: stop it with `dtwin down`")
         with output.open("wb") as sink:
-            command = [sys.executable, "-m", "dtwin", *words]
+            command = [sys.executable, "-m", "dtwin", *words, "--json"]
             process = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=sink, stderr=sink, start_new_session=True
             )
@@ -93,6 +97,8 @@ class StatusCommand:
     """Print one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
+        from rich.console import Console
+
         with join(self.cell) as bus:
             summary = bus.ask(SUMMARY, None, Summary)
         if self.json:
@@ -122,6 +128,8 @@ class DownCommand:
 
 def table(summary: Summary) -> Table:
     """A summary for people."""
+    from rich.table import Table
+
     grid = Table("service", "state", "rate", "restarts", "last error", title=_title(summary), title_justify="left")
     colours = {"running": "green", "safe": "red", "dead": "red", "silent": "red"}
     for name, service in summary.services.items():
