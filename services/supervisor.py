@@ -25,7 +25,7 @@ LIFELINE: Final = "DTWIN_LIFELINE"
 """Environment variable of the children: the descriptor that is at its end when the supervisor has gone."""
 KEY: Final = "DTWIN_KEY"
 """Environment variable of the children: the secret with which services of one cell sign, in hexadecimal digits."""
-FIRST_DELAY: Final = 0.25
+FIRST_DELAY: Final = 0.1
 """s before the first restart; every further one waits twice as long"""
 LAST_DELAY: Final = 8.0
 """s, longest"""
