@@ -34,7 +34,7 @@ class Subcommand:
     module: str
     options: str
     summary: str
-    read: Callable[[Callable[..., Any], str, Sequence[str]], Any] = parse_options
+    read: Callable[[type[Any], str, Sequence[str]], Any] = parse_options
 
 
 GROUPS: Final[dict[str, dict[str, Subcommand]]] = {

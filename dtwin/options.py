@@ -5,15 +5,17 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-import pickle
 import re
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+import msgspec
 
 from dtwin.errors import DtwinError, choices
+
+T = TypeVar("T")
 
 
 def parse_options(options: Callable[..., Any], prog: str, arguments: Sequence[str]) -> Any:
@@ -39,40 +41,42 @@ def parse_options(options: Callable[..., Any], prog: str, arguments: Sequence[st
         raise DtwinError(_one_line(complaint.getvalue(), prog)) from None
 
 
-def parse_apart(options: Callable[..., Any], prog: str, arguments: Sequence[str]) -> Any:
+def parse_apart(options: type[T], prog: str, arguments: Sequence[str]) -> T:
     """The same as `parse_options` for a process that stays: the parser and its memory are gone with a child.
 
     Raises:
         DtwinError: the arguments cannot be read. SystemExit: help was asked for and printed.
     """
-    sys.stdout.flush()
+    if {"-h", "--help"} & set(arguments):
+        return parse_options(options, prog, arguments)
     receiver, sender = os.pipe()
     child = os.fork()
     if child == 0:
+        status = 1
         try:
-            os.write(sender, pickle.dumps(_outcome(options, prog, arguments)))
+            os.write(sender, _outcome(options, prog, arguments))
+            status = 0
         finally:
-            os._exit(0)
+            os._exit(status)
     os.close(sender)
     with open(receiver, "rb") as pipe:
         sent = pipe.read()
-    os.waitpid(child, 0)
-    if not sent:
-        raise DtwinError(f"{prog}: the options could not be read")
-    result = pickle.loads(sent)
-    if isinstance(result, BaseException):
-        raise result
-    return result
+    _, status = os.waitpid(child, 0)
+    if status:
+        raise DtwinError(f"{prog}: the options cannot be read")
+    outcome = msgspec.json.decode(sent)
+    if isinstance(outcome, str):
+        raise DtwinError(outcome)
+    return msgspec.convert(outcome, options, dec_hook=lambda kind, value: kind(value))
 
 
-def _outcome(options: Callable[..., Any], prog: str, arguments: Sequence[str]) -> Any:
-    """What `parse_options` returns or raises."""
+def _outcome(options: type[T], prog: str, arguments: Sequence[str]) -> bytes:
+    """The options as a JSON object, or what is wrong with the arguments as a text."""
     try:
-        result = parse_options(options, prog, arguments)
-        sys.stdout.flush()
-    except BaseException as error:
-        return error
-    return result
+        outcome: T | str = parse_options(options, prog, arguments)
+    except DtwinError as error:
+        outcome = str(error)
+    return msgspec.json.encode(outcome, enc_hook=str)
 
 
 def arguments(options: Any, declared: type) -> list[str]:

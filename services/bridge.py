@@ -53,7 +53,9 @@ NAME: Final = "bridge"
 RETRY: Final = 0.2
 """Time between two attempts to reach the controller, s."""
 PATIENCE: Final = 3.0
-"""Time without a controller that is no trouble yet, because it may be starting, s."""
+"""Time without a controller that is no trouble yet, because it may be starting again, s."""
+FIRST_PATIENCE: Final = 15.0
+"""The same before the first controller, which starts beside all other services, s."""
 GAP: Final = round(STALE / PERIOD)
 """Number of ticks without an answer after which the path is planned anew."""
 S = TypeVar("S")
@@ -191,7 +193,7 @@ class Bridge:
                 self._stops.renewed()
             except DtwinError as error:
                 self._looking_since = min(self._looking_since, now)
-                if now - self._looking_since < PATIENCE:
+                if now - self._looking_since < (FIRST_PATIENCE if self._state.settings is None else PATIENCE):
                     log.info("%s", error)
                 else:
                     self._complain(f"no sample is answered: {error}")
