@@ -42,6 +42,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "run": Subcommand("cell.run", "Run", "run the cell: arm, boxes and function blocks; record and summarise"),
         "validate": Subcommand("cell.validate", "Validate", "hold the emulation against the analytic twin"),
         "bench": Subcommand("cell.bench", "Bench", "measure the speed of the parts on this machine"),
+        "machine list": Subcommand("cell.machine", "MachineList", "list the machines that the arm can be"),
+        "machine show": Subcommand("cell.machine", "MachineShow", "show a machine as a file that can be read again"),
+        "machine draw": Subcommand("cell.machine", "MachineDraw", "write the machine of a number to a file"),
         "experiment soak": Subcommand(
             "cell.soak", "ExperimentSoak", "run all services for long, or trouble them; report"
         ),

@@ -14,6 +14,9 @@ from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.boxes import Boxes, BoxesState
 from dtwin.emulation.encoders import Encoders, EncodersState, NoiseKind
 from dtwin.emulation.faults import Condition, Fault, parse_fault, schedule
+from dtwin.emulation.machine.encoding import Encoding
+from dtwin.emulation.machine.plant import MachinePlant
+from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.emulation.plant import Plant, PlantState
 from dtwin.errors import ParameterError
 from dtwin.parameters import HANGING, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
@@ -51,7 +54,8 @@ class Emulation:
     arguments, given equal commands, are equal to the bit; noise and faults do not alter the boxes.
 
     Args:
-        parameters: parameters of the healthy arm; those of the data sheet when None.
+        parameters: parameters that the healthy arm was made to; those of the data sheet when None.
+        machine: what the arm has beside its parameters, and how far it is from them.
         gripper: parameters of the gripper; those of the data sheet when None.
         noise: magnitude N of the encoder noise, rad.
         noise_kind: "uniform" (mean N/2), "gaussian" (standard deviation N) or "none".
@@ -70,6 +74,7 @@ class Emulation:
         self,
         *,
         parameters: ArmParameters | None = None,
+        machine: Machine = IDEAL,
         gripper: GripperParameters | None = None,
         noise: float = 0.0,
         noise_kind: NoiseKind = "uniform",
@@ -83,16 +88,21 @@ class Emulation:
             raise ParameterError(f"seed: expected a whole number from 0 to {LARGEST_COUNT} (2^63 - 1), got {seed}")
         if not all(map(math.isfinite, theta)):
             raise ParameterError(f"start angles: expected three finite numbers, got {theta}")
-        parameters = parameters or ArmParameters()
+        parameters = machine.arm(parameters or ArmParameters())
         gripper = gripper or GripperParameters()
-        box_seed, noise_seed = np.random.SeedSequence(seed).spawn(2)
+        box_seed, noise_seed, machine_seed = np.random.SeedSequence(seed).spawn(3)
         self._condition = Condition(parameters)
         self._healthy = parameters
         self._faults = tuple(faults)
         self._transitions = schedule(parameters, self._faults)[::-1]
         self._boxes = Boxes(np.random.default_rng(box_seed), gripper)
-        self._encoders = Encoders(noise_kind, noise, np.random.default_rng(noise_seed))
-        self._plant = Plant(parameters, gripper, model_file, step)
+        encoding = None
+        if machine.ideal:
+            self._plant = Plant(parameters, gripper, model_file, step)
+        else:
+            self._plant = MachinePlant(machine, parameters, gripper, model_file, step)
+            encoding = Encoding(machine.sensing, np.random.default_rng(machine_seed))
+        self._encoders = Encoders(noise_kind, noise, np.random.default_rng(noise_seed), encoding)
         self._plant.reset(theta)
         self._events: list[Event] = []
         self._gripped = False
@@ -214,7 +224,7 @@ class Emulation:
 
     def _sample(self) -> None:
         time = self._plant.time
-        first, second, third, gripper = self._encoders.measure(self._plant.angles, time)
+        first, second, third, gripper = self._encoders.measure(self._plant.sampled, time)
         waiting = self._boxes.waiting
         self._sensors = Sensors(
             self._sequence,

@@ -1,4 +1,4 @@
-"""Absolute encoders of infinite resolution, with noise and faults: what the sensors say, as opposed to the truth."""
+"""Absolute encoders, with noise, a machine's errors and faults: what the sensors say, as opposed to the truth."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, Literal, get_args
 import msgspec
 
 from dtwin.emulation.generators import generator_state, set_generator_state
+from dtwin.emulation.machine.encoding import Encoding, EncodingState
 from dtwin.errors import ParameterError, choices
 from dtwin.parameters import Triple
 
@@ -44,11 +45,13 @@ class EncodersState(msgspec.Struct, frozen=True):
         generator: state of the random generator before it drew the block of errors in use.
         used: number of samples of this block that have been used.
         last: last readings of joints 1 to 3 and the gripper, rad; empty before the first.
+        encoding: state of a machine's encoders, None for ideal ones.
     """
 
     generator: str
     used: int
     last: list[float]
+    encoding: EncodingState | None = None
 
 
 class Encoders:
@@ -59,12 +62,19 @@ class Encoders:
             noise of mean 0 and standard deviation N.
         magnitude: N, rad.
         generator: random generator of the noise, used for nothing else.
+        encoding: encoders of a machine, which read the noisy angles; None for encoders of infinite resolution.
 
     Raises:
         ParameterError: the kind is unknown, or N is negative or not finite.
     """
 
-    def __init__(self, kind: NoiseKind, magnitude: float, generator: np.random.Generator) -> None:
+    def __init__(
+        self,
+        kind: NoiseKind,
+        magnitude: float,
+        generator: np.random.Generator,
+        encoding: Encoding | None = None,
+    ) -> None:
         if kind not in NOISE_KINDS:
             raise ParameterError(f"noise kind {kind!r}: expected {choices(NOISE_KINDS)}")
         if not (math.isfinite(magnitude) and magnitude >= 0):
@@ -72,6 +82,7 @@ class Encoders:
         self._noisy = kind != "none" and magnitude > 0
         self._magnitude = magnitude
         self._generator = generator
+        self._encoding = encoding
         self._draw = generator.random if kind == "uniform" else generator.standard_normal
         self._before = generator_state(generator)
         self._errors: list[list[float]] = []
@@ -93,6 +104,8 @@ class Encoders:
             errors = self._errors[self._used]
             self._used += 1
             angles = [angle + error for angle, error in zip(angles, errors, strict=True)]
+        if self._encoding is not None:
+            angles = self._encoding.read(angles)
         if self._faulty:
             angles = self._distort(angles, time)
         self._last = angles
@@ -100,7 +113,8 @@ class Encoders:
 
     def state(self) -> EncodersState:
         """What the next measurements depend on, beside the faults."""
-        return EncodersState(self._before, self._used, self._last)
+        encoding = None if self._encoding is None else self._encoding.state()
+        return EncodersState(self._before, self._used, self._last, encoding)
 
     def restore(self, state: EncodersState) -> None:
         """Goes on where encoders of the same kind and magnitude were."""
@@ -110,6 +124,8 @@ class Encoders:
             self._draw_errors()
         self._used = state.used
         self._last = state.last
+        if self._encoding is not None and state.encoding is not None:
+            self._encoding.restore(state.encoding)
 
     def _draw_errors(self) -> None:
         """Draws a block of the four errors of each sample, rad."""

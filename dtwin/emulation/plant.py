@@ -11,10 +11,10 @@ from __future__ import annotations
 import logging
 import math
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
+from typing import ClassVar, Final
 
 import msgspec
 import mujoco
@@ -51,10 +51,14 @@ class PlantState(msgspec.Struct, frozen=True):
     Attributes:
         steps: number of integration steps since the last reset.
         values: MuJoCo's state of the integration (mjSTATE_INTEGRATION) in its own units.
+        pending: commands on their way to the motors: the step in which each arrives, and its voltages, V.
+        sampled: angles at the last sample of the encoders, rad; empty where that is the present.
     """
 
     steps: int
     values: list[float]
+    pending: list[tuple[int, Quad]] = []
+    sampled: list[float] = []
 
 
 class Plant:
@@ -82,6 +86,11 @@ class Plant:
         ParameterError: the step is not above 0.
     """
 
+    _unused: ClassVar = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    """Parts of MuJoCo that the model does without."""
+    _armature: Triple = (0.0, 0.0, 0.0)
+    """Inertia of the rotors on the joints, kg m^2."""
+
     def __init__(
         self,
         parameters: ArmParameters | None = None,
@@ -93,16 +102,17 @@ class Plant:
             raise ParameterError(f"integration step: expected a finite number above 0, got {step}")
         # MuJoCo would write MUJOCO_LOG.TXT into the working directory; the state is checked in `advance` instead.
         mujoco.set_mju_user_warning(_log.debug)
-        self.model = _compile(model_file)
+        self.model = _compile(model_file, self._extend)
         self.model.opt.timestep = step
-        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | self._unused
         self.data = mujoco.MjData(self.model)
         self._scratch = mujoco.MjData(self.model)
         self._step = step
         self._rate = 1.0 / step
         self._links = [self.model.body(name).id for name in LINKS]
         self._tip = self.model.body("tip").id
-        self._qpos, self._qvel, self._ctrl = self.data.qpos, self.data.qvel, self.data.ctrl
+        # A machine may have further degrees of freedom behind those of the arm.
+        self._qpos, self._qvel, self._ctrl = self.data.qpos[:4], self.data.qvel[:4], self.data.ctrl
         self._period, self._period_steps = step, 1
         self.steps = 0
         self.payload = 0.0
@@ -155,7 +165,7 @@ class Plant:
         """Locks the given joints (1 to 3) where they are and frees the others."""
         for i in range(3):
             locked = i + 1 in joints
-            self.model.dof_armature[i] = _LOCK_ARMATURE if locked else 0.0
+            self.model.dof_armature[i] = _LOCK_ARMATURE if locked else self._armature[i]
             if locked:
                 self._qvel[i] = 0.0
         mujoco.mj_setConst(self.model, self._scratch)
@@ -193,14 +203,23 @@ class Plant:
         Raises:
             DivergenceError: a voltage is not finite or far beyond all limits.
         """
+        self.check(volts)
         v1, v2, v3, v4 = volts
-        if not abs(v1) + abs(v2) + abs(v3) + abs(v4) < _COMMAND_LIMIT:
-            raise DivergenceError("voltage command", self.time, volts)
         ctrl = self._ctrl
         ctrl[0] = v1
         ctrl[1] = v2
         ctrl[2] = v3
         ctrl[3] = v4
+
+    def check(self, volts: Quad) -> None:
+        """Checks that voltages (V) can be a command.
+
+        Raises:
+            DivergenceError: a voltage is not finite or far beyond all limits.
+        """
+        v1, v2, v3, v4 = volts
+        if not abs(v1) + abs(v2) + abs(v3) + abs(v4) < _COMMAND_LIMIT:
+            raise DivergenceError("voltage command", self.time, volts)
 
     def advance(self, period: float) -> None:
         """Integrates over a period (s).
@@ -212,12 +231,7 @@ class Plant:
         if period != self._period:
             self._period_steps = self.whole_steps(period)
             self._period = period
-        if self._rubs:
-            with self._friction():
-                mujoco.mj_step(self.model, self.data, self._period_steps)
-        else:
-            mujoco.mj_step(self.model, self.data, self._period_steps)
-        self.steps += self._period_steps
+        self._integrate(self._period_steps)
         last_angles, last_speeds = self.angles, self._speeds
         self._read()
         q1, q2, q3, gripper = self.angles
@@ -250,6 +264,11 @@ class Plant:
     def step(self) -> float:
         """Integration step, s."""
         return self._step
+
+    @property
+    def sampled(self) -> list[float]:
+        """Angles of joints 1 to 3 and of the gripper where and when the encoders take their sample, rad."""
+        return self.angles
 
     @property
     def theta(self) -> Triple:
@@ -287,6 +306,15 @@ class Plant:
         first, second, third, _ = data.qacc.tolist()
         return first, second, third
 
+    def _integrate(self, steps: int) -> None:
+        """Steps MuJoCo."""
+        if self._rubs:
+            with self._friction():
+                mujoco.mj_step(self.model, self.data, steps)
+        else:
+            mujoco.mj_step(self.model, self.data, steps)
+        self.steps += steps
+
     @contextmanager
     def _friction(self) -> Iterator[None]:
         """Adds Coulomb friction to what MuJoCo evaluates inside; its global callback is unset afterwards."""
@@ -309,9 +337,12 @@ class Plant:
         self.angles: list[float] = self._qpos.tolist()
         self._speeds: list[float] = self._qvel.tolist()
 
+    def _extend(self, spec: mujoco.MjSpec) -> None:
+        """Adds to the arm what a machine has beside it."""
 
-def _compile(file: Path) -> mujoco.MjModel:
-    """The compiled model of the parts that move, checked for all the names that this module uses."""
+
+def _compile(file: Path, extend: Callable[[mujoco.MjSpec], None]) -> mujoco.MjModel:
+    """The compiled model of the parts that move, checked for all the names that this module uses, then extended."""
     try:
         spec = mujoco.MjSpec.from_file(str(file))
         _require(file, "body", spec.bodies, (*LINKS, "jaw", "tip"))
@@ -325,14 +356,15 @@ def _compile(file: Path) -> mujoco.MjModel:
             if body.name not in ("world", *LINKS, "jaw", "tip"):
                 spec.delete(body)
         model = spec.compile()
+        joints = tuple(model.joint(i).name for i in range(model.njnt))
+        actuators = tuple(model.actuator(i).name for i in range(model.nu))
+        for kind, found, names in (("joint", joints, JOINTS), ("actuator", actuators, ACTUATORS)):
+            if found != names:
+                raise ModelError(f"{file}: {kind}s are {', '.join(found)}, expected exactly {', '.join(names)}")
+        extend(spec)
+        return spec.compile()
     except ValueError as error:
         raise ModelError(_one_line(file, str(error))) from None
-    joints = tuple(model.joint(i).name for i in range(model.njnt))
-    actuators = tuple(model.actuator(i).name for i in range(model.nu))
-    for kind, found, names in (("joint", joints, JOINTS), ("actuator", actuators, ACTUATORS)):
-        if found != names:
-            raise ModelError(f"{file}: {kind}s are {', '.join(found)}, expected exactly {', '.join(names)}")
-    return model
 
 
 def _require(file: Path, kind: str, elements: Iterable[mujoco.MjsElement], names: Iterable[str]) -> None:

@@ -15,6 +15,7 @@ def emulate(settings: CellSettings) -> Emulation:
     """
     emulation = Emulation(
         parameters=settings.arm,
+        machine=settings.machine,
         noise=settings.noise,
         noise_kind=settings.noise_kind,
         seed=settings.seed,

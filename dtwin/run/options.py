@@ -9,6 +9,8 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.emulation.faults import parse_fault
+from dtwin.emulation.machine.files import is_file, machine_of
+from dtwin.emulation.machine.sections import IDEAL
 from dtwin.parameters import PHYSICS_STEP, ArmParameters, Law, assignment
 from dtwin.run.settings import CellSettings
 
@@ -21,6 +23,13 @@ class ArmOptions:
     """A parameter of the emulated arm, e.g. m1=0.15; repeatable. The controller's model stays as it is."""
     mjcf: Path = MODEL_FILE
     """MJCF file of the arm."""
+    machine: str = IDEAL.name
+    """Machine that the arm is: a name of `dtwin machine list`, a file (*.toml, *.json), or a number to draw it by."""
+
+    def __post_init__(self) -> None:
+        if is_file(self.machine):
+            # Services are started with the same options, and may be in another folder.
+            object.__setattr__(self, "machine", str(Path(self.machine).resolve()))
 
     def parameters(self) -> ArmParameters:
         """The parameters of the emulated arm.
@@ -58,6 +67,7 @@ class PlantOptions(ArmOptions):
             noise_kind=self.noise_kind,
             faults=tuple(parse_fault(text) for text in self.fault),
             arm=self.parameters(),
+            machine=machine_of(self.machine),
             step=self.step,
             model_file=self.mjcf,
         )

@@ -15,6 +15,7 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.emulation.faults import Fault
+from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.parameters import PHYSICS_STEP, ArmParameters
 
 
@@ -26,7 +27,8 @@ class CellSettings:
         duration: plant time of the run, s.
         seed: number of the random generators of boxes and noise, which are independent of each other.
         noise: amplitude (uniform) or standard deviation (gaussian) of the encoder noise, rad.
-        arm: parameters of the plant; the controller keeps its own model.
+        arm: parameters that the arm is made to; the controller keeps its own model.
+        machine: what the arm has beside its parameters, and how far it is from them.
         step: integration step of the physics, s; the controller period must be a whole multiple of it.
     """
 
@@ -38,12 +40,14 @@ class CellSettings:
     arm: ArmParameters = field(default_factory=ArmParameters)
     control: ControlSettings = field(default_factory=ControlSettings)
     step: float = PHYSICS_STEP
+    machine: Machine = IDEAL
     model_file: Path = MODEL_FILE
     blocks: Path = BLOCKS
 
 
 def metadata(settings: CellSettings) -> dict[str, Any]:
-    """The metadata of a log: the settings that the run was made with."""
+    """The metadata of a log: the settings that the run was made with; an ideal machine is not named."""
+    machine = {} if settings.machine.ideal else {"machine": described(settings.machine)}
     return {
         "version": __version__,
         "seed": settings.seed,
@@ -53,4 +57,10 @@ def metadata(settings: CellSettings) -> dict[str, Any]:
         "arm": asdict(settings.arm),
         "control": asdict(settings.control),
         "step": settings.step,
+        **machine,
     }
+
+
+def described(machine: Machine) -> dict[str, Any]:
+    """A machine as JSON: its name, and by section what it has beside the ideal one."""
+    return {"name": machine.name, **machine.effects()}

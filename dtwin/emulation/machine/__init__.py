@@ -1,0 +1,4 @@
+"""Machines: what a real arm has and its equations leave out, in the sections drive, transmission, structure, sensing.
+
+Import from the modules: nothing is re-exported here, so that reading options does not load MuJoCo.
+"""
