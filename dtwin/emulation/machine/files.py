@@ -79,7 +79,7 @@ def load(path: Path) -> Machine:
 
 def toml(machine: Machine) -> str:
     """The text of a machine, which `load` reads back as an equal one."""
-    lines = [f"name = {json.dumps(machine.name, ensure_ascii=False)}"]
+    lines = [f"name = {_toml(machine.name)}"]
     for section, values in machine.effects().items():
         lines += ["", f"[{section}]", *(f"{name} = {_toml(value)}" for name, value in values.items())]
     return "\n".join(lines) + "\n"
@@ -131,4 +131,5 @@ def _number(where: str, value: Any, expected: str) -> float:
 def _toml(value: Any) -> str:
     if isinstance(value, tuple):
         return f"[{', '.join(map(repr, value))}]"
-    return json.dumps(value) if isinstance(value, str) else repr(value)
+    # TOML escapes as JSON does, and DEL beside.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f") if isinstance(value, str) else repr(value)

@@ -29,6 +29,9 @@ from dtwin.signals import Quad
 _FASTEST: Final = 2.0
 """Largest product of step and angular frequency of a spring: RK4 is stable to 2.8."""
 
+_TOLERANCE: Final = 1e-16
+"""Tolerance of the solver of friction: MuJoCo's is relative to the sum of inertias, too lax beside a locked joint."""
+
 
 class MachinePlant(Plant):
     """Arm and gripper of a machine.
@@ -70,6 +73,7 @@ class MachinePlant(Plant):
         self._sample_delay = round((sensing.delay - whole_ticks(sensing.delay) * PERIOD) / step)
         self._spec_step = step
         super().__init__(parameters, gripper, model_file, step)
+        self.model.opt.tolerance = _TOLERANCE
         _check_step(self.model, machine, step)
 
     def set_parameters(self, parameters: ArmParameters) -> None:
