@@ -14,10 +14,10 @@ from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.boxes import Boxes, BoxesState
 from dtwin.emulation.encoders import Encoders, EncodersState, NoiseKind
 from dtwin.emulation.faults import Condition, Fault, parse_fault, schedule
-from dtwin.emulation.machine.encoding import Encoding
-from dtwin.emulation.machine.plant import MachinePlant
+from dtwin.emulation.machine.encoding import encoding_of
+from dtwin.emulation.machine.plant import plant_of
 from dtwin.emulation.machine.sections import IDEAL, Machine
-from dtwin.emulation.plant import Plant, PlantState
+from dtwin.emulation.plant import PlantState
 from dtwin.errors import ParameterError
 from dtwin.parameters import HANGING, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
 from dtwin.signals import LARGEST_COUNT, NO_COLOUR, BoxCounts, Event, EventKind, Sensors, Truth, Voltages
@@ -88,20 +88,16 @@ class Emulation:
             raise ParameterError(f"seed: expected a whole number from 0 to {LARGEST_COUNT} (2^63 - 1), got {seed}")
         if not all(map(math.isfinite, theta)):
             raise ParameterError(f"start angles: expected three finite numbers, got {theta}")
-        parameters = machine.arm(parameters or ArmParameters())
+        made = machine.arm(parameters or ArmParameters())
         gripper = gripper or GripperParameters()
         box_seed, noise_seed, machine_seed = np.random.SeedSequence(seed).spawn(3)
-        self._condition = Condition(parameters)
-        self._healthy = parameters
+        self._condition = Condition(made)
+        self._healthy = made
         self._faults = tuple(faults)
-        self._transitions = schedule(parameters, self._faults)[::-1]
+        self._transitions = schedule(made, self._faults)[::-1]
         self._boxes = Boxes(np.random.default_rng(box_seed), gripper)
-        encoding = None
-        if machine.ideal:
-            self._plant = Plant(parameters, gripper, model_file, step)
-        else:
-            self._plant = MachinePlant(machine, parameters, gripper, model_file, step)
-            encoding = Encoding(machine.sensing, np.random.default_rng(machine_seed))
+        self._plant = plant_of(machine, parameters, gripper, model_file, step)
+        encoding = encoding_of(machine, np.random.default_rng(machine_seed))
         self._encoders = Encoders(noise_kind, noise, np.random.default_rng(noise_seed), encoding)
         self._plant.reset(theta)
         self._events: list[Event] = []

@@ -15,6 +15,8 @@ from rich.console import Console
 from rich.table import Table
 
 from dtwin.controller.excitation import ExcitationController
+from dtwin.emulation.machine.files import machine_of
+from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import IdentificationError, ParameterError
 from dtwin.files import ensure_writable
 from dtwin.identification.data import Experiment, Start, from_log
@@ -70,6 +72,8 @@ class Identify:
     """Whether the simulated experiment's initial state is known or estimated as well."""
     set: list[str] = field(default_factory=list)
     """A parameter of the simulated arm, NAME=NUMBER."""
+    machine: str = IDEAL.name
+    """Machine that the simulated arm is: a name of `dtwin machine list`, a file (*.toml, *.json), or a number."""
     known: Path | None = None
     """JSON file with the parameters that are not estimated, by name; the arm's data sheet if not given."""
     seed: int = 0
@@ -138,8 +142,9 @@ class Identify:
     def _simulated(
         self, settings: EstimationSettings
     ) -> tuple[tuple[Experiment, ...], tuple[Experiment, ...], ArmParameters | None]:
-        truth = ArmParameters().with_values(dict(map(assignment, self.set)))
-        rig = Rig(truth, self.noise, self.noise_kind)
+        nominal, machine = ArmParameters().with_values(dict(map(assignment, self.set))), machine_of(self.machine)
+        truth = machine.arm(nominal)
+        rig = Rig(nominal, self.noise, self.noise_kind, machine=machine)
         start = Start(known=self.start == "known")
         signal = PLAIN
         generators = [np.random.default_rng(s) for s in np.random.SeedSequence(self.seed).spawn(3)]

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 
 from dtwin.emulation.generators import generator_state, set_generator_state
-from dtwin.emulation.machine.sections import Sensing
+from dtwin.emulation.machine.sections import Machine, Sensing
 from dtwin.parameters import PERIOD
 
 if TYPE_CHECKING:
@@ -127,3 +127,8 @@ class Encoding:
             if chance < self._spike:
                 readings[i] += self._sensing.spike if chance < 0.5 * self._spike else -self._sensing.spike
         return readings
+
+
+def encoding_of(machine: Machine, generator: np.random.Generator) -> Encoding | None:
+    """The encoders of a machine; None for an ideal one, whose encoders read what is."""
+    return None if machine.ideal else Encoding(machine.sensing, generator)

@@ -170,6 +170,25 @@ class MachinePlant(Plant):
         return [*(angles[motor if on_motor else joint] for on_motor, motor, joint in sides), angles[len(JOINTS) - 1]]
 
 
+def plant_of(
+    machine: Machine,
+    nominal: ArmParameters | None = None,
+    gripper: GripperParameters | None = None,
+    model_file: Path = MODEL_FILE,
+    step: float = PHYSICS_STEP,
+) -> Plant:
+    """The arm of a machine that was made to nominal parameters, those of the data sheet when None.
+
+    Raises:
+        ModelError: the model file cannot be used.
+        ParameterError: the step is not above 0, or too long for the machine.
+    """
+    made = machine.arm(nominal or ArmParameters())
+    if machine.ideal:
+        return Plant(made, gripper, model_file, step)
+    return MachinePlant(machine, made, gripper, model_file, step)
+
+
 def _check_step(model: mujoco.MjModel, machine: Machine, step: float) -> None:
     for joint, lag in enumerate(machine.drive.lag, 1):
         if 0 < lag < step:

@@ -8,7 +8,9 @@ import numpy as np
 
 from dtwin.controller.excitation import ExcitationController
 from dtwin.emulation.encoders import Encoders, NoiseKind
-from dtwin.emulation.plant import Plant
+from dtwin.emulation.machine.encoding import encoding_of
+from dtwin.emulation.machine.plant import plant_of
+from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.identification.data import Experiment
 from dtwin.identification.excitation.plan import Plan
 from dtwin.parameters import PERIOD, ArmParameters
@@ -19,16 +21,18 @@ class Rig:
     """The test rig of an experiment: an emulated arm with properties that the plan does not know.
 
     Attributes:
-        arm: true parameters of the arm.
+        arm: parameters that the arm is made to.
         noise: magnitude N of the encoder noise, rad.
         noise_kind: "uniform" (mean N/2), "gaussian" (standard deviation N) or "none".
         excess_payload: mass by which the load is heavier than planned, kg.
+        machine: what the arm has beside its parameters, and how far it is from them.
     """
 
     arm: ArmParameters = field(default_factory=ArmParameters)
     noise: float = 0.0
     noise_kind: NoiseKind = "uniform"
     excess_payload: float = 0.0
+    machine: Machine = IDEAL
 
     @property
     def deviation(self) -> float:
@@ -41,25 +45,26 @@ class Rig:
         Args:
             plan: plan of the experiment.
             controller: control application, which plays the signal.
-            generator: random generator of the encoder noise.
+            generator: random generator of the encoders.
 
         Raises:
             ParameterError: a number is out of range.
             DivergenceError: the state of the arm is no longer finite.
         """
-        plant = Plant(self.arm)
+        plant = plant_of(self.machine, self.arm)
         plant.reset(plan.start.theta, plan.start.omega)
         load = plan.payload + self.excess_payload if plan.payload else 0.0
         if plan.payload_model == "weight":
             plant.set_weight(load)
         else:
             plant.set_payload(load)
-        encoders = Encoders(self.noise_kind, self.noise, generator)
+        encoding = encoding_of(self.machine, generator.spawn(1)[0])
+        encoders = Encoders(self.noise_kind, self.noise, generator, encoding)
         signal = plan.signal
         controller.begin(signal.amplitude, signal.unit, signal.delay, plan.samples)
         measured, volts = np.empty((plan.samples, 3)), np.empty((plan.samples, 3))
         for k in range(plan.samples):
-            first, second, third, gripper = encoders.measure(plant.angles, plant.time)
+            first, second, third, gripper = encoders.measure(plant.sampled, plant.time)
             command = controller.step((first, second, third), gripper)
             measured[k], volts[k] = (first, second, third), command[:3]
             plant.apply(command)

@@ -36,7 +36,7 @@ class Balance:
         return float(data.energy.sum()) + ripple
 
     def advance(self) -> None:
-        """One step; powers are summed by the trapezoidal rule, from the start of the step, where a new command acts."""
+        """One step; powers are summed by the trapezoidal rule, from its start, where a new command acts."""
         before = self._power()
         self._plant.advance(STEP)
         after = self._power()
