@@ -9,6 +9,7 @@ import pytest
 
 from dtwin.cli import COMMANDS, main
 from dtwin.emulation.faults import TARGETS, parse_fault
+from dtwin.emulation.machine.sections import SECTIONS, declared
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.options import parse_options
 from dtwin.parameters import PICKUP, PLACES, ROOT, ArmParameters
@@ -50,6 +51,12 @@ def test_faults_and_columns_are_listed() -> None:
     for column in COLUMNS:
         stem = re.sub(r"_\d$", "", column)
         assert re.search(rf"\b{stem}(_1\.\.\d)?\b", MODEL), column
+
+
+def test_every_effect_of_a_machine_is_explained() -> None:
+    explained = set(re.findall(r"`(\w+)`", (ROOT / "docs" / "machine.md").read_text()))
+    for section in SECTIONS.values():
+        assert set(declared(section)) <= explained, section.__name__
 
 
 def commands() -> list[list[str]]:
