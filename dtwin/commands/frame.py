@@ -16,6 +16,7 @@ from rich.markdown import Markdown
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from dtwin import pool
+from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import ParameterError
 from dtwin.experiments.report import Report, ensure_folder
 from dtwin.terminal import as_text, print_json
@@ -29,6 +30,19 @@ class JsonOption:
 
     json: bool = False
     """Print one JSON object on standard output and nothing else."""
+
+
+@dataclass(frozen=True)
+class MachineOption:
+    """The option of the experiments that can be made on another machine than the ideal one."""
+
+    machine: str = IDEAL.name
+    """Machine that the arm is: a name of `dtwin machine list`, a file (*.toml, *.json), or a number to draw it by."""
+
+    def titled(self, report: Report) -> Report:
+        """The report with the machine in its title, unless that is the ideal one."""
+        title = report.title if self.machine == IDEAL.name else f"{report.title}, machine {self.machine}"
+        return Report(title, report.parts)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from dtwin.cli import main
+from dtwin.emulation.machine.sections import Machine, Structure
 from dtwin.experiments.monitoring.numbers import CHART
 from dtwin.experiments.monitoring.scorecard import Scorecard, faults_experiment, label, summary
 from dtwin.experiments.monitoring.scorecard_report import faults_report
@@ -101,6 +102,11 @@ def test_a_recording_shows_what_the_monitor_made_of_it(
         (["experiment", "faults", "--hours", "-1"], "--hours"),
         (["experiment", "failure", "--runs", "0"], "--runs"),
         (["experiment", "stop", "--runs", "0"], "--runs"),
+        (["experiment", "faults", "--machine", "oops"], "machine 'oops': expected a file"),
+        (["experiment", "failure", "--machine", "oops"], "machine 'oops': expected a file"),
+        (["experiment", "stop", "--machine", "oops"], "machine 'oops': expected a file"),
+        (["experiment", "sampling", "--machine", "oops"], "machine 'oops': expected a file"),
+        (["identify", "--machine", "oops"], "machine 'oops': expected a file"),
         (["experiment", "stop", "--seed", "-1"], "--seed"),
         (["experiment", "stop", "--workers", "0"], "--workers"),
         (["experiment", "stop", "--out", "/dev/null/page"], "/dev/null"),
@@ -167,6 +173,13 @@ def test_a_line_of_the_scorecard_counts_what_was_missed() -> None:
 def test_equal_trials_have_equal_outcomes() -> None:
     trial = FaultTrial(3, "bias1+=0.02", noise=0.002, start=12.0)
     assert run_trial(trial) == run_trial(trial)
+
+
+def test_a_fault_is_found_on_a_machine_that_was_identified() -> None:
+    heavier = Machine("heavier", structure=Structure(inertia=(1.1, 1.1, 1.1), com=(1.01, 1.01, 1.01)))
+    seen = run_trial(FaultTrial(3, "cut1", noise=0.002, start=12.0, machine=heavier))
+    assert (seen.detected, seen.cause, seen.joint) == (True, *true_cause("cut1"))
+    assert seen != run_trial(FaultTrial(3, "cut1", noise=0.002, start=12.0))
 
 
 def test_the_thesis_monitor_watches_the_same_trials() -> None:

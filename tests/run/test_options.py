@@ -6,10 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.emulation.encoders import NoiseKind
+from dtwin.emulation.machine.files import machine_of
+from dtwin.emulation.machine.sections import IDEAL
+from dtwin.errors import ModelError
 from dtwin.options import arguments, parse_options
 from dtwin.parameters import Law
 from dtwin.run.options import ArmOptions, ControlOptions, PlantOptions
@@ -39,6 +43,7 @@ class Cell(PlantOptions, ControlOptions):
         set=words,
         step=numbers,
         mjcf=st.sampled_from([Path("/tmp/other.xml"), PlantOptions().mjcf]),
+        machine=st.sampled_from(["ideal", "servo", "17", "/tmp/mine.toml"]),
         target_time=numbers,
         law=st.sampled_from(get_args(Law)),
         other=st.integers(),
@@ -58,3 +63,13 @@ def test_services_are_started_with_the_options_of_the_cell(cell: Cell) -> None:
 def test_paths_of_arguments_hold_in_any_folder() -> None:
     assert arguments(PlantOptions(mjcf=Path("arm.xml")), PlantOptions) == ["--mjcf", str(Path("arm.xml").resolve())]
     assert arguments(PlantOptions(), PlantOptions) == []
+    file = ["--machine", str(Path("mine.toml").resolve())]
+    assert arguments(PlantOptions(machine="mine.toml"), PlantOptions) == file
+    assert arguments(PlantOptions(machine="servo"), PlantOptions) == ["--machine", "servo"]
+
+
+def test_the_machine_of_the_options_is_that_of_the_cell() -> None:
+    assert PlantOptions().settings().machine == IDEAL
+    assert PlantOptions(machine="lag").settings().machine == machine_of("lag")
+    with pytest.raises(ModelError, match="machine 'oops': expected a file"):
+        PlantOptions(machine="oops").settings()

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from dtwin.commands.frame import ExperimentCommand, SeriesCommand, at_least
+from dtwin.commands.frame import ExperimentCommand, MachineOption, SeriesCommand, at_least
+from dtwin.emulation.machine.files import machine_of
 from dtwin.experiments.monitoring.failure import failure_experiment, failure_report
 from dtwin.experiments.monitoring.sampling import Speed, sampling_experiment, sampling_report
 from dtwin.experiments.monitoring.scorecard import FAULTS, NOISES, Scorecard, faults_experiment
@@ -20,7 +21,7 @@ from dtwin.pool import Progress
 
 
 @dataclass(frozen=True)
-class ExperimentFailure(SeriesCommand[list[FaultOutcome]]):
+class ExperimentFailure(SeriesCommand[list[FaultOutcome]], MachineOption):
     """Let K2 drop to 10 % at 45 s, and watch the same runs with the default monitor and the thesis's."""
 
     name: ClassVar = "failure"
@@ -32,10 +33,10 @@ class ExperimentFailure(SeriesCommand[list[FaultOutcome]]):
 
     def measure(self, progress: Progress) -> list[FaultOutcome]:
         at_least("--runs", self.runs, 1)
-        return failure_experiment(self.runs, self.noise, self.seed, self.workers, progress)
+        return failure_experiment(self.runs, self.noise, self.seed, machine_of(self.machine), self.workers, progress)
 
     def report(self, result: list[FaultOutcome]) -> Report:
-        return failure_report(result)
+        return self.titled(failure_report(result))
 
     def figures(self, result: list[FaultOutcome]) -> dict[str, Any]:
         default = [outcome for outcome in result if outcome.method == "default"]
@@ -43,7 +44,7 @@ class ExperimentFailure(SeriesCommand[list[FaultOutcome]]):
 
 
 @dataclass(frozen=True)
-class ExperimentFaults(SeriesCommand[Scorecard]):
+class ExperimentFaults(SeriesCommand[Scorecard], MachineOption):
     """Watch many kinds of fault in several sizes, and hours without any, on the emulated cell."""
 
     name: ClassVar = "faults"
@@ -62,17 +63,27 @@ class ExperimentFaults(SeriesCommand[Scorecard]):
         at_least("--hours", self.hours, 0)
         settings = MonitorSettings(alarms_per_hour=self.alarms_per_hour)
         faults = self.fault or FAULTS
-        return faults_experiment(self.runs, self.hours, faults, NOISES, self.seed, settings, self.workers, progress)
+        return faults_experiment(
+            self.runs,
+            self.hours,
+            faults,
+            NOISES,
+            self.seed,
+            settings,
+            machine_of(self.machine),
+            self.workers,
+            progress,
+        )
 
     def report(self, result: Scorecard) -> Report:
-        return faults_report(result)
+        return self.titled(faults_report(result))
 
     def figures(self, result: Scorecard) -> dict[str, Any]:
         return _figures(result.outcomes, result.false_alarms, result.hours)
 
 
 @dataclass(frozen=True)
-class ExperimentSampling(ExperimentCommand[list[Speed]]):
+class ExperimentSampling(ExperimentCommand[list[Speed]], MachineOption):
     """Run the thesis's monitor in every combination of simulation step and sample time, and the default one.
 
     Processor time is measured, so one process does it all.
@@ -84,17 +95,17 @@ class ExperimentSampling(ExperimentCommand[list[Speed]]):
     """Magnitude of the encoder noise, rad."""
 
     def measure(self, progress: Progress) -> list[Speed]:
-        return sampling_experiment(self.noise, self.seed, progress=progress)
+        return sampling_experiment(self.noise, self.seed, machine=machine_of(self.machine), progress=progress)
 
     def report(self, result: list[Speed]) -> Report:
-        return sampling_report(result)
+        return self.titled(sampling_report(result))
 
     def figures(self, result: list[Speed]) -> dict[str, Any]:
         return {"combinations": result}
 
 
 @dataclass(frozen=True)
-class ExperimentStop(SeriesCommand[list[StopOutcome]]):
+class ExperimentStop(SeriesCommand[list[StopOutcome]], MachineOption):
     """Let the function blocks stop the arm on the monitor's verdict: how fast, and whether it can be held."""
 
     name: ClassVar = "stop"
@@ -108,10 +119,12 @@ class ExperimentStop(SeriesCommand[list[StopOutcome]]):
 
     def measure(self, progress: Progress) -> list[StopOutcome]:
         at_least("--runs", self.runs, 1)
-        return stop_experiment(self.runs, self.fault or STOPPED, self.noise, self.seed, self.workers, progress)
+        return stop_experiment(
+            self.runs, self.fault or STOPPED, self.noise, self.seed, machine_of(self.machine), self.workers, progress
+        )
 
     def report(self, result: list[StopOutcome]) -> Report:
-        return stopping_report(result)
+        return self.titled(stopping_report(result))
 
     def figures(self, result: list[StopOutcome]) -> dict[str, Any]:
         return {"runs": result}

@@ -1,7 +1,7 @@
 """What a machine adds to the arm's MJCF model; everything here is a native part of MuJoCo.
 
-lag            activation u' of the motor: T u'' = u - u' (dyntype filter), or u' = u without a lag
-back-EMF       torque = K (u' - k_e w), w the velocity of the motor (biastype affine)
+lag            activation v of the motor: T dv/dt = u - v (dyntype filter), or v = u without a lag
+back-EMF       torque = K (v - k_e w), w the velocity of the motor (biastype affine)
 torque ripple  A sin(n q + phi) (the cogging of a dcmotor actuator beside the motor)
 rotor          armature J of the motor's joint
 elastic gear   the motor gets a joint of its own; a tendon of the length motor - link has stiffness and damping, and

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.experiments.monitoring.numbers import CHART, number, percent
 from dtwin.experiments.monitoring.scorecard import summary
 from dtwin.experiments.monitoring.trial import METHODS, FaultOutcome, FaultTrial, Method, run_trial
@@ -32,6 +33,7 @@ def failure_experiment(
     runs: int = 50,
     noise: float = 0.005,
     seed: int = 0,
+    machine: Machine = IDEAL,
     workers: int | None = None,
     progress: Progress = lambda done, of: None,
 ) -> list[FaultOutcome]:
@@ -43,11 +45,12 @@ def failure_experiment(
         runs: number of runs, each with its own boxes, noise and identified model.
         noise: magnitude of the encoder noise, rad.
         seed: number of the first run's random generators; each further run takes the next one.
+        machine: the machine that the arm is.
         workers: number of processes, as many as there are cores if None.
         progress: told the numbers of runs done and in all.
     """
     trials = [
-        FaultTrial(seed + run, FAULT, method, noise, start=START, patience=30.0, motion=float("inf"))
+        FaultTrial(seed + run, FAULT, method, noise, start=START, patience=30.0, motion=float("inf"), machine=machine)
         for method in METHODS
         for run in range(runs)
     ]

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from dtwin.emulation.faults import parse_fault
+from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.experiments.monitoring.failure import FAULT, START
 from dtwin.experiments.monitoring.numbers import CHART, number
 from dtwin.experiments.monitoring.trial import Method, identified_belief
@@ -59,6 +60,7 @@ def sampling_experiment(
     steps: Sequence[float] = STEPS,
     sample_times: Sequence[float] = SAMPLE_TIMES,
     duration: float = DURATION,
+    machine: Machine = IDEAL,
     progress: Progress = lambda done, of: None,
 ) -> list[Speed]:
     """Watches one run with the thesis's method in every combination, and with the default method.
@@ -71,12 +73,13 @@ def sampling_experiment(
         steps: steps of the simulation, s.
         sample_times: times between two comparisons, s.
         duration: plant time of the run, s.
+        machine: the machine that the arm is.
         progress: told the numbers of combinations done and in all.
     """
-    cell = Cell(CellSettings(duration, seed, noise, faults=(parse_fault(f"{FAULT}@{START:g}"),)))
+    cell = Cell(CellSettings(duration, seed, noise, faults=(parse_fault(f"{FAULT}@{START:g}"),), machine=machine))
     cell.run()
     seen = stream(cell.log.freeze())
-    belief = identified_belief(noise, "uniform", seed)
+    belief = identified_belief(noise, "uniform", seed, machine)
     combinations = [(step, sample_time) for step in steps for sample_time in sample_times]
     results = []
     for done, (step, sample_time) in enumerate(combinations, 1):

@@ -11,6 +11,7 @@ import numpy as np
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.emulation import Emulation
+from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.experiments.monitoring.trial import FaultOutcome, FaultTrial, identified_belief, run_trial, true_cause
 from dtwin.monitoring.monitor import Monitor, MonitorSettings
 from dtwin.pool import Progress, spread
@@ -45,12 +46,14 @@ class Healthy:
         noise: magnitude of the encoder noise, rad.
         hours: plant time, hours.
         settings: what the monitor is run with.
+        machine: the machine that the arm is, for the identification too.
     """
 
     seed: int
     noise: float
     hours: float
     settings: MonitorSettings
+    machine: Machine
 
 
 class Quiet(msgspec.Struct, frozen=True):
@@ -168,14 +171,14 @@ def _quantile(values: np.ndarray, share: float) -> float:
 
 def run_healthy(work: Healthy) -> Quiet:
     """Runs normal work and watches it."""
-    monitor = Monitor(identified_belief(work.noise, "uniform", work.seed), work.settings)
+    monitor = Monitor(identified_belief(work.noise, "uniform", work.seed, work.machine), work.settings)
 
     def record(step: StepRecord) -> None:
         command = step.voltages
         volts = np.array(command.volts[:3])
         monitor.update(step.sensors.sequence, np.array(step.sensors.theta), volts, command.box_gripped)
 
-    plant = Emulation(noise=work.noise, seed=work.seed)
+    plant = Emulation(machine=work.machine, noise=work.noise, seed=work.seed)
     run(plant, EmbeddedController(), tick_count(3600.0 * work.hours), record=record)
     alarms = tuple(f"{event.time:.2f} s: {event.text}" for event in monitor.events if event.kind == "failed")
     return Quiet(work.seed, work.noise, work.hours, alarms)
@@ -193,6 +196,7 @@ def faults_experiment(
     noises: Sequence[float] = NOISES,
     seed: int = 0,
     settings: MonitorSettings | None = None,
+    machine: Machine = IDEAL,
     workers: int | None = None,
     progress: Progress = lambda done, of: None,
 ) -> Scorecard:
@@ -205,6 +209,7 @@ def faults_experiment(
         noises: magnitudes of the encoder noise, rad.
         seed: number of the first run's random generators; each further run takes the next one.
         settings: what the monitor is run with.
+        machine: the machine that the arm is.
         workers: number of processes, as many as there are cores if None.
         progress: told the numbers of runs done and in all.
 
@@ -217,10 +222,12 @@ def faults_experiment(
     jobs: list[FaultTrial | Healthy] = []
     while hours > 1e-6:
         number = len(jobs)
-        jobs.append(Healthy(seed + 1000 + number, noises[number % len(noises)], min(hours, CHUNK_HOURS), settings))
+        jobs.append(
+            Healthy(seed + 1000 + number, noises[number % len(noises)], min(hours, CHUNK_HOURS), settings, machine)
+        )
         hours -= CHUNK_HOURS
     jobs += [
-        FaultTrial(seed + k, fault, noise=noises[k % len(noises)], settings=settings)
+        FaultTrial(seed + k, fault, noise=noises[k % len(noises)], settings=settings, machine=machine)
         for fault in faults
         for k in range(seeds)
     ]

@@ -14,6 +14,7 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import STOP, VERDICT
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.faults import parse_fault
+from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.errors import DivergenceError
 from dtwin.experiments.monitoring.numbers import CHART, median_and_largest
 from dtwin.experiments.monitoring.trial import MOVING, identified_belief, true_cause
@@ -50,11 +51,13 @@ class StopTrial:
         seed: number of the random generators of boxes, noise, identification and start of the fault.
         fault: the fault, in the notation of `parse_fault`, without its start.
         noise: magnitude of the encoder noise, rad.
+        machine: the machine that the arm is, for the identification too.
     """
 
     seed: int
     fault: str
     noise: float = 0.003
+    machine: Machine = IDEAL
 
 
 class StopOutcome(msgspec.Struct, frozen=True):
@@ -91,6 +94,7 @@ def stop_experiment(
     faults: Sequence[str] = FAULTS,
     noise: float = 0.003,
     seed: int = 0,
+    machine: Machine = IDEAL,
     workers: int | None = None,
     progress: Progress = lambda done, of: None,
 ) -> list[StopOutcome]:
@@ -101,6 +105,7 @@ def stop_experiment(
         faults: the faults, in the notation of `parse_fault`, without their start.
         noise: magnitude of the encoder noise, rad.
         seed: number of the first run's random generators; each further run takes the next one.
+        machine: the machine that the arm is.
         workers: number of processes, as many as there are cores if None.
         progress: told the numbers of runs done and in all.
 
@@ -109,7 +114,7 @@ def stop_experiment(
     """
     for fault in faults:
         true_cause(fault)
-    trials = [StopTrial(seed + k, fault, noise) for fault in faults for k in range(runs)]
+    trials = [StopTrial(seed + k, fault, noise, machine) for fault in faults for k in range(runs)]
     return spread(stop_trial, trials, workers, progress)
 
 
@@ -119,10 +124,10 @@ class _StopRun:
         start = 30.0 + 30.0 * float(np.random.default_rng((trial.seed, 2)).random())
         self._start = round(start / PERIOD) * PERIOD
         fault = parse_fault(f"{trial.fault}@{self._start:.2f}")
-        self._plant = Emulation(noise=trial.noise, seed=trial.seed, faults=(fault,))
+        self._plant = Emulation(machine=trial.machine, noise=trial.noise, seed=trial.seed, faults=(fault,))
         self._controller = EmbeddedController()
         self._verdicts = self._controller.resource.server(VERDICT.block)
-        self._monitor = Monitor(identified_belief(trial.noise, "uniform", trial.seed))
+        self._monitor = Monitor(identified_belief(trial.noise, "uniform", trial.seed, trial.machine))
         self._demanded: float | None = None
         self._moving = False
         self._still = 0

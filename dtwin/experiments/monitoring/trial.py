@@ -13,6 +13,7 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.emulation.faults import Fault, parse_fault
+from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.errors import DivergenceError
 from dtwin.experiments.identification.standard import standard_estimate
 from dtwin.identification.excitation.rig import Rig
@@ -54,6 +55,7 @@ class FaultTrial:
         motion: time in motion after the start of the fault at which the run ends, s.
         thesis_settings: what the thesis's monitor is run with.
         settings: what the default monitor is run with.
+        machine: the machine that the arm is, for the identification too.
     """
 
     seed: int
@@ -66,6 +68,7 @@ class FaultTrial:
     motion: float = 6.0
     thesis_settings: ThesisSettings = field(default_factory=ThesisSettings)
     settings: MonitorSettings = field(default_factory=MonitorSettings)
+    machine: Machine = IDEAL
 
 
 class FaultOutcome(msgspec.Struct, frozen=True):
@@ -104,9 +107,10 @@ class FaultOutcome(msgspec.Struct, frozen=True):
     hours: float
 
 
-def identified_belief(noise: float, noise_kind: NoiseKind, seed: int) -> Belief:
+def identified_belief(noise: float, noise_kind: NoiseKind, seed: int, machine: Machine = IDEAL) -> Belief:
     """A model of the healthy arm from one identification run at the given noise, as imperfect as that makes it."""
-    estimate = standard_estimate(Rig(noise=noise, noise_kind=noise_kind), np.random.default_rng((seed, 1)))
+    rig = Rig(noise=noise, noise_kind=noise_kind, machine=machine)
+    estimate = standard_estimate(rig, np.random.default_rng((seed, 1)))
     return identified(from_estimate(estimate, np.ones(3), "simulated"))
 
 
@@ -131,6 +135,7 @@ class _FaultRun:
         self.fault: Fault | None = parse_fault(f"{trial.fault}@{self.start:.2f}") if trial.fault else None
         awaited = self.fault is not None and self.fault.target == "slip"
         self.plant = Emulation(
+            machine=trial.machine,
             noise=trial.noise,
             noise_kind=trial.noise_kind,
             seed=trial.seed,
@@ -138,7 +143,7 @@ class _FaultRun:
         )
         self.awaited = awaited
         self.controller = EmbeddedController()
-        belief = identified_belief(trial.noise, trial.noise_kind, trial.seed)
+        belief = identified_belief(trial.noise, trial.noise_kind, trial.seed, trial.machine)
         self.monitor: Monitor | ThesisMonitor
         if trial.method == "default":
             self.monitor = Monitor(belief, trial.settings)

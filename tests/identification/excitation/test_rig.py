@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import ParameterError
 from dtwin.identification.estimation.problem import Problem
 from dtwin.identification.excitation.plan import HELD_OUT, PLAIN, Excitation, Plan
@@ -33,6 +34,16 @@ def test_runs_repeat() -> None:
     plan, rig = Plan(samples=50), Rig(noise=0.01)
     first, second = (rig.measure(plan, BLOCKS, np.random.default_rng(5)) for _ in range(2))
     assert np.array_equal(first.measured, second.measured)
+
+
+def test_an_experiment_on_a_machine_is_one_on_the_arm_that_it_is() -> None:
+    plan = Plan(samples=120)
+    weak = Rig(machine=machine_of("weak-motor")).measure(plan, BLOCKS, np.random.default_rng(5))
+    same = Rig(ARM.with_values({"K2": 0.9 * ARM.get("K2")})).measure(plan, BLOCKS, np.random.default_rng(5))
+    assert np.abs(weak.measured - same.measured).max() < 1e-9
+    coarse = Rig(machine=machine_of("encoders-12-bit")).measure(plan, BLOCKS, np.random.default_rng(5))
+    steps = coarse.measured / (2 * np.pi / 2**12)
+    assert np.abs(steps - np.round(steps)).max() < 1e-9
 
 
 def test_signal_is_checked() -> None:
