@@ -28,8 +28,8 @@ _SUFFIXES: Final = (".toml", ".json")
 
 
 def names() -> list[str]:
-    """Names of the machines in `machines/`, ideal first."""
-    return sorted((path.stem for path in FOLDER.glob("*.toml")), key=lambda name: (name != IDEAL.name, name))
+    """Names of the machines: ideal, and those of the files in `machines/`."""
+    return [IDEAL.name, *sorted(path.stem for path in FOLDER.glob("*.toml"))]
 
 
 def is_file(text: str) -> bool:
@@ -44,6 +44,8 @@ def machine_of(text: str) -> Machine:
         ModelError: there is no such machine, or its file cannot be read.
         ParameterError: a number of the machine is out of range.
     """
+    if text == IDEAL.name:
+        return IDEAL
     if is_file(text):
         return load(Path(text))
     if text.isascii() and text.isdecimal():
