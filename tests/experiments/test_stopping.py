@@ -18,10 +18,9 @@ def test_an_arm_whose_motor_2_has_lost_its_torque_ends_without_voltage() -> None
     assert outcome.torque_off_s is not None
     assert 0.4 <= outcome.torque_off_s < 3.0
     assert outcome.rest_s is None
-    assert stop_trial(StopTrial(0, "K2*=0.1")) == outcome
 
 
-@pytest.mark.parametrize("fault", ["D2*=4", "payload*=1.5", "lock2"])
+@pytest.mark.parametrize("fault", ["payload*=1.5", "lock2"])
 def test_an_arm_that_can_be_held_is_brought_to_rest_and_held(fault: str) -> None:
     outcome = stop_trial(StopTrial(1, fault))
     assert outcome.moving
