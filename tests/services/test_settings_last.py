@@ -221,7 +221,7 @@ def test_confirmed_settings_are_in_force_before_the_arm_moves(desk: Desk, tmp_pa
             assert bus.ask(UPLOAD, None, Upload).action == "confirm"
         for killed in (("controller",), ("controller", "bridge")):
             watch.demand("torque off")
-            off = watch.tick + 1
+            off = watch.catch_up()
             watch.kill(killed)
             until(lambda: watch.stop() == "torque off", "the bridge answers", PATIENCE)
             watch.goes_on(50)
