@@ -47,6 +47,7 @@ class EventKind(StrEnum):
     MISPLACED = "misplaced"
     SLIPPED = "slipped"
     GRIP_MISSED = "grip_missed"
+    COLLISION = "collision"
     FAULT = "fault"
     SAFE = "safe"
     RESUMED = "resumed"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Iterable
 from typing import Final
 
 import msgspec
@@ -52,62 +53,131 @@ class BoxesState(msgspec.Struct, frozen=True):
     errors: list[float]
 
 
-class Boxes:
-    """The stream of boxes and the state of each: waiting, held or placed.
+class Arrivals:
+    """The stream of boxes that come to the cell.
 
-    Arrivals follow from the generator alone: every arrival draws its mass and colour even if it is dropped, so the
+    It follows from the generator alone: every arrival draws its mass and colour even if it is dropped, so the
     boxes that come do not depend on what the arm does. With u uniform in [0, 1), the first box arrives at
     round(15 u, 2) + 0.5 s and every further one round(30 u, 2) s after the one before. Times are counted in whole
     hundredths of a second, so that their sum stays exact.
 
     Args:
         generator: random generator of arrival times, masses and colours, used for nothing else.
+
+    Attributes:
+        hundredths: hundredths of a second of plant time at which the next box arrives.
+        coming: box that arrives then.
+    """
+
+    def __init__(self, generator: np.random.Generator) -> None:
+        self._generator = generator
+        self.hundredths = round(1500 * generator.random()) + 50
+        self.coming = self._draw_box()
+
+    @property
+    def time(self) -> float:
+        """Plant time at which the next box arrives, s."""
+        return self.hundredths / 100
+
+    def take(self) -> Box:
+        """The box that arrives, after which the next one comes."""
+        box = self.coming
+        self.hundredths += round(3000 * self._generator.random())
+        self.coming = self._draw_box()
+        return box
+
+    def generator(self) -> str:
+        """State of the random generator."""
+        return generator_state(self._generator)
+
+    def restore(self, generator: str, hundredths: int, coming: Box) -> None:
+        """Goes on where another stream was."""
+        set_generator_state(self._generator, generator)
+        self.hundredths, self.coming = hundredths, coming
+
+    def _draw_box(self) -> Box:
+        """A box of 0.190 + 0.020 u kg, u uniform in [0, 1), and of any colour."""
+        mass = 0.190 + 0.020 * self._generator.random()
+        return Box(mass, _COLOURS[int(self._generator.integers(len(_COLOURS)))])
+
+
+class Tally:
+    """What became of the boxes.
+
+    Attributes:
+        events: number of events by kind.
+        errors: distance of every delivered box from its place, mm.
+    """
+
+    def __init__(self) -> None:
+        self.events: Counter[EventKind] = Counter()
+        self.errors: list[float] = []
+
+    def count(self, time: float, kind: EventKind, text: str) -> Event:
+        """The event of a kind at a plant time (s), counted."""
+        self.events[kind] += 1
+        return Event(time, kind, text)
+
+    def counts(self, held: int) -> BoxCounts:
+        """The counts while a number of boxes are held."""
+        events = self.events
+        return BoxCounts(
+            events[EventKind.ARRIVED],
+            events[EventKind.DROPPED_ARRIVAL],
+            events[EventKind.PICKED],
+            events[EventKind.DELIVERED],
+            events[EventKind.MISPLACED] + events[EventKind.SLIPPED],
+            held,
+        )
+
+    def numbers(self) -> dict[str, int]:
+        """The number of events by kind, as it is stored."""
+        return {str(kind): number for kind, number in self.events.items()}
+
+    def restore(self, numbers: dict[str, int], errors: list[float]) -> None:
+        """Goes on where another tally was."""
+        self.events = Counter({EventKind(kind): number for kind, number in numbers.items()})
+        self.errors = list(errors)
+
+
+class Boxes:
+    """The state of each box: waiting, held or placed.
+
+    Args:
+        generator: random generator of the arrivals, used for nothing else.
         gripper: parameters of the gripper, which say at what angle it is closed.
     """
 
     def __init__(self, generator: np.random.Generator, gripper: GripperParameters) -> None:
-        self._generator = generator
+        self._arrivals = Arrivals(generator)
         self._closed = gripper.closed + GRIP_TOLERANCE
-        self._hundredths = round(1500 * generator.random()) + 50
-        self._coming = self._draw_box()
-        self._counts: Counter[EventKind] = Counter()
-        self._errors: list[float] = []
+        self._tally = Tally()
         self.waiting: Box | None = None
         self.held: Box | None = None
 
     @property
     def next_arrival(self) -> float:
         """Plant time at which the next box arrives, s."""
-        return self._hundredths / 100
+        return self._arrivals.time
 
     @property
     def counts(self) -> BoxCounts:
         """What became of the boxes so far."""
-        counts = self._counts
-        return BoxCounts(
-            counts[EventKind.ARRIVED],
-            counts[EventKind.DROPPED_ARRIVAL],
-            counts[EventKind.PICKED],
-            counts[EventKind.DELIVERED],
-            counts[EventKind.MISPLACED] + counts[EventKind.SLIPPED],
-            int(self.held is not None),
-        )
+        return self._tally.counts(int(self.held is not None))
 
     @property
     def placement_errors_mm(self) -> tuple[float, ...]:
         """Distance of every delivered box from its place, mm."""
-        return tuple(self._errors)
+        return tuple(self._tally.errors)
 
     def arrive(self, time: float) -> Event:
         """Lets the next box arrive at a plant time (s); it is turned away when another one waits."""
-        box = self._coming
-        self._hundredths += round(3000 * self._generator.random())
-        self._coming = self._draw_box()
+        box = self._arrivals.take()
         if self.waiting:
             text = f"a {box.colour} box was turned away: a {self.waiting.colour} one is still waiting"
-            return self._count(time, EventKind.DROPPED_ARRIVAL, text)
+            return self._tally.count(time, EventKind.DROPPED_ARRIVAL, text)
         self.waiting = box
-        return self._count(time, EventKind.ARRIVED, f"a {box.colour} box of {1000 * box.mass:.1f} g arrived")
+        return self._tally.count(time, EventKind.ARRIVED, f"a {box.colour} box of {1000 * box.mass:.1f} g arrived")
 
     def grip(self, time: float, tip: Point, gripper: float) -> Event:
         """Tries to pick the waiting box with the tip at (x, y) in m and the gripper at an angle in rad."""
@@ -121,7 +191,7 @@ class Boxes:
         else:
             self.held, self.waiting = self.waiting, None
             text = f"picked the {self.held.colour} box, {1000 * distance:.1f} mm from the pickup point"
-            return self._count(time, EventKind.PICKED, text)
+            return self._tally.count(time, EventKind.PICKED, text)
         return Event(time, EventKind.GRIP_MISSED, f"nothing gripped: {missed}")
 
     def release(self, time: float, tip: Point) -> Event | None:
@@ -132,45 +202,38 @@ class Boxes:
         distance = _distance(tip, PLACES[box.colour])
         millimetres = f"{1000 * distance:.1f} mm from its place"
         if distance > REACH:
-            return self._count(time, EventKind.MISPLACED, f"the {box.colour} box was let go {millimetres}")
-        self._errors.append(1000 * distance)
-        return self._count(time, EventKind.DELIVERED, f"the {box.colour} box was delivered, {millimetres}")
+            return self._tally.count(time, EventKind.MISPLACED, f"the {box.colour} box was let go {millimetres}")
+        self._tally.errors.append(1000 * distance)
+        return self._tally.count(time, EventKind.DELIVERED, f"the {box.colour} box was delivered, {millimetres}")
 
     def slip(self, time: float) -> Event | None:
         """Makes the gripper lose its box, which counts as misplaced; None when no box was held."""
         box, self.held = self.held, None
         if box is None:
             return None
-        return self._count(time, EventKind.SLIPPED, f"the {box.colour} box slipped out of the gripper")
+        return self._tally.count(time, EventKind.SLIPPED, f"the {box.colour} box slipped out of the gripper")
+
+    def observe(self, time: float) -> Iterable[Event]:
+        """What became of the boxes by itself by a plant time (s): nothing, a box only follows commands."""
+        return ()
 
     def state(self) -> BoxesState:
         """All that the boxes and their counts depend on."""
         return BoxesState(
-            generator_state(self._generator),
-            self._hundredths,
-            self._coming,
+            self._arrivals.generator(),
+            self._arrivals.hundredths,
+            self._arrivals.coming,
             self.waiting,
             self.held,
-            {str(kind): number for kind, number in self._counts.items()},
-            list(self._errors),
+            self._tally.numbers(),
+            list(self._tally.errors),
         )
 
     def restore(self, state: BoxesState) -> None:
         """Goes on where other boxes were."""
-        set_generator_state(self._generator, state.generator)
-        self._hundredths, self._coming = state.arrival, state.coming
+        self._arrivals.restore(state.generator, state.arrival, state.coming)
         self.waiting, self.held = state.waiting, state.held
-        self._counts = Counter({EventKind(kind): number for kind, number in state.counts.items()})
-        self._errors = list(state.errors)
-
-    def _draw_box(self) -> Box:
-        """A box of 0.190 + 0.020 u kg, u uniform in [0, 1), and of any colour."""
-        mass = 0.190 + 0.020 * self._generator.random()
-        return Box(mass, _COLOURS[int(self._generator.integers(len(_COLOURS)))])
-
-    def _count(self, time: float, kind: EventKind, text: str) -> Event:
-        self._counts[kind] += 1
-        return Event(time, kind, text)
+        self._tally.restore(state.counts, state.errors)
 
 
 def _distance(tip: Point, place: Place) -> float:

@@ -12,13 +12,16 @@ import numpy as np
 
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.boxes import Boxes, BoxesState
+from dtwin.emulation.contact.bodies import Bodies
+from dtwin.emulation.contact.boxes import BodiesState, ContactBoxes
+from dtwin.emulation.contact.settings import NO_CONTACT, ContactSettings
 from dtwin.emulation.encoders import Encoders, EncodersState, NoiseKind
-from dtwin.emulation.faults import Condition, Fault, parse_fault, schedule
+from dtwin.emulation.faults import PADS, Condition, Fault, parse_fault, schedule
 from dtwin.emulation.machine.encoding import encoding_of
 from dtwin.emulation.machine.plant import plant_of
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.emulation.plant import PlantState
-from dtwin.errors import ParameterError
+from dtwin.errors import FaultError, ParameterError
 from dtwin.parameters import HANGING, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
 from dtwin.signals import LARGEST_COUNT, NO_COLOUR, BoxCounts, Event, EventKind, Sensors, Truth, Voltages
 
@@ -37,6 +40,7 @@ class EmulationState(msgspec.Struct, frozen=True):
         plant: state of arm and gripper.
         encoders: state of the encoders.
         boxes: state of the boxes.
+        bodies: state of their bodies, None without contact.
     """
 
     sensors: Sensors
@@ -45,6 +49,7 @@ class EmulationState(msgspec.Struct, frozen=True):
     plant: PlantState
     encoders: EncodersState
     boxes: BoxesState
+    bodies: BodiesState | None = None
 
 
 class Emulation:
@@ -64,6 +69,7 @@ class Emulation:
         theta: joint angles at the start, rad.
         model_file: MJCF file of the plant.
         step: integration step, s.
+        contact: whether bodies touch, and how.
 
     Raises:
         ModelError: the model file cannot be used.
@@ -83,6 +89,7 @@ class Emulation:
         theta: Triple = HANGING,
         model_file: Path = MODEL_FILE,
         step: float = PHYSICS_STEP,
+        contact: ContactSettings = NO_CONTACT,
     ) -> None:
         if not 0 <= seed <= LARGEST_COUNT:
             raise ParameterError(f"seed: expected a whole number from 0 to {LARGEST_COUNT} (2^63 - 1), got {seed}")
@@ -93,10 +100,13 @@ class Emulation:
         box_seed, noise_seed, machine_seed = np.random.SeedSequence(seed).spawn(3)
         self._condition = Condition(made)
         self._healthy = made
-        self._faults = tuple(faults)
+        self._contact = contact
+        self._faults = self._possible(faults)
         self._transitions = schedule(made, self._faults)[::-1]
-        self._boxes = Boxes(np.random.default_rng(box_seed), gripper)
-        self._plant = plant_of(machine, parameters, gripper, model_file, step)
+        bodies = Bodies(contact) if contact.enabled else None
+        self._plant = plant_of(machine, parameters, gripper, model_file, step, bodies)
+        stream = np.random.default_rng(box_seed)
+        self._boxes = ContactBoxes(stream, bodies, self._plant.tip) if bodies else Boxes(stream, gripper)
         encoding = encoding_of(machine, np.random.default_rng(machine_seed))
         self._encoders = Encoders(noise_kind, noise, np.random.default_rng(noise_seed), encoding)
         self._plant.reset(theta)
@@ -137,8 +147,8 @@ class Emulation:
         """
         volts = voltages.volts
         if self._condition.cut:
-            v1, v2, v3 = (0.0 if i in self._condition.cut else volts[i - 1] for i in (1, 2, 3))
-            volts = (v1, v2, v3, volts[3])
+            v1, v2, v3, v4 = (0.0 if i in self._condition.cut else volts[i - 1] for i in (1, 2, 3, 4))
+            volts = (v1, v2, v3, v4)
         self._plant.apply(volts)
         if voltages.box_gripped != self._gripped:
             self._gripped = voltages.box_gripped
@@ -155,6 +165,8 @@ class Emulation:
         self._sequence += 1
         if self._plant.steps >= self._due:
             self._change_due()
+        if self._contact.enabled:
+            self._observe()
         self._sample()
 
     def truth(self) -> Truth:
@@ -178,7 +190,7 @@ class Emulation:
         """
         plant = self._plant
         earliest = round(plant.time + plant.step, 9)
-        late = tuple(replace(fault, start=max(fault.start, earliest)) for fault in faults)
+        late = tuple(replace(fault, start=max(fault.start, earliest)) for fault in self._possible(faults))
         standing = tuple(fault for fault in self._faults if not fault.over(plant.time))
         transitions = schedule(self._healthy, (*standing, *late))
         self._faults = (*standing, *late)
@@ -195,6 +207,7 @@ class Emulation:
             self._plant.state(),
             self._encoders.state(),
             self._boxes.state(),
+            self._boxes.bodies() if isinstance(self._boxes, ContactBoxes) else None,
         )
 
     def restore(self, state: EmulationState) -> None:
@@ -208,7 +221,12 @@ class Emulation:
         transitions = schedule(self._healthy, self._faults)
         passed = [transition for transition in transitions if self._steps_to(transition.time) <= steps]
         self._transitions = transitions[len(passed) :][::-1]
-        self._boxes.restore(state.boxes)
+        if (state.bodies is not None) != self._contact.enabled:
+            raise ParameterError("state of the cell: expected one of a cell that is like this one with or without contact")
+        if isinstance(self._boxes, ContactBoxes) and state.bodies is not None:
+            self._boxes.restore(state.boxes, state.bodies)
+        elif isinstance(self._boxes, Boxes):
+            self._boxes.restore(state.boxes)
         self._enter(passed[-1].condition if passed else Condition(self._healthy))
         self._load()
         self._encoders.restore(state.encoders)
@@ -250,10 +268,27 @@ class Emulation:
         next_fault = self._steps_to(self._transitions[-1].time) if self._transitions else _NEVER
         self._due = min(next_fault, self._steps_to(self._boxes.next_arrival))
 
+    def _possible(self, faults: Iterable[Fault]) -> tuple[Fault, ...]:
+        """The faults, all of which this cell can have."""
+        found = tuple(faults)
+        for fault in found:
+            if fault.target == PADS and not self._contact.enabled:
+                raise FaultError(f"fault {fault}: the pads have friction in a cell with contact only")
+        return found
+
+    def _observe(self) -> None:
+        """Reads from the bodies what became of the boxes."""
+        before = self._boxes.held
+        self._events += self._boxes.observe(self._plant.time)
+        if self._boxes.held is not before:
+            self._load()
+
     def _enter(self, condition: Condition) -> None:
         self._plant.set_parameters(condition.parameters)
         self._plant.set_locked(condition.locked)
         self._encoders.set_faults(condition.encoders)
+        if isinstance(self._boxes, ContactBoxes):
+            self._boxes.set_pad_friction(condition.pad_friction(self._contact.pad_friction))
         self._condition = condition
 
     def _change_grip(self) -> None:

@@ -3,8 +3,10 @@
     fault  = change "@" start [ "-" end ]                     seconds of plant time; without an end it stays
     change = parameter ("*=" | "+=" | "=") number             K, m, I, l, c, D or mu of joint 1, 2 or 3
            | "payload" ("*=" | "+=" | "=") number             mass of any box while it is held, kg
+           | "pads" ("*=" | "+=" | "=") number                friction between pads and boxes, with contact only
            | ("bias" | "drift") joint "+=" number             error added to the encoder's reading, rad or rad/s
            | ("freeze" | "lock" | "cut") joint                encoder stops; joint is held; voltage does not arrive
+           | "cut4"                                           voltage does not arrive at the gripper's motor
            | "slip"                                           the held box is lost
 
 Faults that overlap apply in the order of their starts; at its end a fault is undone and the others stay.
@@ -28,13 +30,14 @@ GRAMMAR: Final = "TARGET [*=|+=|= NUMBER] @ START [- END], as in K2*=0.1@45, D1+
 _JOINTS: Final = (1, 2, 3)
 _ADDITIVE: Final = tuple(f"{kind}{joint}" for kind in ("bias", "drift") for joint in _JOINTS)
 _SWITCH_KINDS: Final = ("freeze", "lock", "cut")
-_SWITCHES: Final = tuple(f"{kind}{joint}" for kind in _SWITCH_KINDS for joint in _JOINTS)
+_SWITCHES: Final = (*(f"{kind}{joint}" for kind in _SWITCH_KINDS for joint in _JOINTS), "cut4")
 _SLIP: Final = "slip"
 _PAYLOAD: Final = "payload"
-TARGETS: Final = (*PARAMETER_NAMES, _PAYLOAD, *_ADDITIVE, *_SWITCHES, _SLIP)
+PADS: Final = "pads"
+TARGETS: Final = (*PARAMETER_NAMES, _PAYLOAD, PADS, *_ADDITIVE, *_SWITCHES, _SLIP)
 
 _OPERATIONS: Final[dict[str, tuple[str, ...]]] = {
-    **dict.fromkeys((*PARAMETER_NAMES, _PAYLOAD), ("*=", "+=", "=")),
+    **dict.fromkeys((*PARAMETER_NAMES, _PAYLOAD, PADS), ("*=", "+=", "=")),
     **dict.fromkeys(_ADDITIVE, ("+=",)),
     **dict.fromkeys((*_SWITCHES, _SLIP), ()),
 }
@@ -122,7 +125,9 @@ class Condition:
         payload_offset: mass added to a held box after the factor, kg.
         encoders: faults of the encoders.
         locked: joints (1 to 3) that do not move.
-        cut: joints (1 to 3) without voltage.
+        cut: joints (1 to 3, and 4 for the gripper) without voltage.
+        pad_factor: factor of the friction between pads and boxes.
+        pad_offset: friction added after the factor.
     """
 
     parameters: ArmParameters
@@ -131,6 +136,12 @@ class Condition:
     encoders: EncoderFaults = HEALTHY
     locked: frozenset[int] = frozenset()
     cut: frozenset[int] = frozenset()
+    pad_factor: float = 1.0
+    pad_offset: float = 0.0
+
+    def pad_friction(self, healthy: float) -> float:
+        """Coefficient of friction of the pads whose healthy one is given."""
+        return self.pad_factor * healthy + self.pad_offset
 
     def payload(self, mass: float) -> float:
         """Mass at the tip while a box of a mass (kg) is held, kg."""
@@ -176,6 +187,7 @@ def schedule(parameters: ArmParameters, faults: Iterable[Fault]) -> list[Conditi
 
 def _compose(parameters: ArmParameters, active: Sequence[Fault]) -> Condition:
     factor, extra = 1.0, 0.0
+    pad_factor, pad_offset = 1.0, 0.0
     offset, rate = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
     switched: dict[str, set[int]] = {kind: set() for kind in _SWITCH_KINDS}
     for fault in active:
@@ -188,6 +200,11 @@ def _compose(parameters: ArmParameters, active: Sequence[Fault]) -> Condition:
                 raise FaultError(
                     f"fault {fault}: expected a payload from 0 to {GREATEST:g} kg with a box of {_LIGHTEST_BOX} kg"
                 )
+            continue
+        if fault.target == PADS:
+            pad_factor, pad_offset = _operate(fault, pad_factor, pad_offset)
+            if not (pad_factor >= 0 and pad_offset >= 0 and pad_factor + pad_offset <= GREATEST):
+                raise FaultError(f"fault {fault}: expected a friction of the pads of at least 0")
             continue
         if fault.target == _SLIP:
             continue
@@ -206,6 +223,8 @@ def _compose(parameters: ArmParameters, active: Sequence[Fault]) -> Condition:
         EncoderFaults((offset[0], offset[1], offset[2]), (rate[0], rate[1], rate[2]), frozenset(switched["freeze"])),
         frozenset(switched["lock"]),
         frozenset(switched["cut"]),
+        pad_factor,
+        pad_offset,
     )
 
 

@@ -21,6 +21,7 @@ import mujoco
 import numpy as np
 
 from dtwin.emulation import MODEL_FILE
+from dtwin.emulation.contact.bodies import Bodies
 from dtwin.errors import DivergenceError, ModelError, ParameterError, choices
 from dtwin.parameters import COULOMB_WIDTH, GRAVITY, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
 from dtwin.signals import Quad
@@ -73,6 +74,7 @@ class Plant:
         gripper: parameters of the gripper, which replace the values of the file.
         model_file: MJCF file with the names of models/arm.xml.
         step: integration step, s.
+        bodies: what touches the arm and one another; None for an arm alone.
 
     Attributes:
         model: the compiled mjModel (nq = nv = nu = 4), to be read only.
@@ -97,15 +99,19 @@ class Plant:
         gripper: GripperParameters | None = None,
         model_file: Path = MODEL_FILE,
         step: float = PHYSICS_STEP,
+        bodies: Bodies | None = None,
     ) -> None:
         if not (math.isfinite(step) and step > 0):
             raise ParameterError(f"integration step: expected a finite number above 0, got {step}")
         # MuJoCo would write MUJOCO_LOG.TXT into the working directory; the state is checked in `advance` instead.
         mujoco.set_mju_user_warning(_log.debug)
-        self.model = _compile(model_file, self._extend)
+        self.model = _compile(model_file, self._extend, step, bodies)
         self.model.opt.timestep = step
-        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | self._unused
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | (0 if bodies else self._unused)
         self.data = mujoco.MjData(self.model)
+        self.bodies = bodies
+        if bodies:
+            bodies.bind(self.model, self.data)
         self._scratch = mujoco.MjData(self.model)
         self._step = step
         self._rate = 1.0 / step
@@ -142,14 +148,19 @@ class Plant:
             model.actuator_gainprm[i, 0] = parameters.voltage_constant[i]
         self._coulomb = parameters.coulomb
         self._rubs = any(parameters.coulomb)
+        if self.bodies:
+            self.bodies.lengths = parameters.length
         mujoco.mj_setConst(model, self._scratch)
 
     def set_payload(self, mass: float) -> None:
-        """Holds a point mass (kg) at the tip; 0 is an empty gripper."""
+        """Holds a point mass (kg) at the tip; 0 is an empty gripper. Among bodies, the held one gets the mass."""
         if not (math.isfinite(mass) and mass >= 0):
             raise ParameterError(f"payload: expected a finite mass of at least 0 kg, got {mass}")
-        self.model.body_mass[self._tip] = mass
         self.payload = mass
+        if self.bodies:
+            self.bodies.set_held_mass(mass)
+        else:
+            self.model.body_mass[self._tip] = mass
         mujoco.mj_setConst(self.model, self._scratch)
 
     def set_weight(self, mass: float) -> None:
@@ -173,6 +184,8 @@ class Plant:
     def reset(self, theta: Triple, omega: Triple = (0.0, 0.0, 0.0)) -> None:
         """Starts again at time 0 from angles (rad) and velocities (rad/s), gripper open, all voltages 0."""
         mujoco.mj_resetData(self.model, self.data)
+        if self.bodies:
+            self.bodies.reset()
         self._qpos[:] = (*theta, self._opened)
         self._qvel[:] = (*omega, 0.0)
         self.steps = 0
@@ -232,13 +245,15 @@ class Plant:
             self._period_steps = self.whole_steps(period)
             self._period = period
         self._integrate(self._period_steps)
+        if self.bodies:
+            self.bodies.look()
         last_angles, last_speeds = self.angles, self._speeds
         self._read()
         q1, q2, q3, gripper = self.angles
         v1, v2, v3, v4 = self._speeds
         if not -_SUM_LIMIT < q1 + q2 + q3 + gripper + v1 + v2 + v3 + v4 < _SUM_LIMIT:
             raise DivergenceError("emulation", self.time, last_angles + last_speeds)
-        if not self._closed <= gripper <= self._opened:
+        if not self.bodies and not self._closed <= gripper <= self._opened:
             self._qpos[_GRIPPER] = self.angles[3] = self._closed if gripper < self._closed else self._opened
             self._qvel[_GRIPPER] = self._speeds[3] = 0.0
 
@@ -298,22 +313,28 @@ class Plant:
         """
         data = self._scratch
         mujoco.mj_resetData(self.model, data)
-        data.qpos[:] = (*theta, self._opened)
-        data.qvel[:] = (*omega, 0.0)
+        data.qpos[:4] = (*theta, self._opened)
+        data.qvel[:4] = (*omega, 0.0)
         data.ctrl[:] = volts
         with self._friction():
             mujoco.mj_forward(self.model, data)
-        first, second, third, _ = data.qacc.tolist()
+        first, second, third = data.qacc[:3].tolist()
         return first, second, third
 
     def _integrate(self, steps: int) -> None:
         """Steps MuJoCo."""
         if self._rubs:
             with self._friction():
-                mujoco.mj_step(self.model, self.data, steps)
+                self._step_model(steps)
+        else:
+            self._step_model(steps)
+        self.steps += steps
+
+    def _step_model(self, steps: int) -> None:
+        if self.bodies:
+            self.bodies.step(steps)
         else:
             mujoco.mj_step(self.model, self.data, steps)
-        self.steps += steps
 
     @contextmanager
     def _friction(self) -> Iterator[None]:
@@ -321,7 +342,7 @@ class Plant:
         mu1, mu2, mu3 = self._coulomb
 
         def passive(_: mujoco.MjModel, data: mujoco.MjData) -> None:
-            w1, w2, w3, _gripper = data.qvel.tolist()
+            w1, w2, w3 = data.qvel[:3].tolist()
             force = data.qfrc_passive
             force[0] -= mu1 * math.tanh(w1 / COULOMB_WIDTH)
             force[1] -= mu2 * math.tanh(w2 / COULOMB_WIDTH)
@@ -341,7 +362,9 @@ class Plant:
         """Adds to the arm what a machine has beside it."""
 
 
-def _compile(file: Path, extend: Callable[[mujoco.MjSpec], None]) -> mujoco.MjModel:
+def _compile(
+    file: Path, extend: Callable[[mujoco.MjSpec], None], step: float, bodies: Bodies | None
+) -> mujoco.MjModel:
     """The compiled model of the parts that move, checked for all the names that this module uses, then extended."""
     try:
         spec = mujoco.MjSpec.from_file(str(file))
@@ -350,18 +373,26 @@ def _compile(file: Path, extend: Callable[[mujoco.MjSpec], None]) -> mujoco.MjMo
         _require(file, "actuator", spec.actuators, ACTUATORS)
         _require(file, "sensor", spec.sensors, SENSORS)
         _require(file, "site", spec.sites, SITES)
-        for element in (*spec.geoms, *spec.cameras, *spec.lights, *spec.sensors, *spec.keys, *spec.sites):
+        if bodies:
+            for kind, names in bodies.needed.items():
+                _require(file, kind, spec.bodies if kind == "body" else spec.geoms, names)
+        for element in (*spec.cameras, *spec.lights, *spec.sensors, *spec.keys, *spec.sites):
             spec.delete(element)
+        for geom in list(spec.geoms):
+            if not bodies or not (geom.contype or geom.conaffinity):
+                spec.delete(geom)
         for body in spec.bodies:
-            if body.name not in ("world", *LINKS, "jaw", "tip"):
+            if not bodies and body.name not in ("world", *LINKS, "jaw", "tip"):
                 spec.delete(body)
         model = spec.compile()
         joints = tuple(model.joint(i).name for i in range(model.njnt))
         actuators = tuple(model.actuator(i).name for i in range(model.nu))
-        for kind, found, names in (("joint", joints, JOINTS), ("actuator", actuators, ACTUATORS)):
-            if found != names:
-                raise ModelError(f"{file}: {kind}s are {', '.join(found)}, expected exactly {', '.join(names)}")
+        for kind, found, expected in (("joint", joints, JOINTS), ("actuator", actuators, ACTUATORS)):
+            if found != expected:
+                raise ModelError(f"{file}: {kind}s are {', '.join(found)}, expected exactly {', '.join(expected)}")
         extend(spec)
+        if bodies:
+            bodies.extend(spec, step)
         return spec.compile()
     except ValueError as error:
         raise ModelError(_one_line(file, str(error))) from None

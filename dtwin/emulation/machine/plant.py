@@ -17,6 +17,7 @@ from typing import ClassVar, Final
 import mujoco
 
 from dtwin.emulation import MODEL_FILE
+from dtwin.emulation.contact.bodies import Bodies
 from dtwin.emulation.machine.drive import Amplifier
 from dtwin.emulation.machine.encoding import whole_ticks
 from dtwin.emulation.machine.model import extend, friction_joint, motor_joint, spring_names
@@ -42,6 +43,7 @@ class MachinePlant(Plant):
         gripper: parameters of the gripper.
         model_file: MJCF file with the names of models/arm.xml.
         step: integration step, s; delays and samples fall on whole steps.
+        bodies: what touches the arm and one another; None for an arm alone.
 
     Raises:
         ModelError: the file is missing, malformed, or lacks a name.
@@ -59,6 +61,7 @@ class MachinePlant(Plant):
         gripper: GripperParameters | None = None,
         model_file: Path = MODEL_FILE,
         step: float = PHYSICS_STEP,
+        bodies: Bodies | None = None,
     ) -> None:
         drive, gear, sensing = machine.drive, machine.transmission, machine.sensing
         self._machine = machine
@@ -72,7 +75,7 @@ class MachinePlant(Plant):
         self._drive_delay = round(drive.delay / step)
         self._sample_delay = round((sensing.delay - whole_ticks(sensing.delay) * PERIOD) / step)
         self._spec_step = step
-        super().__init__(parameters, gripper, model_file, step)
+        super().__init__(parameters, gripper, model_file, step, bodies)
         self.model.opt.tolerance = _TOLERANCE
         _check_step(self.model, machine, step)
 
@@ -145,9 +148,9 @@ class MachinePlant(Plant):
     def _glide(self, steps: int) -> None:
         """Steps MuJoCo under one command."""
         if not any(self._excess):
-            mujoco.mj_step(self.model, self.data, steps)
+            self._step_model(steps)
         else:
-            model, data, losses, speeds = self.model, self.data, self.model.dof_frictionloss, self.data.qvel
+            losses, speeds = self.model.dof_frictionloss, self.data.qvel
             curve = list(
                 zip(
                     self._friction_dofs,
@@ -161,7 +164,7 @@ class MachinePlant(Plant):
                 now = speeds.tolist()
                 for dof, loss, excess, velocity in curve:
                     losses[dof] = loss + excess * math.exp(-((now[dof] / velocity) ** 2))
-                mujoco.mj_step(model, data)
+                self._step_model(1)
         self.steps += steps
 
     def _encoded(self) -> list[float]:
@@ -176,6 +179,7 @@ def plant_of(
     gripper: GripperParameters | None = None,
     model_file: Path = MODEL_FILE,
     step: float = PHYSICS_STEP,
+    bodies: Bodies | None = None,
 ) -> Plant:
     """The arm of a machine that was made to nominal parameters, those of the data sheet when None.
 
@@ -185,8 +189,8 @@ def plant_of(
     """
     made = machine.arm(nominal or ArmParameters())
     if machine.ideal:
-        return Plant(made, gripper, model_file, step)
-    return MachinePlant(machine, made, gripper, model_file, step)
+        return Plant(made, gripper, model_file, step, bodies)
+    return MachinePlant(machine, made, gripper, model_file, step, bodies)
 
 
 def _check_step(model: mujoco.MjModel, machine: Machine, step: float) -> None:
