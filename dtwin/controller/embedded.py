@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dtwin.controller.ports import BLOCKS, EMULATOR, PATH, SYSTEM, sensor_values, voltages
+from dtwin.controller.sequence import STRAIGHT, SequenceSettings
 from dtwin.controller.settings import ControlSettings
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.mapping import resource_network
@@ -19,6 +20,7 @@ class EmbeddedController:
     Args:
         settings: values for the inputs of the blocks; the default settings when None.
         blocks: folder of the function-block library.
+        sequence: how boxes are fetched and brought to their places.
 
     Attributes:
         resource: the running application, whose block variables can be read and written between steps.
@@ -27,10 +29,15 @@ class EmbeddedController:
         FunctionBlockError: the library or its application cannot be used.
     """
 
-    def __init__(self, settings: ControlSettings | None = None, blocks: Path = BLOCKS) -> None:
+    def __init__(
+        self,
+        settings: ControlSettings | None = None,
+        blocks: Path = BLOCKS,
+        sequence: SequenceSettings = STRAIGHT,
+    ) -> None:
         library = Library([blocks])
         self.resource = Resource(resource_network(library.load_system(blocks / SYSTEM)), library)
-        for name, value in (settings or ControlSettings()).inputs().items():
+        for name, value in {**(settings or ControlSettings()).inputs(), **sequence.inputs()}.items():
             self.resource.write(name, value)
         server = self.resource.server(EMULATOR.block)
         self.resource.start()
