@@ -14,7 +14,6 @@ from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.boxes import Boxes, BoxesState
 from dtwin.emulation.contact.bodies import Bodies
 from dtwin.emulation.contact.boxes import BodiesState, ContactBoxes
-from dtwin.emulation.contact.settings import NO_CONTACT, ContactSettings
 from dtwin.emulation.encoders import Encoders, EncodersState, NoiseKind
 from dtwin.emulation.faults import PADS, Condition, Fault, parse_fault, schedule
 from dtwin.emulation.machine.encoding import encoding_of
@@ -69,7 +68,6 @@ class Emulation:
         theta: joint angles at the start, rad.
         model_file: MJCF file of the plant.
         step: integration step, s.
-        contact: whether bodies touch, and how.
 
     Raises:
         ModelError: the model file cannot be used.
@@ -89,7 +87,6 @@ class Emulation:
         theta: Triple = HANGING,
         model_file: Path = MODEL_FILE,
         step: float = PHYSICS_STEP,
-        contact: ContactSettings = NO_CONTACT,
     ) -> None:
         if not 0 <= seed <= LARGEST_COUNT:
             raise ParameterError(f"seed: expected a whole number from 0 to {LARGEST_COUNT} (2^63 - 1), got {seed}")
@@ -100,7 +97,7 @@ class Emulation:
         box_seed, noise_seed, machine_seed = np.random.SeedSequence(seed).spawn(3)
         self._condition = Condition(made)
         self._healthy = made
-        self._contact = contact
+        self._contact = contact = machine.contact
         self._faults = self._possible(faults)
         self._transitions = schedule(made, self._faults)[::-1]
         bodies = Bodies(contact) if contact.enabled else None

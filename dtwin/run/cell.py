@@ -14,7 +14,7 @@ from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, Triple
 from dtwin.run.emulate import emulate
 from dtwin.run.loop import Controller, Pacer, run, tick_count
 from dtwin.run.recording import Log, RunLog
-from dtwin.run.settings import CellSettings, metadata
+from dtwin.run.settings import CellSettings, metadata, sequence_of
 from dtwin.signals import BoxCounts
 
 
@@ -59,7 +59,7 @@ class Cell:
         """
         self.ticks = tick_count(settings.duration)
         self.settings = settings
-        self.controller = controller or EmbeddedController(settings.control, settings.blocks)
+        self.controller = controller or EmbeddedController(settings.control, settings.blocks, sequence_of(settings))
         self.emulation = emulate(settings)
         self.log = RunLog(metadata(settings))
         self._wall = 0.0

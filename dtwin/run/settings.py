@@ -11,6 +11,7 @@ from typing import Any
 
 from dtwin import __version__
 from dtwin.controller.ports import BLOCKS
+from dtwin.controller.sequence import AMONG_BODIES, STRAIGHT, SequenceSettings
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.encoders import NoiseKind
@@ -59,6 +60,11 @@ def metadata(settings: CellSettings) -> dict[str, Any]:
         "step": settings.step,
         **machine,
     }
+
+
+def sequence_of(settings: CellSettings) -> SequenceSettings:
+    """How the controller of a run fetches boxes: as bodies where they are some."""
+    return AMONG_BODIES if settings.machine.contact.enabled else STRAIGHT
 
 
 def described(machine: Machine) -> dict[str, Any]:

@@ -28,7 +28,7 @@ from dtwin.emulation.contact.scene import (
     box_name,
     parking_space,
 )
-from dtwin.emulation.contact.settings import ContactSettings
+from dtwin.emulation.machine.sections import Contact
 from dtwin.parameters import ArmParameters
 
 Point = tuple[float, float, float]
@@ -51,7 +51,7 @@ class Bodies:
             arm and itself.
     """
 
-    def __init__(self, settings: ContactSettings) -> None:
+    def __init__(self, settings: Contact) -> None:
         self.settings = settings
         self.lengths = ArmParameters().length
         self.held: int | None = None

@@ -34,6 +34,8 @@ GONE: Final = 0.12
 """Distance between tip and box from which on a tray is emptied, m."""
 TRAY_END: Final = -0.110
 """Position along a tray's belt at which a box has left the cell, m."""
+APART: Final = 1.0
+"""Time that two geoms have to be apart to collide anew, s."""
 
 _AT_STOP: Final = 0.0008
 """Distance from the stop at which the belt stops, m."""
@@ -82,7 +84,7 @@ class BodiesState(msgspec.Struct, frozen=True):
         between_pads: number of the body between the pads, None for no box.
         slipping: whether a fault makes the pads lose their box.
         running: places whose belts run.
-        collisions: pairs of geoms that touch though they should not.
+        collisions: what touched though it should not, and when it did last, s.
     """
 
     bodies: list[BodyState | None]
@@ -90,7 +92,7 @@ class BodiesState(msgspec.Struct, frozen=True):
     between_pads: int | None
     slipping: bool
     running: list[str]
-    collisions: list[tuple[str, str]]
+    collisions: dict[str, float]
 
 
 class ContactBoxes:
@@ -118,7 +120,7 @@ class ContactBoxes:
         self._slipping = False
         self._running: set[str] = set()
         self._tally = Tally()
-        self._collisions: frozenset[tuple[str, str]] = frozenset()
+        self._collisions: dict[str, float] = {}
         self.waiting: Box | None = None
         self.held: Box | None = None
 
@@ -204,9 +206,11 @@ class ContactBoxes:
             for place in running ^ self._running:
                 world.run_belt(place, place in running)
             self._running = running
-        for one, other in sorted(world.collisions - self._collisions):
-            yield self._tally.count(time, EventKind.COLLISION, f"{one} touches {other}")
-        self._collisions = world.collisions
+        for one, other in sorted(world.collisions):
+            name = f"{one} touches {other}"
+            if time > self._collisions.get(name, -math.inf) + APART:
+                yield self._tally.count(time, EventKind.COLLISION, name)
+            self._collisions[name] = time
 
     def state(self) -> BoxesState:
         """All that the boxes and their counts depend on, beside the states of bodies and world."""
@@ -228,7 +232,7 @@ class ContactBoxes:
             self._world.held,
             self._slipping,
             sorted(self._running),
-            sorted(self._collisions),
+            dict(self._collisions),
         )
 
     def restore(self, state: BoxesState, bodies: BodiesState) -> None:
@@ -249,7 +253,7 @@ class ContactBoxes:
         self._running = set(bodies.running)
         for place in BELTS:
             self._world.run_belt(place, place in self._running)
-        self._collisions = frozenset(bodies.collisions)
+        self._collisions = dict(bodies.collisions)
 
     def _watch_belt(
         self, time: float, index: int, body: BodyState, position: Point, running: set[str]

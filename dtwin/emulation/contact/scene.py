@@ -13,7 +13,7 @@ from typing import Final
 
 import mujoco
 
-from dtwin.emulation.contact.settings import ContactSettings
+from dtwin.emulation.machine.sections import Contact
 from dtwin.parameters import PLACES
 
 BELTS: Final[dict[str, tuple[float, float, float]]] = {
@@ -53,7 +53,7 @@ def parking_space(index: int) -> tuple[float, float, float]:
     return (1.0 + 0.1 * index, 1.5, 0.0)
 
 
-def add_bodies(spec: mujoco.MjSpec, settings: ContactSettings, step: float) -> None:
+def add_bodies(spec: mujoco.MjSpec, settings: Contact, step: float) -> None:
     """Adds belts and boxes to the model of the cell, and chooses how contact is integrated.
 
     Args:
@@ -81,7 +81,7 @@ def add_bodies(spec: mujoco.MjSpec, settings: ContactSettings, step: float) -> N
     option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 
 
-def _pair_pads(spec: mujoco.MjSpec, settings: ContactSettings, step: float) -> None:
+def _pair_pads(spec: mujoco.MjSpec, settings: Contact, step: float) -> None:
     """Pairs every pad with every box.
 
     Only pairs have a time constant of their own for friction. At 2 steps, a sliding speed below the friction limit is

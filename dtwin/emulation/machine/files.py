@@ -115,6 +115,10 @@ def _value(where: str, value: Any, kind: Any) -> Any:
         if type(value) is not int:
             raise ModelError(f"{where}: expected a whole number, got {value!r}")
         return value
+    if kind is bool:
+        if type(value) is not bool:
+            raise ModelError(f"{where}: expected true or false, got {value!r}")
+        return value
     if kind is float:
         return _number(where, value, "a number")
     if kind is not Triple:
@@ -133,5 +137,7 @@ def _number(where: str, value: Any, expected: str) -> float:
 def _toml(value: Any) -> str:
     if isinstance(value, tuple):
         return f"[{', '.join(map(repr, value))}]"
+    if isinstance(value, bool):
+        return str(value).lower()
     # TOML escapes as JSON does, and DEL beside.
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f") if isinstance(value, str) else repr(value)

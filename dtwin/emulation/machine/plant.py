@@ -188,7 +188,7 @@ def plant_of(
         ParameterError: the step is not above 0, or too long for the machine.
     """
     made = machine.arm(nominal or ArmParameters())
-    if machine.ideal:
+    if machine.ideal_arm:
         return Plant(made, gripper, model_file, step, bodies)
     return MachinePlant(machine, made, gripper, model_file, step, bodies)
 

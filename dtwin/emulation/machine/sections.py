@@ -1,4 +1,4 @@
-"""A machine: the effects of a real arm in four sections; the defaults of all of them together are the ideal machine.
+"""A machine: the effects of a real arm in five sections; the defaults of all of them together are the ideal machine.
 
 docs/machine.md has the equation, the unit and the source of every number.
 """
@@ -184,6 +184,23 @@ class Sensing(Section):
 
 
 @dataclass(frozen=True, slots=True)
+class Contact(Section):
+    """Contact between arm, jaws, trays, belts and boxes.
+
+    Attributes:
+        enabled: whether bodies touch; otherwise a box is a mass at the tip from grip to release.
+        pad_friction: coefficient of Coulomb friction between the pads of the gripper and a box.
+        friction: coefficient of Coulomb friction between all other bodies.
+        belt_speed: speed of a belt while it runs, m/s.
+    """
+
+    enabled: Annotated[bool, Range(0, 1)] = False
+    pad_friction: Annotated[float, Range(0.0, 5.0)] = 0.6
+    friction: Annotated[float, Range(0.0, 5.0)] = 0.6
+    belt_speed: Annotated[float, Range(0.01, 0.5)] = 0.2
+
+
+@dataclass(frozen=True, slots=True)
 class Machine:
     """A whole machine.
 
@@ -193,6 +210,7 @@ class Machine:
         transmission: gears and bearings.
         structure: links and base.
         sensing: encoders.
+        contact: whether bodies touch, and how.
 
     Raises:
         ParameterError: a number of a section is out of range.
@@ -203,11 +221,17 @@ class Machine:
     transmission: Transmission = Transmission()
     structure: Structure = Structure()
     sensing: Sensing = Sensing()
+    contact: Contact = Contact()
 
     @property
     def ideal(self) -> bool:
         """Whether the machine obeys the twin's equations, whatever it is called."""
-        return replace(self, name=IDEAL.name) == IDEAL
+        return self.ideal_arm and self.contact == IDEAL.contact
+
+    @property
+    def ideal_arm(self) -> bool:
+        """Whether the arm obeys the twin's equations as long as it touches nothing."""
+        return replace(self, name=IDEAL.name, contact=IDEAL.contact) == IDEAL
 
     def arm(self, nominal: ArmParameters) -> ArmParameters:
         """The parameters of the arm that was made to the nominal ones; its Coulomb friction is added to theirs."""
@@ -242,6 +266,7 @@ SECTIONS: Final[Mapping[str, type[Section]]] = {
     "transmission": Transmission,
     "structure": Structure,
     "sensing": Sensing,
+    "contact": Contact,
 }
 """The sections of a machine by their names."""
 IDEAL: Final = Machine()
