@@ -45,6 +45,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "machine list": Subcommand("cell.machine", "MachineList", "list the machines that the arm can be"),
         "machine show": Subcommand("cell.machine", "MachineShow", "show a machine as a file that can be read again"),
         "machine draw": Subcommand("cell.machine", "MachineDraw", "write the machine of a number to a file"),
+        "experiment clearance": Subcommand(
+            "cell.clearance", "ExperimentClearance", "sweep the arm's ways through the geometry of the cell"
+        ),
         "experiment soak": Subcommand(
             "cell.soak", "ExperimentSoak", "run all services for long, or trouble them; report"
         ),

@@ -219,7 +219,9 @@ class Emulation:
         passed = [transition for transition in transitions if self._steps_to(transition.time) <= steps]
         self._transitions = transitions[len(passed) :][::-1]
         if (state.bodies is not None) != self._contact.enabled:
-            raise ParameterError("state of the cell: expected one of a cell that is like this one with or without contact")
+            raise ParameterError(
+                "state of the cell: expected one of a cell that is like this one with or without contact"
+            )
         if isinstance(self._boxes, ContactBoxes) and state.bodies is not None:
             self._boxes.restore(state.boxes, state.bodies)
         elif isinstance(self._boxes, Boxes):

@@ -160,13 +160,13 @@ def test_file_agrees_with_the_default_parameters() -> None:
         assert (body.pos + file.site(name).pos).tolist() == [place.x, 0.0, place.y], name
 
 
-def test_file_has_named_elements_without_mass_or_contact() -> None:
+def test_file_has_named_elements_whose_shapes_weigh_nothing() -> None:
     file = mujoco.MjModel.from_xml_path(str(MODEL_FILE))
     for kind, count in (("geom", file.ngeom), ("body", file.nbody), ("camera", file.ncam), ("light", file.nlight)):
         assert all(getattr(file, kind)(i).name for i in range(count)), kind
     assert {file.key(i).name for i in range(file.nkey)} == {"home", "hanging", "pickup"}
     assert file.body_mass.sum() == pytest.approx(sum(ARM.mass), abs=2e-14)
-    assert not file.geom_contype.any()
+    assert file.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
 
 
 def test_tip_at_the_places() -> None:
@@ -285,7 +285,7 @@ def test_payload_must_be_a_mass(mass: float) -> None:
         ("</mujoco>", "", r"arm\.xml:\d+: "),
         ('"motor_2"', '"motor_two"', r"no actuator is named 'motor_2', expected actuators motor_1, "),
         ('<site name="red"', '<site name="rot"', r"no site is named 'red'"),
-        ('<body name="stand_red"', '<body name="stand_red"><joint/', r"arm\.xml"),
+        ('<body name="rack"', '<body name="rack"><joint/', r"arm\.xml"),
     ],
 )
 def test_unusable_file_is_named_in_one_line(tmp_path: Path, old: str, new: str, message: str) -> None:

@@ -133,7 +133,7 @@ def test_every_moving_body_has_a_pose_and_every_geom_a_shape(recording: Contents
     half = -PICKUP.theta[0] / 2
     drawn = at(recording["/cell/bodies/link_1"]["Transform3D:quaternion"], 100)
     np.testing.assert_allclose(drawn, [(0.0, np.sin(half), 0.0, np.cos(half))], atol=1e-6)
-    assert {"/cell/bodies/conveyor", "/cell/bodies/stand_red", "/cell/trail"} <= recording.keys()
+    assert {"/cell/bodies/conveyor", "/cell/bodies/red_belt", "/cell/trail"} <= recording.keys()
 
 
 def test_a_box_waits_then_hangs_on_the_arm_then_lies_at_its_place(recording: Contents) -> None:

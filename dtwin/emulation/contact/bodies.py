@@ -136,6 +136,14 @@ class Bodies:
         """Whether the motor of the gripper opens it."""
         return bool(self._data.ctrl[3] > 0)
 
+    def pad_forces(self) -> tuple[float, float]:
+        """Forces with which the fixed pads and the moving ones press, N."""
+        sides, force = [0.0, 0.0, 0.0], np.empty(6)
+        for index, (one, _) in enumerate(self._data.contact.geom.tolist()):
+            mujoco.mj_contactForce(self._model, self._data, index, force)
+            sides[self._side[one]] += float(force[0])
+        return sides[1], sides[2]
+
     def step(self, steps: int) -> None:
         """Integrates a number of steps."""
         data = self._data

@@ -271,7 +271,9 @@ class ContactBoxes:
         elif body.seen or abs(z - PICKUP.y) > WAITING:
             body.stage = Stage.CARRIED
             how = "picked" if held else "pushed away"
-            yield self._tally.count(time, EventKind.PICKED, f"the {body.box.colour} box was {how} at the pickup point")
+            yield self._tally.count(
+                time, EventKind.PICKED, f"the {body.box.colour} box was {how} at the pickup point"
+            )
         if body.stage is Stage.COMING and not held and x > PICKUP.x + _AT_STOP:
             running.add("pickup")
 
@@ -297,7 +299,9 @@ class ContactBoxes:
             )
             return
         kind, how = (EventKind.MISPLACED, "let go") if body.let_go else (EventKind.SLIPPED, "lost by the gripper")
-        yield self._tally.count(time, kind, f"the {box.colour} box was {how} and lies at ({x:.3f}, {y:.3f}, {z:.3f}) m")
+        yield self._tally.count(
+            time, kind, f"the {box.colour} box was {how} and lies at ({x:.3f}, {y:.3f}, {z:.3f}) m"
+        )
 
     def _clear_tray(self, index: int, position: Point, running: set[str]) -> None:
         """Lets the belt take away a box that lies on a tray, once the arm has left it."""

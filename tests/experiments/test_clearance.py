@@ -1,0 +1,49 @@
+"""The ways of the cell keep clear of everything, as the blocks plan them."""
+
+from pathlib import Path
+
+import pytest
+
+from dtwin.emulation import MODEL_FILE
+from dtwin.emulation.contact.clearance import Clearance
+from dtwin.errors import ModelError
+from dtwin.experiments.clearance import is_free, sweep
+from dtwin.parameters import PICKUP, PLACES
+
+
+def test_every_way_is_free() -> None:
+    legs = sweep()
+    assert {leg.place for leg in legs} == {"", *PLACES}
+    for leg in legs:
+        assert is_free(leg), leg
+        if not leg.carries and "pickup" not in (leg.start, leg.end):
+            assert leg.distance > 0.005, leg
+    for colour in PLACES:
+        way = [leg.end for leg in legs if leg.place == colour and leg.carries]
+        assert way == ["above pickup", "midway", f"near {colour}", f"above {colour}", colour]
+
+
+def test_what_is_in_the_way_is_found(tmp_path: Path) -> None:
+    file = tmp_path / "arm.xml"
+    wall = '<geom name="wall" class="cell" type="box" pos="0.4 0 0.1" size="0.01 0.1 0.1"/>'
+    file.write_text(MODEL_FILE.read_text().replace('<body name="rack"', f'{wall}<body name="rack"'))
+    touched = [leg for leg in sweep(file) if not is_free(leg)]
+    assert touched
+    assert {leg.other for leg in touched} == {"wall"}
+
+
+def test_distances_are_those_of_the_shapes() -> None:
+    shapes = Clearance()
+    nearest = shapes.nearest(PICKUP.theta, 0.5, True, ())
+    assert (nearest.arm, nearest.other) == ("box_held", "conveyor_belt")
+    assert nearest.distance == pytest.approx(0.0, abs=1e-4)
+    lifted = shapes.nearest(PLACES["red"].theta, 0.5, True, ())
+    assert (lifted.arm, lifted.other) == ("box_held", "red_tray")
+    assert lifted.distance == pytest.approx(0.0025, abs=1e-4)
+
+
+def test_a_file_that_is_no_model_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "arm.xml"
+    file.write_text("<mujoco/>")
+    with pytest.raises(ModelError, match=r"arm\.xml"):
+        Clearance(file)
