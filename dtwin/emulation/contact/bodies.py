@@ -2,9 +2,9 @@
 
 MuJoCo holds the relative acceleration of touching points at J(q) q'' and leaves out J'(q) q'. In a grip that swings
 with the arm, the missing term is the centripetal acceleration a of the pads, and a held box drifts outwards at the
-speed a h / 2, h being the step, by millimetres in a motion of a second, however hard the pads press. While a box is
-between the pads, half of a is added to the reference of its contacts: friction removes a sliding speed in one step, so
-that the positions of pad and box then agree to second order in h (docs/contact.md derives and measures it).
+speed a h / 2, h being the step: by millimetres in a motion of a second, however hard the pads press. While a box is
+between the pads, half of a is added to the reference of its contacts. Friction removes a sliding speed in one step,
+so that the positions of pad and box then agree to second order in h (docs/contact.md derives and measures it).
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Boxes as bodies: what became of each is read from where it is.
 
-A box enters on the belt, waits at the stop, and is picked once it has left the belt between the pads. When it lies still
-outside the gripper, it is judged: delivered within REACH of its place on the tray there; slipped, if the jaw
-was not driven open when the pads lost it; misplaced otherwise. A tray's belt takes away what lies on it as soon as the
-arm is gone; what lies elsewhere stays until its body is needed for another box.
+A box enters on the belt, waits at the stop, and is picked once it has left the pickup point between the pads. When it
+lies still outside the gripper, it is judged: it is delivered within REACH of its place on the tray there; it has
+slipped if the jaw was not driven open when the pads lost it; otherwise it is misplaced. A tray's belt takes away what
+lies on it as soon as the arm is gone; what lies elsewhere stays until its body is needed for another box.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """What a cell with contact adds to the MuJoCo model of the arm: belts, boxes, and pads that grip.
 
-MuJoCo knows no moving surface, so a belt is a body on a slide along its direction, so heavy that boxes do not slow it,
-whose speed is set and whose position is set back to zero before it has moved by more than some millimetres. Boxes that
-are not in the cell are parked beside it, without weight and without contact.
+MuJoCo knows no moving surface, so a belt is a body on a slide along its direction. It is so heavy that boxes do not
+slow it; its speed is set, and its position is set back to zero before it has moved by more than some millimetres.
+Boxes that are not in the cell are parked beside it, without weight and without contact.
 
 Solver, cone and time constants were chosen by measurements, which docs/contact.md gives.
 """

@@ -1,4 +1,4 @@
-"""The grip: a box is held by friction between the pads, through every motion, and let go where friction is too small."""
+"""The grip: friction between the pads holds a box through every motion, and lets it go where it is too small."""
 
 import numpy as np
 import pytest

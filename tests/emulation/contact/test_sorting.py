@@ -126,12 +126,11 @@ def test_faults_of_pads_need_contact() -> None:
 
 
 def test_equal_cells_are_equal_to_the_bit() -> None:
-    courses = []
-    for _ in range(2):
-        emulation, course = cell(), []
-        run(emulation, 20.0, lambda c, v, course=course: course.append((c.truth(), v)))  # type: ignore[misc]
-        courses.append(course)
-    assert courses[0] == courses[1]
+    first: list[tuple[Truth, Voltages]] = []
+    second: list[tuple[Truth, Voltages]] = []
+    run(cell(), 20.0, lambda c, v: first.append((c.truth(), v)))
+    run(cell(), 20.0, lambda c, v: second.append((c.truth(), v)))
+    assert first == second
 
 
 def test_a_cell_goes_on_from_its_state_to_the_bit() -> None:
