@@ -6,7 +6,7 @@
            | "pads" ("*=" | "+=" | "=") number                friction between pads and boxes, with contact only
            | ("bias" | "drift") joint "+=" number             error added to the encoder's reading, rad or rad/s
            | ("freeze" | "lock" | "cut") joint                encoder stops; joint is held; voltage does not arrive
-           | "cut4"                                           voltage does not arrive at the gripper's motor
+           | "cutgripper"                                     voltage does not arrive at the gripper's motor
            | "slip"                                           the held box is lost
 
 Faults that overlap apply in the order of their starts; at its end a fault is undone and the others stay.
@@ -30,16 +30,18 @@ GRAMMAR: Final = "TARGET [*=|+=|= NUMBER] @ START [- END], as in K2*=0.1@45, D1+
 _JOINTS: Final = (1, 2, 3)
 _ADDITIVE: Final = tuple(f"{kind}{joint}" for kind in ("bias", "drift") for joint in _JOINTS)
 _SWITCH_KINDS: Final = ("freeze", "lock", "cut")
-_SWITCHES: Final = (*(f"{kind}{joint}" for kind in _SWITCH_KINDS for joint in _JOINTS), "cut4")
+_SWITCHES: Final = tuple(f"{kind}{joint}" for kind in _SWITCH_KINDS for joint in _JOINTS)
 _SLIP: Final = "slip"
+_CUT_GRIPPER: Final = "cutgripper"
+_GRIPPER: Final = 4
 _PAYLOAD: Final = "payload"
 PADS: Final = "pads"
-TARGETS: Final = (*PARAMETER_NAMES, _PAYLOAD, PADS, *_ADDITIVE, *_SWITCHES, _SLIP)
+TARGETS: Final = (*PARAMETER_NAMES, _PAYLOAD, PADS, *_ADDITIVE, *_SWITCHES, _CUT_GRIPPER, _SLIP)
 
 _OPERATIONS: Final[dict[str, tuple[str, ...]]] = {
     **dict.fromkeys((*PARAMETER_NAMES, _PAYLOAD, PADS), ("*=", "+=", "=")),
     **dict.fromkeys(_ADDITIVE, ("+=",)),
-    **dict.fromkeys((*_SWITCHES, _SLIP), ()),
+    **dict.fromkeys((*_SWITCHES, _CUT_GRIPPER, _SLIP), ()),
 }
 _NUMBER: Final = r"\d+(?:\.\d*)?(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?"
 _PATTERN: Final = re.compile(
@@ -205,6 +207,9 @@ def _compose(parameters: ArmParameters, active: Sequence[Fault]) -> Condition:
             pad_factor, pad_offset = _operate(fault, pad_factor, pad_offset)
             if not (pad_factor >= 0 and pad_offset >= 0 and pad_factor + pad_offset <= GREATEST):
                 raise FaultError(f"fault {fault}: expected a friction of the pads of at least 0")
+            continue
+        if fault.target == _CUT_GRIPPER:
+            switched["cut"].add(_GRIPPER)
             continue
         if fault.target == _SLIP:
             continue

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.emulation import MODEL_FILE
-from dtwin.emulation.plant import ACTUATORS, JOINTS, LINKS
+from dtwin.emulation.model import ACTUATORS, JOINTS, LINKS
 from dtwin.errors import DtwinError
 from dtwin.parameters import PARAMETER_NAMES, PERIOD, PHYSICS_STEP, VOLTAGE_LIMIT, ArmParameters
 

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import logging
 import math
-import re
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import ClassVar, Final
@@ -22,15 +21,10 @@ import numpy as np
 
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.contact.bodies import Bodies
-from dtwin.errors import DivergenceError, ModelError, ParameterError, choices
+from dtwin.emulation.model import LINKS, compile_arm
+from dtwin.errors import DivergenceError, ParameterError
 from dtwin.parameters import COULOMB_WIDTH, GRAVITY, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
 from dtwin.signals import Quad
-
-LINKS: Final = ("link_1", "link_2", "link_3")
-JOINTS: Final = ("joint_1", "joint_2", "joint_3", "gripper")
-ACTUATORS: Final = ("motor_1", "motor_2", "motor_3", "motor_gripper")
-SENSORS: Final = ("theta_1", "theta_2", "theta_3", "omega_1", "omega_2", "omega_3", "gripper")
-SITES: Final = ("tip", "pickup", "blue", "red", "green")
 
 _GRIPPER: Final = 3
 _UP: Final = 2
@@ -105,7 +99,7 @@ class Plant:
             raise ParameterError(f"integration step: expected a finite number above 0, got {step}")
         # MuJoCo would write MUJOCO_LOG.TXT into the working directory; the state is checked in `advance` instead.
         mujoco.set_mju_user_warning(_log.debug)
-        self.model = _compile(model_file, self._extend, step, bodies)
+        self.model = compile_arm(model_file, self._extend, step, bodies)
         self.model.opt.timestep = step
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | (0 if bodies else self._unused)
         self.data = mujoco.MjData(self.model)
@@ -360,52 +354,3 @@ class Plant:
 
     def _extend(self, spec: mujoco.MjSpec) -> None:
         """Adds to the arm what a machine has beside it."""
-
-
-def _compile(
-    file: Path, extend: Callable[[mujoco.MjSpec], None], step: float, bodies: Bodies | None
-) -> mujoco.MjModel:
-    """The compiled model of the parts that move, checked for all the names that this module uses, then extended."""
-    try:
-        spec = mujoco.MjSpec.from_file(str(file))
-        _require(file, "body", spec.bodies, (*LINKS, "jaw", "tip"))
-        _require(file, "joint", spec.joints, JOINTS)
-        _require(file, "actuator", spec.actuators, ACTUATORS)
-        _require(file, "sensor", spec.sensors, SENSORS)
-        _require(file, "site", spec.sites, SITES)
-        if bodies:
-            for kind, names in bodies.needed.items():
-                _require(file, kind, spec.bodies if kind == "body" else spec.geoms, names)
-        for element in (*spec.cameras, *spec.lights, *spec.sensors, *spec.keys, *spec.sites):
-            spec.delete(element)
-        for geom in list(spec.geoms):
-            if not bodies or not (geom.contype or geom.conaffinity):
-                spec.delete(geom)
-        for body in spec.bodies:
-            if not bodies and body.name not in ("world", *LINKS, "jaw", "tip"):
-                spec.delete(body)
-        model = spec.compile()
-        joints = tuple(model.joint(i).name for i in range(model.njnt))
-        actuators = tuple(model.actuator(i).name for i in range(model.nu))
-        for kind, found, expected in (("joint", joints, JOINTS), ("actuator", actuators, ACTUATORS)):
-            if found != expected:
-                raise ModelError(f"{file}: {kind}s are {', '.join(found)}, expected exactly {', '.join(expected)}")
-        extend(spec)
-        if bodies:
-            bodies.extend(spec, step)
-        return spec.compile()
-    except ValueError as error:
-        raise ModelError(_one_line(file, str(error))) from None
-
-
-def _require(file: Path, kind: str, elements: Iterable[mujoco.MjsElement], names: Iterable[str]) -> None:
-    present = {element.name for element in elements}
-    for name in names:
-        if name not in present:
-            raise ModelError(f"{file}: no {kind} is named {name!r}, expected {kind}s {choices(names)}")
-
-
-def _one_line(file: Path, message: str) -> str:
-    text = " ".join(message.split())
-    line = re.search(r"[Ll]ine(?: number=|\s+)(\d+)", text)
-    return f"{file}:{line.group(1)}: {text}" if line else f"{file}: {text}"

@@ -22,7 +22,8 @@ from dtwin.emulation.machine.drive import Amplifier
 from dtwin.emulation.machine.encoding import whole_ticks
 from dtwin.emulation.machine.model import extend, friction_joint, motor_joint, spring_names
 from dtwin.emulation.machine.sections import Machine
-from dtwin.emulation.plant import JOINTS, Plant, PlantState
+from dtwin.emulation.model import JOINTS
+from dtwin.emulation.plant import Plant, PlantState
 from dtwin.errors import ParameterError
 from dtwin.parameters import GRAVITY, PERIOD, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
 from dtwin.signals import Quad

@@ -82,7 +82,7 @@ def test_a_tray_is_emptied_for_the_next_box() -> None:
 
 
 def test_a_jaw_without_voltage_loses_its_box_which_lies_where_it_fell_and_is_reported() -> None:
-    emulation = cell("cut4@18-22")
+    emulation = cell("cutgripper@18-22")
     events = run(emulation, 24.0)
     lost = [event for event in events if event.kind == EventKind.SLIPPED]
     assert len(lost) == 1

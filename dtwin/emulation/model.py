@@ -1,0 +1,78 @@
+"""The MuJoCo model of arm and gripper, compiled from models/arm.xml."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Final
+
+import mujoco
+
+from dtwin.emulation.contact.bodies import Bodies
+from dtwin.errors import ModelError, choices
+
+LINKS: Final = ("link_1", "link_2", "link_3")
+JOINTS: Final = ("joint_1", "joint_2", "joint_3", "gripper")
+ACTUATORS: Final = ("motor_1", "motor_2", "motor_3", "motor_gripper")
+SENSORS: Final = ("theta_1", "theta_2", "theta_3", "omega_1", "omega_2", "omega_3", "gripper")
+SITES: Final = ("tip", "pickup", "blue", "red", "green")
+
+
+def compile_arm(
+    file: Path, extend: Callable[[mujoco.MjSpec], None], step: float, bodies: Bodies | None
+) -> mujoco.MjModel:
+    """The compiled model of the parts that move, checked for all the names that a plant uses, then extended.
+
+    Args:
+        file: MJCF file with the names of models/arm.xml.
+        extend: adds to the arm what a machine has beside it.
+        step: integration step, s.
+        bodies: what touches the arm and one another; None for an arm alone.
+
+    Raises:
+        ModelError: the file is missing, malformed, or lacks a name.
+    """
+    try:
+        spec = mujoco.MjSpec.from_file(str(file))
+        _require(file, "body", spec.bodies, (*LINKS, "jaw", "tip"))
+        _require(file, "joint", spec.joints, JOINTS)
+        _require(file, "actuator", spec.actuators, ACTUATORS)
+        _require(file, "sensor", spec.sensors, SENSORS)
+        _require(file, "site", spec.sites, SITES)
+        if bodies:
+            for kind, names in bodies.needed.items():
+                _require(file, kind, spec.bodies if kind == "body" else spec.geoms, names)
+        for element in (*spec.cameras, *spec.lights, *spec.sensors, *spec.keys, *spec.sites):
+            spec.delete(element)
+        for geom in list(spec.geoms):
+            if not bodies or not (geom.contype or geom.conaffinity):
+                spec.delete(geom)
+        for body in spec.bodies:
+            if not bodies and body.name not in ("world", *LINKS, "jaw", "tip"):
+                spec.delete(body)
+        model = spec.compile()
+        joints = tuple(model.joint(i).name for i in range(model.njnt))
+        actuators = tuple(model.actuator(i).name for i in range(model.nu))
+        for kind, found, expected in (("joint", joints, JOINTS), ("actuator", actuators, ACTUATORS)):
+            if found != expected:
+                raise ModelError(f"{file}: {kind}s are {', '.join(found)}, expected exactly {', '.join(expected)}")
+        extend(spec)
+        if bodies:
+            bodies.extend(spec, step)
+        return spec.compile()
+    except ValueError as error:
+        raise ModelError(_one_line(file, str(error))) from None
+
+
+def _require(file: Path, kind: str, elements: Iterable[mujoco.MjsElement], names: Iterable[str]) -> None:
+    present = {element.name for element in elements}
+    for name in names:
+        if name not in present:
+            raise ModelError(f"{file}: no {kind} is named {name!r}, expected {kind}s {choices(names)}")
+
+
+def _one_line(file: Path, message: str) -> str:
+    text = " ".join(message.split())
+    line = re.search(r"[Ll]ine(?: number=|\s+)(\d+)", text)
+    return f"{file}:{line.group(1)}: {text}" if line else f"{file}: {text}"
