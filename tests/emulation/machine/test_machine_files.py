@@ -21,6 +21,8 @@ from dtwin.run.settings import CellSettings, described, metadata
 def of_field(kind: Any, allowed: Any) -> st.SearchStrategy[Any]:
     if allowed is None:
         return st.sampled_from(kind.__args__)
+    if kind is bool:
+        return st.booleans()
     number = st.floats(allowed.low, allowed.high)
     return (
         st.tuples(number, number, number)
@@ -99,7 +101,7 @@ def test_shown_and_drawn_machines_can_be_loaded(
 
 WRONG = {
     "nonsense": "expected a machine",
-    "[engine]\n": "unknown section 'engine': expected name, drive, transmission, structure or sensing",
+    "[engine]\n": "unknown section 'engine': expected name, drive, transmission, structure, sensing or contact",
     "drive = 3\n": "drive: expected a section, got 3",
     "name = 3\n": "name: expected a text, got 3",
     "[drive]\nlagg = 1\n": "unknown key drive.lagg: expected torque, lag, ",
