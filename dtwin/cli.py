@@ -120,6 +120,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "simulate": Subcommand(
             "simulation.simulate", "Simulate", "try a motion on the twin with the real function blocks"
         ),
+        "margins": Subcommand(
+            "simulation.margins", "MarginsCommand", "compute what change of the arm the controller stands"
+        ),
         "optimise": Subcommand(
             "simulation.optimise", "Optimise", "search the best gains and target time on the twin"
         ),

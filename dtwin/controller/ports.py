@@ -33,6 +33,10 @@ PATH: Final = tuple(f"PLANNER.THETA_D{joint}" for joint in _JOINTS)
 """Outputs with the desired angles of the path, rad."""
 PATH_END: Final = tuple(f"PLANNER.THETA_T{joint}" for joint in _JOINTS)
 """Inputs with the angles at which the path ends, rad."""
+INTEGRALS: Final = tuple(f"CONTROLLER.SUM{joint}" for joint in _JOINTS)
+"""Variables with the integral part of the feedback, rad/s^2."""
+MEMORY: Final = (*(f"CONTROLLER.{name}{joint}" for name in ("Y1", "Y2") for joint in _JOINTS), *INTEGRALS)
+"""Variables that carry the feedback of an arm at rest from one tick to the next: earlier samples and integrals."""
 TWIN: Final = "TWIN"
 """Name of the block of type DIGITAL_TWIN."""
 STOP: Final = f"{TWIN}.STOP"

@@ -15,6 +15,8 @@ DIGITS: Final = 1e-14
 LAWS: Final[tuple[Law, ...]] = get_args(Law)
 """Names of the control laws; the index is the value of the input LAW of the controller block."""
 _NEEDED: Final[dict[Law, PayloadModel]] = {"default": "point", "row_sum": "weight"}
+USUAL_GAINS: Final[dict[Law, Gains]] = {"default": Gains(), "row_sum": Gains()}
+"""The gains that each control law has unless others are given."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Checks settings before an upload: their bounds, stability at rest, and the motions of the cell on the twin."""
+"""Checks settings before an upload: their bounds, the margins at rest, and the motions of the cell on the twin."""
 
 from __future__ import annotations
 
@@ -16,8 +16,11 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.errors import DivergenceError, ParameterError
 from dtwin.parameters import PLACES, ArmParameters, Triple
 from dtwin.simulation.figures import Figures, triple
+from dtwin.simulation.margins.demands import DEMANDS, Case
+from dtwin.simulation.margins.loop import linear_loop
+from dtwin.simulation.margins.measures import margins
+from dtwin.simulation.margins.poses import Pose
 from dtwin.simulation.places import angles_of
-from dtwin.simulation.stability import spectral_radius
 from dtwin.simulation.whatif import MotionCase, Simulator
 
 TAIL: Final = 0.5
@@ -26,8 +29,6 @@ WORST_TRACKING: Final = 0.3
 """Largest distance from the path in any motion of the cell, rad."""
 HEAVIER: Final = 0.01
 """Mass by which a box may be heavier than the controller assumes, kg: it assumes the middle of the range."""
-STABLE: Final = 1.0 - 1e-6
-"""Spectral radius from which the closed loop counts as not stable: errors would take hours to halve."""
 
 
 class Refused(ParameterError):
@@ -58,6 +59,7 @@ class ExpectedTracking:
         saturated: largest share of the samples of a motion with a voltage at its limit.
         worst: motion with the largest distance from the path.
         spectral_radius: largest spectral radius of the closed loop at rest over the places, with and without a box.
+        disk_margin: least disk margin over the same places.
     """
 
     tracking: Triple
@@ -66,6 +68,7 @@ class ExpectedTracking:
     saturated: float
     worst: Motion
     spectral_radius: float
+    disk_margin: float
 
 
 class Checker:
@@ -94,12 +97,12 @@ class Checker:
             motions: motions that must keep to their paths.
 
         Raises:
-            Refused: a value is out of bounds, the loop is not stable, or a motion leaves its path; the message says
+            Refused: a value is out of bounds, a margin is too small, or a motion leaves its path; the message says
                 which and why.
         """
         try:
             check_bounds(settings)
-            radius = self._stability(settings, arm, motions)
+            resting = self._margins(settings, arm, motions)
             prediction = self.predict(settings, arm, motions)
         except (ParameterError, DivergenceError) as error:
             raise Refused(str(error)) from None
@@ -110,12 +113,16 @@ class Checker:
                 f"{motion.start} to {motion.goal}: joint {joint} would leave its path by {worst:.3g} rad, expected at"
                 f" most {WORST_TRACKING:g} rad"
             )
-        return replace(prediction, spectral_radius=radius)
+        return replace(
+            prediction,
+            spectral_radius=max(case.margins.spectral_radius for case in resting),
+            disk_margin=min(case.margins.disk for case in resting),
+        )
 
     def predict(
         self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion] = MOTIONS
     ) -> ExpectedTracking:
-        """Predicts the performance of settings on an arm, good or bad; stability at rest is not checked.
+        """Predicts the performance of settings on an arm, good or bad; margins at rest are not checked.
 
         Motions with a box are simulated with a box of the mass that the controller assumes and with a heavier one:
         near the voltage limit a few grams decide whether an arm can follow its path.
@@ -131,7 +138,7 @@ class Checker:
         volts = np.max([figures.peak_volts for figures in found], axis=0)
         saturated = max(figures.saturated for figures in found)
         rms = float(np.sqrt(np.mean([np.square(figures.tracking_rms) for figures in found])))
-        return ExpectedTracking(triple(tracking.max(axis=0)), rms, triple(volts), saturated, worst, 0.0)
+        return ExpectedTracking(triple(tracking.max(axis=0)), rms, triple(volts), saturated, worst, 0.0, 0.0)
 
     def simulate(
         self, settings: ControlSettings, arm: ArmParameters, box: float, motions: Sequence[Motion] = MOTIONS
@@ -143,19 +150,23 @@ class Checker:
         """
         return [self._simulator.run(_case(motion, settings, arm, box)).figures for motion in motions]
 
-    def _stability(self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion]) -> float:
-        worst = 0.0
+    def _margins(self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion]) -> list[Case]:
+        """The margins where motions end.
+
+        Raises:
+            Refused: a margin is below what is demanded of the law; the message says which, where, and what is.
+        """
+        found = []
         for motion in motions:
             payload = settings.payload if motion.carries else 0.0
-            theta = angles_of(motion.goal)
-            radius = spectral_radius(self._simulator.controller, settings, arm, payload, theta)
-            if not radius < STABLE:
-                load = "with a box" if motion.carries else "without a box"
-                raise Refused(
-                    f"not stable at {motion.goal} {load}: spectral radius {radius:.4f} of one tick, expected below 1"
-                )
-            worst = max(worst, radius)
-        return worst
+            pose = Pose(motion.goal, angles_of(motion.goal))
+            loop = linear_loop(self._simulator.controller, settings, arm, payload, pose.theta)
+            case = Case(pose, payload, margins(loop))
+            short = DEMANDS[settings.law].shortfall(case.margins)
+            if short is not None:
+                raise Refused(f"{case}: {short.text}")
+            found.append(case)
+        return found
 
 
 def _case(motion: Motion, settings: ControlSettings, arm: ArmParameters, box: float) -> MotionCase:

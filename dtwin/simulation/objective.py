@@ -16,10 +16,12 @@ from dtwin.controller.ports import BLOCKS
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import DivergenceError, ParameterError, choices
 from dtwin.parameters import ArmParameters, Gains
-from dtwin.simulation.checks import STABLE, Motion
+from dtwin.simulation.checks import Motion
 from dtwin.simulation.figures import Array, Figures
+from dtwin.simulation.margins.demands import DEMANDS
+from dtwin.simulation.margins.loop import linear_loop
+from dtwin.simulation.margins.measures import margins
 from dtwin.simulation.places import angles_of
-from dtwin.simulation.stability import spectral_radius
 from dtwin.simulation.whatif import MotionCase, Simulator
 
 TERMS: Final = ("time", "tracking", "energy", "voltage")
@@ -134,9 +136,11 @@ def score(objective: Objective, target_time: float, gains: Gains) -> CandidateSc
     simulator = _simulator(objective.blocks)
     for scenario in _resting_points(objective.scenarios):
         theta = angles_of(scenario.motion.goal)
-        radius = spectral_radius(simulator.controller, settings, scenario.arm, scenario.payload, theta)
-        if not radius < STABLE:
-            return CandidateScore(target_time, gains, {}, "stability", UNUSABLE * (_UNSTABLE + radius), 0)
+        found_there = margins(linear_loop(simulator.controller, settings, scenario.arm, scenario.payload, theta))
+        short = DEMANDS[settings.law].shortfall(found_there)
+        if short is not None:
+            excess = found_there.spectral_radius if not short.share else 1.0 - short.share
+            return CandidateScore(target_time, gains, {}, short.name, UNUSABLE * (_UNSTABLE + excess), 0)
     found: list[tuple[Scenario, Figures]] = []
     for done, scenario in enumerate(objective.scenarios, 1):
         try:

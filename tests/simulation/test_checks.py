@@ -35,7 +35,7 @@ def test_prediction_is_the_worst_of_the_motions(checker: Checker, simulator: Sim
 @pytest.mark.parametrize(
     ("settings", "reason"),
     [
-        (replace(USUAL, gains=Gains(kp=(1000.0,) * 3)), "not stable at blue with a box: spectral radius 1.00"),
+        (replace(USUAL, gains=Gains(kp=(1000.0,) * 3)), "blue with a box: not stable: spectral radius 1.00"),
         (replace(USUAL, gains=Gains(kd=(200.0,) * 3)), "not stable"),
         (replace(USUAL, gains=Gains((0.0,) * 3, (0.0,) * 3, (0.0,) * 3)), "not stable"),
         (replace(USUAL, law="row_sum", payload_model="point"), "not stable"),

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import ControlSettings
 from dtwin.parameters import PICKUP, PLACES, ArmParameters, Gains, Triple
-from dtwin.simulation.stability import spectral_radius
+from dtwin.simulation.margins.loop import linear_loop
 from dtwin.simulation.whatif import MotionCase, Simulator
 
 ARM = ArmParameters()
@@ -15,6 +16,12 @@ ARM = ArmParameters()
 
 def all_joints(kp: float, ki: float, kd: float) -> Gains:
     return Gains((kp,) * 3, (ki,) * 3, (kd,) * 3)
+
+
+def spectral_radius(
+    controller: MotionController, settings: ControlSettings, arm: ArmParameters, payload: float, theta: Triple
+) -> float:
+    return linear_loop(controller, settings, arm, payload, theta).radius()
 
 
 def growth(simulator: Simulator, settings: ControlSettings, payload: float, theta: Triple, ticks: int) -> float:

@@ -1,0 +1,204 @@
+"""The sampled linear loop of function blocks and arm where the arm rests.
+
+The blocks are differentiated as a black box: their variables and the angles are moved a little, one tick runs, and
+the differences of variables and voltages are the columns of their state-space matrices. The arm is linearised about
+the pose, where gravity is held by the motors, and sampled exactly with its voltages held from tick to tick, also when
+they act a part of a tick late (Franklin, Powell and Workman, Digital Control of Dynamic Systems, ch. 4.3). Coulomb
+friction is left out, because it would hide a slow instability.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from dtwin.controller.motion import MotionController
+from dtwin.controller.ports import INTEGRALS, MEMORY
+from dtwin.controller.settings import ControlSettings
+from dtwin.parameters import PERIOD, ArmParameters, Triple, scaled
+from dtwin.simulation.figures import Array
+from dtwin.twin.dynamics import forward_dynamics, gravity
+
+_STEP: Final = 1e-5
+"""Step of the difference quotients in the unit of the variable.
+
+Their truncation error is of the order of its square, their rounding error of 1e-16 divided by it.
+"""
+ComplexArray = NDArray[np.complex128]
+
+
+class StateSpace(NamedTuple):
+    """A sampled linear system x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k] (n states, m inputs, p outputs).
+
+    Attributes:
+        A: (n, n), from the states to the next ones.
+        B: (n, m), from the inputs to the next states.
+        C: (p, n), from the states to the outputs.
+        D: (p, m), from the inputs to the outputs.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+
+    def response(self, z: ComplexArray) -> ComplexArray:
+        """Frequency responses C (z - A)^-1 B + D at points of the unit circle, (N, p, m)."""
+        resolvent = z[:, None, None] * np.eye(len(self.A)) - self.A
+        answer: ComplexArray = self.C @ np.linalg.solve(resolvent, self.B[None]) + self.D
+        return answer
+
+
+class Plant(NamedTuple):
+    """The arm near a pose: x' = A x + B V with x = (theta, omega).
+
+    Attributes:
+        A: (6, 6), per second.
+        B: (6, 3), by volts.
+    """
+
+    A: Array
+    B: Array
+
+    def sampled(self, delay: float = 0.0) -> StateSpace:
+        """The arm from volts to angles over one tick, with the volts held and acting late by a number of ticks."""
+        whole = math.floor(delay)
+        late = (delay - whole) * PERIOD
+        state, full = _held(self.A, self.B, PERIOD)
+        new = _held(self.A, self.B, PERIOD - late)[1]
+        # The volts of `whole` ticks ago act at the end of the tick, those of one tick more at its beginning.
+        past = whole + 1
+        A = np.zeros((6 + 3 * past, 6 + 3 * past))
+        B = np.zeros((6 + 3 * past, 3))
+        A[:6, :6] = state
+        A[:6, 3 + 3 * past :] = full - new
+        if whole:
+            A[:6, 3 + 3 * whole : 6 + 3 * whole] += new
+        else:
+            B[:6] = new
+        B[6:9] = np.eye(3)
+        A[9:, 6:-3] = np.eye(3 * whole)
+        C = np.zeros((3, len(A)))
+        C[:, :3] = np.eye(3)
+        return StateSpace(A, B, C, np.zeros((3, 3)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loop:
+    """A plant under a controller.
+
+    Attributes:
+        controller: controller from angles (rad) to volts.
+        plant: arm near the pose at which it rests.
+    """
+
+    controller: StateSpace
+    plant: Plant
+
+    def closed(self, delay: float = 0.0) -> Array:
+        """The matrix of one tick of the closed loop, with the volts acting late by a number of ticks."""
+        plant, control = self.plant.sampled(delay), self.controller
+        return np.block(
+            [[plant.A + plant.B @ control.D @ plant.C, plant.B @ control.C], [control.B @ plant.C, control.A]]
+        )
+
+    def radius(self, delay: float = 0.0) -> float:
+        """Largest absolute eigenvalue of one tick; the loop is stable below 1."""
+        return float(np.abs(np.linalg.eigvals(self.closed(delay))).max())
+
+    def returned(self, z: ComplexArray) -> ComplexArray:
+        """Return ratio L = -K P at the voltages of the motors, (N, 3, 3), at points of the unit circle."""
+        ratio: ComplexArray = -self.controller.response(z) @ self.plant.sampled().response(z)
+        return ratio
+
+
+def linear_loop(
+    controller: MotionController, settings: ControlSettings, arm: ArmParameters, payload: float, theta: Triple
+) -> Loop:
+    """The loop of the function blocks and an arm at rest.
+
+    Args:
+        controller: controller whose blocks are used; its current motion ends.
+        settings: settings of the blocks.
+        arm: arm that is controlled.
+        payload: mass of the held box, kg.
+        theta: angles at which the arm rests, rad.
+    """
+    return Loop(linear_blocks(controller, settings, theta, carries=payload > 0), linear_arm(arm, payload, theta))
+
+
+def linear_arm(arm: ArmParameters, payload: float, theta: Triple) -> Plant:
+    """The arm near the pose theta (rad), with a box of mass payload (kg) in its gripper."""
+    vector = np.array(scaled(arm, "mu", 0.0).vector())
+    hold = gravity(np.array(theta), vector, payload, False) / np.array(arm.voltage_constant)
+
+    def acceleration(point: Array) -> Array:
+        found: Array = forward_dynamics(point[:6], point[6:], vector, payload, False)
+        return found
+
+    slopes = _differences(acceleration, np.concatenate((theta, np.zeros(3), hold)))
+    A = np.vstack((np.eye(3, 6, 3), slopes[:, :6]))
+    return Plant(A, np.vstack((np.zeros((3, 3)), slopes[:, 6:])))
+
+
+def linear_blocks(
+    controller: MotionController, settings: ControlSettings, theta: Triple, *, carries: bool
+) -> StateSpace:
+    """The function blocks near rest at theta (rad), from angles to volts; the states are the variables MEMORY.
+
+    Integrals that no gain feeds are left out: they stay as they are.
+    """
+    with _resting(controller, settings, theta, carries) as (memory, tick):
+        states = [controller.resource.read(name) for name in memory]
+        slopes = _differences(tick, np.array((*states, *theta)))
+    count = len(memory)
+    return StateSpace(slopes[:count, :count], slopes[:count, count:], slopes[count:, :count], slopes[count:, count:])
+
+
+@contextmanager
+def _resting(
+    controller: MotionController, settings: ControlSettings, theta: Triple, carries: bool
+) -> Iterator[tuple[list[str], Callable[[Array], Array]]]:
+    """The names of the states of resting blocks, and one tick from states and angles to next states and volts."""
+    controller.begin(theta, theta, settings, carries=carries)
+    resource = controller.resource
+    rest = resource.snapshot()
+    idle = {name for name, gain in zip(INTEGRALS, settings.gains.ki, strict=True) if gain == 0}
+    memory = [name for name in MEMORY if name not in idle]
+
+    def tick(point: Array) -> Array:
+        resource.restore(rest)
+        for name, value in zip(memory, point.tolist()[:-3], strict=True):
+            resource.write(name, value)
+        first, second, third = point[-3:].tolist()
+        volts = controller.step((first, second, third))
+        return np.array((*(resource.read(name) for name in memory), *volts))
+
+    yield memory, tick
+    resource.restore(rest)
+
+
+def _held(A: Array, B: Array, time: float) -> tuple[Array, Array]:
+    """State and input matrices over a time (s) with the input held."""
+    size, inputs = B.shape
+    block = np.zeros((size + inputs, size + inputs))
+    block[:size] = np.hstack((A, B))
+    both = expm(block * time)
+    return both[:size, :size], both[:size, size:]
+
+
+def _differences(function: Callable[[Array], Array], point: Array) -> Array:
+    """Jacobian of a function at a point by central differences."""
+    columns = []
+    for k in range(len(point)):
+        offset = np.zeros(len(point))
+        offset[k] = _STEP
+        columns.append((function(point + offset) - function(point - offset)) / (2.0 * _STEP))
+    return np.column_stack(columns)
