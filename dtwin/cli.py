@@ -139,6 +139,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "upload rollback": Subcommand("simulation.upload", "RollBack", "take back the settings on trial"),
         "history": Subcommand("simulation.history", "ShowHistory", "show all changes of the controller's settings"),
         "bench upload": Subcommand("simulation.bench", "BenchUpload", "time uploads to a running cell"),
+        "experiment margins": Subcommand(
+            "simulation.experiment", "ExperimentMargins", "design the controller's gains, measure its margins; report"
+        ),
         "experiment accuracy": Subcommand(
             "simulation.experiment",
             "ExperimentAccuracy",

@@ -274,7 +274,7 @@ class Settings:
         return any(port.lost for port in self._ports.values())
 
     def in_force(self) -> ControlSettings:
-        """All settings in force; the Coulomb friction in them is 0, since the controller does not compensate it."""
+        """All settings in force."""
         names = tuple(ControlSettings().inputs())
         return ControlSettings.from_inputs(dict(zip(names, self._application.read(names), strict=True)))
 

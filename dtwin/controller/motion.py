@@ -105,8 +105,11 @@ class MotionController:
         return (theta_1, theta_2, theta_3)
 
     def _remember(self, theta: Triple, omega: Triple) -> None:
-        """Gives the controller the two earlier samples from which its difference quotient computes a velocity."""
+        """Gives controller and observer the samples before, from which they compute a velocity."""
         self.resource.write("CONTROLLER.RUNNING", True)
+        self.resource.write("OBSERVER.RUNNING", True)
         for joint, (angle, speed) in enumerate(zip(theta, omega, strict=True), 1):
             self.resource.write(f"CONTROLLER.Y1{joint}", angle - speed * PERIOD)
             self.resource.write(f"CONTROLLER.Y2{joint}", angle - 2.0 * speed * PERIOD)
+            self.resource.write(f"OBSERVER.TH{joint}", angle - speed * PERIOD)
+            self.resource.write(f"OBSERVER.OM{joint}", speed)

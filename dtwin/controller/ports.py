@@ -27,16 +27,17 @@ _JOINTS: Final = (1, 2, 3)
 
 TUNING: Final = (*(f"CONTROLLER.{kind}{joint}" for kind in ("KP", "KI", "KD") for joint in _JOINTS), "PLANNER.T")
 """Inputs with gains and target time, which one message sets together, in the order of the message."""
-MODEL: Final = tuple(f"CONTROLLER.{kind}{joint}" for kind in "KMILCD" for joint in _JOINTS)
+MODEL: Final = tuple(f"CONTROLLER.{kind}{joint}" for kind in (*"KMILCD", "MU") for joint in _JOINTS)
 """Inputs with the arm model, which one message sets together, in the order of the message."""
 PATH: Final = tuple(f"PLANNER.THETA_D{joint}" for joint in _JOINTS)
 """Outputs with the desired angles of the path, rad."""
 PATH_END: Final = tuple(f"PLANNER.THETA_T{joint}" for joint in _JOINTS)
 """Inputs with the angles at which the path ends, rad."""
-INTEGRALS: Final = tuple(f"CONTROLLER.SUM{joint}" for joint in _JOINTS)
-"""Variables with the integral part of the feedback, rad/s^2."""
-MEMORY: Final = (*(f"CONTROLLER.{name}{joint}" for name in ("Y1", "Y2") for joint in _JOINTS), *INTEGRALS)
-"""Variables that carry the feedback of an arm at rest from one tick to the next: earlier samples and integrals."""
+MEMORY: Final = (
+    tuple(f"CONTROLLER.{name}{joint}" for name in ("Y1", "Y2", "SUM", "ALPHA") for joint in _JOINTS),
+    tuple(f"OBSERVER.{name}{joint}" for name in ("TH", "OM", "LAST") for joint in _JOINTS),
+)
+"""Variables that carry the feedback of an arm at rest from one tick to the next, block by block."""
 TWIN: Final = "TWIN"
 """Name of the block of type DIGITAL_TWIN."""
 STOP: Final = f"{TWIN}.STOP"

@@ -14,9 +14,19 @@ DIGITS: Final = 1e-14
 """Relative difference between a number and the 15 digits of it that a FORTE writes."""
 LAWS: Final[tuple[Law, ...]] = get_args(Law)
 """Names of the control laws; the index is the value of the input LAW of the controller block."""
-_NEEDED: Final[dict[Law, PayloadModel]] = {"default": "point", "row_sum": "weight"}
-USUAL_GAINS: Final[dict[Law, Gains]] = {"default": Gains(), "row_sum": Gains()}
-"""The gains that each control law has unless others are given."""
+_NEEDED: Final[dict[Law, PayloadModel]] = {"default": "point", "row_sum": "weight", "cascade": "point"}
+USUAL_GAINS: Final[dict[Law, Gains]] = {
+    "default": Gains(),
+    "row_sum": Gains(),
+    "cascade": Gains((1275.0,) * 3, (7875.0,) * 3, (65.0,) * 3),
+}
+"""The gains that each control law has unless others are given; scripts/design_gains finds those of the cascade."""
+
+
+def usual_gains(law: Law, kp: Triple | None = None, ki: Triple | None = None, kd: Triple | None = None) -> Gains:
+    """The usual gains of a control law, with others in the place of those that are given."""
+    usual = USUAL_GAINS[law]
+    return Gains(kp or usual.kp, ki or usual.ki, kd or usual.kd)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,8 +36,10 @@ class ControlSettings:
     Attributes:
         target_time: duration T of every motion, s.
         gains: gains of the computed-torque law.
-        law: "default" feeds back through the mass matrix, "row_sum" through its row sums without the damping term.
-        model: arm model of the controller; its Coulomb friction is not compensated.
+        law: "default" feeds back through the mass matrix, "row_sum" through its row sums without the damping term;
+            both are the thesis's, on cubic paths. "cascade" feeds back a velocity, on paths whose acceleration has no
+            steps.
+        model: arm model of the controller; the law "cascade" alone compensates its Coulomb friction.
         payload: mass of a box that the controller assumes, kg.
         payload_model: how a held box counts in the model; None takes what the law needs to hold a box everywhere:
             a point mass for the default law, the weight alone for the row-sum law.
@@ -73,6 +85,7 @@ class ControlSettings:
             "L": model.length,
             "C": model.com,
             "D": model.damping,
+            "MU": model.coulomb,
         }
         values: dict[str, float | int] = {
             f"CONTROLLER.{name}{joint}": value
@@ -82,6 +95,7 @@ class ControlSettings:
         values["CONTROLLER.LAW"] = LAWS.index(self.law)
         values["CONTROLLER.PAYLOAD_MASS"] = self.payload
         values["CONTROLLER.WEIGHT_ONLY"] = self.box_counts == "weight"
+        values["PLANNER.SMOOTH"] = self.law == "cascade"
         values["PLANNER.T"] = self.target_time
         return values
 
@@ -104,7 +118,7 @@ class ControlSettings:
             values["PLANNER.T"],
             Gains(triple("KP"), triple("KI"), triple("KD")),
             LAWS[law],
-            ArmParameters(*map(triple, "KMILCD")),
+            ArmParameters(*map(triple, (*"KMILCD", "MU"))),
             values["CONTROLLER.PAYLOAD_MASS"],
             "weight" if values["CONTROLLER.WEIGHT_ONLY"] else "point",
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings import USUAL_GAINS, ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.emulation.faults import parse_fault
@@ -81,7 +81,8 @@ class ControlOptions:
     """Duration of every motion, s."""
     law: Law = "default"
     """Control law. default: computed torque with a held box as a point mass; row_sum: the row-sum form of the thesis,
-    without damping term and with the box's weight alone."""
+    without damping term and with the box's weight alone; cascade: position over velocity with an observer, on smooth
+    paths."""
 
     def control(self) -> ControlSettings:
         """The settings of the controller that the options stand for.
@@ -89,4 +90,4 @@ class ControlOptions:
         Raises:
             ParameterError: an option is out of range.
         """
-        return ControlSettings(target_time=self.target_time, law=self.law)
+        return ControlSettings(self.target_time, USUAL_GAINS[self.law], self.law)

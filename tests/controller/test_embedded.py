@@ -10,7 +10,7 @@ from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters, Gains, PayloadModel
 
 GAINS = Gains((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), (7.0, 8.0, 9.0))
-ARM = ArmParameters.from_vector((*(0.1 + k / 100 for k in range(18)), 0.0, 0.0, 0.0))
+ARM = ArmParameters.from_vector(tuple(0.1 + k / 100 for k in range(21)))
 SIDES: tuple[PayloadModel, ...] = ("point", "weight")
 
 
@@ -39,7 +39,7 @@ def test_fifteen_digits_are_the_same_settings() -> None:
     assert ControlSettings.from_inputs(written).differing(ControlSettings()) == set()
 
 
-@pytest.mark.parametrize(("name", "value"), [("CONTROLLER.LAW", 2), ("CONTROLLER.M1", -1.0), ("PLANNER.T", 0.0)])
+@pytest.mark.parametrize(("name", "value"), [("CONTROLLER.LAW", 3), ("CONTROLLER.M1", -1.0), ("PLANNER.T", 0.0)])
 def test_blocks_may_have_what_no_settings_are(name: str, value: float) -> None:
     with pytest.raises(ParameterError, match=f"got {value}"):
         ControlSettings.from_inputs(ControlSettings().inputs() | {name: value})

@@ -126,9 +126,9 @@ def test_gains_and_target_time_reach_controller_and_planner() -> None:
 def test_model_reaches_the_controller() -> None:
     application = Application()
     application.tick((0.0, 0.0, 0.0))
-    vector = [1.1 * value for value in ArmParameters().vector()[:18]]
+    vector = [1.1 * value for value in (*ArmParameters().vector()[:18], 0.01, 0.02, 0.03)]
     application.send(MODEL_PORT, *vector)
-    names = [f"{symbol}{joint}" for symbol in "KMILCD" for joint in (1, 2, 3)]
+    names = [f"{symbol}{joint}" for symbol in (*"KMILCD", "MU") for joint in (1, 2, 3)]
     assert [application.resource.read(f"CONTROLLER.{name}") for name in names] == vector
     weight = 9.81 * vector[5] * vector[14]
     assert application.resource.read("CONTROLLER.W3") == pytest.approx(weight, rel=1e-14)

@@ -161,6 +161,6 @@ def test_ports_of_the_twin() -> None:
         "localhost:61502": "SERVER_7_0",
         "localhost:61503": "SERVER_8_0",
         "localhost:61504": "SERVER_0_10",
-        "localhost:61505": "SERVER_0_18",
+        "localhost:61505": "SERVER_0_21",
         "localhost:61506": "SERVER_1_3",
     }

@@ -31,6 +31,40 @@ def test_path_is_the_cubic_with_rest_at_both_ends(start: list[float], duration: 
     np.testing.assert_array_equal(planner.triple("THETA_D"), PLACES[colour].theta)
 
 
+@given(start=angles, duration=st.floats(0.1, 1.5), colour=st.sampled_from(sorted(PLACES)))
+def test_smooth_path_has_no_steps_of_the_acceleration(start: list[float], duration: float, colour: Colour) -> None:
+    planner = Driven("PATH_PLANNER")
+    planner.fire("TIMING", T=duration)
+    planner.fire("TARGET", DESTINATION=colour, SMOOTH=True, **triple("THETA", start))
+    distance = np.array(PLACES[colour].theta) - start
+    fold = -abs(distance[0]) * np.array([0.0, 0.3, 0.15])
+    for tick in range(int(duration / 0.01) + 3):
+        planner.fire("REQ")
+        r, middle = min(0.01 * tick / duration, 1.0), (0.01 * tick + 0.005) / duration
+        path = start + distance * (10 * r**3 - 15 * r**4 + 6 * r**5) + fold * 64 * (r - r**2) ** 3
+        velocity = (distance * 30 * (r - r**2) ** 2 + fold * 192 * (r - r**2) ** 2 * (1 - 2 * r)) / duration
+        bend = middle - middle**2
+        acceleration = distance * 60 * bend * (1 - 2 * middle)
+        acceleration += fold * (384 * bend * (1 - 2 * middle) ** 2 - 384 * bend**2)
+        moving = 0.01 * tick < duration
+        np.testing.assert_allclose(planner.triple("THETA_D"), path, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(planner.triple("OMEGA_D"), velocity, rtol=0, atol=1e-9 / duration)
+        expected = moving * acceleration / duration**2
+        np.testing.assert_allclose(planner.triple("ALPHA_D"), expected, rtol=0, atol=1e-9 / duration**2)
+    np.testing.assert_array_equal(planner.triple("THETA_D"), PLACES[colour].theta)
+
+
+def test_a_smooth_path_goes_on_from_a_measured_velocity() -> None:
+    planner = Driven("PATH_PLANNER")
+    planner.fire("TARGET", DESTINATION="red", SMOOTH=True, **triple("THETA", (0.0, 0.0, 0.0)))
+    for k in range(4):
+        planner.fire("REQ", HOLD=True, **triple("THETA", np.array([0.01, -0.02, 0.03]) * k))
+    np.testing.assert_allclose(planner.triple("OMEGA_D"), [1.0, -2.0, 3.0], atol=1e-9)
+    planner.fire("REQ", HOLD=False)
+    np.testing.assert_allclose(planner.triple("OMEGA_D"), [1.0, -2.0, 3.0], atol=0.05)
+    assert np.abs(planner.triple("ALPHA_D")).max() < 10.0
+
+
 def test_targets_are_the_places() -> None:
     planner = Driven("PATH_PLANNER")
     for name, place in (("pickup", PICKUP), *PLACES.items()):

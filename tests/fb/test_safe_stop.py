@@ -75,6 +75,26 @@ def test_an_arm_that_does_not_stand_loses_its_torque(away: float) -> None:
     assert held["STOP"] == TORQUE_OFF
 
 
+@pytest.mark.parametrize(("following", "speed"), [(0.51, 0.0), (0.0, 25.1), (float("nan"), 0.0), (0.0, float("nan"))])
+@pytest.mark.parametrize("before", [NONE, BRAKING, STANDSTILL, TORQUE_OFF])
+def test_an_arm_off_its_path_or_too_fast_is_stopped(following: float, speed: float, before: int) -> None:
+    block = decision(before)
+    assert block.fire("CHECK", FOLLOWING=0.49, SPEED=24.9) == []
+    assert block["STOP"] == before
+    assert block.fire("CHECK", FOLLOWING=following, SPEED=speed) == (["HALT"] if before == NONE else [])
+    assert block["STOP"] == max(before, BRAKING)
+
+
+def test_a_stop_for_leaving_the_path_goes_on_like_any_other() -> None:
+    block = decision(NONE)
+    block.fire("CHECK", FOLLOWING=1.0, SPEED=0.0)
+    for sample in range(1, BRAKING_SAMPLES + 1):
+        block.fire("REQ", AWAY=0.0)
+        assert block["STOP"] == (BRAKING if sample < BRAKING_SAMPLES else STANDSTILL)
+    block.fire("VERDICT", STATE=NOMINAL, CONFIDENCE=0.0, RELEASE=True)
+    assert block["STOP"] == NONE
+
+
 def test_braking_starts_anew_after_a_release() -> None:
     block = decision(STANDSTILL)
     block.fire("VERDICT", STATE=NOMINAL, RELEASE=True)

@@ -14,6 +14,7 @@ import pytest
 from dtwin.cli import main
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.remote import RemoteController
+from dtwin.controller.settings import USUAL_GAINS, ControlSettings
 from dtwin.emulation.faults import parse_fault
 from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.build import deploy
@@ -50,9 +51,10 @@ def served(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[DeployedA
             yield device
 
 
-def controller(served: DeployedApplication) -> RemoteController:
+def controller(served: DeployedApplication, settings: ControlSettings | None = None) -> RemoteController:
     """A controller for the device's application, with a new embedded one as its shadow."""
-    return connected(lambda: RemoteController(served.address(61500), EmbeddedController(), timeout=10.0))
+    shadow = EmbeddedController(settings)
+    return connected(lambda: RemoteController(served.address(61500), shadow, timeout=10.0))
 
 
 def assert_same_run(one: Log, other: Log) -> None:
@@ -65,6 +67,20 @@ def test_120_seconds_of_pick_and_place_are_the_same(served: DeployedApplication)
     alone = Cell(settings)
     alone.run()
     with controller(served) as remote:
+        cell = Cell(settings, remote)
+        cell.run()
+    log = cell.log.freeze()
+    assert_same_run(log, alone.log.freeze())
+    assert cell.summary(log).boxes.delivered > 3
+
+
+def test_120_seconds_under_the_cascade_are_the_same(served: DeployedApplication) -> None:
+    control = ControlSettings(gains=USUAL_GAINS["cascade"], law="cascade")
+    served.deploy(settings=control)
+    settings = CellSettings(duration=120.0, seed=2, noise=0.001, control=control)
+    alone = Cell(settings)
+    alone.run()
+    with controller(served, control) as remote:
         cell = Cell(settings, remote)
         cell.run()
     log = cell.log.freeze()
@@ -161,7 +177,7 @@ def test_identification_gains_and_model_from_the_twin(served: DeployedApplicatio
     assert served.client.read("EMB_RES", "SELECTOR.OVERRIDE") == "FALSE"
     tell(61504, "SIMULATION.GAIN_PORT", *generator.uniform(10.0, 300.0, 6), *generator.uniform(1.0, 3.0, 3), 1.5)
     advance(700)
-    tell(61505, "SIMULATION.MODEL_PORT", *(ArmParameters().vector()[:18] * generator.uniform(0.9, 1.1, 18)))
+    tell(61505, "SIMULATION.MODEL_PORT", *(ArmParameters().vector() * generator.uniform(0.9, 1.1, 21)))
     advance(1500)
     tell(61501, "IDENTIFICATION.REQUEST", True)
     advance(100)

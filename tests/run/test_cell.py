@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings import USUAL_GAINS, ControlSettings
 from dtwin.emulation.faults import parse_fault
 from dtwin.errors import DivergenceError, ParameterError
+from dtwin.parameters import ArmParameters
 from dtwin.run.cell import Cell, RunSummary
 from dtwin.run.loop import tick_count
 from dtwin.run.recording import Log
@@ -72,6 +73,39 @@ def test_the_row_sum_law_sorts_boxes_too() -> None:
     _, summary = run(CellSettings(duration=120.0, seed=1, control=control))
     assert summary.boxes.delivered >= 5
     assert summary.boxes.misplaced == summary.saturated_ticks == 0
+
+
+CASCADE = ControlSettings(gains=USUAL_GAINS["cascade"], law="cascade")
+
+
+def test_the_cascade_sorts_boxes_closer_to_their_places() -> None:
+    _, summary = run(CellSettings(duration=120.0, control=CASCADE))
+    assert summary.boxes.delivered == summary.boxes.picked == 7
+    assert summary.placement_error_mm.max < 0.02
+    assert max(summary.tracking_error_rad.max) < 0.01
+    assert summary.saturated_ticks == 0
+
+
+@pytest.mark.parametrize("fault", [f"K{motor}*={factor}@20" for motor in (1, 2, 3) for factor in (0.8, 1.2)])
+def test_the_cascade_works_with_a_motor_weaker_or_stronger_by_a_fifth(fault: str) -> None:
+    _, summary = run(CellSettings(duration=120.0, control=CASCADE, faults=(parse_fault(fault),)))
+    assert summary.boxes.delivered == 7
+    assert summary.boxes.misplaced == 0
+
+
+def test_the_cascade_works_with_coulomb_friction_that_it_does_not_know() -> None:
+    arm = ArmParameters(coulomb=(0.03, 0.03, 0.03))
+    _, summary = run(CellSettings(duration=120.0, control=CASCADE, arm=arm))
+    assert summary.boxes.delivered == 7
+
+
+def test_an_arm_that_cannot_follow_is_stopped_instead_of_whirling() -> None:
+    settings = CellSettings(duration=60.0, control=CASCADE, faults=(parse_fault("K2*=0.1@20"),))
+    log, _ = run(settings)
+    late = log.stack("omega")[4000:]
+    assert np.abs(late).max() < 0.05
+    assert np.abs(log.stack("omega")).max() < 25.0
+    assert (log.stack("volts")[-100:, :3] == 0.0).all() or np.abs(log.stack("volts")[-100:, :3]).max() < 8.0
 
 
 def test_the_run_ends_between_two_ticks_when_asked() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import LAWS, USUAL_GAINS, ControlSettings
+from dtwin.experiments.simulation.margins import compare, usual
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, PLACES, ArmParameters, Gains, Law, Triple
 from dtwin.simulation.margins.demands import MARGINS, STABILITY, cases
 from dtwin.simulation.margins.loop import Loop, Plant, StateSpace, linear_arm, linear_blocks, linear_loop
@@ -66,7 +67,8 @@ def test_disk_margin_of_a_single_loop() -> None:
 def test_disk_margin_does_not_depend_on_units_and_is_the_least_of_uncoupled_loops() -> None:
     ratios = [4.0 / (S + 1.0) ** 3, 2.0 / (S * (S + 1.0)), 1.0 / S]
     alone = [disk_margin((1.0 / (1.0 + ratio))[:, None, None]) for ratio in ratios]
-    together = np.array([np.diag(1.0 / (1.0 + np.array(row))) for row in zip(*ratios, strict=True)])
+    rows = [np.diag(1.0 / (1.0 + np.array(row))) for row in zip(*ratios, strict=True)]
+    together = np.array(rows, dtype=np.complex128)
     assert disk_margin(together) == pytest.approx(min(alone))
     mixed = together + 0.05 * np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]])
     units = np.array([1.0, 1e3, 1e-3])
@@ -218,3 +220,27 @@ def test_cases_are_the_places_and_a_fixed_sample() -> None:
         ("pickup", 0.0), ("pickup", 0.2), ("blue", 0.0), ("blue", 0.2),
     ]  # fmt: skip
     assert str(found[1]) == "pickup with a box"
+
+
+def test_the_cascade_has_the_margins_that_are_demanded_of_settings(simulator: Simulator) -> None:
+    """At the places and a part of the sample; the experiment looks at all 50 poses."""
+    settings = ControlSettings(gains=USUAL_GAINS["cascade"], law="cascade")
+    for late in (0.0, 1.0):
+        found = cases(simulator.controller, settings, ARM, poses(8), late)
+        assert [case for case in found if late == 0.0 and MARGINS.shortfall(case.margins)] == []
+        assert min(case.margins.disk for case in found) > 0.5
+        assert min(case.margins.delay for case in found) > 1.5
+        assert min(case.margins.torque for case in found) > 0.5
+
+
+@pytest.mark.parametrize("place", ["pickup", "green"])
+@pytest.mark.parametrize("payload", [0.0, 0.2])
+def test_sines_on_the_emulation_measure_the_computed_sensitivity(
+    simulator: Simulator, place: str, payload: float
+) -> None:
+    pose = next(each for each in poses() if each.name == place)
+    apart, largest = compare(simulator, usual("cascade"), pose, payload, (3, 16, 63))
+    assert largest > 1.0
+    assert apart < 0.001
+    apart, largest = compare(simulator, usual("default"), pose, 0.0, (10, 25))
+    assert apart < 0.01 * largest

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
+from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.deploy.build import deploy
 from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
@@ -21,6 +22,7 @@ from dtwin.iec61499.net.address import LOOPBACK, Address
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.wire import Message, MessageReader, Signature
 from dtwin.parameters import ROOT
+from services.controller import configured
 from tests.support.ports import free_ports
 from tests.support.waiting import connected
 
@@ -36,14 +38,16 @@ class DeployedApplication:
         self.ports = dict(zip(PORTS, free_ports(len(PORTS)), strict=True))
         self.client = connected(lambda: ManagementClient(management, PATIENCE))
 
-    def plan(self, blocks: Path = BLOCKS) -> Deployment:
+    def plan(self, blocks: Path = BLOCKS, settings: ControlSettings | None = None) -> Deployment:
         library = Library([blocks])
-        return plan_deployment(
-            "EMB_RES", resource_network(library.load_system(BLOCKS / "dtwin.sys")), library, self.ports
+        inputs = (settings or ControlSettings()).inputs()
+        system = configured(
+            library.load_system(BLOCKS / "dtwin.sys"), {name: str(value) for name, value in inputs.items()}
         )
+        return plan_deployment("EMB_RES", resource_network(system), library, self.ports)
 
-    def deploy(self, blocks: Path = BLOCKS) -> None:
-        deploy(self.client, self.plan(blocks))
+    def deploy(self, blocks: Path = BLOCKS, settings: ControlSettings | None = None) -> None:
+        deploy(self.client, self.plan(blocks, settings))
 
     def address(self, port: int) -> Address:
         """The address of the block that has the port in the system's file."""

@@ -1,4 +1,4 @@
-"""`dtwin experiment accuracy` and `upload`: the thesis's experiments with the simulation module."""
+"""`dtwin experiment accuracy`, `upload` and `margins`: experiments with the simulation module."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import msgspec
 from dtwin.commands.frame import ExperimentCommand, SeriesCommand, at_least
 from dtwin.experiments.report import Report, make_folder
 from dtwin.experiments.simulation.accuracy import NOISE, Pair, accuracy_experiment, accuracy_report, identified
+from dtwin.experiments.simulation.margins import MarginStudy, kept, margin_report, margin_study
 from dtwin.experiments.simulation.upload import DURATION, UploadRun, upload_report, upload_run
 from dtwin.pool import Progress
 
@@ -80,6 +81,37 @@ class ExperimentUpload(ExperimentCommand[UploadRun]):
             "ticks": len(result.log),
             "boxes": msgspec.to_builtins(result.boxes),
         }
+
+
+@dataclass(frozen=True)
+class ExperimentMargins(ExperimentCommand[MarginStudy]):
+    """Design the gains of the cascade law for its margins, compute them at 50 poses, and measure them by sines.
+
+    Nothing in it is random. Fails when the law has other gains than those that the design finds, when a margin is
+    below what is demanded, or when a measured sensitivity is not the computed one.
+    """
+
+    name: ClassVar = "margins"
+
+    def measure(self, progress: Progress) -> MarginStudy:
+        return margin_study(progress)
+
+    def report(self, result: MarginStudy) -> Report:
+        return margin_report(result)
+
+    def figures(self, result: MarginStudy) -> dict[str, Any]:
+        return {
+            "best": msgspec.to_builtins(result.best),
+            "candidates": len(result.candidates),
+            "largest_difference": max(apart for apart, _ in result.sensitivities.values()),
+            "least_disk_margin": {
+                f"{law}, {late:g} ticks late": min(case.margins.disk for case in found)
+                for (law, late), found in result.cases.items()
+            },
+        }
+
+    def passed(self, result: MarginStudy) -> bool:
+        return kept(result)
 
 
 def _smallest_fits(runs: Sequence[Sequence[Pair]]) -> dict[str, list[float]]:

@@ -12,9 +12,9 @@ from rich.table import Table
 
 from dtwin.commands.frame import at_least
 from dtwin.controller.motion import MotionController
-from dtwin.controller.settings import USUAL_GAINS, ControlSettings
+from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.parameters import ArmParameters, Gains, Law, Triple
+from dtwin.parameters import ArmParameters, Law, Triple
 from dtwin.simulation.margins.demands import MARGINS, Case, Shortfall, cases
 from dtwin.simulation.margins.poses import POSES, poses
 from dtwin.terminal import print_json
@@ -42,6 +42,8 @@ class MarginsCommand:
     """Folder of the kept models."""
     box: float = ControlSettings().payload
     """Mass of a box in kg; 0 leaves the cases with a box out."""
+    late: float = 0.0
+    """Ticks after which the arm obeys a command."""
     poses: int = POSES
     """Number of poses: the places of the cell first, then others in the whole workspace."""
     rows: int = 20
@@ -52,9 +54,9 @@ class MarginsCommand:
     def execute(self) -> int:
         at_least("--poses", self.poses, 1)
         at_least("--rows", self.rows, 1)
+        at_least("--late", self.late, 0)
         arm = open_model(self.model, ModelStore(self.store)).arm if self.model is not None else ArmParameters()
-        usual = USUAL_GAINS[self.law]
-        gains = Gains(self.kp or usual.kp, self.ki or usual.ki, self.kd or usual.kd)
+        gains = usual_gains(self.law, self.kp, self.ki, self.kd)
         settings = ControlSettings(gains=gains, law=self.law, model=arm, payload=self.box)
         judged = [(case, MARGINS.shortfall(case.margins)) for case in self._cases(settings, arm)]
         judged.sort(key=lambda pair: (pair[1].share if pair[1] else 1.0, pair[0].margins.disk))
@@ -69,7 +71,7 @@ class MarginsCommand:
         return 1 if broken else 0
 
     def _cases(self, settings: ControlSettings, arm: ArmParameters) -> list[Case]:
-        return cases(MotionController(), settings, arm, poses(self.poses))
+        return cases(MotionController(), settings, arm, poses(self.poses), self.late)
 
 
 Judged = tuple[Case, Shortfall | None]

@@ -13,12 +13,12 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.errors import ParameterError
 from dtwin.files import ensure_writable, replacing
 from dtwin.identification.model import IdentifiedModel
 from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.parameters import ArmParameters, Gains, Law, Triple
+from dtwin.parameters import ArmParameters, Law, Triple
 from dtwin.simulation.checks import MOTIONS, Motion
 from dtwin.simulation.objective import Limits, Objective, possible_arms, scenarios_for
 from dtwin.simulation.optimise import Optimum, check_search, optimise
@@ -45,14 +45,14 @@ class Optimise:
     """Shortest and longest target time of the search, s; equal ones keep the target time."""
     in_use: float = 2.0
     """Target time in use, s."""
-    kp: Triple = Gains().kp
-    """Proportional gains in use, 1/s^2."""
-    ki: Triple = Gains().ki
+    kp: Triple | None = None
+    """Proportional gains in use, 1/s^2; the usual ones of the law if not given."""
+    ki: Triple | None = None
     """Integral gains in use, 1/s^3."""
-    kd: Triple = Gains().kd
+    kd: Triple | None = None
     """Derivative gains in use, 1/s."""
     law: Law = "default"
-    """Control law: computed torque, or the row-sum form without damping term."""
+    """Control law: computed torque, its row-sum form without damping term, or the cascade."""
     model: str | None = None
     """Identified model, a file or a name in --store; its covariance says what arms are possible."""
     store: Path = STORE
@@ -122,7 +122,7 @@ class Optimise:
         model = open_model(self.model, ModelStore(self.store)) if self.model is not None else None
         arm = model.arm if model is not None else ArmParameters()
         middle = (self.box[0] + self.box[1]) / 2
-        base = ControlSettings(self.in_use, Gains(self.kp, self.ki, self.kd), self.law, arm, middle)
+        base = ControlSettings(self.in_use, usual_gains(self.law, self.kp, self.ki, self.kd), self.law, arm, middle)
         motions = tuple(map(_motion, self.motion)) or MOTIONS
         return Objective(
             base=base,

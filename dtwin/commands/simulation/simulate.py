@@ -17,12 +17,12 @@ from rich.table import Column, Table
 from dtwin.bus.messages import SENSORS
 from dtwin.bus.session import Bus
 from dtwin.commands.simulation.upload import in_force
-from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.files import ensure_writable
 from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.parameters import PERIOD, ArmParameters, Gains, Law, Triple
+from dtwin.parameters import PERIOD, ArmParameters, Law, Triple
 from dtwin.run.recording import Log, read_log
 from dtwin.signals import Sensors
 from dtwin.simulation.candidates import vary
@@ -56,11 +56,11 @@ class Simulate:
     """Place that the motion goes to."""
     target_time: float = 2.0
     """Duration of the path, s."""
-    kp: Triple = Gains().kp
-    """Proportional gains, 1/s^2."""
-    ki: Triple = Gains().ki
+    kp: Triple | None = None
+    """Proportional gains, 1/s^2; the usual ones of the law if not given."""
+    ki: Triple | None = None
     """Integral gains, 1/s^3."""
-    kd: Triple = Gains().kd
+    kd: Triple | None = None
     """Derivative gains, 1/s."""
     law: Law = "default"
     """Control law."""
@@ -128,7 +128,7 @@ class Simulate:
             goal=parse_goal(self.goal, arm, start),
             settings=ControlSettings(
                 self.target_time,
-                Gains(self.kp, self.ki, self.kd),
+                usual_gains(self.law, self.kp, self.ki, self.kd),
                 self.law,
                 self._arm(self.controller_model, arm),
                 self.box,

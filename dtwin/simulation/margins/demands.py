@@ -74,7 +74,7 @@ MARGINS: Final = Demands()
 """Demanded of the application's settings: classical margins with room for a motor a quarter weaker or stronger."""
 STABILITY: Final = Demands(0.0, 0.0, 0.0, 0.0, 0.0)
 """Demanded of the thesis's laws, which are kept for its experiments: a stable loop and no more."""
-DEMANDS: Final[dict[Law, Demands]] = {"default": STABILITY, "row_sum": STABILITY}
+DEMANDS: Final[dict[Law, Demands]] = {"default": STABILITY, "row_sum": STABILITY, "cascade": MARGINS}
 """What is demanded before settings are used, by the control law."""
 
 
@@ -90,11 +90,23 @@ class Case(NamedTuple):
 
 
 def cases(
-    controller: MotionController, settings: ControlSettings, arm: ArmParameters, poses: Iterable[Pose]
+    controller: MotionController,
+    settings: ControlSettings,
+    arm: ArmParameters,
+    poses: Iterable[Pose],
+    late: float = 0.0,
 ) -> list[Case]:
-    """The margins of settings on an arm at each pose, without a box and with one as the settings assume it."""
+    """The margins of settings at each pose, without a box and with one as the settings assume it.
+
+    Args:
+        controller: controller whose blocks are used; its current motion ends.
+        settings: settings of the blocks.
+        arm: arm that is controlled.
+        poses: poses at which the arm rests.
+        late: ticks after which the arm obeys a command.
+    """
     return [
-        Case(pose, payload, margins(linear_loop(controller, settings, arm, payload, pose.theta)))
+        Case(pose, payload, margins(linear_loop(controller, settings, arm, payload, pose.theta, late)))
         for pose in poses
         for payload in dict.fromkeys((0.0, settings.payload))
     ]

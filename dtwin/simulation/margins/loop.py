@@ -10,8 +10,7 @@ friction is left out, because it would hide a slow instability.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from dtwin.controller.motion import MotionController
-from dtwin.controller.ports import INTEGRALS, MEMORY
+from dtwin.controller.ports import MEMORY
 from dtwin.controller.settings import ControlSettings
 from dtwin.parameters import PERIOD, ArmParameters, Triple, scaled
 from dtwin.simulation.figures import Array
@@ -31,7 +30,9 @@ _STEP: Final = 1e-5
 
 Their truncation error is of the order of its square, their rounding error of 1e-16 divided by it.
 """
-ComplexArray = NDArray[np.complex128]
+_IDLE: Final = 1e-6
+"""Change of a variable, by the change of another or of an angle, below which it counts as none."""
+ComplexArray = NDArray[np.complexfloating]
 
 
 class StateSpace(NamedTuple):
@@ -52,8 +53,7 @@ class StateSpace(NamedTuple):
     def response(self, z: ComplexArray) -> ComplexArray:
         """Frequency responses C (z - A)^-1 B + D at points of the unit circle, (N, p, m)."""
         resolvent = z[:, None, None] * np.eye(len(self.A)) - self.A
-        answer: ComplexArray = self.C @ np.linalg.solve(resolvent, self.B[None]) + self.D
-        return answer
+        return np.asarray(self.C @ np.linalg.solve(resolvent, self.B[None]) + self.D, dtype=np.complex128)
 
 
 class Plant(NamedTuple):
@@ -97,14 +97,16 @@ class Loop:
     Attributes:
         controller: controller from angles (rad) to volts.
         plant: arm near the pose at which it rests.
+        late: ticks after which the volts act.
     """
 
     controller: StateSpace
     plant: Plant
+    late: float = 0.0
 
     def closed(self, delay: float = 0.0) -> Array:
-        """The matrix of one tick of the closed loop, with the volts acting late by a number of ticks."""
-        plant, control = self.plant.sampled(delay), self.controller
+        """The matrix of one tick of the closed loop, with the volts acting later by a number of ticks."""
+        plant, control = self.plant.sampled(self.late + delay), self.controller
         return np.block(
             [[plant.A + plant.B @ control.D @ plant.C, plant.B @ control.C], [control.B @ plant.C, control.A]]
         )
@@ -115,12 +117,17 @@ class Loop:
 
     def returned(self, z: ComplexArray) -> ComplexArray:
         """Return ratio L = -K P at the voltages of the motors, (N, 3, 3), at points of the unit circle."""
-        ratio: ComplexArray = -self.controller.response(z) @ self.plant.sampled().response(z)
+        ratio: ComplexArray = -self.controller.response(z) @ self.plant.sampled(self.late).response(z)
         return ratio
 
 
 def linear_loop(
-    controller: MotionController, settings: ControlSettings, arm: ArmParameters, payload: float, theta: Triple
+    controller: MotionController,
+    settings: ControlSettings,
+    arm: ArmParameters,
+    payload: float,
+    theta: Triple,
+    late: float = 0.0,
 ) -> Loop:
     """The loop of the function blocks and an arm at rest.
 
@@ -130,8 +137,10 @@ def linear_loop(
         arm: arm that is controlled.
         payload: mass of the held box, kg.
         theta: angles at which the arm rests, rad.
+        late: ticks after which the arm obeys a command.
     """
-    return Loop(linear_blocks(controller, settings, theta, carries=payload > 0), linear_arm(arm, payload, theta))
+    blocks = linear_blocks(controller, settings, theta, carries=payload > 0)
+    return Loop(blocks, linear_arm(arm, payload, theta), late)
 
 
 def linear_arm(arm: ArmParameters, payload: float, theta: Triple) -> Plant:
@@ -153,36 +162,36 @@ def linear_blocks(
 ) -> StateSpace:
     """The function blocks near rest at theta (rad), from angles to volts; the states are the variables MEMORY.
 
-    Integrals that no gain feeds are left out: they stay as they are.
+    Variables that stay as they are, whatever is measured, are left out: what another law remembers, and integrals
+    that no gain feeds.
     """
-    with _resting(controller, settings, theta, carries) as (memory, tick):
-        states = [controller.resource.read(name) for name in memory]
-        slopes = _differences(tick, np.array((*states, *theta)))
-    count = len(memory)
-    return StateSpace(slopes[:count, :count], slopes[:count, count:], slopes[count:, :count], slopes[count:, count:])
-
-
-@contextmanager
-def _resting(
-    controller: MotionController, settings: ControlSettings, theta: Triple, carries: bool
-) -> Iterator[tuple[list[str], Callable[[Array], Array]]]:
-    """The names of the states of resting blocks, and one tick from states and angles to next states and volts."""
     controller.begin(theta, theta, settings, carries=carries)
     resource = controller.resource
     rest = resource.snapshot()
-    idle = {name for name, gain in zip(INTEGRALS, settings.gains.ki, strict=True) if gain == 0}
-    memory = [name for name in MEMORY if name not in idle]
+
+    readers = [resource.reader(names) for names in MEMORY]
+    memory = [name for names in MEMORY for name in names]
+
+    def remembered() -> list[float]:
+        return [value for read in readers for value in read()]
+
+    at_rest = remembered()
 
     def tick(point: Array) -> Array:
         resource.restore(rest)
-        for name, value in zip(memory, point.tolist()[:-3], strict=True):
-            resource.write(name, value)
-        first, second, third = point[-3:].tolist()
+        *values, first, second, third = point.tolist()
+        for name, value, before in zip(memory, values, at_rest, strict=True):
+            if value != before:
+                resource.write(name, value)
         volts = controller.step((first, second, third))
-        return np.array((*(resource.read(name) for name in memory), *volts))
+        return np.array((*remembered(), *volts))
 
-    yield memory, tick
-    resource.restore(rest)
+    slopes = _differences(tick, np.array((*at_rest, *theta)))
+    count = len(memory)
+    still = np.hstack((np.eye(count), np.zeros((count, 3))))
+    live = np.flatnonzero(np.abs(slopes[:count] - still).max(axis=1) > _IDLE)
+    from_states, from_angles = slopes[:, live], slopes[:, count:]
+    return StateSpace(from_states[live], from_angles[live], from_states[count:], from_angles[count:])
 
 
 def _held(A: Array, B: Array, time: float) -> tuple[Array, Array]:

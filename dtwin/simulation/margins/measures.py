@@ -23,14 +23,14 @@ from dtwin.simulation.margins.loop import ComplexArray, Loop
 
 LONGEST_DELAY: Final = 5.0
 """Delay in ticks up to which a delay margin is sought."""
-_SLOWEST: Final = 0.05
+_SLOWEST: Final = 0.2
 """Lowest frequency that is looked at, rad/s."""
-_FREQUENCIES: Final = np.geomspace(_SLOWEST, math.pi / PERIOD * (1.0 - 1e-9), 400)
+_FREQUENCIES: Final = np.geomspace(_SLOWEST, math.pi / PERIOD * (1.0 - 1e-9), 200)
 """Frequencies at which the loop is looked at, rad/s."""
-_ROUNDS: Final = 10
+_ROUNDS: Final = 5
 """Number of rounds of balancing; more change the third digit at most."""
-_DELAY_STEP: Final = 0.25
-_DELAY_HALVINGS: Final = 6
+_DELAY_STEP: Final = 0.5
+_DELAY_HALVINGS: Final = 8
 
 
 @dataclass(frozen=True, slots=True)

@@ -114,7 +114,7 @@ def test_the_cell_laid_flat_answers_as_the_cell() -> None:
         40: ("IDENTIFICATION.REQUEST", (True,)),
         90: ("SIMULATION.GAIN_PORT", tuple(generator.uniform(1, 100, 10))),
         100: ("IDENTIFICATION.REQUEST", (False,)),
-        130: ("SIMULATION.MODEL_PORT", tuple(generator.uniform(0.1, 0.3, 18))),
+        130: ("SIMULATION.MODEL_PORT", tuple(generator.uniform(0.1, 0.3, 21))),
         150: ("IDENTIFICATION.REQUEST", (True,)),
     }
     theta = np.zeros(3)

@@ -1,0 +1,241 @@
+"""The design of the cascade's gains and the margins that they have, computed at 50 poses and measured at some."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from dtwin.controller.settings import USUAL_GAINS, ControlSettings
+from dtwin.experiments.report import Picture, Report, page, table
+from dtwin.experiments.simulation.injected import frequency, measured_sensitivity
+from dtwin.parameters import PERIOD, ArmParameters, Gains, Law
+from dtwin.pictures import COLOURS, RED, new_figure
+from dtwin.pool import Progress
+from dtwin.simulation.margins.demands import MARGINS, Case, Demands, cases
+from dtwin.simulation.margins.loop import ComplexArray, linear_loop
+from dtwin.simulation.margins.poses import Pose, places, poses
+from dtwin.simulation.whatif import Simulator
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+POSITION_POLES: Final = (10.0, 12.0, 14.0, 15.0, 16.0, 17.0, 18.0, 20.0, 22.0, 25.0)
+"""Double poles of position and integral that the search tries, rad/s."""
+VELOCITY_POLES: Final = (10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0)
+"""Poles of the velocity loop that the search tries, rad/s."""
+RESERVE: Final = replace(MARGINS, disk=0.5)
+"""Demanded of the design, on an arm that obeys at once and on one that obeys a tick late."""
+LATE: Final = (0.0, 1.0)
+"""Ticks after which the arms of the design obey."""
+CYCLES: Final = (1, 3, 6, 10, 16, 25, 40, 63, 100)
+"""Periods in the window of the sines that are injected."""
+SAME: Final = 0.02
+"""Largest difference of a measured sensitivity from the computed one that counts as none."""
+_ARM: Final = ArmParameters()
+_LAWS: Final[tuple[Law, ...]] = ("default", "cascade")
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """Gains of the cascade that were judged.
+
+    Attributes:
+        position: double pole of position and integral, rad/s.
+        velocity: pole of the velocity loop, rad/s.
+        gains: gains with these poles, the same for every joint.
+        worst: least share of a demanded margin that there is over places, boxes and delays; 1 and more is enough.
+    """
+
+    position: float
+    velocity: float
+    gains: Gains
+    worst: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MarginStudy:
+    """The result of the study.
+
+    Attributes:
+        candidates: candidates that were judged.
+        best: gains of the largest integral gain among those with all margins.
+        cases: margins of the usual gains at all poses, by law and the ticks after which the arm obeys.
+        sensitivities: largest difference of the measured sensitivity from the computed one, and the largest computed
+            one, by place and box.
+        shapes: return ratios of each motor at the places with a box, by law, (places, frequencies, 3).
+    """
+
+    candidates: tuple[Candidate, ...]
+    best: Candidate
+    cases: dict[tuple[Law, float], list[Case]]
+    sensitivities: dict[tuple[str, float], tuple[float, float]]
+    shapes: dict[Law, ComplexArray]
+
+
+def gains_of(position: float, velocity: float) -> Gains:
+    """The gains of (s + velocity) (s + position)^2 = s^3 + kd s^2 + kp s + ki, the same for every joint.
+
+    Args:
+        position: double pole of position and integral, rad/s.
+        velocity: pole of the velocity loop, rad/s.
+    """
+    kd = velocity + 2.0 * position
+    kp = position * (2.0 * velocity + position)
+    ki = velocity * position**2
+    return Gains((kp,) * 3, (ki,) * 3, (kd,) * 3)
+
+
+def share(case: Case, demands: Demands) -> float:
+    """The least share of a demanded margin that a case has; 1 and more is enough."""
+    found = case.margins
+    return min(
+        found.disk / demands.disk,
+        found.gain / demands.gain,
+        min(found.phase) / demands.phase,
+        found.delay / demands.delay,
+        found.torque / demands.torque,
+    )
+
+
+def design(simulator: Simulator, progress: Progress) -> tuple[Candidate, ...]:
+    """Judges gains on a grid of poles."""
+    found = []
+    grid = list(product(POSITION_POLES, VELOCITY_POLES))
+    for done, (position, velocity) in enumerate(grid, 1):
+        settings = ControlSettings(gains=gains_of(position, velocity), law="cascade")
+        judged = [cases(simulator.controller, settings, _ARM, places(), late) for late in LATE]
+        worst = min(share(case, RESERVE) for each in judged for case in each)
+        found.append(Candidate(position, velocity, settings.gains, worst))
+        progress(done, len(grid))
+    return tuple(found)
+
+
+def best_of(candidates: Sequence[Candidate]) -> Candidate:
+    """The candidate with all margins that rejects disturbances best: the largest integral gain.
+
+    This is the rule of Astrom, Panagopoulos and Hagglund, Automatica 34 (1998), for loops with bounded sensitivity.
+    """
+    return max((each for each in candidates if each.worst >= 1.0), key=lambda each: each.gains.ki[0])
+
+
+def usual(law: Law) -> ControlSettings:
+    """The settings of a law with its usual gains."""
+    return ControlSettings(gains=USUAL_GAINS[law], law=law)
+
+
+def margin_study(progress: Progress) -> MarginStudy:
+    """Designs, computes and measures."""
+    simulator = Simulator()
+    candidates = design(simulator, progress)
+    computed = {
+        (law, late): cases(simulator.controller, usual(law), _ARM, poses(), late) for law in _LAWS for late in LATE
+    }
+    compared = {
+        (pose.name, payload): compare(simulator, usual("cascade"), pose, payload, CYCLES)
+        for pose in places()
+        for payload in (0.0, 0.2)
+    }
+    shapes = {law: np.array([_shape(simulator, usual(law), pose) for pose in places()]) for law in _LAWS}
+    return MarginStudy(candidates, best_of(candidates), computed, compared, shapes)
+
+
+def compare(
+    simulator: Simulator, settings: ControlSettings, pose: Pose, payload: float, cycles: Sequence[int]
+) -> tuple[float, float]:
+    """Largest difference of measured and computed input sensitivity at some frequencies, and the largest computed."""
+    z = np.exp(1j * np.array([frequency(each) for each in cycles]) * PERIOD)
+    loop = linear_loop(simulator.controller, settings, _ARM, payload, pose.theta)
+    expected = np.linalg.inv(np.eye(3) + loop.returned(z))
+    found = np.array([measured_sensitivity(simulator, settings, _ARM, payload, pose.theta, each) for each in cycles])
+    return float(np.abs(found - expected).max()), float(np.abs(expected).max())
+
+
+_FREQUENCIES: Final = np.geomspace(0.5, 300.0, 300)
+
+
+def _shape(simulator: Simulator, settings: ControlSettings, pose: Pose) -> ComplexArray:
+    loop = linear_loop(simulator.controller, settings, _ARM, settings.payload, pose.theta)
+    sensitivity = np.linalg.inv(np.eye(3) + loop.returned(np.exp(1j * _FREQUENCIES * PERIOD)))
+    shape: ComplexArray = 1.0 / np.einsum("kii->ki", sensitivity) - 1.0
+    return shape
+
+
+def kept(study: MarginStudy) -> bool:
+    """Whether the usual gains are those of the design and have the margins, and sines measured what was computed."""
+    as_designed = USUAL_GAINS["cascade"] == study.best.gains
+    enough = all(MARGINS.shortfall(case.margins) is None for case in study.cases["cascade", 0.0])
+    return as_designed and enough and max(apart for apart, _ in study.sensitivities.values()) < SAME
+
+
+def margin_report(study: MarginStudy) -> Report:
+    """The page of the study."""
+    good = sorted((each for each in study.candidates if each.worst >= 1.0), key=lambda each: -each.gains.ki[0])[:8]
+    rows = [
+        [f"{value:g}" for value in (c.position, c.velocity, c.gains.kp[0], c.gains.ki[0], c.gains.kd[0])]
+        + [f"{c.worst:.2f}"]
+        for c in good
+    ]
+    compared = [
+        [name, f"{payload:g} kg", f"{largest:.2f}", f"{apart:.0e}"]
+        for (name, payload), (apart, largest) in study.sensitivities.items()
+    ]
+    return page(
+        "Margins of the controller",
+        "How much the arm may differ from its model before the loop of function blocks and arm is unstable, "
+        f"linearised at {len(poses())} poses with and without a box of 0.2 kg.",
+        "## Worst of all poses",
+        table(
+            ["law", "arm obeys after", "disk", "gain dB", "phase °", "delay ticks", "one motor's torque", "peak S"],
+            [[law, f"{late:g} ticks", *worst_row(found)] for (law, late), found in study.cases.items()],
+        ),
+        Picture("loops.png", "Return ratio and sensitivity of each motor at the places, with a box", _chart(study)),
+        "## Design of the cascade",
+        f"Of {len(study.candidates)} pairs of poles {sum(c.worst >= 1.0 for c in study.candidates)} have a disk "
+        f"margin of {RESERVE.disk:g} and all other margins that are demanded, at the places with and without a box, "
+        "on an arm that obeys at once and on one that obeys a tick late. The one with the largest integral gain is "
+        "taken.",
+        table(["position rad/s", "velocity rad/s", "kp", "ki", "kd", "least share of a margin"], rows),
+        "## Measured",
+        f"Sines of {len(CYCLES)} frequencies from {frequency(CYCLES[0]):.1f} to {frequency(CYCLES[-1]):.0f} rad/s "
+        "were added to each motor's voltage on the emulation: the largest computed sensitivity, and how far the "
+        "measured one was from it at most.",
+        table(["place", "box", "sensitivity", "difference"], compared),
+    )
+
+
+def worst_row(found: Sequence[Case]) -> list[str]:
+    """The least of each margin over some cases, as the cells of a table."""
+    every = [case.margins for case in found]
+    return [
+        f"{min(m.disk for m in every):.2f}",
+        f"{min(m.gain for m in every):.1f}",
+        f"{min(min(m.phase) for m in every):.0f}",
+        f"{min(m.delay for m in every):.2f}",
+        f"{-min(min(m.weaker) for m in every):.0%} to {min(min(m.stronger) for m in every):+.0%}",
+        f"{max(max(m.sensitivity) for m in every):.1f}",
+    ]
+
+
+def _chart(study: MarginStudy) -> Figure:
+    figure = new_figure(12, 7)
+    axes = figure.subplots(2, 3, sharex=True, sharey="row")
+    for motor in range(3):
+        for law, colour in zip(_LAWS, (RED, COLOURS[0]), strict=True):
+            for number, shape in enumerate(study.shapes[law]):
+                ratio = shape[:, motor]
+                label = law if number == 0 else None
+                axes[0, motor].loglog(_FREQUENCIES, np.abs(ratio), color=colour, lw=1.0, label=label)
+                axes[1, motor].loglog(_FREQUENCIES, np.abs(1.0 / (1.0 + ratio)), color=colour, lw=1.0)
+        axes[0, motor].axhline(1.0, color="black", lw=0.6)
+        axes[1, motor].axhline(2.0, color="black", lw=0.6, ls=":")
+        axes[0, motor].set_title(f"motor {motor + 1}")
+        axes[1, motor].set_xlabel("rad/s")
+    axes[0, 0].set_ylabel("|L|, the other motors in closed loop")
+    axes[1, 0].set_ylabel("|S| = 1 / |1 + L|")
+    axes[0, 0].set_ylim(1e-2, 1e3)
+    axes[0, 0].legend()
+    return figure

@@ -1,0 +1,182 @@
+"""LAW 2 of COMPUTED_TORQUE_CONTROL_3 and STATE_OBSERVER_3: the cascade against the equations of the analytic twin."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dtwin.controller.settings import USUAL_GAINS
+from dtwin.parameters import ArmParameters
+from dtwin.twin.dynamics import coriolis, gravity, mass_matrix
+from tests.support.driven import Array, Driven, step, triple
+
+TS = 0.01
+ARM = ArmParameters()
+P = np.array(ARM.vector())
+K, D = np.array(ARM.voltage_constant), np.array(ARM.damping)
+KP, KI, KD = (np.array(getattr(USUAL_GAINS["cascade"], name)) for name in ("kp", "ki", "kd"))
+LIMIT = 8.0
+
+
+def cascade(payload: float = 0.0, **inputs: object) -> Driven:
+    block = Driven("COMPUTED_TORQUE_CONTROL_3")
+    block.fire("GAINS", **triple("KP", KP), **triple("KI", KI), **triple("KD", KD))
+    block.fire("RESET", LAW=2, GRIPPED=payload > 0, PAYLOAD_MASS=payload, **inputs)
+    return block
+
+
+def fire(block: Driven, theta: Array, omega: Array, path: tuple[Array, Array, Array], lead: float = 0.0) -> Array:
+    named = {**triple("THETA_E", theta), **triple("OMEGA_E", omega), **triple("THETA", theta)}
+    for name, values in zip(("THETA_D", "OMEGA_D", "ALPHA_D"), path, strict=True):
+        named |= triple(name, values)
+    assert block.fire("REQ", **named, LEAD=lead) == ["CNF"]
+    return block.triple("V")
+
+
+def rest(theta: Array) -> tuple[Array, Array, Array]:
+    return theta, np.zeros(3), np.zeros(3)
+
+
+@given(seed=st.integers(0, 2**32 - 1), payload=st.sampled_from([0.0, 0.2]), lead=st.sampled_from([0.0, 0.01]))
+def test_voltages_and_expected_accelerations_follow_the_law(seed: int, payload: float, lead: float) -> None:
+    generator = np.random.default_rng(seed)
+    block = cascade(payload)
+    integral = np.zeros(3)
+    for _ in range(4):
+        q, w, a = generator.uniform(-4, 4, 3), generator.normal(0, 0.5, 3), generator.normal(0, 1, 3)
+        theta, omega = q + generator.normal(0, 2e-4, 3), w + generator.normal(0, 2e-3, 3)
+        error = q + lead * w + lead**2 / 2 * a - theta
+        slower = w + lead * a - omega
+        integral = integral + TS * KI * error
+        wanted = KP * error + integral + KD * slower
+        M = mass_matrix(q, P, payload)
+        torque = M @ (a + wanted) + coriolis(q, w, P, payload) + gravity(q, P, payload)
+        torque = torque + D * (w + (KP * error + integral) / KD)
+        volts = fire(block, theta, omega, (q, w, a), lead)
+        if np.abs(torque / K).max() > LIMIT:
+            return
+        np.testing.assert_allclose(volts, torque / K, rtol=1e-10, atol=1e-10)
+        known = M @ (KP * error + KD * slower) + D * (KP * error / KD + slower)
+        expected = a + np.linalg.solve(M + TS * np.diag(D), known)
+        np.testing.assert_allclose(block.triple("ALPHA"), expected, rtol=1e-8, atol=1e-8)
+
+
+def test_the_arm_in_small_steps_moves_as_the_controller_expects() -> None:
+    """One tick of the true arm: the velocity changes by what ALPHA says, to the linear order of the implicit step."""
+    theta = np.array([0.4, -0.8, 0.6])
+    block = cascade()
+    volts = fire(block, theta - np.array([1e-3, 0.0, 0.0]), np.zeros(3), rest(theta))
+    after = step(np.array([*(theta - np.array([1e-3, 0.0, 0.0])), 0.0, 0.0, 0.0]), volts.tolist())
+    expected = TS * block.triple("ALPHA")
+    np.testing.assert_allclose(after[3:], expected, rtol=0.35, atol=2e-3)
+
+
+def test_a_new_path_moves_no_voltage() -> None:
+    """The error that is left when a path starts anew at the measured angles goes over into the integrals."""
+    theta = np.array([0.4, -0.8, 0.6])
+    off = theta + np.array([0.003, -0.002, 0.004])
+    block = cascade()
+    for _ in range(20):
+        before = fire(block, off, np.zeros(3), rest(theta))
+    block.fire("RESET")
+    after = fire(block, off, np.zeros(3), rest(off))
+    model = (gravity(off, P) - gravity(theta, P)) / K
+    held = (block.triple("SUM") @ mass_matrix(off, P) - block.triple("SUM") @ mass_matrix(theta, P)) / K
+    # The step that the integrals made in the last tick is all that differs, beside the pose of the model.
+    np.testing.assert_allclose(after - before - model - held, 0.0, atol=0.06)
+    assert np.abs(after - gravity(off, P) / K).min() > 0.1
+
+
+def test_an_arm_that_others_move_leaves_no_integrals() -> None:
+    theta = np.zeros(3)
+    block = cascade()
+    for _ in range(20):
+        fire(block, theta + 0.01, np.zeros(3), rest(theta))
+    assert np.abs(block.triple("SUM")).min() > 1.0
+    block.fire("RESET", HELD=True)
+    assert block.triple("SUM").tolist() == [0.0, 0.0, 0.0]
+    fire(block, theta + 0.01, np.zeros(3), rest(theta))
+    assert block.triple("ALPHA").tolist() == [0.0, 0.0, 0.0]
+
+
+def test_integrals_stay_bounded_at_the_voltage_limit() -> None:
+    """An arm that hangs half a radian off for 20 s: the integrals settle at a part of what they would come to."""
+    theta = np.array([0.4, -0.8, 0.6])
+    block = cascade()
+    sizes = []
+    for _ in range(2000):
+        volts = fire(block, theta - np.array([0.5, 0.0, 0.0]), np.zeros(3), rest(theta))
+        sizes.append(np.abs(block.triple("SUM")).max())
+    assert volts[0] == LIMIT
+    assert sizes[-1] == pytest.approx(sizes[-100], rel=1e-3)
+    assert sizes[-1] < 0.05 * 20.0 * KI[0] * 0.5
+
+
+def test_friction_and_dead_zone_are_compensated() -> None:
+    theta, omega = np.zeros(3), np.array([1.0, -1.0, 0.01])
+    path = (theta, omega, np.zeros(3))
+    plain = fire(cascade(), theta, omega, path)
+    rough = cascade()
+    rough.fire("MODEL", MU1=0.03, MU2=0.03, MU3=0.03)
+    np.testing.assert_allclose(fire(rough, theta, omega, path) - plain, [0.03 / K[0], -0.03 / K[1], 0.006 / K[2]])
+    numb = fire(cascade(DEAD_ZONE=0.3), theta, omega, path)
+    np.testing.assert_allclose(numb - plain, 0.3 * np.clip(10.0 * plain, -1.0, 1.0), atol=1e-12)
+
+
+def test_distance_and_speed_are_told_to_the_safe_stop() -> None:
+    block = cascade()
+    fire(block, np.array([0.1, -0.2, 0.0]), np.array([1.0, -3.0, 2.0]), rest(np.zeros(3)))
+    assert block["FOLLOWING"] == pytest.approx(0.2)
+    assert block["SPEED"] == 3.0
+
+
+def observe(block: Driven, theta: Array, alpha: Array) -> None:
+    assert block.fire("REQ", **triple("THETA", theta), **triple("ALPHA", alpha)) == ["CNF"]
+
+
+def test_errors_of_the_observer_vanish_with_its_bandwidth() -> None:
+    """A double pole at BANDWIDTH: at rest an error of the velocity decays like (1 + c k) exp(-BANDWIDTH k Ts)."""
+    block = Driven("STATE_OBSERVER_3", BANDWIDTH=50.0, DELAY=0.0)
+    observe(block, np.zeros(3), np.zeros(3))
+    block.resource.write("DUT.OM1", 1.0)
+    errors = []
+    for _ in range(40):
+        observe(block, np.zeros(3), np.zeros(3))
+        errors.append(block["OMEGA_E1"])
+    pole = math.exp(-0.5)
+    k = np.arange(1, 41)
+    first, second = np.linalg.lstsq(np.column_stack((pole**k, k * pole**k)), np.array(errors), rcond=None)[0]
+    np.testing.assert_allclose(errors, (first + second * k) * pole**k, atol=1e-9)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.005, 0.01])
+def test_the_observer_predicts_a_known_acceleration_exactly(delay: float) -> None:
+    """Accelerations that the controller expected act DELAY after the sample; angle and velocity are those then."""
+    generator = np.random.default_rng(3)
+    block = Driven("STATE_OBSERVER_3", BANDWIDTH=150.0, DELAY=delay)
+    theta, omega = generator.normal(0, 1, 3), np.zeros(3)
+    before, expected = np.zeros(3), np.zeros(3)
+    observe(block, theta, expected)
+    for _ in range(60):
+        before, expected = expected, generator.normal(0, 3, 3)
+        for alpha, time in ((before, delay), (expected, TS - delay)):
+            theta, omega = theta + time * omega + time**2 / 2 * alpha, omega + time * alpha
+        observe(block, theta, expected)
+    ahead = theta + delay * omega + delay**2 / 2 * expected
+    # Within a tick the observer takes the mean of the accelerations, whose order moves an angle by their difference.
+    slack = 1e-12 + 12.0 * delay * (TS - delay)
+    np.testing.assert_allclose(block.triple("OMEGA_E"), omega + delay * expected, atol=1e-9 + 200 * slack)
+    np.testing.assert_allclose(block.triple("THETA_E"), ahead, atol=1e-9 + 200 * slack * TS)
+
+
+def test_the_observer_begins_anew_at_rest() -> None:
+    block = Driven("STATE_OBSERVER_3", BANDWIDTH=150.0, DELAY=0.01)
+    for k in range(10):
+        observe(block, np.full(3, 0.05 * k), np.zeros(3))
+    assert block["OMEGA_E1"] == pytest.approx(5.0, rel=0.01)
+    block.fire("INIT")
+    observe(block, np.full(3, 2.0), np.zeros(3))
+    assert block.triple("OMEGA_E").tolist() == [0.0, 0.0, 0.0]
+    assert block.triple("THETA_E").tolist() == [2.0, 2.0, 2.0]
