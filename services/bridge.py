@@ -150,8 +150,8 @@ class Bridge:
         try:
             if last is not None and not 0 < sensors.sequence - last.sequence <= GAP:
                 self._restart = True
+            self._lead(controller, sensors)
             if self._restart:
-                self._lead(controller, sensors)
                 controller.restart(sensors)
                 self._restart = False
                 log.warning("path planned anew at %.2f s after a gap", sensors.time)
@@ -169,12 +169,13 @@ class Bridge:
         self._answered += 1
 
     def _lead(self, controller: ControlLoop, sensors: Sensors) -> None:
-        """Leads the application after a gap to where the same arm is now; all at once it would let go of its box.
+        """Leads the application over samples that had no answer to where the same arm is now.
 
-        A sample with a lower number is another arm's, or that of one that started anew.
+        All at once it would let go of its box, even after a few ticks if the arm was thrown about. A sample with a
+        lower number is another arm's, or that of one that started anew.
         """
         before = self._before
-        if before is not None and sensors.sequence > before.sequence:
+        if before is not None and sensors.sequence > before.sequence + 1:
             for step in strides(before, sensors):
                 controller.answer(step)
 

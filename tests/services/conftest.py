@@ -1,11 +1,13 @@
-"""The desk of every test of services, and a secured cell's router."""
+"""The desk of every test of services, services without one, and a secured cell's router."""
 
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
 from dtwin.bus.opening import open_configured
+from tests.support.by_hand import ByHand
 from tests.support.desk import Desk, new_desk
 from tests.support.secured import certify, copy_secured
 
@@ -14,6 +16,20 @@ from tests.support.secured import certify, copy_secured
 def desk() -> Iterator[Desk]:
     with new_desk() as desk:
         yield desk
+
+
+@pytest.fixture
+def sockets() -> Iterator[str]:
+    """A folder for sockets, whose path must be short."""
+    with TemporaryDirectory() as folder:
+        yield folder
+
+
+@pytest.fixture
+def by_hand() -> Iterator[ByHand]:
+    cell = ByHand()
+    yield cell
+    cell.close()
 
 
 @pytest.fixture(scope="module")

@@ -1,11 +1,12 @@
 """A bridge that is late now and then: trouble with the timing is no fault of the arm."""
 
 from collections.abc import Iterator
+from queue import Empty, SimpleQueue
 
 import numpy as np
 import pytest
 
-from dtwin.bus.messages import Acted
+from dtwin.bus.messages import LATCH, SENSORS, VOLTAGES, Acted, LatchRequest, LatchState
 from dtwin.bus.ticks import Ticks
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.emulation import Emulation
@@ -16,6 +17,7 @@ from dtwin.monitoring.monitor import Monitor
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.signals import Sensors, Voltages
 from services.monitoring import UNHEARD
+from tests.support.by_hand import ByHand
 
 TICKS = 20_000
 EVERY = 100
@@ -70,3 +72,41 @@ def test_a_fault_is_found_all_the_same(fault: str) -> None:
     monitor = monitored(traffic(f"{fault}@100"))
     assert {(finding.cause, finding.joint) for finding in monitor.history} == {true_cause(fault)}
     assert 100.0 < monitor.history[0].detected < 130.0
+
+
+PICKUP = (-0.6699, -1.5931, 2.2630)
+"""Angles at which the blocks take a box, rad."""
+
+
+class Driven:
+    """A bridge and a controller whose samples the test makes up; an arm that stands at the pickup, and its box."""
+
+    def __init__(self, by_hand: ByHand, sockets: str) -> None:
+        management = f"unix:{sockets}/61499"
+        by_hand.start("controller", "--listen", management)
+        by_hand.start("bridge", "--controller", management)
+        self._commands: SimpleQueue[Voltages] = SimpleQueue()
+        self._publish = by_hand.bus.publisher(SENSORS)
+        by_hand.bus.subscribe(VOLTAGES, Voltages, self._commands.put)
+        by_hand.bus.answer(LATCH, LatchRequest, None, lambda: LatchState(0.0, 0, "none"))
+
+    def answer(self, sequence: int, theta: tuple[float, float, float]) -> Voltages:
+        """The command that answers a sample, which is published until it is answered."""
+        for _ in range(600):
+            self._publish(Sensors(sequence, PERIOD * sequence, theta, 0.4, True, "red"))
+            try:
+                while (command := self._commands.get(timeout=0.2)).sequence != sequence:
+                    pass
+            except Empty:
+                continue
+            return command
+        raise AssertionError(f"nobody answers sample {sequence}")
+
+
+def test_an_arm_that_is_thrown_about_between_late_commands_keeps_its_box(by_hand: ByHand, sockets: str) -> None:
+    driven = Driven(by_hand, sockets)
+    gripped = next(k for k in range(1000) if driven.answer(k, PICKUP).box_gripped)
+    thrown = (PICKUP[0], PICKUP[1] + 0.6, PICKUP[2] - 0.6)
+    assert driven.answer(gripped + 4, thrown).box_gripped, "two joints have moved by 0.6 rad in 40 ms"
+    assert driven.answer(gripped + 5, thrown).box_gripped
+    assert not driven.answer(gripped + 6, PICKUP).box_gripped, "in 10 ms it would be another arm"

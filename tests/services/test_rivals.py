@@ -3,18 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 import threading
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
-
-import pytest
 
 from dtwin.bus.codec import encode
 from dtwin.bus.messages import (
@@ -23,31 +17,26 @@ from dtwin.bus.messages import (
     IDENTIFY,
     SENSORS,
     SETTINGS,
-    STATUS,
     STOP,
     TOPICS,
     UPLOAD,
     VOLTAGES,
     ResetRequest,
     SettingsInForce,
-    Status,
     StopState,
 )
 from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import IdentificationState, Upload
-from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell, CellSettings
 from dtwin.run.recording import read_log
 from dtwin.signals import Event, Sensors, Voltages
 from services import runfile
+from tests.support.by_hand import FAR, PATIENCE, ByHand
 from tests.support.desk import Desk
-from tests.support.ports import free_port
 from tests.support.waiting import until
 
 DURATION = 20
-PATIENCE = 120.0
-FAR = 10**12
 HIGHEST = (8.0, 8.0, 8.0, 8.0)
 
 
@@ -163,63 +152,6 @@ def _state(bus: Bus) -> tuple[Any, ...]:
     stop = bus.ask(STOP, None, StopState).stop
     phases = [bus.ask(topic, None, IdentificationState).phase for topic in (IDENTIFY, DECIDE)]
     return stop, phases, bus.ask(SETTINGS, None, SettingsInForce), bus.ask(UPLOAD, None, Upload)
-
-
-class ByHand:
-    """Services that were started by hand, so without a key."""
-
-    def __init__(self) -> None:
-        self.meet = f"tcp/127.0.0.1:{free_port()}"
-        self.bus = Bus(open_peer(self.meet))
-        self.samples: list[Sensors] = []
-        self.events: list[Event] = []
-        self.statuses: dict[str, Status] = {}
-        self._processes: list[subprocess.Popen[bytes]] = []
-        self.bus.subscribe(SENSORS, Sensors, self._hear)
-        self.bus.subscribe(EVENTS, Event, self.events.append)
-        self.bus.subscribe(STATUS, Status, self._note)
-
-    def start(self, name: str, *options: str) -> None:
-        command = [sys.executable, "-m", f"services.{name}", "--meet", self.meet, *options]
-        self._processes.append(subprocess.Popen(command, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}))
-
-    def close(self) -> None:
-        for process in self._processes:
-            process.kill()
-            process.wait()
-        self.bus.close()
-
-    @property
-    def last(self) -> Sensors:
-        return self.samples[-1]
-
-    def refused(self, name: str, reason: str) -> int:
-        return self.statuses[name].refused.get(reason, 0) if name in self.statuses else 0
-
-    def goes_on(self) -> None:
-        at = self.last.sequence
-        until(lambda: self.last.sequence > at + 200, "the cell goes on", PATIENCE)
-
-    def _hear(self, sample: Sensors) -> None:
-        if sample.sequence < FAR:
-            self.samples.append(sample)
-
-    def _note(self, status: Status) -> None:
-        self.statuses[status.service] = status
-
-
-@pytest.fixture
-def sockets() -> Iterator[str]:
-    """A folder for sockets, whose path must be short."""
-    with TemporaryDirectory() as folder:
-        yield folder
-
-
-@pytest.fixture
-def by_hand() -> Iterator[ByHand]:
-    cell = ByHand()
-    yield cell
-    cell.close()
 
 
 def test_without_a_key_numbers_far_ahead_and_untimely_events_do_nothing(
