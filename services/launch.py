@@ -39,7 +39,7 @@ from services import runfile
 from services.parts.fence import fence_warning
 from services.parts.journal import carry_over
 from services.parts.pace import Pace
-from services.parts.part_files import discard_parts
+from services.parts.part_files import discard_marker, discard_parts
 from services.runfile import OPERATOR, RunFile
 from services.service import free_port
 from services.supervisor import Program, Supervisor
@@ -193,7 +193,7 @@ class CellOptions(PlantOptions, ControlOptions):
         notes = msgspec.json.encode(metadata(self.settings())).decode()
         options = ["--viewer", self.viewer, "--notes", notes]
         options += ["--ports.page", str(ports.page), "--ports.data", str(ports.data)]
-        options += ["--log", str(self.log.resolve())] if self.log else []
+        options += ["--log", str(self.log.resolve()), "--resumable"] if self.log else []
         options += ["--record", str(self.record.resolve())] if self.record else []
         options += ["--monitored"] if self.monitoring else []
         return options + arguments(self, ArmOptions)
@@ -268,6 +268,8 @@ def launched(options: CellOptions) -> Iterator[Launched]:
                 yield Launched(bus, supervisor, stop, up, file)
             finally:
                 supervisor.stop()
+                if options.log is not None:
+                    discard_marker(options.log)
         journal.unlink(missing_ok=True)
         state.unlink(missing_ok=True)
 

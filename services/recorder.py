@@ -46,6 +46,8 @@ RECORDINGS: Final = 50
 """Number of recordings of one run; every reset of the cell begins another one."""
 QUIET: Final = 0.3
 """s without a message after which nothing more is on its way at the end"""
+LAST_MESSAGES: Final = 2.0
+"""Longest time for which messages are waited for at the end, s: a cell that goes on never falls silent."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +56,8 @@ class Options(ArmOptions, Link):
 
     log: Path | None = None
     """Parquet log to write."""
+    resumable: bool = False
+    """Mark the log that is finished when the recorder ends, so that the next one of the same run goes on with it."""
     record: Path | None = None
     """Recording for the Rerun viewer to write."""
     viewer: Viewer = "none"
@@ -148,7 +152,10 @@ class Recorder:
                 due = time.monotonic() + FLUSH
             if service.report_due():
                 self._report(service, "running")
-        while (item := service.next(QUIET)) is not None:
+        for _ in range(service.inbox.qsize()):
+            self._deal_with(service.next(0.0))
+        until = time.monotonic() + LAST_MESSAGES
+        while time.monotonic() < until and (item := service.next(QUIET)) is not None:
             self._deal_with(item)
         self._report(service, "stopping")
 
@@ -288,7 +295,8 @@ class Recorder:
             self._announce("the recording lacks what has not been drawn yet; the log holds it")
         if self._parts is not None:
             try:
-                self._parts.finish(self._notes)
+                if self._parts.finish(self._notes) and self._options.resumable and self._runs == 1:
+                    self._parts.mark_whole()
             except RecordingError as error:
                 self._announce(str(error))
         if self._view is not None:

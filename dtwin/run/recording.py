@@ -196,6 +196,17 @@ def is_log(path: Path) -> bool:
         return False
 
 
+def count_rows(path: Path) -> int:
+    """Number of rows of a log, without reading them.
+
+    Raises:
+        RecordingError: the file is missing or no Parquet file.
+    """
+    with _opened(path) as file:
+        rows: int = file.metadata.num_rows
+        return rows
+
+
 def read_log(path: Path) -> Log:
     """Reads what `Log.write_parquet` wrote.
 

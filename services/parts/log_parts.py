@@ -9,6 +9,7 @@ What a full disk does not take waits in memory, which is bounded: after that the
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import re
 from collections import deque
@@ -19,8 +20,8 @@ from typing import Any, Final
 
 from dtwin.errors import NoSpaceError, RecordingError
 from dtwin.files import NO_SPACE, ensure_writable
-from dtwin.run.recording import Log, concatenate, is_log, join_logs, read_log
-from services.parts.part_files import discard_parts, folder_of
+from dtwin.run.recording import Log, concatenate, count_rows, is_log, join_logs, read_log
+from services.parts.part_files import WHOLE, discard_parts, folder_of
 
 log = logging.getLogger(__name__)
 
@@ -81,6 +82,7 @@ class Parts:
             self._make_folder()
         except NoSpaceError as error:
             self._fail(error)
+        self._take_back()
         self._spans = self._find()
         while self._spans and self.last == -float("inf"):
             if self._sound(self._spans[-1:]):
@@ -137,6 +139,19 @@ class Parts:
         if len(spans) == whole:
             discard_parts(self._path)
         return bool(spans)
+
+    def mark_whole(self) -> None:
+        """Lets the next Parts take the finished log back as their first part; without room they begin another."""
+        with contextlib.suppress(OSError):
+            self._folder.mkdir(exist_ok=True)
+            (self._folder / WHOLE).touch()
+
+    def _take_back(self) -> None:
+        """Makes a finished log that is marked as one of this run the first part again."""
+        marker = self._folder / WHOLE
+        if marker.exists() and is_log(self._path):
+            self._path.replace(self._folder / Span(0, count_rows(self._path)).name)
+        marker.unlink(missing_ok=True)
 
     def _write(self) -> None:
         """Writes what waits, oldest first, as far as there is room, and merges small parts."""

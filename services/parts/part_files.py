@@ -8,6 +8,8 @@ from typing import Final
 
 SUFFIX: Final = ".parts"
 """End of the name of the folder of parts, after the log's name; any Parquet reader takes the folder for one table."""
+WHOLE: Final = "whole"
+"""Name of the file in that folder which says that the log itself holds all rows so far."""
 
 
 def folder_of(path: Path) -> Path:
@@ -18,3 +20,10 @@ def folder_of(path: Path) -> Path:
 def discard_parts(path: Path) -> None:
     """Forgets what an earlier run left unfinished of the log `path`."""
     shutil.rmtree(folder_of(path), ignore_errors=True)
+
+
+def discard_marker(path: Path) -> None:
+    """Forgets the folder of parts of the log `path` if the log holds all rows and nothing else is kept there."""
+    folder = folder_of(path)
+    if folder.is_dir() and [file.name for file in folder.iterdir()] == [WHOLE]:
+        discard_parts(path)

@@ -1,6 +1,8 @@
 """The recorder on a disk that is full for a while, with many parts of an earlier one, and over long runs."""
 
+import os
 import shutil
+import signal
 import time
 from pathlib import Path
 from typing import Any
@@ -102,6 +104,28 @@ def test_a_recorder_with_thousands_of_parts_is_at_work_within_two_seconds(tmp_pa
     feed(recorder, 6000, 6050)
     assert time.monotonic() - began < 2.0
     assert recorder.rows.late == 0
+
+
+def test_a_recorder_that_is_asked_to_end_alone_loses_nothing(desk: Desk, tmp_path: Path) -> None:
+    (tmp_path / "run.parquet").write_text("of an earlier run")
+    desk.up("--detach", "--pace", "lockstep", "--log", str(tmp_path / "run.parquet"))
+    for restarts in (1, 2):
+        before = desk.summary()["ticks"]
+        until(lambda before=before: desk.summary()["ticks"] > before + 300, "the cell runs", 60.0)
+        os.kill(desk.find("services.recorder"), signal.SIGTERM)
+        until(lambda n=restarts: recorder_state(desk) == (n, "running"), "it starts again", 60.0)
+    desk.run("down")
+    until(lambda: not desk.processes(), "all processes end", 60.0)
+    assert [file.name for file in tmp_path.iterdir()] == ["run.parquet"]
+    times = read_log(tmp_path / "run.parquet").columns["t"]
+    assert times[0] == 0.0
+    assert len(times) > 600
+
+
+def recorder_state(desk: Desk) -> tuple[int, str]:
+    """How often the recorder was started again, and its state."""
+    found = desk.summary()["services"]["recorder"]
+    return found["restarts"], found["state"]
 
 
 def test_a_cell_lives_through_a_full_disk(desk: Desk, tmp_path: Path) -> None:

@@ -48,6 +48,23 @@ def test_parts_of_two_writers_become_the_log_of_one(tmp_path: Path) -> None:
     assert found.metadata == {"seed": 3}
 
 
+def test_a_log_that_was_finished_too_early_goes_on(tmp_path: Path) -> None:
+    parts = Parts(tmp_path / "run.parquet")
+    parts.add(log(0, 10))
+    parts.finish({"seed": 3})
+    parts.mark_whole()
+    again = Parts(tmp_path / "run.parquet")
+    assert (again.rows, again.last) == (10, pytest.approx(0.09))
+    assert not (tmp_path / "run.parquet").exists()
+    again.add(log(12, 20))
+    again.finish({"seed": 3})
+    assert read_log(tmp_path / "run.parquet").columns["t"] == pytest.approx(
+        [0.01 * k for k in range(20) if k not in (10, 11)]
+    )
+    Parts(tmp_path / "run.parquet")
+    assert len(read_log(tmp_path / "run.parquet")) == 18, "the log of another run stays until there is a new one"
+
+
 def test_every_part_can_be_read_while_the_run_goes_on(tmp_path: Path) -> None:
     parts = Parts(tmp_path / "run.parquet")
     parts.add(log(0, 8))
