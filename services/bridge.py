@@ -19,6 +19,8 @@ from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Final, TypeVar
 
+import msgspec
+
 from dtwin.bus.following import Following
 from dtwin.bus.messages import (
     EVENTS,
@@ -150,6 +152,8 @@ class Bridge:
         try:
             if last is not None and not 0 < sensors.sequence - last.sequence <= GAP:
                 self._restart = True
+            if self._before is None and sensors.sequence > GAP:
+                self._take_over(controller, sensors)
             self._lead(controller, sensors)
             if self._restart:
                 controller.restart(sensors)
@@ -167,6 +171,13 @@ class Bridge:
             return
         self._last, self._before = command, sensors
         self._answered += 1
+
+    def _take_over(self, controller: ControlLoop, sensors: Sensors) -> None:
+        """Goes on where an earlier bridge was, as far as the application tells; one that is new tells nothing."""
+        theta = controller.last_angles()
+        if theta is not None:
+            self._before = msgspec.structs.replace(sensors, sequence=0, theta=theta)
+            self._restart = True
 
     def _lead(self, controller: ControlLoop, sensors: Sensors) -> None:
         """Leads the application over samples that had no answer to where the same arm is now.

@@ -17,6 +17,7 @@ from dtwin.controller.ports import (
     ARM_MODEL,
     EMULATOR,
     GAINS,
+    LAST_SAMPLE,
     MODEL,
     PATH,
     REQUEST,
@@ -224,6 +225,11 @@ class ControlLoop:
             for _ in range(3):
                 self.answer(sensors)
             request.exchange([False])
+
+    def last_angles(self) -> Triple | None:
+        """Measured angles of the last sample that the application has answered, rad; None while there are no two."""
+        time, theta_1, theta_2, theta_3 = self._application.read(LAST_SAMPLE)
+        return (theta_1, theta_2, theta_3) if time > 0.0 else None
 
     def signal(self) -> PlayedSignal:
         """The identification signal that the blocks play on request."""

@@ -31,6 +31,8 @@ MODEL: Final = tuple(f"CONTROLLER.{kind}{joint}" for kind in (*"KMILCD", "MU") f
 """Inputs with the arm model, which one message sets together, in the order of the message."""
 PATH: Final = tuple(f"PLANNER.THETA_D{joint}" for joint in _JOINTS)
 """Outputs with the desired angles of the path, rad."""
+LAST_SAMPLE: Final = ("SEQUENCE.SYSTEM_TIME", *(f"DETECTOR.THETA{joint}" for joint in _JOINTS))
+"""Time of the last sample since the first one, s, and the angles of it, rad."""
 PATH_END: Final = tuple(f"PLANNER.THETA_T{joint}" for joint in _JOINTS)
 """Inputs with the angles at which the path ends, rad."""
 MEMORY: Final = (

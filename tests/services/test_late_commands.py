@@ -14,7 +14,7 @@ from dtwin.emulation.faults import parse_fault
 from dtwin.experiments.monitoring.trial import true_cause
 from dtwin.monitoring.belief import assumed
 from dtwin.monitoring.monitor import Monitor
-from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, ArmParameters
 from dtwin.signals import Sensors, Voltages
 from services.monitoring import UNHEARD
 from tests.support.by_hand import ByHand
@@ -76,19 +76,25 @@ def test_a_fault_is_found_all_the_same(fault: str) -> None:
 
 PICKUP = (-0.6699, -1.5931, 2.2630)
 """Angles at which the blocks take a box, rad."""
+THROWN = (PICKUP[0], PICKUP[1] + 0.6, PICKUP[2] - 0.6)
+"""Angles that are another arm's if they come in the next sample, rad."""
 
 
 class Driven:
     """A bridge and a controller whose samples the test makes up; an arm that stands at the pickup, and its box."""
 
     def __init__(self, by_hand: ByHand, sockets: str) -> None:
-        management = f"unix:{sockets}/61499"
-        by_hand.start("controller", "--listen", management)
-        by_hand.start("bridge", "--controller", management)
+        self._by_hand = by_hand
+        self._management = f"unix:{sockets}/61499"
+        by_hand.start("controller", "--listen", self._management)
+        self.start_bridge()
         self._commands: SimpleQueue[Voltages] = SimpleQueue()
         self._publish = by_hand.bus.publisher(SENSORS)
         by_hand.bus.subscribe(VOLTAGES, Voltages, self._commands.put)
         by_hand.bus.answer(LATCH, LatchRequest, None, lambda: LatchState(0.0, 0, "none"))
+
+    def start_bridge(self) -> None:
+        self._by_hand.start("bridge", "--controller", self._management)
 
     def answer(self, sequence: int, theta: tuple[float, float, float]) -> Voltages:
         """The command that answers a sample, which is published until it is answered."""
@@ -106,7 +112,17 @@ class Driven:
 def test_an_arm_that_is_thrown_about_between_late_commands_keeps_its_box(by_hand: ByHand, sockets: str) -> None:
     driven = Driven(by_hand, sockets)
     gripped = next(k for k in range(1000) if driven.answer(k, PICKUP).box_gripped)
-    thrown = (PICKUP[0], PICKUP[1] + 0.6, PICKUP[2] - 0.6)
-    assert driven.answer(gripped + 4, thrown).box_gripped, "two joints have moved by 0.6 rad in 40 ms"
-    assert driven.answer(gripped + 5, thrown).box_gripped
+    assert driven.answer(gripped + 4, THROWN).box_gripped, "two joints have moved by 0.6 rad in 40 ms"
+    assert driven.answer(gripped + 5, THROWN).box_gripped
     assert not driven.answer(gripped + 6, PICKUP).box_gripped, "in 10 ms it would be another arm"
+
+
+def test_a_bridge_that_begins_anew_lets_go_of_no_box(by_hand: ByHand, sockets: str) -> None:
+    driven = Driven(by_hand, sockets)
+    gripped = next(k for k in range(1000) if driven.answer(k, PICKUP).box_gripped)
+    by_hand.kill("bridge")
+    driven.start_bridge()
+    first = driven.answer(gripped + 200, THROWN)
+    assert first.box_gripped
+    assert max(map(abs, first.volts[:3])) < VOLTAGE_LIMIT, "the path begins where the arm is"
+    assert driven.answer(gripped + 201, THROWN).box_gripped

@@ -35,19 +35,23 @@ class ByHand:
         self.samples: list[Sensors] = []
         self.events: list[Event] = []
         self.statuses: dict[str, Status] = {}
-        self._processes: list[subprocess.Popen[bytes]] = []
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self.bus.subscribe(SENSORS, Sensors, self._hear)
         self.bus.subscribe(EVENTS, Event, self.events.append)
         self.bus.subscribe(STATUS, Status, self._note)
 
     def start(self, name: str, *options: str) -> None:
         command = [sys.executable, "-m", f"services.{name}", "--meet", self.meet, *options]
-        self._processes.append(subprocess.Popen(command, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}))
+        self._processes[name] = subprocess.Popen(command, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)})
+
+    def kill(self, name: str) -> None:
+        process = self._processes.pop(name)
+        process.kill()
+        process.wait()
 
     def close(self) -> None:
-        for process in self._processes:
-            process.kill()
-            process.wait()
+        for name in list(self._processes):
+            self.kill(name)
         self.bus.close()
 
     @property
