@@ -110,10 +110,7 @@ def test_a_recorder_that_is_asked_to_end_alone_loses_nothing(desk: Desk, tmp_pat
     (tmp_path / "run.parquet").write_text("of an earlier run")
     desk.up("--detach", "--pace", "lockstep", "--log", str(tmp_path / "run.parquet"))
     for restarts in (1, 2):
-        before = desk.summary()["ticks"]
-        until(lambda before=before: desk.summary()["ticks"] > before + 300, "the cell runs", 60.0)
-        os.kill(desk.find("services.recorder"), signal.SIGTERM)
-        until(lambda n=restarts: recorder_state(desk) == (n, "running"), "it starts again", 60.0)
+        end_the_recorder(desk, restarts)
     desk.run("down")
     until(lambda: not desk.processes(), "all processes end", 60.0)
     assert [file.name for file in tmp_path.iterdir()] == ["run.parquet"]
@@ -122,10 +119,17 @@ def test_a_recorder_that_is_asked_to_end_alone_loses_nothing(desk: Desk, tmp_pat
     assert len(times) > 600
 
 
-def recorder_state(desk: Desk) -> tuple[int, str]:
-    """How often the recorder was started again, and its state."""
-    found = desk.summary()["services"]["recorder"]
-    return found["restarts"], found["state"]
+def end_the_recorder(desk: Desk, restarts: int) -> None:
+    """Asks the recorder to end after some ticks, and waits until it has been started again so often."""
+    before = desk.summary()["ticks"]
+    until(lambda: desk.summary()["ticks"] > before + 300, "the cell runs", 60.0)
+    os.kill(desk.find("services.recorder"), signal.SIGTERM)
+
+    def is_back() -> bool:
+        found = desk.summary()["services"]["recorder"]
+        return (found["restarts"], found["state"]) == (restarts, "running")
+
+    until(is_back, "it starts again", 60.0)
 
 
 def test_a_cell_lives_through_a_full_disk(desk: Desk, tmp_path: Path) -> None:
