@@ -117,6 +117,7 @@ def test_lua_files_hold_the_types(tmp_path: Path, capsys: pytest.CaptureFixture[
         "PICK_AND_PLACE",
         "RESTART_DETECTOR",
         "SAFE_STOP",
+        "STATE_OBSERVER_3",
         "SYS_IDENT_3211SIG",
     ]
     counter = Library([BLOCKS]).find("EVENT_COUNTER")
