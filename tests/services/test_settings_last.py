@@ -30,7 +30,7 @@ from dtwin.bus.twin_messages import Upload
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, RecordingError
 from dtwin.iec61499.net.address import Address
-from dtwin.parameters import ArmParameters, Gains
+from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.signals import ArmState, Event, EventKind, Sensors, Stop, Voltages
 from services import bridge
 from services.parts.state_file import StateFile
@@ -87,6 +87,10 @@ class Loop:
 
     def restart(self, sensors: Sensors) -> None:
         self._alive()
+
+    def last_angles(self) -> Triple | None:
+        self._alive()
+        return None
 
     def in_force(self) -> ControlSettings:
         return self._alive().settings

@@ -146,7 +146,7 @@ def test_what_is_refused_changes_nothing(cell: Desk, history: History) -> None:
                 UploadRequest("bob", "old", held - 1, gains=Gains()),
                 f"expected version {held}, got {held - 1}",
             ),
-            (UploadRequest("bob", "wild", held, gains=Gains(kp=(2000.0,) * 3)), "not stable at blue with a box"),
+            (UploadRequest("bob", "wild", held, gains=Gains(kp=(2000.0,) * 3)), "blue with a box: not stable"),
             (UploadRequest("bob", "nothing", held), "expected gains, a target time or both, or a model alone"),
         ):
             with pytest.raises(CommunicationError, match=reason):
