@@ -31,7 +31,7 @@ def test_a_fault_of_the_running_cell_is_published(desk: Desk) -> None:
         bus.subscribe(EVENTS, Event, events.append)
         until(lambda: len(verdicts) > 5 and len(values) > 50, "verdicts on some seconds of work")
         assert {unit.state for unit in verdicts[-1].units.values()} == {"nominal"}
-        bus.ask(FAULT, FaultRequest(("K1*=0.6@0",)), Done)
+        began = bus.ask(FAULT, FaultRequest(("K1*=0.6@0",)), Done).time
 
         def named() -> list[MonitoredUnit]:
             units = [verdict.units["joint 1"] for verdict in verdicts]
@@ -43,11 +43,10 @@ def test_a_fault_of_the_running_cell_is_published(desk: Desk) -> None:
         assert found.cause == "voltage constant"
         assert found.size == pytest.approx(-0.4, abs=0.08)
         until(lambda: any(event.kind == "monitor_failed" for event in events), "the event is published")
-        healthy = [v for v in values if 2.0 < v.time < found.since - 0.1]
+        healthy = [v for v in values if 2.0 < v.time < began]
         assert len(healthy) > 20
         z = np.array([np.array(v.residual) / v.deviation for v in healthy])
-        # The median of the chi-squared distribution is 0.455; what the monitor misses on a busy machine is no part of it.
-        assert 0.5 < np.median(z**2) / 0.455 < 2.0
+        assert 0.5 < np.mean(z**2) < 2.0
         assert max(v.evidence / v.threshold for v in healthy) < 1.0
         assert "'D3': expected K1" in desk.run("monitor", "acknowledge", "D3", status=2)
         assert "joint 1   nominal" in desk.run("monitor", "acknowledge", "K1")
