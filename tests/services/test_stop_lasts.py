@@ -63,6 +63,7 @@ class Watch:
         self.desk = desk
         self.truths: dict[int, Truth] = {}
         self.tick = 0
+        self.newest = 0
         self.events: list[Event] = []
         self.read: list[str] = []
         bus.subscribe(TRUTH, Truth, self._keep)
@@ -74,9 +75,10 @@ class Watch:
 
     def _keep(self, truth: Truth) -> None:
         tick = round(truth.time / PERIOD)
-        if tick < max(self.truths, default=0) - 100:  # The cell has been reset.
+        if tick < self.newest - 100:  # The cell has been reset.
             self.truths.clear()
         self.truths[tick] = truth
+        self.newest = tick
 
     def stop(self) -> str:
         """The stop that is read, or "" while there is nobody to answer."""
@@ -90,13 +92,13 @@ class Watch:
     def catch_up(self) -> int:
         """Waits for all that the emulator has published until now, which a busy machine delivers late; its tick."""
         now = round(until(self.latched, "the emulator answers", PATIENCE).time / PERIOD)
-        until(lambda: min(self.tick, max(dict(self.truths), default=0)) >= now, "all has come", PATIENCE)
+        until(lambda: min(self.tick, self.newest) >= now, "all has come", PATIENCE)
         return now
 
     def latched(self) -> LatchState | None:
         """What the emulator keeps, or None while there is none to answer."""
         try:
-            return self.bus.ask(LATCH, None, LatchState, 1.0)
+            return self.bus.ask(LATCH, None, LatchState, 5.0)
         except CommunicationError:
             return None
 
@@ -127,13 +129,14 @@ class Watch:
     def hangs(self) -> bool:
         """Whether the arm hangs as good as at rest."""
         self.catch_up()
-        truths = dict(self.truths)
-        last = truths[max(truths)]
-        return float(np.abs((*np.subtract(last.theta, HANGING), *last.omega)).max()) < 0.05
+        last = self.truths[self.newest]
+        away = np.subtract(last.theta, HANGING)
+        away -= 2.0 * np.pi * np.round(away / (2.0 * np.pi))  # A falling arm may go round.
+        return float(np.abs((*away, *last.omega)).max()) < 0.05
 
     def driven(self, first: int, last: int) -> list[tuple[int, float]]:
         """Ticks from first to last over which the arm did not move freely, and by how much, rad or rad/s."""
-        seen = [(k, truth) for k, truth in sorted(dict(self.truths).items()) if first <= k <= last]
+        seen = [(k, self.truths[k]) for k in range(first, last + 1) if k in self.truths]
         found = []
         for (k, before), (next_k, after) in pairwise(seen):
             state, mass = (*before.theta, *before.omega), after.payload_mass  # A command lets go before it acts.
@@ -204,7 +207,7 @@ def test_a_reset_ends_no_stop(stopped: tuple[Watch, str]) -> None:
     watch, stop = stopped
     watch.demand(stop)
     watch.bus.ask(RESET, ResetRequest(3), Done)
-    until(lambda: watch.truths and max(dict(watch.truths)) < 100, "the cell has started anew", PATIENCE)
+    until(lambda: watch.truths and watch.newest < 100, "the cell has started anew", PATIENCE)
     until(lambda: watch.stop() == "torque off", "another arm stands there now", PATIENCE)
     watch.goes_on(100)
     assert "none" not in watch.read
