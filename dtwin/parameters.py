@@ -19,7 +19,7 @@ from dtwin.errors import ModelError, ParameterError, choices
 Triple = tuple[float, float, float]
 PayloadModel = Literal["point", "weight"]
 """How a payload enters the equations: as a point mass at the tip, or by its weight alone."""
-Law = Literal["default", "row_sum", "cascade"]
+Law = Literal["computed_torque", "row_sum", "cascade"]
 """How the control law feeds back: through the mass matrix, through its row sums without the damping term, or from a
 position error to a velocity and from its error to a torque."""
 

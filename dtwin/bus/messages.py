@@ -138,7 +138,7 @@ class SettingsInForce(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
         gains: gains of the computed-torque law.
         target_time: duration of the next motion, s.
         model: the arm as the controller believes it to be.
-        law: default, row_sum or cascade.
+        law: computed_torque, row_sum or cascade.
         payload: assumed mass of a box, kg.
         payload_model: how a held box counts: as a point mass or by its weight alone.
     """

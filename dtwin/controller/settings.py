@@ -14,13 +14,15 @@ DIGITS: Final = 1e-14
 """Relative difference between a number and the 15 digits of it that a FORTE writes."""
 LAWS: Final[tuple[Law, ...]] = get_args(Law)
 """Names of the control laws; the index is the value of the input LAW of the controller block."""
-_NEEDED: Final[dict[Law, PayloadModel]] = {"default": "point", "row_sum": "weight", "cascade": "point"}
+_NEEDED: Final[dict[Law, PayloadModel]] = {"computed_torque": "point", "row_sum": "weight", "cascade": "point"}
 USUAL_GAINS: Final[dict[Law, Gains]] = {
-    "default": Gains(),
+    "computed_torque": Gains(),
     "row_sum": Gains(),
     "cascade": Gains((1275.0,) * 3, (7875.0,) * 3, (65.0,) * 3),
 }
-"""The gains that each control law has unless others are given; scripts/design_gains finds those of the cascade."""
+"""The gains of each control law unless others are given; `dtwin experiment margins` finds those of the cascade."""
+APPLICATION_LAW: Final[Law] = "cascade"
+"""The law of a cell for which no other is asked; settings without a law have the thesis's computed torque."""
 
 
 def usual_gains(law: Law, kp: Triple | None = None, ki: Triple | None = None, kd: Triple | None = None) -> Gains:
@@ -36,13 +38,13 @@ class ControlSettings:
     Attributes:
         target_time: duration T of every motion, s.
         gains: gains of the computed-torque law.
-        law: "default" feeds back through the mass matrix, "row_sum" through its row sums without the damping term;
-            both are the thesis's, on cubic paths. "cascade" feeds back a velocity, on paths whose acceleration has no
-            steps.
+        law: "computed_torque" feeds back through the mass matrix, "row_sum" through its row sums without the damping
+            term; both are the thesis's, on cubic paths. "cascade" feeds back a velocity, on paths whose acceleration
+            has no steps.
         model: arm model of the controller; the law "cascade" alone compensates its Coulomb friction.
         payload: mass of a box that the controller assumes, kg.
         payload_model: how a held box counts in the model; None takes what the law needs to hold a box everywhere:
-            a point mass for the default law, the weight alone for the row-sum law.
+            the weight alone for the row-sum law, a point mass for the others.
 
     Raises:
         ParameterError: a value is out of range.
@@ -50,7 +52,7 @@ class ControlSettings:
 
     target_time: float = 2.0
     gains: Gains = field(default_factory=Gains)
-    law: Law = "default"
+    law: Law = "computed_torque"
     model: ArmParameters = field(default_factory=ArmParameters)
     payload: float = 0.2
     payload_model: PayloadModel | None = None

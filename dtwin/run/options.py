@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from dtwin.controller.settings import USUAL_GAINS, ControlSettings
+from dtwin.controller.settings import APPLICATION_LAW, USUAL_GAINS, ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.emulation.faults import parse_fault
@@ -79,10 +79,10 @@ class ControlOptions:
 
     target_time: float = 2.0
     """Duration of every motion, s."""
-    law: Law = "default"
-    """Control law. default: computed torque with a held box as a point mass; row_sum: the row-sum form of the thesis,
-    without damping term and with the box's weight alone; cascade: position over velocity with an observer, on smooth
-    paths."""
+    law: Law = APPLICATION_LAW
+    """Control law. cascade: position over velocity with an observer, on smooth paths; computed_torque: the thesis's,
+    with a held box as a point mass; row_sum: the thesis's form with row sums, without damping term and with the box's
+    weight alone."""
 
     def control(self) -> ControlSettings:
         """The settings of the controller that the options stand for.

@@ -2,7 +2,7 @@
 
 T                       target time, s
 kp ki kd                gains of all joints (one number) or of each (three); kp1 ... kd3 for one joint
-law                     control law: default, row_sum or cascade
+law                     control law: computed_torque, row_sum or cascade
 box                     mass of a carried box that the controller assumes, kg
 payload                 mass at the tip of the simulated arm, kg
 noise                   noise of the simulated encoders, rad

@@ -22,7 +22,7 @@ def test_inputs_are_the_settings(law: str, side: PayloadModel) -> None:
 
 
 def test_a_message_changes_its_inputs_and_no_others() -> None:
-    settings = ControlSettings(1.5, GAINS, "default", ARM, 0.19, "point")
+    settings = ControlSettings(1.5, GAINS, "computed_torque", ARM, 0.19, "point")
     inputs = ControlSettings().inputs()
     tuned = ControlSettings.from_inputs(inputs | {name: settings.inputs()[name] for name in TUNING})
     assert tuned.differing(ControlSettings()) == set(TUNING)

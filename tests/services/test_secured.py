@@ -220,7 +220,7 @@ def test_the_bridge_alone_tells_the_latch_of_a_stop(secured: Path) -> None:
 
 def test_each_may_ask_the_controller_what_it_needs_and_no_more(secured: Path) -> None:
     """Settings pass the checks of the simulation service, whoever wants them."""
-    in_force = SettingsInForce(Gains(), 2.0, ArmParameters(), "default", 0.2, "point")
+    in_force = SettingsInForce(Gains(), 2.0, ArmParameters(), "computed_torque", 0.2, "point")
     played = IdentificationSignal((6.0, 4.0, 3.0), 5, (0, 0, 0), 350)
     requests: dict[Topic, msgspec.Struct] = {
         SETTINGS: SettingsRequest(Gains((1.0, 2.0, 3.0)), 2.0),

@@ -242,5 +242,5 @@ def test_sines_on_the_emulation_measure_the_computed_sensitivity(
     apart, largest = compare(simulator, usual("cascade"), pose, payload, (3, 16, 63))
     assert largest > 1.0
     assert apart < 0.001
-    apart, largest = compare(simulator, usual("default"), pose, 0.0, (10, 25))
+    apart, largest = compare(simulator, usual("computed_torque"), pose, 0.0, (10, 25))
     assert apart < 0.01 * largest

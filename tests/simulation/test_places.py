@@ -80,7 +80,7 @@ def test_candidates_change_what_they_name() -> None:
         ("kp=1,2", "kp: expected one number or three"),
         ("kp1=1,2,3", "kp1: expected one number"),
         ("K4=1", "unknown name 'K4'"),
-        ("law=best", "law: expected default, row_sum or cascade, got 'best'"),
+        ("law=best", "law: expected computed_torque, row_sum or cascade, got 'best'"),
         ("D1=x", "D1: expected a number, got 'x'"),
         ("D1=-1", "D1"),
         ("T=nan", "target time"),

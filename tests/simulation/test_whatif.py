@@ -23,7 +23,12 @@ T4 = ControlSettings(target_time=4.0)
 @pytest.mark.parametrize(
     ("law", "target_time", "worst"),
     [
-        *[("default", 1.0, 0.010), ("default", 2.0, 0.005), ("default", 4.0, 0.002), ("default", 8.0, 0.001)],
+        *[
+            ("computed_torque", 1.0, 0.010),
+            ("computed_torque", 2.0, 0.005),
+            ("computed_torque", 4.0, 0.002),
+            ("computed_torque", 8.0, 0.001),
+        ],
         *[("row_sum", 1.0, 0.049), ("row_sum", 2.0, 0.023), ("row_sum", 4.0, 0.010), ("row_sum", 8.0, 0.004)],
     ],
 )

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from dtwin.commands.frame import at_least
 from dtwin.controller.motion import MotionController
-from dtwin.controller.settings import ControlSettings, usual_gains
+from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import ArmParameters, Law, Triple
 from dtwin.simulation.margins.demands import MARGINS, Case, Shortfall, cases
@@ -28,7 +28,7 @@ class MarginsCommand:
     pose comes first. Fails when a margin is below what is demanded of settings before an upload.
     """
 
-    law: Law = "default"
+    law: Law = APPLICATION_LAW
     """Control law."""
     kp: Triple | None = None
     """Proportional gains, 1/s^2; the usual ones of the law if not given."""

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from dtwin.controller.settings import ControlSettings, usual_gains
+from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.errors import ParameterError
 from dtwin.files import ensure_writable, replacing
 from dtwin.identification.model import IdentifiedModel
@@ -51,7 +51,7 @@ class Optimise:
     """Integral gains in use, 1/s^3."""
     kd: Triple | None = None
     """Derivative gains in use, 1/s."""
-    law: Law = "default"
+    law: Law = APPLICATION_LAW
     """Control law: computed torque, its row-sum form without damping term, or the cascade."""
     model: str | None = None
     """Identified model, a file or a name in --store; its covariance says what arms are possible."""

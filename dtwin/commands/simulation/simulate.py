@@ -17,7 +17,7 @@ from rich.table import Column, Table
 from dtwin.bus.messages import SENSORS
 from dtwin.bus.session import Bus
 from dtwin.commands.simulation.upload import in_force
-from dtwin.controller.settings import ControlSettings, usual_gains
+from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.files import ensure_writable
@@ -62,7 +62,7 @@ class Simulate:
     """Integral gains, 1/s^3."""
     kd: Triple | None = None
     """Derivative gains, 1/s."""
-    law: Law = "default"
+    law: Law = APPLICATION_LAW
     """Control law."""
     payload: float = 0.0
     """Mass at the tip, kg; the controller counts on the mass of --box when this is not 0."""
@@ -147,7 +147,7 @@ class Simulate:
         with join(self.cell) as bus:
             last = _latest(bus)
             now = in_force(bus)
-        settings = replace(base.settings, gains=now.gains, target_time=now.target_time, model=now.model)
+        settings = ControlSettings(now.target_time, now.gains, now.law, now.model, now.payload, now.payload_model)
         theta = last[-1].theta
         # A parabola through several samples: a difference of two would show the encoders' noise.
         times = PERIOD * np.arange(1 - len(last), 1)

@@ -36,7 +36,7 @@ CYCLES: Final = (1, 3, 6, 10, 16, 25, 40, 63, 100)
 SAME: Final = 0.02
 """Largest difference of a measured sensitivity from the computed one that counts as none."""
 _ARM: Final = ArmParameters()
-_LAWS: Final[tuple[Law, ...]] = ("default", "cascade")
+_LAWS: Final[tuple[Law, ...]] = ("computed_torque", "cascade")
 
 
 @dataclass(frozen=True, slots=True)

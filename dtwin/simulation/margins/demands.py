@@ -74,7 +74,7 @@ MARGINS: Final = Demands()
 """Demanded of the application's settings: classical margins with room for a motor a quarter weaker or stronger."""
 STABILITY: Final = Demands(0.0, 0.0, 0.0, 0.0, 0.0)
 """Demanded of the thesis's laws, which are kept for its experiments: a stable loop and no more."""
-DEMANDS: Final[dict[Law, Demands]] = {"default": STABILITY, "row_sum": STABILITY, "cascade": MARGINS}
+DEMANDS: Final[dict[Law, Demands]] = {"computed_torque": STABILITY, "row_sum": STABILITY, "cascade": MARGINS}
 """What is demanded before settings are used, by the control law."""
 
 
