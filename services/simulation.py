@@ -239,6 +239,7 @@ def _upload(uploader: Uploader) -> Upload:
         uploader.trial is not None,
         settings.gains,
         settings.target_time,
+        settings.law,
         settings.model,
         last.predicted,
     )

@@ -9,7 +9,7 @@ from typing import Annotated, Final, Literal
 
 import msgspec
 
-from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.parameters import ArmParameters, Gains, Law, Triple
 from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
 HEAVIEST: Final = 1.0
@@ -141,6 +141,7 @@ class Upload(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
         on_trial: whether the settings are still being watched.
         gains: gains in force.
         target_time: target time in force, s.
+        law: control law in force.
         model: arm model in force.
         predicted: largest distance of each joint from its path that the twin expects, rad.
     """
@@ -152,6 +153,7 @@ class Upload(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     on_trial: bool
     gains: Gains
     target_time: float
+    law: Law
     model: ArmParameters
     predicted: Triple | None = None
 

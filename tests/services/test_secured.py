@@ -243,7 +243,7 @@ def test_each_may_ask_the_controller_what_it_needs_and_no_more(secured: Path) ->
 
 
 def test_operators_ask_the_twin_and_each_module_answers_for_itself(secured: Path) -> None:
-    upload = Upload(1, 0.0, "start", "", False, Gains(), 2.0, ArmParameters())
+    upload = Upload(1, 0.0, "start", "", False, Gains(), 2.0, "computed_torque", ArmParameters())
     with Probe(secured, "simulation") as simulation, Probe(secured, "identification") as identification:
         for topic in (UPLOAD, ROLL_BACK):
             simulation.bus.answer(topic, UploadRequest, lambda asked: upload, lambda: upload)

@@ -147,7 +147,7 @@ class Simulate:
         with join(self.cell) as bus:
             last = _latest(bus)
             now = in_force(bus)
-        settings = ControlSettings(now.target_time, now.gains, now.law, now.model, now.payload, now.payload_model)
+        settings = replace(base.settings, gains=now.gains, target_time=now.target_time, law=now.law, model=now.model)
         theta = last[-1].theta
         # A parabola through several samples: a difference of two would show the encoders' noise.
         times = PERIOD * np.arange(1 - len(last), 1)
