@@ -151,18 +151,18 @@ class Checker:
         return [self._simulator.run(_case(motion, settings, arm, box)).figures for motion in motions]
 
     def _margins(self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion]) -> list[Case]:
-        """The margins where motions end.
+        """The margins where motions end; delays longer than what is demanded are not looked at.
 
         Raises:
             Refused: a margin is below what is demanded of the law; the message says which, where, and what is.
         """
-        found = []
-        for motion in motions:
-            payload = settings.payload if motion.carries else 0.0
-            pose = Pose(motion.goal, angles_of(motion.goal))
+        demands, found = DEMANDS[settings.law], []
+        for goal, carries in dict.fromkeys((motion.goal, motion.carries) for motion in motions):
+            payload = settings.payload if carries else 0.0
+            pose = Pose(goal, angles_of(goal))
             loop = linear_loop(self._simulator.controller, settings, arm, payload, pose.theta)
-            case = Case(pose, payload, margins(loop))
-            short = DEMANDS[settings.law].shortfall(case.margins)
+            case = Case(pose, payload, margins(loop, demands.delay))
+            short = demands.shortfall(case.margins)
             if short is not None:
                 raise Refused(f"{case}: {short.text}")
             found.append(case)

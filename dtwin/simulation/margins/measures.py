@@ -40,7 +40,7 @@ class Margins:
     Attributes:
         spectral_radius: largest absolute eigenvalue of one tick; stable below 1.
         disk: disk margin alpha of all motors at once.
-        delay: delay of all motors at once at which the loop becomes unstable, ticks, at most LONGEST_DELAY.
+        delay: delay of all motors at once at which the loop becomes unstable, ticks, at most what was looked for.
         weaker: share of its torque that each motor may lose, 1 for all of it.
         stronger: share of its torque that each motor may gain.
         phase: phase that each motor may lose or gain, degrees.
@@ -68,8 +68,8 @@ class Margins:
         return min(*self.weaker, *self.stronger)
 
 
-def margins(loop: Loop) -> Margins:
-    """Computes the margins of a loop."""
+def margins(loop: Loop, longest_delay: float = LONGEST_DELAY) -> Margins:
+    """Computes the margins of a loop; a delay margin is sought up to a number of ticks."""
     radius = loop.radius()
     if not radius < 1.0:
         none = (0.0, 0.0, 0.0)
@@ -82,7 +82,7 @@ def margins(loop: Loop) -> Margins:
     return Margins(
         radius,
         disk_margin(sensitivity),
-        delay_margin(loop),
+        delay_margin(loop, longest_delay),
         triple(1.0 - low for low, _ in factors),
         triple(high - 1.0 for _, high in factors),
         triple(phase_margin(each) for each in single),
@@ -128,13 +128,13 @@ def disk_margin(sensitivity: ComplexArray) -> float:
     return 1.0 / float(bound.max())
 
 
-def delay_margin(loop: Loop) -> float:
-    """Delay of all motors, in ticks, at which a stable loop becomes unstable; LONGEST_DELAY when none does."""
+def delay_margin(loop: Loop, longest: float = LONGEST_DELAY) -> float:
+    """Delay of all motors, in ticks, at which a stable loop becomes unstable; the longest one when none does."""
     low = 0.0
-    while low < LONGEST_DELAY and loop.radius(low + _DELAY_STEP) < 1.0:
+    while low < longest and loop.radius(low + _DELAY_STEP) < 1.0:
         low += _DELAY_STEP
-    if low >= LONGEST_DELAY:
-        return LONGEST_DELAY
+    if low >= longest:
+        return longest
     high = low + _DELAY_STEP
     for _ in range(_DELAY_HALVINGS):
         middle = (low + high) / 2.0
