@@ -154,11 +154,14 @@ class Bridge:
                 self._restart = True
             if self._before is None and sensors.sequence > GAP:
                 self._take_over(controller, sensors)
-            self._lead(controller, sensors)
+            way = self._way(sensors)
             if self._restart:
-                controller.restart(sensors)
+                controller.restart([*way, sensors])
                 self._restart = False
                 log.warning("path planned anew at %.2f s after a gap", sensors.time)
+            else:
+                for step in way:
+                    controller.answer(step)
             command = controller.answer(sensors)
             self._publish(command)
             if self._publish_path.wanted:
@@ -179,16 +182,14 @@ class Bridge:
             self._before = msgspec.structs.replace(sensors, sequence=0, theta=theta)
             self._restart = True
 
-    def _lead(self, controller: ControlLoop, sensors: Sensors) -> None:
-        """Leads the application over samples that had no answer to where the same arm is now.
+    def _way(self, sensors: Sensors) -> list[Sensors]:
+        """Samples that lead the application over those that had no answer to where the same arm is now.
 
         All at once it would let go of its box, even after a few ticks if the arm was thrown about. A sample with a
         lower number is another arm's, or that of one that started anew.
         """
         before = self._before
-        if before is not None and sensors.sequence > before.sequence + 1:
-            for step in strides(before, sensors):
-                controller.answer(step)
+        return strides(before, sensors) if before is not None and sensors.sequence > before.sequence + 1 else []
 
     def _connect(self) -> ControlLoop | None:
         now = time.monotonic()

@@ -39,6 +39,8 @@ from dtwin.signals import ARM_STATES, STOPS, ArmState, Sensors, Stop, Voltages
 
 TIMEOUT: Final = 1.0
 """Longest wait for every answer, s."""
+_SETTLING: Final = 10
+"""Number of equal samples after which an observer with its usual bandwidth of 150 rad/s has forgotten a motion."""
 _READ_BACK: Final = 0.2
 """Longest time from the acknowledgement of a setting until it can be read back, s."""
 
@@ -213,16 +215,19 @@ class ControlLoop:
         """
         return received_voltages(sensors, self._cell.exchange(sensor_values(sensors)), self._cell.address)
 
-    def restart(self, sensors: Sensors) -> None:
-        """Makes the application plan its path anew from a sample, for an arm at rest and with empty integrals.
+    def restart(self, samples: Sequence[Sensors]) -> None:
+        """Makes the application plan its path anew from the last sample, for an arm at rest and with empty integrals.
 
-        It requests the identification signal and takes the request back at once, after which the path planner starts
-        from the measured state. The sample is sent twice, which the blocks see as an arm at rest. The next `answer`
-        to the same sample comes from the control law again.
+        It requests the identification signal and takes the request back at once: meanwhile the path planner starts
+        from the measured state, and an arm that is led away from its path trips nothing. The last sample is repeated
+        until the blocks see an arm at rest. The next `answer` to it comes from the control law again.
+
+        Args:
+            samples: at least one sample; the earlier ones lead the application to the last.
         """
         with self._requests() as request:
             request.exchange([True])
-            for _ in range(3):
+            for sensors in (*samples, *[samples[-1]] * _SETTLING):
                 self.answer(sensors)
             request.exchange([False])
 
