@@ -39,8 +39,8 @@ from dtwin.signals import ARM_STATES, STOPS, ArmState, Sensors, Stop, Voltages
 
 TIMEOUT: Final = 1.0
 """Longest wait for every answer, s."""
-_SETTLING: Final = 10
-"""Number of equal samples after which an observer with its usual bandwidth of 150 rad/s has forgotten a motion."""
+_SETTLING: Final = 15
+"""Number of equal samples after which an observer with its usual bandwidth of 100 rad/s has forgotten a motion."""
 _READ_BACK: Final = 0.2
 """Longest time from the acknowledgement of a setting until it can be read back, s."""
 

@@ -18,7 +18,7 @@ _NEEDED: Final[dict[Law, PayloadModel]] = {"computed_torque": "point", "row_sum"
 USUAL_GAINS: Final[dict[Law, Gains]] = {
     "computed_torque": Gains(),
     "row_sum": Gains(),
-    "cascade": Gains((1275.0,) * 3, (7875.0,) * 3, (65.0,) * 3),
+    "cascade": Gains((559.0,) * 3, (2535.0,) * 3, (41.0,) * 3),
 }
 """The gains of each control law unless others are given; `dtwin experiment margins` finds those of the cascade."""
 APPLICATION_LAW: Final[Law] = "cascade"

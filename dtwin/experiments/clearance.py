@@ -81,7 +81,9 @@ def sweep(model_file: Path = MODEL_FILE, blocks: Path = BLOCKS) -> list[LegClear
             key = (colour if started and pose.end != "before pickup" else "", pose.start, pose.end, pose.carries)
             if tick % STRIDE and key in legs:
                 continue
-            boxes = () if pose.carries else (colour, "pickup") if pose.start != "start" else ("pickup",)
+            # The tray has carried its box away before the arm is behind the places.
+            lies = pose.start in (colour, f"above {colour}", f"near {colour}")
+            boxes = () if pose.carries else (colour, "pickup") if lies else ("pickup",)
             nearest = shapes.nearest(pose.theta, pose.gripper, pose.carries, boxes)
             legs[key] = min(legs.get(key, Nearest(FARTHEST, "", "")), nearest)
     return [LegClearance(*key, *nearest) for key, nearest in legs.items()]
@@ -101,7 +103,7 @@ def _poses(colour: str, blocks: Path) -> Iterator[_Pose]:
         destination = str(controller.resource.read("SEQUENCE.DESTINATION"))
         if destination != end:
             start, end = end, destination
-        carried = carried or end == "midway"
+        carried = carried or end == "between"
         if carried and end == "pickup" and theta == PICKUP.theta:
             return
         theta = controller.target()

@@ -20,7 +20,7 @@ def test_every_way_is_free() -> None:
             assert leg.distance > 0.005, leg
     for colour in PLACES:
         way = [leg.end for leg in legs if leg.place == colour and leg.carries]
-        assert way == ["above pickup", "midway", f"near {colour}", f"above {colour}", colour]
+        assert way == ["above pickup", "between", "behind", f"near {colour}", f"above {colour}", colour]
 
 
 def test_what_is_in_the_way_is_found(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ def way_point(name: str) -> Array:
 def ways() -> dict[str, list[Array]]:
     """Joint angles of all points of the ways from above the pickup point to the places, rad."""
     return {
-        colour: [*map(way_point, ("midway", f"near {colour}", f"above {colour}")), np.array(place.theta)]
+        colour: [*map(way_point, ("between", "behind", f"near {colour}", f"above {colour}")), np.array(place.theta)]
         for colour, place in PLACES.items()
     }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -17,18 +18,21 @@ from dtwin.pictures import COLOURS, RED, new_figure
 from dtwin.pool import Progress
 from dtwin.simulation.margins.demands import MARGINS, Case, Demands, cases
 from dtwin.simulation.margins.loop import ComplexArray, linear_loop
+from dtwin.simulation.margins.measures import voltage_noise
 from dtwin.simulation.margins.poses import Pose, places, poses
 from dtwin.simulation.whatif import Simulator
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-POSITION_POLES: Final = (10.0, 12.0, 14.0, 15.0, 16.0, 17.0, 18.0, 20.0, 22.0, 25.0)
+POSITION_POLES: Final = (8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0, 16.0, 18.0)
 """Double poles of position and integral that the search tries, rad/s."""
 VELOCITY_POLES: Final = (10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0)
 """Poles of the velocity loop that the search tries, rad/s."""
 RESERVE: Final = replace(MARGINS, disk=0.5)
 """Demanded of the design, on an arm that obeys at once and on one that obeys a tick late."""
+NOISE: Final = 800.0
+"""Largest voltage for a rad of white encoder noise, standard deviations, V: an encoder of 12 bits makes 0.35 V."""
 LATE: Final = (0.0, 1.0)
 """Ticks after which the arms of the design obey."""
 CYCLES: Final = (1, 3, 6, 10, 16, 25, 40, 63, 100)
@@ -48,12 +52,19 @@ class Candidate:
         velocity: pole of the velocity loop, rad/s.
         gains: gains with these poles, the same for every joint.
         worst: least share of a demanded margin that there is over places, boxes and delays; 1 and more is enough.
+        noise: largest standard deviation of a voltage for encoder noise of 1 rad, over the same cases, V.
     """
 
     position: float
     velocity: float
     gains: Gains
     worst: float
+    noise: float
+
+    @property
+    def good(self) -> bool:
+        """Whether nothing that is demanded of the design is missing."""
+        return self.worst >= 1.0 and self.noise <= NOISE
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,22 +115,29 @@ def share(case: Case, demands: Demands) -> float:
 def design(simulator: Simulator, progress: Progress) -> tuple[Candidate, ...]:
     """Judges gains on a grid of poles."""
     found = []
+    at = list(product(places(), (0.0, ControlSettings().payload), LATE))
     grid = list(product(POSITION_POLES, VELOCITY_POLES))
     for done, (position, velocity) in enumerate(grid, 1):
         settings = ControlSettings(gains=gains_of(position, velocity), law="cascade")
         judged = [cases(simulator.controller, settings, _ARM, places(), late) for late in LATE]
         worst = min(share(case, RESERVE) for each in judged for case in each)
-        found.append(Candidate(position, velocity, settings.gains, worst))
+        noise = max(_noise(simulator, settings, pose, payload, late) for pose, payload, late in at)
+        found.append(Candidate(position, velocity, settings.gains, worst, noise))
         progress(done, len(grid))
     return tuple(found)
 
 
+def _noise(simulator: Simulator, settings: ControlSettings, pose: Pose, payload: float, late: float) -> float:
+    loop = linear_loop(simulator.controller, settings, _ARM, payload, pose.theta, late)
+    return voltage_noise(loop) if loop.radius() < 1.0 else math.inf
+
+
 def best_of(candidates: Sequence[Candidate]) -> Candidate:
-    """The candidate with all margins that rejects disturbances best: the largest integral gain.
+    """The good candidate that rejects disturbances best: the largest integral gain.
 
     This is the rule of Astrom, Panagopoulos and Hagglund, Automatica 34 (1998), for loops with bounded sensitivity.
     """
-    return max((each for each in candidates if each.worst >= 1.0), key=lambda each: each.gains.ki[0])
+    return max((each for each in candidates if each.good), key=lambda each: each.gains.ki[0])
 
 
 def usual(law: Law) -> ControlSettings:
@@ -173,10 +191,10 @@ def kept(study: MarginStudy) -> bool:
 
 def margin_report(study: MarginStudy) -> Report:
     """The page of the study."""
-    good = sorted((each for each in study.candidates if each.worst >= 1.0), key=lambda each: -each.gains.ki[0])[:8]
+    good = sorted((each for each in study.candidates if each.good), key=lambda each: -each.gains.ki[0])[:8]
     rows = [
         [f"{value:g}" for value in (c.position, c.velocity, c.gains.kp[0], c.gains.ki[0], c.gains.kd[0])]
-        + [f"{c.worst:.2f}"]
+        + [f"{c.worst:.2f}", f"{c.noise:.0f}"]
         for c in good
     ]
     compared = [
@@ -196,9 +214,13 @@ def margin_report(study: MarginStudy) -> Report:
         "## Design of the cascade",
         f"Of {len(study.candidates)} pairs of poles {sum(c.worst >= 1.0 for c in study.candidates)} have a disk "
         f"margin of {RESERVE.disk:g} and all other margins that are demanded, at the places with and without a box, "
-        "on an arm that obeys at once and on one that obeys a tick late. The one with the largest integral gain is "
-        "taken.",
-        table(["position rad/s", "velocity rad/s", "kp", "ki", "kd", "least share of a margin"], rows),
+        "on an arm that obeys at once and on one that obeys a tick late. White noise of the encoders may make at "
+        f"most {NOISE:g} V per rad of any voltage, standard deviations: {sum(c.good for c in study.candidates)} "
+        "keep to that too, and the one with the largest integral gain is taken.",
+        table(
+            ["position rad/s", "velocity rad/s", "kp", "ki", "kd", "least share of a margin", "V of noise per rad"],
+            rows,
+        ),
         "## Measured",
         f"Sines of {len(CYCLES)} frequencies from {frequency(CYCLES[0]):.1f} to {frequency(CYCLES[-1]):.0f} rad/s "
         "were added to each motor's voltage on the emulation: the largest computed sensitivity, and how far the "

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.linalg import solve_discrete_lyapunov
 
 from dtwin.parameters import PERIOD, Triple
 from dtwin.simulation.figures import Array, triple
@@ -126,6 +127,19 @@ def disk_margin(sensitivity: ComplexArray) -> float:
     root = np.sqrt(scale)
     bound = np.linalg.norm(balanced * root[:, :, None] / root[:, None, :], 2, axis=(1, 2))
     return 1.0 / float(bound.max())
+
+
+def voltage_noise(loop: Loop) -> float:
+    """Largest standard deviation of a motor's voltage in a stable loop whose encoders all have white noise, V/rad.
+
+    The noise has the standard deviation 1 rad; the covariance of the states solves X = A X A' + B B' (Kwakernaak and
+    Sivan, Linear Optimal Control Systems, 1972, theorem 6.9).
+    """
+    control, plant = loop.controller, loop.plant.sampled(loop.late)
+    by_noise = np.vstack((plant.B @ control.D, control.B))
+    states = solve_discrete_lyapunov(loop.closed(), by_noise @ by_noise.T)
+    volts = np.hstack((control.D @ plant.C, control.C))
+    return float(np.sqrt(np.diag(volts @ states @ volts.T + control.D @ control.D.T).max()))
 
 
 def delay_margin(loop: Loop, longest: float = LONGEST_DELAY) -> float:
