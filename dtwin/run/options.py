@@ -39,6 +39,14 @@ class ArmOptions:
         """
         return ArmParameters().with_values(dict(assignment(text) for text in self.set))
 
+    def made(self) -> ArmParameters:
+        """The parameters of the emulated arm with the tolerances of its machine.
+
+        Raises:
+            DtwinError: a parameter or the machine is unknown or out of range.
+        """
+        return machine_of(self.machine).arm(self.parameters())
+
 
 @dataclass(frozen=True, kw_only=True)
 class PlantOptions(ArmOptions):
