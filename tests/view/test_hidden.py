@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
+from dtwin.cli import main
 from dtwin.emulation.contact.touch import Grip, Touch
 from dtwin.emulation.hidden import Drives, Hidden
 from dtwin.parameters import ArmParameters
@@ -107,3 +108,15 @@ def test_every_further_view_has_something_to_show(path: Path, recording: Content
     assert found == {"contact/grip", "contact/slip", "drive/gear", "drive/encoder"} | joints
     for origin in found:
         assert any(entity == f"/{origin}" or entity.startswith(f"/{origin}/") for entity in recording), origin
+
+
+def test_a_run_records_what_its_machine_hides_and_how_long_its_links_are(tmp_path: Path) -> None:
+    file = tmp_path / "run.rrd"
+    assert main(["run", "--machine", "servo", "--duration", "0.1", "--record", str(file), "--json"]) == 0
+    found = contents(file)
+    assert len(found["/drive/gear"]["Scalars:scalars"]) == 10
+    assert "/contact/grip" not in found
+    [(x, _, z)] = at(found["/cell/bodies/link_2"]["Transform3D:translation"], 9)
+    assert np.hypot(x, z) == pytest.approx(1.001 * 0.15786938, rel=1e-6)
+    assert main(["run", "--duration", "0.1", "--record", str(file), "--json"]) == 0
+    assert not [entity for entity in contents(file) if entity.startswith(("/drive", "/contact", "/cell/forces"))]
