@@ -48,6 +48,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "experiment clearance": Subcommand(
             "cell.clearance", "ExperimentClearance", "sweep the arm's ways through the geometry of the cell"
         ),
+        "experiment integrators": Subcommand(
+            "cell.integrators", "ExperimentIntegrators", "integrate arms of machines in several ways; report"
+        ),
         "experiment soak": Subcommand(
             "cell.soak", "ExperimentSoak", "run all services for long, or trouble them; report"
         ),

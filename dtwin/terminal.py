@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 if TYPE_CHECKING:
+    from rich.table import Table
     from rich.text import Text
 
 
@@ -30,6 +31,20 @@ def as_text(text: str, style: str = "") -> Text:
     from rich.text import Text  # takes longer to import than `dtwin --help` may take
 
     return Text(printable(text), style)
+
+
+def folding(table: Table) -> Table:
+    """The same table, whose words go on in the next line where they are too long for their column: nothing is cut."""
+    for column in table.columns:
+        column.overflow, column.no_wrap = "fold", False
+    return table
+
+
+def print_table(table: Table) -> None:
+    """Prints a table on standard output; nothing of it is cut."""
+    from rich.console import Console
+
+    Console().print(folding(table))
 
 
 def print_json(value: Any) -> None:

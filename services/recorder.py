@@ -74,7 +74,7 @@ class Options(ArmOptions, Link):
             notes = msgspec.json.decode(self.notes, type=dict[str, Any])
         except msgspec.MsgspecError as error:
             raise ParameterError(f"--notes: expected a JSON object: {error}") from None
-        arm = self.parameters()
+        arm = self.made()
         with Service(NAME, self) as service:
             recorder = Recorder(self, notes, arm, service.bus.publisher(EVENTS))
             try:

@@ -2,6 +2,8 @@
 
 import json
 import logging
+import re
+from collections import Counter
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
@@ -11,6 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rich.console import Console
+from rich.table import Table
 
 from dtwin import cli
 from dtwin.bus.codec import encode
@@ -23,9 +26,10 @@ from dtwin.commands.monitoring import acknowledge, monitor
 from dtwin.commands.simulation.history import ShowHistory
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import DtwinError
+from dtwin.parameters import ROOT
 from dtwin.signals import Event
 from dtwin.simulation.history import Entry, History
-from dtwin.terminal import LineFormatter, as_text, print_json, printable
+from dtwin.terminal import LineFormatter, as_text, folding, print_json, printable
 
 MARKUP = ["[/x]", "[red]", "[link=http://example.org]here[/link]", "[bold", "\\[/]", ":boom:"]
 CONTROL = ["\x1b[2J", "\x1b]0;title\x07", "\x1b]8;;http://x\x07", "\x9b31m", "\r", "\n", "\t", "\0", "\ud800"]
@@ -98,6 +102,34 @@ def test_a_verdict_shows_what_monitoring_says(text: str) -> None:
 def test_a_proposed_model_shows_what_identification_says(text: str) -> None:
     state = IdentificationState("proposed", text, parameters={text: Estimated(1.0, 0.1)})
     check(said(lambda: live._print(state)), text)
+
+
+def test_no_command_prints_a_table_that_could_be_cut() -> None:
+    modules = [path for path in (ROOT / "dtwin" / "commands").rglob("*.py") if " Table(" in path.read_text()]
+    assert len(modules) > 10
+    for path in modules:
+        assert re.search(r"\b(print_table|folding)\(", path.read_text()), path
+
+
+@given(st.lists(st.text("abc -_", min_size=1), min_size=1, max_size=5))
+def test_a_table_folds_what_is_too_long(cells: list[str]) -> None:
+    out = StringIO()
+    rows = Table(*(f"head{number}" for number in range(len(cells))))
+    rows.add_row(*cells)
+    Console(file=out, width=40).print(folding(rows))
+    letters = Counter("".join(cells)) + Counter("".join(f"head{number}" for number in range(len(cells))))
+    shown = Counter(out.getvalue())
+    assert all(shown[letter] == letters[letter] for letter in letters if letter not in " ")
+
+
+def test_the_list_of_machines_fits_a_narrow_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COLUMNS", "80")
+        assert cli.main(["machine", "list"]) == 0
+    shown = capsys.readouterr().out
+    assert max(map(len, shown.splitlines())) <= 80
+    for word in ("encoders-12-bit", "transmission", "rotor_inertia", "eccentricity_phase"):
+        assert word in shown
 
 
 @given(on_the_wire)

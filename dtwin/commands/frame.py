@@ -11,15 +11,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
-from rich.console import Console
-from rich.markdown import Markdown
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.markdown import Markdown, TableElement
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
 
 from dtwin import pool
 from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import ParameterError
 from dtwin.experiments.report import Report, ensure_folder
-from dtwin.terminal import as_text, print_json
+from dtwin.run.options import MachineOption
+from dtwin.terminal import as_text, folding, print_json
 
 R = TypeVar("R")
 
@@ -33,16 +35,14 @@ class JsonOption:
 
 
 @dataclass(frozen=True)
-class MachineOption:
-    """The option of the experiments that can be made on another machine than the ideal one."""
-
-    machine: str = IDEAL.name
-    """Machine that the arm is: a name of `dtwin machine list`, a file (*.toml, *.json), or a number to draw it by."""
+class OnMachine(MachineOption):
+    """What the experiments share that can be made on another machine than the ideal one."""
 
     def titled(self, report: Report) -> Report:
         """The report with the machine in its title, unless that is the ideal one."""
-        title = report.title if self.machine == IDEAL.name else f"{report.title}, machine {self.machine}"
-        return Report(title, report.parts)
+        if self.machine == IDEAL.name:
+            return report
+        return Report(f"{report.title}, machine {Path(self.machine).stem}", report.parts)
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class ExperimentCommand(JsonOption, ABC, Generic[R]):
             print_json({**self.figures(result), "seconds": seconds, "report": str(page)})
         else:
             console = Console()
-            console.print(Markdown(report.words.text))
+            console.print(Page(report.words.text))
             console.print(as_text(f"{seconds:.1f} s; report {page}"), soft_wrap=True)
         return 0 if self.passed(result) else 1
 
@@ -114,6 +114,21 @@ class SeriesCommand(ExperimentCommand[R]):
         if self.workers is not None:
             at_least("--workers", self.workers, 1)
         return super().execute()
+
+
+class FoldingTableElement(TableElement):
+    """A table of a page, of which nothing is cut."""
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        for table in super().__rich_console__(console, options):
+            assert isinstance(table, Table)
+            yield folding(table)
+
+
+class Page(Markdown):
+    """A page of a report on the terminal."""
+
+    elements: ClassVar = {**Markdown.elements, "table_open": FoldingTableElement}
 
 
 @contextmanager

@@ -16,8 +16,9 @@ from dtwin.emulation.contact.bodies import Bodies
 from dtwin.emulation.contact.boxes import BodiesState, ContactBoxes
 from dtwin.emulation.encoders import Encoders, EncodersState, NoiseKind
 from dtwin.emulation.faults import PADS, Condition, Fault, parse_fault, schedule
+from dtwin.emulation.hidden import Hidden
 from dtwin.emulation.machine.encoding import encoding_of
-from dtwin.emulation.machine.plant import plant_of
+from dtwin.emulation.machine.plant import MachinePlant, plant_of
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.emulation.plant import PlantState
 from dtwin.errors import FaultError, ParameterError
@@ -170,6 +171,12 @@ class Emulation:
         """The true state of the plant, as opposed to what the sensors say."""
         plant = self._plant
         return Truth(plant.time, plant.theta, plant.omega, plant.gripper, plant.payload)
+
+    def hidden(self) -> Hidden:
+        """What no sensor tells, at the time of `truth`."""
+        drives = self._plant.drives() if isinstance(self._plant, MachinePlant) else None
+        touch = self._boxes.touch() if isinstance(self._boxes, ContactBoxes) else None
+        return Hidden(drives, touch)
 
     def drain_events(self) -> list[Event]:
         """The events since the last call, in order of time."""

@@ -12,10 +12,11 @@ import numpy as np
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, Triple
 from dtwin.run.emulate import emulate
+from dtwin.run.hidden import HiddenLog
 from dtwin.run.loop import Controller, Pacer, run, tick_count
 from dtwin.run.recording import Log, RunLog
 from dtwin.run.settings import CellSettings, metadata, sequence_of
-from dtwin.signals import BoxCounts
+from dtwin.signals import BoxCounts, StepRecord
 
 
 class Millimetres(msgspec.Struct, frozen=True):
@@ -47,12 +48,15 @@ class RunSummary(msgspec.Struct, frozen=True):
 class Cell:
     """One run of the cell. `log` holds what was recorded so far, also after an error or an interruption."""
 
-    def __init__(self, settings: CellSettings, controller: Controller | None = None) -> None:
+    def __init__(
+        self, settings: CellSettings, controller: Controller | None = None, hidden: HiddenLog | None = None
+    ) -> None:
         """Prepares the run.
 
         Args:
             settings: settings of the run.
             controller: another controller than the embedded function blocks.
+            hidden: collects the hidden truth of every tick; None for not looking at it.
 
         Raises:
             DtwinError: a setting, the model file or the function blocks cannot be used.
@@ -62,6 +66,7 @@ class Cell:
         self.controller = controller or EmbeddedController(settings.control, settings.blocks, sequence_of(settings))
         self.emulation = emulate(settings)
         self.log = RunLog(metadata(settings))
+        self._hidden = hidden
         self._wall = 0.0
 
     def run(self, between: Callable[[int], bool] | None = None, realtime: bool = False) -> None:
@@ -79,10 +84,15 @@ class Cell:
             self.log.add_events(self.emulation.drain_events())
             return between is None or between(done)
 
+        def look(record: StepRecord) -> None:
+            self.log.append(record)
+            if self._hidden is not None:
+                self._hidden.append(self.emulation.hidden())
+
         began = time.perf_counter()
         pacer = Pacer(PERIOD) if realtime else None
         try:
-            run(self.emulation, self.controller, self.ticks, record=self.log.append, between=gather, pacer=pacer)
+            run(self.emulation, self.controller, self.ticks, record=look, between=gather, pacer=pacer)
         finally:
             self._wall = time.perf_counter() - began
             self.log.add_events(self.emulation.drain_events())

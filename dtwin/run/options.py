@@ -16,13 +16,9 @@ from dtwin.run.settings import CellSettings
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArmOptions:
-    """The emulated arm, as it is simulated and drawn."""
+class MachineOption:
+    """The machine that an emulated arm is."""
 
-    set: tuple[str, ...] = ()
-    """A parameter of the emulated arm, e.g. m1=0.15; repeatable. The controller's model stays as it is."""
-    mjcf: Path = MODEL_FILE
-    """MJCF file of the arm."""
     machine: str = IDEAL.name
     """Machine that the arm is: a name of `dtwin machine list`, a file (*.toml, *.json), or a number to draw it by."""
 
@@ -31,6 +27,16 @@ class ArmOptions:
             # Services are started with the same options, and may be in another folder.
             object.__setattr__(self, "machine", str(Path(self.machine).resolve()))
 
+
+@dataclass(frozen=True, kw_only=True)
+class ArmOptions(MachineOption):
+    """The emulated arm, as it is simulated and drawn."""
+
+    set: tuple[str, ...] = ()
+    """A parameter of the emulated arm, e.g. m1=0.15; repeatable. The controller's model stays as it is."""
+    mjcf: Path = MODEL_FILE
+    """MJCF file of the arm."""
+
     def parameters(self) -> ArmParameters:
         """The parameters of the emulated arm.
 
@@ -38,6 +44,14 @@ class ArmOptions:
             ParameterError: a parameter is unknown or out of range.
         """
         return ArmParameters().with_values(dict(assignment(text) for text in self.set))
+
+    def made(self) -> ArmParameters:
+        """The parameters of the emulated arm with the tolerances of its machine.
+
+        Raises:
+            DtwinError: a parameter or the machine is unknown or out of range.
+        """
+        return machine_of(self.machine).arm(self.parameters())
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,9 +5,12 @@ Nothing here loads MuJoCo or a controller: whoever starts a cell reads its optio
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from dtwin import __version__
 from dtwin.controller.ports import BLOCKS
@@ -16,7 +19,9 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.emulation.faults import Fault
+from dtwin.emulation.machine.files import machine_from
 from dtwin.emulation.machine.sections import IDEAL, Machine
+from dtwin.errors import ModelError
 from dtwin.parameters import PHYSICS_STEP, ArmParameters
 
 
@@ -60,6 +65,23 @@ def metadata(settings: CellSettings) -> dict[str, Any]:
         "step": settings.step,
         **machine,
     }
+
+
+def arm_of(notes: Mapping[str, Any]) -> ArmParameters:
+    """The parameters of the arm of a log with the tolerances of its machine; the data sheet's where it says nothing.
+
+    Args:
+        notes: metadata of the log.
+
+    Raises:
+        ModelError: the metadata is not that of a run.
+        ParameterError: a number in it is out of range.
+    """
+    try:
+        nominal = msgspec.convert(notes.get("arm", {}), ArmParameters)
+    except msgspec.ValidationError as error:
+        raise ModelError(f"metadata of the log: arm: {error}") from None
+    return machine_from(notes.get("machine", {}), IDEAL.name).arm(nominal)
 
 
 def sequence_of(settings: CellSettings) -> SequenceSettings:

@@ -14,6 +14,7 @@ GRIPPER: Final[RGB] = (150, 160, 170)
 PAYLOAD: Final[RGB] = (255, 183, 77)
 LIMIT: Final[RGB] = (200, 80, 80)
 LABEL: Final[RGB] = (15, 15, 15)
+FORCE: Final[RGB] = (214, 40, 160)
 TRAIL: Final[RGB] = (255, 160, 60)
 _BOXES: Final[Mapping[str, RGB]] = {"blue": (52, 112, 236), "red": (224, 52, 46), "green": (44, 172, 74)}
 

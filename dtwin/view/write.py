@@ -12,8 +12,10 @@ import rerun as rr
 from dtwin.errors import RecordingError
 from dtwin.files import replacing
 from dtwin.parameters import ArmParameters
+from dtwin.run.hidden import HiddenLog
 from dtwin.run.recording import COLUMNS, Log
 from dtwin.view.boxes import grasps, waiting
+from dtwin.view.hidden import hidden_views, log_hidden
 from dtwin.view.layout import blueprint
 from dtwin.view.scene import Scene
 from dtwin.view.series import log_events, log_limits, log_plots, log_states, log_styles
@@ -24,7 +26,9 @@ _PART: Final = 1 << 15
 _NOMINAL: Final = ArmParameters()
 
 
-def write_recording(log: Log, model_file: Path, path: Path, arm: ArmParameters = _NOMINAL) -> None:
+def write_recording(
+    log: Log, model_file: Path, path: Path, arm: ArmParameters = _NOMINAL, hidden: HiddenLog | None = None
+) -> None:
     """Writes a run as an .rrd file with a prepared layout; the file appears complete or not at all.
 
     Equal runs have equal contents and the same recording id; Rerun's own chunk ids still differ from file to file.
@@ -33,6 +37,8 @@ def write_recording(log: Log, model_file: Path, path: Path, arm: ArmParameters =
         log: the run, of at least one tick.
         model_file: MJCF of the cell.
         arm: arm of the run, whose link lengths are drawn.
+        hidden: hidden truth of the same ticks, drawn beside what the twin of the data sheet's arm believes; None on
+            the ideal machine.
 
     Raises:
         ModelError: the model cannot be drawn.
@@ -42,12 +48,12 @@ def write_recording(log: Log, model_file: Path, path: Path, arm: ArmParameters =
         raise RecordingError(f"{path}: expected a log of at least one tick to draw")
     scene = Scene(model_file, arm)
     with replacing(path) as temporary, open_stream(log) as stream:
-        stream.save(temporary, default_blueprint=blueprint())
-        log_run(stream, scene, log)
+        stream.save(temporary, default_blueprint=blueprint(*(hidden_views(hidden) if hidden else ())))
+        log_run(stream, scene, log, hidden)
 
 
-def log_run(stream: rr.RecordingStream, scene: Scene, log: Log) -> None:
-    """Sends everything that is drawn of a log."""
+def log_run(stream: rr.RecordingStream, scene: Scene, log: Log, hidden: HiddenLog | None = None) -> None:
+    """Sends everything that is drawn of a log, and of the hidden truth of the same ticks if there is some."""
     waits, carried = waiting(log), grasps(log)
     scene.log_geometry(stream, float(log.columns["t"][0]))
     log_styles(stream)
@@ -58,7 +64,11 @@ def log_run(stream: rr.RecordingStream, scene: Scene, log: Log) -> None:
         log_plots(stream, part)
         # Otherwise an hour of data would wait in memory for Rerun's writer.
         stream.flush()
-    scene.log_boxes(stream, log, waits, carried)
+    if hidden is not None:
+        log_hidden(stream, log, hidden, _NOMINAL)
+    if hidden is None or not hidden.has_touches:
+        # Otherwise boxes are bodies, which are drawn where they are.
+        scene.log_boxes(stream, log, waits, carried)
     log_states(stream, log, waits, carried)
     log_events(stream, log.events)
 

@@ -102,11 +102,15 @@ def test_a_recording_shows_what_the_monitor_made_of_it(
         (["experiment", "faults", "--hours", "-1"], "--hours"),
         (["experiment", "failure", "--runs", "0"], "--runs"),
         (["experiment", "stop", "--runs", "0"], "--runs"),
-        (["experiment", "faults", "--machine", "oops"], "machine 'oops': expected a file"),
-        (["experiment", "failure", "--machine", "oops"], "machine 'oops': expected a file"),
-        (["experiment", "stop", "--machine", "oops"], "machine 'oops': expected a file"),
-        (["experiment", "sampling", "--machine", "oops"], "machine 'oops': expected a file"),
-        (["identify", "--machine", "oops"], "machine 'oops': expected a file"),
+        *(
+            ([*command, "--machine", "oops"], "machine 'oops': expected a file")
+            for command in (
+                ["identify"],
+                ["demo", "recovery"],
+                *(["experiment", name] for name in ("faults", "failure", "stop", "sampling")),
+                *(["experiment", name] for name in ("noise", "mass", "friction", "accuracy", "upload", "soak")),
+            )
+        ),
         (["experiment", "stop", "--seed", "-1"], "--seed"),
         (["experiment", "stop", "--workers", "0"], "--workers"),
         (["experiment", "stop", "--out", "/dev/null/page"], "/dev/null"),

@@ -3,6 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dtwin.emulation.machine.files import machine_of
 from dtwin.experiments.identification.groups import run_groups
 from dtwin.experiments.identification.mass import mass_experiment
 from dtwin.experiments.identification.noise import noise_experiment
@@ -30,6 +31,12 @@ def test_a_wrong_load_scales_all_forces() -> None:
     assert heavy.label == "190 g"
     for name in ("K1", "K2", "K3", "D1", "D2", "D3"):
         assert heavy.errors(name).mean() / heavy.truth[name] == pytest.approx(10 / 190, abs=0.005)
+
+
+def test_the_truth_of_a_machine_is_what_it_was_made_to() -> None:
+    [group] = noise_experiment(1, (0.001,), machine=machine_of("weak-motor"), workers=1)
+    assert group.truth["K2"] == pytest.approx(0.9 * 0.0118 / 0.075)
+    assert abs(group.errors("K2")[0]) < 0.01 * group.truth["K2"]
 
 
 def test_a_refusal_is_reported_and_the_report_is_whole(tmp_path: Path) -> None:

@@ -9,8 +9,9 @@ from typing import Any, ClassVar
 
 import msgspec
 import pytest
+from rich.console import Console
 
-from dtwin.commands.frame import SeriesCommand
+from dtwin.commands.frame import OnMachine, Page, SeriesCommand
 from dtwin.errors import ParameterError, RecordingError
 from dtwin.experiments.report import Picture, Report, ensure_folder, page, table
 from dtwin.pictures import new_figure
@@ -89,3 +90,22 @@ def test_the_frame_reports_prints_and_judges(
     for wrong in (Sums(seed=-1), Sums(workers=0)):
         with pytest.raises(ParameterError, match="expected at least"):
             wrong.execute()
+
+
+@pytest.mark.parametrize(
+    ("machine", "title"),
+    [("ideal", "A title"), ("servo", "A title, machine servo"), ("17", "A title, machine 17")],
+)
+def test_the_title_names_the_machine(machine: str, title: str) -> None:
+    assert OnMachine(machine=machine).titled(report()).title == title
+
+
+def test_nothing_of_a_page_is_cut_on_a_narrow_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    heads = [f"measure_of_{number}" for number in range(8)]
+    text = page("A title", table(heads, [[f"{number}.123456789" for number in range(8)]])).text
+    Console(width=60).print(Page(text))
+    shown = capsys.readouterr().out
+    assert "\u2026" not in shown
+    columns = [line for line in shown.splitlines() if line.strip()]
+    assert max(map(len, columns)) <= 60
+    assert sum(line.count("9") for line in columns) == 8

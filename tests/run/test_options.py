@@ -73,3 +73,9 @@ def test_the_machine_of_the_options_is_that_of_the_cell() -> None:
     assert PlantOptions(machine="lag").settings().machine == machine_of("lag")
     with pytest.raises(ModelError, match="machine 'oops': expected a file"):
         PlantOptions(machine="oops").settings()
+
+
+def test_the_arm_of_the_options_is_made_with_the_tolerances_of_its_machine() -> None:
+    made = ArmOptions(machine="servo", set=("l1=0.2",)).made()
+    assert made.length == pytest.approx((0.2 * 1.001, 0.13246938 * 0.999, 0.1608 * 1.001))
+    assert ArmOptions().made() == ArmOptions().parameters()

@@ -11,6 +11,7 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.emulation import Emulation
+from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import ParameterError
 from dtwin.experiments.simulation.emulated_arm import EmulatedArm
 from dtwin.parameters import HANGING, PERIOD, PLACES, ArmParameters, Gains, Law
@@ -46,6 +47,16 @@ def test_arm_of_mujoco_and_twin_move_alike(simulator: Simulator, payload: float)
     twin, arm = simulator.run(case), simulator.run(case, partial(EmulatedArm, case.arm))
     np.testing.assert_allclose(twin.states, arm.states, rtol=0, atol=1e-9)
     np.testing.assert_allclose(twin.volts, arm.volts, rtol=0, atol=1e-6)
+
+
+def test_the_emulated_arm_of_a_machine_is_read_by_its_encoders() -> None:
+    case = MotionCase("green", T4)
+    arm = EmulatedArm(case.arm, case, 3, machine_of("encoders-12-bit"))
+    for tick in range(3):
+        steps = np.array(arm.advance(tick, (2.0, 1.0, 0.5))) / (2 * np.pi / 4096)
+        np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
+        apart = arm.states[tick + 1, :3] / (2 * np.pi / 4096) - steps
+        assert 0 < np.abs(apart).max() <= 0.5
 
 
 def test_blocks_answer_as_those_of_the_whole_application(simulator: Simulator) -> None:

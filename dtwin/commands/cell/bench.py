@@ -9,7 +9,7 @@ from rich.table import Table
 
 from dtwin.commands.frame import JsonOption, at_least
 from dtwin.experiments.benchmark import benchmark
-from dtwin.terminal import print_json
+from dtwin.terminal import print_json, print_table
 
 
 @dataclass(frozen=True)
@@ -34,5 +34,5 @@ class Bench(JsonOption):
                     name.replace("_", " "),
                     f"{value:,.3g}" if value < 100 else f"{value:,.0f}",
                 )
-        Console().print(table)
+        print_table(table)
         return 0

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 
 from dtwin.commands.frame import JsonOption
 from dtwin.controller.ports import BLOCKS
 from dtwin.emulation import MODEL_FILE
-from dtwin.terminal import as_text, print_json
+from dtwin.terminal import as_text, print_json, print_table
 
 
 @dataclass(frozen=True)
@@ -45,5 +44,5 @@ class ExperimentClearance(JsonOption):
                     names,
                 )
                 table.add_row(*map(as_text, row))
-            Console().print(table)
+            print_table(table)
         return 0 if all(map(is_free, legs)) else 1

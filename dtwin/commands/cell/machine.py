@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from rich.console import Console
 from rich.table import Table
 
 from dtwin.commands.frame import JsonOption
 from dtwin.emulation.machine.files import machine_of, names, toml
-from dtwin.emulation.machine.sections import IDEAL, SECTIONS
+from dtwin.emulation.machine.sections import IDEAL
 from dtwin.files import ensure_writable, replacing
 from dtwin.run.settings import described
-from dtwin.terminal import as_text, print_json, printable
+from dtwin.terminal import as_text, print_json, print_table, printable
 
 
 @dataclass(frozen=True)
@@ -27,11 +26,13 @@ class MachineList(JsonOption):
         if self.json:
             print_json([described(machine) for machine in machines])
             return 0
-        table = Table("machine", *SECTIONS)
+        table = Table("machine", "section", "what it has beside the ideal machine")
         for machine in machines:
-            effects = machine.effects()
-            table.add_row(as_text(machine.name), *(as_text(", ".join(effects.get(name, {}))) for name in SECTIONS))
-        Console().print(table)
+            rows = [(section, ", ".join(found)) for section, found in machine.effects().items()] or [("", "")]
+            for k, (section, found) in enumerate(rows):
+                name = "" if k else machine.name
+                table.add_row(as_text(name), section, as_text(found), end_section=k == len(rows) - 1)
+        print_table(table)
         return 0
 
 

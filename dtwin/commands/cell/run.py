@@ -19,6 +19,7 @@ from dtwin.files import ensure_writable
 from dtwin.iec61499.net.address import parse_address
 from dtwin.parameters import PERIOD
 from dtwin.run.cell import Cell, RunSummary
+from dtwin.run.hidden import HiddenLog
 from dtwin.run.options import ControlOptions, PlantOptions
 from dtwin.run.recording import Log
 from dtwin.run.settings import CellSettings
@@ -58,7 +59,8 @@ class Run(PlantOptions, ControlOptions):
                 ensure_writable(path)
         settings = self.settings()
         remote = self._remote(settings) if self.controller else None
-        cell = Cell(settings, remote)
+        hidden = None if record is None or settings.machine.ideal else HiddenLog()
+        cell = Cell(settings, remote, hidden)
         failure: DtwinError | None = None
         with _Interruption() as interruption, _progress(cell, quiet=self.json) as progress:
 
@@ -71,7 +73,7 @@ class Run(PlantOptions, ControlOptions):
             except DtwinError as error:
                 failure = error
             log = cell.log.freeze()
-            self._write(cell, log, record)
+            self._write(log, record, hidden)
         if remote is not None:
             remote.close()
             if remote.largest_difference > SAME_VOLTS:
@@ -99,13 +101,13 @@ class Run(PlantOptions, ControlOptions):
         shadow = EmbeddedController(settings.control, settings.blocks)
         return RemoteController(parse_address(self.controller, "tcp"), shadow)
 
-    def _write(self, cell: Cell, log: Log, record: Path | None) -> None:
+    def _write(self, log: Log, record: Path | None, hidden: HiddenLog | None) -> None:
         if self.log is not None:
             log.write_parquet(self.log)
         if record is not None and len(log):
             from dtwin.view.write import write_recording  # rerun takes half a second to import
 
-            write_recording(log, self.mjcf, record, cell.settings.arm)
+            write_recording(log, self.mjcf, record, self.made(), hidden)
 
 
 class _Interruption:

@@ -7,7 +7,8 @@ from typing import Any, ClassVar, Literal
 
 import tyro
 
-from dtwin.commands.frame import ExperimentCommand
+from dtwin.commands.frame import ExperimentCommand, OnMachine
+from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import ParameterError
 from dtwin.experiments.report import Report
 from dtwin.experiments.soak.chaos import ChaosRun, chaos_run
@@ -21,7 +22,7 @@ Outcome = LatencyRun | ChaosRun | StormRun | MemoryRun
 
 
 @dataclass(frozen=True)
-class ExperimentSoak(ExperimentCommand[Outcome]):
+class ExperimentSoak(ExperimentCommand[Outcome], OnMachine):
     """Run all services of a cell in real time for long; the exit status is 1 when a promise is not kept.
 
     latency leaves the cell alone and measures how fast samples are answered. chaos brings one trouble after another:
@@ -39,23 +40,25 @@ class ExperimentSoak(ExperimentCommand[Outcome]):
     plant time of the memory run, s, 36000 if not given."""
 
     def measure(self, progress: Progress) -> Outcome:
+        machine = machine_of(self.machine)
         if self.run == "latency":
             seconds = SECONDS if self.amount is None else self.amount
             tick_count(seconds)
-            return latency_run(seconds, self.seed)
+            return latency_run(seconds, self.seed, self.machine)
         if self.run == "storm":
             events = EVENTS if self.amount is None else self.amount
             if not (events >= 1 and events == int(events)):
                 raise ParameterError(f"storm: expected a whole number of signals of at least 1, got {events:g}")
-            return storm_run(int(events), self.seed, progress)
+            return storm_run(int(events), self.seed, self.machine, progress)
         if self.run == "memory":
-            return memory_run(3600 * HOURS if self.amount is None else self.amount, self.seed, progress)
+            seconds = 3600 * HOURS if self.amount is None else self.amount
+            return memory_run(seconds, self.seed, machine, progress)
         if self.amount is not None:
             raise ParameterError(f"chaos: expected no amount, since it brings each trouble once, got {self.amount:g}")
-        return chaos_run(self.seed, progress=progress)
+        return chaos_run(self.seed, machine=self.machine, progress=progress)
 
     def report(self, result: Outcome) -> Report:
-        return result.report()
+        return self.titled(result.report())
 
     def figures(self, result: Outcome) -> dict[str, Any]:
         return result.figures()

@@ -13,7 +13,7 @@ from rich.table import Table
 from dtwin.commands.frame import JsonOption
 from dtwin.experiments.validation import ValidationOutcome, draw, validate
 from dtwin.files import ensure_writable
-from dtwin.terminal import print_json
+from dtwin.terminal import print_json, print_table
 
 
 @dataclass(frozen=True)
@@ -66,4 +66,4 @@ def _print(outcomes: Sequence[ValidationOutcome]) -> None:
             last = k == len(outcome.checks) - 1
             name = outcome.case.name if k == 0 else ""
             table.add_row(name, check.name, f"{check.value:.6g}", check.expected, verdict, end_section=last)
-    Console().print(table)
+    print_table(table)

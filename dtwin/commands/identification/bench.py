@@ -21,7 +21,7 @@ from dtwin.identification.estimation.problem import LOWER, UPPER
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.parameters import ArmParameters, symbol_of
-from dtwin.terminal import print_json
+from dtwin.terminal import print_json, print_table
 
 _OURS: dict[str, Loss] = {"dtwin": "adaptive", "dtwin, least squares": "gaussian"}
 _PEER = "mujoco.sysid"
@@ -98,7 +98,7 @@ def _print(report: dict[str, Any], ratio: float | None, rounds: int) -> None:
     for name in FREE:
         table.add_row(f"RMS error {name}, %", *(f"{e['rms_error_percent'][name]:.3g}" for e in report.values()))
     console = Console()
-    console.print(table)
+    print_table(table)
     if ratio is None:
         console.print("mujoco.sysid is not installed: pip install 'mujoco[sysid]' to compare with it", markup=False)
     else:

@@ -8,7 +8,8 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from dtwin.commands.frame import SeriesCommand, at_least
+from dtwin.commands.frame import OnMachine, SeriesCommand, at_least
+from dtwin.emulation.machine.files import machine_of
 from dtwin.experiments.identification.friction import friction_experiment, friction_report
 from dtwin.experiments.identification.groups import Group
 from dtwin.experiments.identification.mass import mass_experiment, mass_report
@@ -18,7 +19,7 @@ from dtwin.pool import Progress
 
 
 @dataclass(frozen=True)
-class ExperimentNoise(SeriesCommand[list[Group]]):
+class ExperimentNoise(SeriesCommand[list[Group]], OnMachine):
     """Identify at four levels of encoder noise, every run from two starts; errors beside the Cramer-Rao bound."""
 
     name: ClassVar = "noise"
@@ -30,17 +31,24 @@ class ExperimentNoise(SeriesCommand[list[Group]]):
 
     def measure(self, progress: Progress) -> list[Group]:
         at_least("--runs", self.runs, 1)
-        return noise_experiment(self.runs, loss=self.loss, seed=self.seed, workers=self.workers, progress=progress)
+        return noise_experiment(
+            self.runs,
+            loss=self.loss,
+            seed=self.seed,
+            machine=machine_of(self.machine),
+            workers=self.workers,
+            progress=progress,
+        )
 
     def report(self, result: list[Group]) -> Report:
-        return noise_report(result)
+        return self.titled(noise_report(result))
 
     def figures(self, result: list[Group]) -> dict[str, Any]:
         return _figures(result)
 
 
 @dataclass(frozen=True)
-class ExperimentMass(SeriesCommand[list[Group]]):
+class ExperimentMass(SeriesCommand[list[Group]], OnMachine):
     """Identify with 190, 200 and 210 g on the tip where 200 g are assumed."""
 
     name: ClassVar = "mass"
@@ -50,17 +58,17 @@ class ExperimentMass(SeriesCommand[list[Group]]):
 
     def measure(self, progress: Progress) -> list[Group]:
         at_least("--runs", self.runs, 1)
-        return mass_experiment(self.runs, self.seed, self.workers, progress)
+        return mass_experiment(self.runs, self.seed, machine_of(self.machine), self.workers, progress)
 
     def report(self, result: list[Group]) -> Report:
-        return mass_report(result)
+        return self.titled(mass_report(result))
 
     def figures(self, result: list[Group]) -> dict[str, Any]:
         return _figures(result)
 
 
 @dataclass(frozen=True)
-class ExperimentFriction(SeriesCommand[list[Group]]):
+class ExperimentFriction(SeriesCommand[list[Group]], OnMachine):
     """Identify viscous, Coulomb and both friction laws, on the viscous arm and on one with Coulomb friction."""
 
     name: ClassVar = "friction"
@@ -70,10 +78,10 @@ class ExperimentFriction(SeriesCommand[list[Group]]):
 
     def measure(self, progress: Progress) -> list[Group]:
         at_least("--runs", self.runs, 1)
-        return friction_experiment(self.runs, self.seed, self.workers, progress)
+        return friction_experiment(self.runs, self.seed, machine_of(self.machine), self.workers, progress)
 
     def report(self, result: list[Group]) -> Report:
-        return friction_report(result)
+        return self.titled(friction_report(result))
 
     def figures(self, result: list[Group]) -> dict[str, Any]:
         return _figures(result)

@@ -16,7 +16,6 @@ from rich.table import Table
 
 from dtwin.controller.excitation import ExcitationController
 from dtwin.emulation.machine.files import machine_of
-from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import IdentificationError, ParameterError
 from dtwin.files import ensure_writable
 from dtwin.identification.data import Experiment, Start, from_log
@@ -30,8 +29,9 @@ from dtwin.identification.parsing import settings_for
 from dtwin.identification.result import from_estimate
 from dtwin.identification.store import STORE, ModelStore, check_name
 from dtwin.parameters import PERIOD, ArmParameters, assignment, load_arm
+from dtwin.run.options import MachineOption
 from dtwin.run.recording import Log, read_log
-from dtwin.terminal import as_text, print_json
+from dtwin.terminal import as_text, print_json, print_table
 
 _HELD_OUT_SHARE = 0.2
 """share of a log that is kept for judging the model"""
@@ -41,7 +41,7 @@ _DESIGN_NOISE = 0.003
 
 
 @dataclass(frozen=True)
-class Identify:
+class Identify(MachineOption):
     """Identify the arm's parameters, from a log of the cell or from a simulated 3-2-1-1 experiment.
 
     The exit status is 1 when the model is in doubt: the search did not converge or ended on a bound, or the residuals
@@ -72,8 +72,6 @@ class Identify:
     """Whether the simulated experiment's initial state is known or estimated as well."""
     set: list[str] = field(default_factory=list)
     """A parameter of the simulated arm, NAME=NUMBER."""
-    machine: str = IDEAL.name
-    """Machine that the simulated arm is: a name of `dtwin machine list`, a file (*.toml, *.json), or a number."""
     known: Path | None = None
     """JSON file with the parameters that are not estimated, by name; the arm's data sheet if not given."""
     seed: int = 0
@@ -142,9 +140,8 @@ class Identify:
     def _simulated(
         self, settings: EstimationSettings
     ) -> tuple[tuple[Experiment, ...], tuple[Experiment, ...], ArmParameters | None]:
-        nominal, machine = ArmParameters().with_values(dict(map(assignment, self.set))), machine_of(self.machine)
-        truth = machine.arm(nominal)
-        rig = Rig(nominal, self.noise, self.noise_kind, machine=machine)
+        nominal = ArmParameters().with_values(dict(map(assignment, self.set)))
+        rig = Rig(nominal, self.noise, self.noise_kind, machine=machine_of(self.machine))
         start = Start(known=self.start == "known")
         signal = PLAIN
         generators = [np.random.default_rng(s) for s in np.random.SeedSequence(self.seed).spawn(3)]
@@ -156,7 +153,7 @@ class Identify:
         training = tuple(rig.measure(plan, blocks, generators[0]) for plan in plans)
         held_out = Plan(HELD_OUT, plans[0].payload, self.payload_model)
         judging = rig.measure(held_out, blocks, generators[1])
-        return training, (judging,), truth
+        return training, (judging,), rig.made
 
     def _from_log(self, path: Path) -> tuple[tuple[Experiment, ...], tuple[Experiment, ...], ArmParameters | None]:
         log = read_log(path)
@@ -245,7 +242,7 @@ def _print(report: dict[str, Any], estimate: Estimate, withheld: str) -> None:
             name, f"{value:.6g}", f"+- {half:.2g}", share, f"{truth:.6g}" if truth is not None else "", error
         )
     console = Console()
-    console.print(table)
+    print_table(table)
     console.print(as_text(report["identifiability"]))
     fits = ", ".join(f"{value:.4f}" for value in report["fit"])
     console.print(

@@ -17,7 +17,7 @@ from dtwin.bus.twin_messages import DataSource, IdentificationDecision, Identifi
 from dtwin.errors import CommunicationError, IdentificationError
 from dtwin.identification.estimation.estimate import NINETY_FIVE
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
-from dtwin.terminal import as_text, print_json, printable
+from dtwin.terminal import as_text, print_json, print_table, printable
 from services.runfile import join
 
 _LOOK = 0.2
@@ -107,7 +107,7 @@ def _print(state: IdentificationState) -> None:
         known = f"{sheet.get(name):.6g}" if name in PARAMETER_NAMES else ""
         table.add_row(as_text(name), f"{estimated.value:.6g}", f"+- {half:.2g}", known)
     console = Console()
-    console.print(table)
+    print_table(table)
     console.print(as_text(state.text))
     fits = ", ".join(f"{value:.4f}" for value in state.fit or ())
     white = "white" if state.residual_white else "not white: the model leaves something unexplained"

@@ -19,7 +19,7 @@ from dtwin.identification.mjcf import export_mjcf
 from dtwin.identification.model import IdentifiedModel, read_model
 from dtwin.identification.store import STORE, ModelStore, StoredModel, open_model
 from dtwin.parameters import PARAMETER_NAMES
-from dtwin.terminal import as_text, print_json
+from dtwin.terminal import as_text, print_json, print_table
 
 _DIFFERENT = 3.0
 """standard errors from which two estimates count as different"""
@@ -57,7 +57,7 @@ class ModelList:
         table = Table("model", "estimated", "fit", "residuals", "data", title=title)
         for entry, model in entries:
             _add(table, entry, model)
-        Console().print(table)
+        print_table(table)
         return 0
 
 
@@ -85,7 +85,7 @@ class ModelShow:
             )
             table.add_row(name, f"{model.parameters[name]:.6g}", f"{error:.2g}" if error is not None else "", status)
         console = Console()
-        console.print(table)
+        print_table(table)
         console.print(as_text(model.identifiability))
         white = "white" if model.validity.residual_white else "not white: the model leaves something unexplained"
         console.print(f"fit {_numbers(model.validity.fit)}; residuals {white}", highlight=False)
@@ -145,7 +145,7 @@ class ModelDiff:
                 f"{apart:.1f}" if apart is not None else "",
                 style=style,
             )
-        console.print(table)
+        print_table(table)
         return 0
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from dtwin.bus.messages import SUMMARY, Summary
 from dtwin.errors import CommunicationError
-from dtwin.terminal import as_text, print_json, printable
+from dtwin.terminal import as_text, folding, print_json, printable
 from services import runfile
 from services.launch import LOOK, READY_TIMEOUT, CellOptions, launched
 from services.runfile import join
@@ -136,7 +136,7 @@ def table(summary: Summary) -> Table:
         state = as_text(service.state, colours.get(service.state, "yellow"))
         rate = f"{service.rate_hz:.0f} Hz" if service.rate_hz else ""
         grid.add_row(as_text(name), state, rate, str(service.restarts or ""), as_text(service.last_error))
-    return grid
+    return folding(grid)
 
 
 def _title(summary: Summary) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from dtwin.commands.frame import ExperimentCommand, MachineOption, SeriesCommand, at_least
+from dtwin.commands.frame import ExperimentCommand, OnMachine, SeriesCommand, at_least
 from dtwin.emulation.machine.files import machine_of
 from dtwin.experiments.monitoring.failure import failure_experiment, failure_report
 from dtwin.experiments.monitoring.sampling import Speed, sampling_experiment, sampling_report
@@ -21,7 +21,7 @@ from dtwin.pool import Progress
 
 
 @dataclass(frozen=True)
-class ExperimentFailure(SeriesCommand[list[FaultOutcome]], MachineOption):
+class ExperimentFailure(SeriesCommand[list[FaultOutcome]], OnMachine):
     """Let K2 drop to 10 % at 45 s, and watch the same runs with the default monitor and the thesis's."""
 
     name: ClassVar = "failure"
@@ -44,7 +44,7 @@ class ExperimentFailure(SeriesCommand[list[FaultOutcome]], MachineOption):
 
 
 @dataclass(frozen=True)
-class ExperimentFaults(SeriesCommand[Scorecard], MachineOption):
+class ExperimentFaults(SeriesCommand[Scorecard], OnMachine):
     """Watch many kinds of fault in several sizes, and hours without any, on the emulated cell."""
 
     name: ClassVar = "faults"
@@ -83,7 +83,7 @@ class ExperimentFaults(SeriesCommand[Scorecard], MachineOption):
 
 
 @dataclass(frozen=True)
-class ExperimentSampling(ExperimentCommand[list[Speed]], MachineOption):
+class ExperimentSampling(ExperimentCommand[list[Speed]], OnMachine):
     """Run the thesis's monitor in every combination of simulation step and sample time, and the default one.
 
     Processor time is measured, so one process does it all.
@@ -105,7 +105,7 @@ class ExperimentSampling(ExperimentCommand[list[Speed]], MachineOption):
 
 
 @dataclass(frozen=True)
-class ExperimentStop(SeriesCommand[list[StopOutcome]], MachineOption):
+class ExperimentStop(SeriesCommand[list[StopOutcome]], OnMachine):
     """Let the function blocks stop the arm on the monitor's verdict: how fast, and whether it can be held."""
 
     name: ClassVar = "stop"

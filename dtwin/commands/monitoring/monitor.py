@@ -26,6 +26,7 @@ from dtwin.monitoring.offline import SECOND, Stream, Trace, stream, watch
 from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import read_log
+from dtwin.run.settings import arm_of
 from dtwin.signals import Event
 from dtwin.terminal import as_text, print_json
 
@@ -85,7 +86,7 @@ class MonitorCommand:
         if self.record is not None and trace is not None:
             from dtwin.view.monitoring import write_monitoring  # rerun takes half a second to import
 
-            write_monitoring(log, trace, MODEL_FILE, self.record)
+            write_monitoring(log, trace, MODEL_FILE, self.record, arm_of(log.metadata))
         verdict = monitor.verdict()
         found = monitor.standing()
         history = monitor.history if isinstance(monitor, Monitor) else found

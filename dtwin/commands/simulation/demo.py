@@ -17,13 +17,14 @@ from dtwin.experiments.recovery.operator import LIMIT, LONGEST
 from dtwin.experiments.recovery.outcome import Recovery
 from dtwin.experiments.recovery.picture import draw
 from dtwin.files import ensure_writable
-from dtwin.terminal import as_text, print_json
+from dtwin.run.options import MachineOption
+from dtwin.terminal import as_text, print_json, print_table
 from services.emulator import Pace
 from services.launch import CellOptions
 
 
 @dataclass(frozen=True)
-class DemoRecovery(JsonOption):
+class DemoRecovery(JsonOption, MachineOption):
     """Let a joint's friction grow while the cell works; its services find it, refit, upload, and the arm recovers.
 
     A cell with all services is started, and stopped at the end. The exit status is 1 when the arm does not recover
@@ -70,6 +71,7 @@ class DemoRecovery(JsonOption):
             pace=self.pace,
             seed=seed,
             noise=self.noise,
+            machine=self.machine,
             log=self.log if first else None,
             record=self.record if first else None,
             cell=f"recovery-{os.getpid()}",
@@ -112,7 +114,7 @@ def _print(runs: Sequence[Recovery]) -> None:
     lines = Table("since the fault", "who", "what", title=f"time line of seed {first.seed}")
     for moment in first.moments:
         lines.add_row(_after(moment.time, first), as_text(moment.who), as_text(moment.text))
-    console.print(lines)
+    print_table(lines)
     table = Table("seed", "fault", "noticed", "uploaded", "recovered", "worst since", "")
     for run in runs:
         finding = run.story.finding
@@ -126,7 +128,7 @@ def _print(runs: Sequence[Recovery]) -> None:
             f"{100 * max(since):.0f} %" if since else "",
             "[green]recovered[/]" if run.succeeded else "[bold red]NOT RECOVERED[/]",
         )
-    console.print(table)
+    print_table(table)
     console.print(
         "Times since the fault; worst: distance from the path in any motion since, 100 % is the healthy arm's."
     )

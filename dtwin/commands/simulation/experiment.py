@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 
 import msgspec
 
-from dtwin.commands.frame import ExperimentCommand, SeriesCommand, at_least
+from dtwin.commands.frame import ExperimentCommand, OnMachine, SeriesCommand, at_least
+from dtwin.emulation.machine.files import machine_of
 from dtwin.experiments.report import Report, make_folder
 from dtwin.experiments.simulation.accuracy import NOISE, Pair, accuracy_experiment, accuracy_report, identified
 from dtwin.experiments.simulation.margins import MarginStudy, kept, margin_report, margin_study
@@ -17,7 +18,7 @@ from dtwin.pool import Progress
 
 
 @dataclass(frozen=True)
-class ExperimentAccuracy(SeriesCommand[list[list[Pair]]]):
+class ExperimentAccuracy(SeriesCommand[list[list[Pair]]], OnMachine):
     """Hold the twin's motion from pickup to red against the emulation's, at five target times, model by model."""
 
     name: ClassVar = "accuracy"
@@ -29,17 +30,18 @@ class ExperimentAccuracy(SeriesCommand[list[list[Pair]]]):
 
     def measure(self, progress: Progress) -> list[list[Pair]]:
         at_least("--runs", self.runs, 1)
-        return accuracy_experiment(self.runs, self.noise, self.seed, self.workers, progress)
+        machine = machine_of(self.machine)
+        return accuracy_experiment(self.runs, self.noise, self.seed, machine, self.workers, progress)
 
     def report(self, result: list[list[Pair]]) -> Report:
-        return accuracy_report(result)
+        return self.titled(accuracy_report(result))
 
     def figures(self, result: list[list[Pair]]) -> dict[str, Any]:
         return {"fits": _smallest_fits(result), "runs": self.runs}
 
 
 @dataclass(frozen=True)
-class ExperimentUpload(ExperimentCommand[UploadRun]):
+class ExperimentUpload(ExperimentCommand[UploadRun], OnMachine):
     """Run the cell for 180 s: no gains and a poor model first, gains uploaded at 60 s, a good model at 120 s.
 
     The history of the settings is kept beside the report.
@@ -51,14 +53,17 @@ class ExperimentUpload(ExperimentCommand[UploadRun]):
     """Magnitude of the encoder noise of the run, rad, uniform."""
 
     def measure(self, progress: Progress) -> UploadRun:
-        model = identified(NOISE, self.seed)
+        machine = machine_of(self.machine)
+        model = identified(NOISE, self.seed, machine=machine)
         make_folder(self.folder)
         history = self.folder / "history.jsonl"
         history.unlink(missing_ok=True)
-        return upload_run(model, history, self.seed, self.noise, lambda t: progress(round(t), round(DURATION)))
+        return upload_run(
+            model, history, self.seed, self.noise, machine, lambda t: progress(round(t), round(DURATION))
+        )
 
     def report(self, result: UploadRun) -> Report:
-        return upload_report(result)
+        return self.titled(upload_report(result))
 
     def figures(self, result: UploadRun) -> dict[str, Any]:
         return {

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from rich.console import Console
 from rich.table import Table
 
 from dtwin.commands.frame import at_least
@@ -17,7 +16,7 @@ from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import ArmParameters, Law, Triple
 from dtwin.simulation.margins.demands import MARGINS, Case, Shortfall, cases
 from dtwin.simulation.margins.poses import POSES, poses
-from dtwin.terminal import print_json
+from dtwin.terminal import print_json, print_table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +63,7 @@ class MarginsCommand:
         if self.json:
             print_json(_report(judged))
         else:
-            Console().print(_table(judged[: self.rows], len(judged)))
+            print_table(_table(judged[: self.rows], len(judged)))
             print(f"{len(broken)} of {len(judged)} cases have less than what is demanded")
             for case, reason in broken[:1]:
                 print(f"{case}: {reason.text if reason else ''}")

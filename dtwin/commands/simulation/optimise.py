@@ -23,7 +23,7 @@ from dtwin.simulation.checks import MOTIONS, Motion
 from dtwin.simulation.objective import Limits, Objective, possible_arms, scenarios_for
 from dtwin.simulation.optimise import Optimum, check_search, optimise
 from dtwin.simulation.places import angles_of
-from dtwin.terminal import print_json
+from dtwin.terminal import print_json, print_table
 
 _UNITS = {"time": "s", "tracking": "rad", "energy": "J", "voltage": "V"}
 
@@ -189,7 +189,7 @@ def _print(found: Optimum) -> None:
     for name, unit in _UNITS.items():
         table.add_row(f"{name}, {unit}", f"{reference.terms[name]:.4g}", f"{best.terms[name]:.4g}")
     table.add_row("cost", f"{reference.cost:.4f}", f"{best.cost:.4f}")
-    Console().print(table)
+    print_table(table)
     rate = found.motions / found.seconds
     judged = f"{len(found.scores)} candidates, {found.motions} motions in {found.seconds:.1f} s"
     print(f"{judged}: {rate:.0f} motions a second")

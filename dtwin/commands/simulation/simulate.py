@@ -11,7 +11,6 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from rich.console import Console
 from rich.table import Column, Table
 
 from dtwin.bus.messages import SENSORS
@@ -30,7 +29,7 @@ from dtwin.simulation.figures import Figures, triple
 from dtwin.simulation.measured import MotionComparison, compare, find, settings_of
 from dtwin.simulation.places import parse_goal, parse_start
 from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
-from dtwin.terminal import as_text, print_json
+from dtwin.terminal import as_text, print_json, print_table
 from services.runfile import join
 
 _SAMPLES = 9
@@ -232,7 +231,7 @@ def _print(outcomes: dict[str, Outcome], seconds: dict[str, float], comparison: 
     for name, text in _ROWS.items():
         table.add_row(name, *(text(figures) for figures in columns))
     table.add_row("computed in", *(f"{1e3 * value:.1f} ms" for value in seconds.values()))
-    Console().print(table)
+    print_table(table)
     if comparison is not None:
         fits = ", ".join(f"{value:.4f}" for value in comparison.fit)
         print(f"prediction of the motion at {comparison.motion.time:.2f} s: fit {fits}, joints 1 to 3 (1 is perfect)")

@@ -14,6 +14,7 @@ from typing import Final
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from dtwin.emulation.contact.scene import (
     ARM_BIT,
@@ -28,6 +29,7 @@ from dtwin.emulation.contact.scene import (
     box_name,
     parking_space,
 )
+from dtwin.emulation.contact.touch import Grip
 from dtwin.emulation.machine.sections import Contact
 from dtwin.parameters import ArmParameters
 
@@ -75,6 +77,7 @@ class Bodies:
         self._bodies = [model.body(box_name(i)).id for i in range(BOXES)]
         boxes = {body: i for i, body in enumerate(self._bodies)}
         self._box_of = [boxes.get(body, -1) for body in model.geom_bodyid.tolist()]
+        self._tip = model.body("tip").id
         self._is_arm = [bits == ARM_BIT for bits in model.geom_contype.tolist()]
         joints = [model.joint(box_name(i)) for i in range(BOXES)]
         self._box_qpos = [int(joint.qposadr[0]) for joint in joints]
@@ -136,13 +139,45 @@ class Bodies:
         """Whether the motor of the gripper opens it."""
         return bool(self._data.ctrl[3] > 0)
 
-    def pad_forces(self) -> tuple[float, float]:
-        """Forces with which the fixed pads and the moving ones press, N."""
-        sides, force = [0.0, 0.0, 0.0], np.empty(6)
-        for index, (one, _) in enumerate(self._data.contact.geom.tolist()):
-            mujoco.mj_contactForce(self._model, self._data, index, force)
-            sides[self._side[one]] += float(force[0])
-        return sides[1], sides[2]
+    def pose(self, index: int) -> list[float]:
+        """Centre (m) and unit quaternion (w, x, y, z) of a box."""
+        at = self._box_qpos[index]
+        values: list[float] = self._data.qpos[at : at + 7].tolist()
+        return values
+
+    def offset(self, index: int) -> Point:
+        """Position of a box in the frame of the tip, m; x and z lie in the plane of the pads."""
+        # Kinematics of the data that is integrated would be those of the step before.
+        scratch = self._scratch
+        scratch.qpos[:] = self._data.qpos
+        mujoco.mj_kinematics(self._model, scratch)
+        apart = np.array(self.position(index)) - scratch.xpos[self._tip]
+        x, y, z = (apart @ scratch.xmat[self._tip].reshape(3, 3)).tolist()
+        return x, y, z
+
+    def forces(self) -> tuple[NDArray[np.float64], Grip]:
+        """The forces of the last step.
+
+        Returns:
+            Rows of point (m) and force (N), shape (contacts, 6), see `Touch.forces`, and those of the pads.
+        """
+        # Each of these is gathered from all contacts whenever it is asked for.
+        contact = self._data.contact
+        pairs, points, frames, friction = contact.geom, contact.pos, contact.frame, contact.friction
+        rows, local = np.empty((len(pairs), 6)), np.empty(6)
+        sides, along, bearable = [0.0, 0.0, 0.0], np.zeros(3), 0.0
+        for index, (one, other) in enumerate(pairs.tolist()):
+            mujoco.mj_contactForce(self._model, self._data, index, local)
+            frame = frames[index].reshape(3, 3)
+            # MuJoCo's force acts on the second geom.
+            sign = -1.0 if self._box_of[other] < 0 and (self._box_of[one] >= 0 or self._is_arm[one]) else 1.0
+            rows[index, :3], rows[index, 3:] = points[index], sign * (local[:3] @ frame)
+            side = self._side[one] or self._side[other]
+            if side:
+                sides[side] += float(local[0])
+                along += sign * (local[1:3] @ frame[1:])
+                bearable += float(friction[index, 0] * local[0])
+        return rows, Grip(sides[1], sides[2], math.hypot(*along.tolist()), bearable)
 
     def step(self, steps: int) -> None:
         """Integrates a number of steps."""

@@ -19,6 +19,7 @@ import numpy as np
 from dtwin.emulation.boxes import REACH, Arrivals, Box, BoxesState, Tally
 from dtwin.emulation.contact.bodies import Bodies, Point
 from dtwin.emulation.contact.scene import BELTS, BOXES, HALF
+from dtwin.emulation.contact.touch import Touch
 from dtwin.parameters import PICKUP, PLACES
 from dtwin.signals import BoxCounts, Event, EventKind
 
@@ -211,6 +212,20 @@ class ContactBoxes:
             if time > self._collisions.get(name, -math.inf) + APART:
                 yield self._tally.count(time, EventKind.COLLISION, name)
             self._collisions[name] = time
+
+    def touch(self) -> Touch:
+        """What touches, and where the boxes in the cell are."""
+        world = self._world
+        forces, grip = world.forces()
+        inside = [(index, body.box.colour) for index, body in enumerate(self._bodies) if body]
+        return Touch(
+            forces,
+            grip,
+            tuple(colour for _, colour in inside),
+            np.array([world.pose(index) for index, _ in inside]).reshape(-1, 7),
+            world.held,
+            (0.0, 0.0, 0.0) if world.held is None else world.offset(world.held),
+        )
 
     def state(self) -> BoxesState:
         """All that the boxes and their counts depend on, beside the states of bodies and world."""

@@ -35,7 +35,7 @@ BOX_BIT: Final = 4
 _BELT_MASS: Final = 1000.0
 """kg: 10 N change the speed of such a belt by 0.1 mm/s in a tick of 10 ms."""
 _IMPEDANCE_RATIO: Final = 100.0
-"""How much harder friction is than the normal direction: a box at rest in the grip sinks by 4 um/s."""
+"""How much harder friction is than the normal direction: a box at rest in the grip sinks by less than 10 um/s."""
 
 
 def belt_name(place: str) -> str:

@@ -12,7 +12,6 @@ What a file leaves out is ideal.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -71,12 +70,33 @@ def load(path: Path) -> Machine:
         raise ModelError(f"{path}: {error.strerror}") from None
     except (msgspec.MsgspecError, ValueError) as error:
         raise ModelError(f"{path}: expected a machine: {error}") from None
-    if not isinstance(content, dict):
-        raise ModelError(f"{path}: expected a machine with the sections {choices(SECTIONS)}")
     try:
-        return _machine(content, path.stem)
+        return machine_from(content, path.stem)
     except (ModelError, ParameterError) as error:
         raise type(error)(f"{path}: {error}") from None
+
+
+def machine_from(content: object, called: str) -> Machine:
+    """The machine of what a file, or the metadata of a log, says: a name and sections.
+
+    Args:
+        content: what it says.
+        called: name where it has none.
+
+    Raises:
+        ModelError: it holds what no machine has.
+        ParameterError: a number of the machine is out of range.
+    """
+    if not isinstance(content, dict):
+        raise ModelError(f"expected a machine with the sections {choices(SECTIONS)}")
+    for key in content:
+        if key != "name" and key not in SECTIONS:
+            raise ModelError(f"unknown section {key!r}: expected {choices(('name', *SECTIONS))}")
+    name = content.get("name", called)
+    if not isinstance(name, str):
+        raise ModelError(f"name: expected a text, got {name!r}")
+    parts = {section: _section(section, kind, content.get(section, {})) for section, kind in SECTIONS.items()}
+    return Machine(name, **parts)  # type: ignore[arg-type]
 
 
 def toml(machine: Machine) -> str:
@@ -85,17 +105,6 @@ def toml(machine: Machine) -> str:
     for section, values in machine.effects().items():
         lines += ["", f"[{section}]", *(f"{name} = {_toml(value)}" for name, value in values.items())]
     return "\n".join(lines) + "\n"
-
-
-def _machine(content: Mapping[str, Any], stem: str) -> Machine:
-    for key in content:
-        if key != "name" and key not in SECTIONS:
-            raise ModelError(f"unknown section {key!r}: expected {choices(('name', *SECTIONS))}")
-    name = content.get("name", stem)
-    if not isinstance(name, str):
-        raise ModelError(f"name: expected a text, got {name!r}")
-    parts = {section: _section(section, kind, content.get(section, {})) for section, kind in SECTIONS.items()}
-    return Machine(name, **parts)  # type: ignore[arg-type]
 
 
 def _section(name: str, kind: type[Section], content: Any) -> Section:

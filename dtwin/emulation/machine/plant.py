@@ -18,6 +18,7 @@ import mujoco
 
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.contact.bodies import Bodies
+from dtwin.emulation.hidden import Drives
 from dtwin.emulation.machine.drive import Amplifier
 from dtwin.emulation.machine.encoding import whole_ticks
 from dtwin.emulation.machine.model import extend, friction_joint, motor_joint, spring_names
@@ -82,8 +83,8 @@ class MachinePlant(Plant):
 
     def set_parameters(self, parameters: ArmParameters) -> None:
         model, machine = self.model, self._machine
-        self._motor_dofs = [model.joint(motor_joint(machine.transmission, i)).dofadr[0] for i in range(3)]
-        self._friction_dofs = [model.joint(friction_joint(machine.transmission, i)).dofadr[0] for i in range(3)]
+        self._motor_dofs = [model.joint(motor_joint(machine.transmission, i)).dofadr.item() for i in range(3)]
+        self._friction_dofs = [model.joint(friction_joint(machine.transmission, i)).dofadr.item() for i in range(3)]
         for i, link in enumerate(self._links):
             model.body_ipos[link, 2] = machine.structure.com_offset[i]
             model.actuator_biasprm[i, 2] = -parameters.voltage_constant[i] * machine.drive.back_emf[i]
@@ -124,6 +125,23 @@ class MachinePlant(Plant):
     @property
     def sampled(self) -> list[float]:
         return self._sampled
+
+    def drives(self) -> Drives:
+        """What acts in motors, gears and bearings, as MuJoCo has it at the end of the last step."""
+        model, data = self.model, self.data
+        dry = dict.fromkeys(self._friction_dofs, 0.0)
+        for kind, dof, force in zip(
+            data.efc_type.tolist(), data.efc_id.tolist(), data.efc_force.tolist(), strict=True
+        ):
+            if kind == mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF:
+                dry[dof] = force
+        volts, friction = [], []
+        for i, dof in enumerate(self._friction_dofs):
+            lag = model.actuator_actadr[i]
+            volts.append(float(data.ctrl[i] if lag < 0 else data.act[lag]))
+            friction.append(float(model.dof_damping[i] * data.qvel[i] - dry[dof]))
+        angles = data.qpos[self._motor_dofs].tolist()
+        return Drives((volts[0], volts[1], volts[2]), (friction[0], friction[1], friction[2]), tuple(angles))
 
     def _extend(self, spec: mujoco.MjSpec) -> None:
         extend(spec, self._machine, self._spec_step)

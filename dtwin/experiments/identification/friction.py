@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.experiments.identification.groups import Group, run_groups
 from dtwin.experiments.identification.pages import SETUP, identification_report
 from dtwin.experiments.identification.standard import standard_settings
@@ -23,13 +24,18 @@ COULOMB: Final = {"mu1": 0.010, "mu2": 0.008, "mu3": 0.006}
 
 
 def friction_experiment(
-    runs: int = 10, seed: int = 0, workers: int | None = None, progress: Progress = lambda done, of: None
+    runs: int = 10,
+    seed: int = 0,
+    machine: Machine = IDEAL,
+    workers: int | None = None,
+    progress: Progress = lambda done, of: None,
 ) -> list[Group]:
     """Identifies every friction law on the viscous arm, and on one with Coulomb friction as well.
 
     Args:
         runs: number of runs with each law on each arm.
         seed: number of the random generators of the noise.
+        machine: the machine that the arm is.
         workers: number of processes, as many as there are cores if None.
         progress: told the numbers of runs done and in all.
     """
@@ -37,7 +43,7 @@ def friction_experiment(
     trials = [
         IdentificationTrial(
             f"{name} arm, {friction} law",
-            Rig(arm, NOISE),
+            Rig(arm, NOISE, machine=machine),
             (Plan(),),
             with_friction(standard_settings(), friction),
             (seed, k, run),

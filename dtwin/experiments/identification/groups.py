@@ -77,6 +77,6 @@ def run_groups(
 
 def _group(label: str, members: Sequence[tuple[IdentificationTrial, IdentificationOutcome]]) -> Group:
     trial = members[0][0]
-    arm, free = trial.rig.arm, trial.settings.free
+    arm, free = trial.rig.made, trial.settings.free
     bounds = predict(trial.plans, free, arm, trial.rig.deviation).bounds
     return Group(label, tuple(o for _, o in members), {name: arm.get(name) for name in free}, bounds)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.experiments.identification.groups import Group, run_groups
 from dtwin.experiments.identification.pages import SETUP, identification_report
 from dtwin.experiments.identification.standard import standard_settings
@@ -21,13 +22,18 @@ NOISE: Final = 0.005
 
 
 def mass_experiment(
-    runs: int = 10, seed: int = 0, workers: int | None = None, progress: Progress = lambda done, of: None
+    runs: int = 10,
+    seed: int = 0,
+    machine: Machine = IDEAL,
+    workers: int | None = None,
+    progress: Progress = lambda done, of: None,
 ) -> list[Group]:
     """Identifies with each mass.
 
     Args:
         runs: number of runs with each mass.
         seed: number of the random generators of the noise.
+        machine: the machine that the arm is.
         workers: number of processes, as many as there are cores if None.
         progress: told the numbers of runs done and in all.
     """
@@ -35,7 +41,7 @@ def mass_experiment(
     trials = [
         IdentificationTrial(
             f"{1000 * (plan.payload + excess):.0f} g",
-            Rig(noise=NOISE, excess_payload=excess),
+            Rig(noise=NOISE, excess_payload=excess, machine=machine),
             (plan,),
             settings,
             (seed, k, run),

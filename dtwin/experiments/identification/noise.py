@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.experiments.identification.groups import Group, run_groups
 from dtwin.experiments.identification.pages import SETUP, identification_report
 from dtwin.experiments.identification.standard import standard_settings
@@ -24,6 +25,7 @@ def noise_experiment(
     levels: Sequence[float] = NOISES,
     loss: Loss = "adaptive",
     seed: int = 0,
+    machine: Machine = IDEAL,
     workers: int | None = None,
     progress: Progress = lambda done, of: None,
 ) -> list[Group]:
@@ -34,13 +36,19 @@ def noise_experiment(
         levels: magnitudes of the encoder noise, rad.
         loss: the likelihood of the estimation.
         seed: number of the random generators of the noise.
+        machine: the machine that the arm is.
         workers: number of processes, as many as there are cores if None.
         progress: told the numbers of runs done and in all.
     """
     settings, plan = standard_settings(loss), Plan()
     trials = [
         IdentificationTrial(
-            f"N = {level:g} rad", Rig(noise=level), (plan,), settings, (seed, k, run), second_start=True
+            f"N = {level:g} rad",
+            Rig(noise=level, machine=machine),
+            (plan,),
+            settings,
+            (seed, k, run),
+            second_start=True,
         )
         for k, level in enumerate(levels)
         for run in range(runs)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dtwin.emulation.machine.files import machine_of
 from dtwin.experiments.identification.standard import standard_estimate
 from dtwin.experiments.recovery.operator import Operator
 from dtwin.experiments.recovery.outcome import Recovery, healthy_run, judge
@@ -35,7 +36,7 @@ def recover(options: CellOptions, progress: Callable[[float], None] = lambda tim
     generator = np.random.default_rng(np.random.SeedSequence(options.seed).spawn(3)[2])
     joint, factor = int(generator.integers(1, 4)), round(float(generator.uniform(1.5, 1.9)), 3)
     fault = f"D{joint}*={factor:g}"
-    estimate = standard_estimate(Rig(noise=options.noise), generator)
+    estimate = standard_estimate(Rig(noise=options.noise, machine=machine_of(options.machine)), generator)
     model = from_estimate(estimate, np.ones(3), "simulated experiment")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -14,7 +14,7 @@ from dtwin.experiments.recovery.operator import LIMIT, NAME, Story
 from dtwin.parameters import PERIOD, PICKUP, PLACES, ArmParameters, Triple
 from dtwin.run.cell import Cell
 from dtwin.run.recording import Log
-from dtwin.run.settings import CellSettings
+from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.signals import Sensors, Voltages
 from dtwin.simulation.measured import motions
 
@@ -180,6 +180,9 @@ def healthy_run(settings: CellSettings, model: ArmParameters, started: float) ->
         model: the model that its controller is given.
         started: plant time at which it is given, s.
     """
-    cell = Cell(settings, _Relieved(EmbeddedController(settings.control, settings.blocks), model, started))
+    cell = Cell(
+        settings,
+        _Relieved(EmbeddedController(settings.control, settings.blocks, sequence_of(settings)), model, started),
+    )
     cell.run()
     return cell.log.freeze()

@@ -6,7 +6,7 @@ blocks, whose controller has the identified model; they are compared until both 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Final
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from dtwin.controller.settings import ControlSettings
+from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.errors import IdentificationError
 from dtwin.experiments.identification.standard import standard_estimate, standard_settings
 from dtwin.experiments.report import Picture, Report, page, table
@@ -74,7 +75,13 @@ def designed() -> Plan:
     return optimise(Plan(), settings.free, settings.known, NOISE, np.random.default_rng(0), trials=TRIALS)
 
 
-def identified(noise: float, seed: int, true: ArmParameters | None = None, plan: Plan | None = None) -> ArmParameters:
+def identified(
+    noise: float,
+    seed: int,
+    true: ArmParameters | None = None,
+    plan: Plan | None = None,
+    machine: Machine = IDEAL,
+) -> ArmParameters:
     """A model of the emulated arm, from one experiment at that noise.
 
     Args:
@@ -82,11 +89,13 @@ def identified(noise: float, seed: int, true: ArmParameters | None = None, plan:
         seed: number of the random generator of the noise.
         true: the emulated arm; the data sheet's when None.
         plan: signal and load of the experiment; the standard ones when None.
+        machine: the machine that the arm is.
 
     Raises:
         IdentificationError: the estimation did not converge.
     """
-    estimate = standard_estimate(Rig(true or ArmParameters(), noise), np.random.default_rng(seed), plan)
+    rig = Rig(true or ArmParameters(), noise, machine=machine)
+    estimate = standard_estimate(rig, np.random.default_rng(seed), plan)
     if not estimate.converged:
         raise IdentificationError(f"the model for seed {seed} did not converge: expected a minimum")
     return estimate.parameters
@@ -97,6 +106,7 @@ def accuracy(
     target_times: Sequence[float] = TARGET_TIMES,
     payloads: Sequence[float] = (0.0, BOX),
     true: ArmParameters | None = None,
+    machine: Machine = IDEAL,
 ) -> list[Pair]:
     """Makes the motions.
 
@@ -105,13 +115,14 @@ def accuracy(
         target_times: durations of the path, s.
         payloads: masses at the tip, kg; the controller counts on the same.
         true: the emulated arm; the data sheet's when None.
+        machine: the machine that it is.
     """
     simulator, pairs = Simulator(), []
     for payload in payloads:
         for target_time in target_times:
             settings = ControlSettings(target_time, model=model, payload=payload)
             case = MotionCase("red", settings, PICKUP.theta, arm=model, payload=payload, duration=target_time + _LOOK)
-            pairs.append(_pair(case, true or ArmParameters(), simulator))
+            pairs.append(_pair(case, partial(EmulatedArm, true or ArmParameters(), machine=machine), simulator))
     return pairs
 
 
@@ -119,6 +130,7 @@ def accuracy_experiment(
     runs: int = 20,
     noise: float = NOISE,
     seed: int = 0,
+    machine: Machine = IDEAL,
     workers: int | None = None,
     progress: Progress = lambda done, of: None,
 ) -> list[list[Pair]]:
@@ -128,6 +140,7 @@ def accuracy_experiment(
         runs: number of models.
         noise: magnitude of the encoder noise while the models are identified, rad.
         seed: number of the random generator of the first model's noise; the others follow.
+        machine: the machine that the arm is.
         workers: number of processes, as many as there are cores if None.
         progress: told the numbers of models done and in all.
 
@@ -135,7 +148,7 @@ def accuracy_experiment(
         IdentificationError: an estimation did not converge.
     """
     plan = designed()
-    return spread(partial(_examined, noise, plan), range(seed, seed + runs), workers, progress)
+    return spread(partial(_examined, noise, plan, machine), range(seed, seed + runs), workers, progress)
 
 
 def accuracy_report(runs: Sequence[Sequence[Pair]]) -> Report:
@@ -169,12 +182,12 @@ def accuracy_report(runs: Sequence[Sequence[Pair]]) -> Report:
     )
 
 
-def _examined(noise: float, plan: Plan, seed: int) -> list[Pair]:
-    return accuracy(identified(noise, seed, plan=plan))
+def _examined(noise: float, plan: Plan, machine: Machine, seed: int) -> list[Pair]:
+    return accuracy(identified(noise, seed, plan=plan, machine=machine), machine=machine)
 
 
-def _pair(case: MotionCase, true: ArmParameters, simulator: Simulator) -> Pair:
-    arm = simulator.run(case, partial(EmulatedArm, true))
+def _pair(case: MotionCase, arm_of: Callable[[MotionCase, int], EmulatedArm], simulator: Simulator) -> Pair:
+    arm = simulator.run(case, arm_of)
     twin = simulator.run(case)
     times = (arm.figures.settling_time, twin.figures.settling_time)
     latest = max(case.seconds if time is None else time for time in times)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from dtwin.emulation.plant import Plant
+from dtwin.emulation.encoders import Encoders
+from dtwin.emulation.machine.encoding import encoding_of
+from dtwin.emulation.machine.plant import plant_of
+from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.parameters import PERIOD, ArmParameters, Triple
 from dtwin.simulation.whatif import MotionCase
 
@@ -13,17 +16,21 @@ class EmulatedArm:
     """A MuJoCo plant that has nothing of the case but its start and its payload.
 
     Args:
-        true: its parameters.
+        true: parameters that it is made to.
         case: what is simulated.
         ticks: how many the motion has.
+        machine: the machine that it is.
 
     Raises:
         ModelError: the model file cannot be used.
     """
 
-    def __init__(self, true: ArmParameters, case: MotionCase, ticks: int) -> None:
+    def __init__(self, true: ArmParameters, case: MotionCase, ticks: int, machine: Machine = IDEAL) -> None:
         self.states = np.empty((ticks + 1, 6))
-        self._plant = Plant(true)
+        self._plant = plant_of(machine, true)
+        self._encoders = Encoders(
+            "none", 0.0, np.random.default_rng(0), encoding_of(machine, np.random.default_rng(0))
+        )
         self._plant.reset(case.theta, case.omega)
         if case.payload_model == "weight":
             self._plant.set_weight(case.payload)
@@ -36,7 +43,8 @@ class EmulatedArm:
         self._plant.apply((*volts, 0.0))
         self._plant.advance(PERIOD)
         self._take(tick + 1)
-        return self._plant.theta
+        first, second, third, _ = self._encoders.measure(self._plant.sampled, self._plant.time)
+        return first, second, third
 
     def _take(self, row: int) -> None:
         self.states[row] = (*self._plant.theta, *self._plant.omega)

@@ -13,13 +13,14 @@ import numpy as np
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.settings import ControlSettings
 from dtwin.controller.settings_port import EmbeddedPort
+from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.experiments.report import Picture, Report, page, table
 from dtwin.identification.estimation.problem import START
 from dtwin.parameters import PERIOD, ArmParameters, Gains, Triple
 from dtwin.pictures import COLOURS, RED, new_figure
 from dtwin.run.cell import Cell
 from dtwin.run.recording import Log
-from dtwin.run.settings import CellSettings
+from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.signals import BoxCounts
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.figures import triple
@@ -83,6 +84,7 @@ def upload_run(
     history: Path,
     seed: int = 0,
     noise: float = 0.0,
+    machine: Machine = IDEAL,
     progress: Callable[[float], None] = lambda done: None,
 ) -> UploadRun:
     """Makes the run.
@@ -92,18 +94,17 @@ def upload_run(
         history: file for the history of the settings, not there yet.
         seed: number of the random generators of the boxes and the noise.
         noise: magnitude of the encoder noise, rad.
+        machine: the machine that the arm is.
         progress: told the seconds of plant time done.
 
     Raises:
         Refused: an upload is refused, which is a failure of the test.
     """
-    settings = ControlSettings(gains=NO_GAINS, model=START)
-    controller = EmbeddedController(settings)
+    control = ControlSettings(gains=NO_GAINS, model=START)
+    settings = CellSettings(duration=DURATION, seed=seed, noise=noise, control=control, machine=machine)
+    controller = EmbeddedController(control, sequence=sequence_of(settings))
     uploader = Uploader(EmbeddedPort(controller), History(history), Checker())
-    cell = Cell(
-        CellSettings(duration=DURATION, seed=seed, noise=noise, control=settings),
-        WatchedController(controller, uploader),
-    )
+    cell = Cell(settings, WatchedController(controller, uploader))
     planned = {
         round(GAINS_AT / PERIOD): lambda: Proposal("operator", "better gains", uploader.version, gains=Gains()),
         round(MODEL_AT / PERIOD): lambda: Proposal("operator", "identified model", uploader.version, model=model),

@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import Final
 
 from dtwin.bus.messages import EVENTS, SUMMARY, Summary
+from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import CommunicationError
 from dtwin.experiments.soak.proxy import Proxy
 from dtwin.experiments.soak.small_disk import SmallDisk
@@ -40,6 +41,7 @@ class TroubledCell:
         folder: where its configuration, log and parts of the log are kept.
         name: the name of the cell, of no other cell on this machine.
         seed: number of the random generator of the boxes.
+        machine: name, file or number of the machine that the arm is.
 
     Attributes:
         folder: where its configuration, log and parts of the log are kept.
@@ -54,7 +56,7 @@ class TroubledCell:
         CommunicationError: the cell does not come up.
     """
 
-    def __init__(self, folder: Path, name: str, seed: int = 0) -> None:
+    def __init__(self, folder: Path, name: str, seed: int = 0, machine: str = IDEAL.name) -> None:
         self.folder = folder
         self.disk = SmallDisk(folder / "disk")
         self.log = self.disk.folder / "run.parquet"
@@ -68,7 +70,18 @@ class TroubledCell:
         self._start_router()
         try:
             dtwin(
-                *("up", "--detach", "--cell", name, "--seed", str(seed), "--zenoh", str(folder)),
+                *(
+                    "up",
+                    "--detach",
+                    "--cell",
+                    name,
+                    "--seed",
+                    str(seed),
+                    "--zenoh",
+                    str(folder),
+                    "--machine",
+                    machine,
+                ),
                 *("--log", str(self.log), "--monitoring", "--simulation", "--history", str(folder / "history.jsonl")),
             )
             self.bus = join(name)

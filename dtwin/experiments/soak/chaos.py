@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import CommunicationError
 from dtwin.experiments.report import Report, page, table
 from dtwin.experiments.soak.cell import TroubledCell, cell_name, wait
@@ -113,13 +114,17 @@ class ChaosRun:
 
 
 def chaos_run(
-    seed: int = 0, troubles: Sequence[Trouble] = TROUBLES, progress: Progress = lambda done, of: None
+    seed: int = 0,
+    troubles: Sequence[Trouble] = TROUBLES,
+    machine: str = IDEAL.name,
+    progress: Progress = lambda done, of: None,
 ) -> ChaosRun:
     """Starts a cell, troubles it, and stops it.
 
     Args:
         seed: number of the random generator of the boxes.
         troubles: what the cell has to bear, in this order.
+        machine: name, file or number of the machine that the arm is.
         progress: told the numbers of troubles done and in all.
 
     Raises:
@@ -127,7 +132,7 @@ def chaos_run(
         RecordingError: a part of the log cannot be read.
     """
     with tempfile.TemporaryDirectory() as folder:
-        with TroubledCell(Path(folder), cell_name(), seed) as cell:
+        with TroubledCell(Path(folder), cell_name(), seed, machine) as cell:
             before = set(cell.services())
             borne = []
             for trouble in troubles:

@@ -10,6 +10,7 @@ from typing import Any, Final
 import msgspec
 
 from dtwin.bus.messages import Latency, Summary
+from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import CommunicationError
 from dtwin.experiments.report import Report, page, table
 from dtwin.experiments.soak.cell import cell_name, dtwin
@@ -66,19 +67,21 @@ class LatencyRun:
         )
 
 
-def latency_run(seconds: float = SECONDS, seed: int = 0) -> LatencyRun:
+def latency_run(seconds: float = SECONDS, seed: int = 0, machine: str = IDEAL.name) -> LatencyRun:
     """Runs a cell, and reads what its supervisor says at the end.
 
     Args:
         seconds: plant time, s.
         seed: number of the random generator of the boxes.
+        machine: name, file or number of the machine that the arm is.
 
     Raises:
         CommunicationError: the cell does not come up, or is lost.
     """
     with tempfile.TemporaryDirectory() as folder:
         files = ["--log", str(Path(folder) / "run.parquet"), "--record", str(Path(folder) / "run.rrd")]
-        said = dtwin("up", "--cell", cell_name(), "--duration", str(seconds), "--seed", str(seed), "--json", *files)
+        plant = ["--duration", str(seconds), "--seed", str(seed), "--machine", machine]
+        said = dtwin("up", "--cell", cell_name(), "--json", *plant, *files)
     found = msgspec.json.decode(said, type=Summary)
     if found.latency_ms is None or found.boxes is None:
         raise CommunicationError("the cell has told no latency and no boxes: its emulator has not worked")

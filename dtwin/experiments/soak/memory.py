@@ -15,11 +15,13 @@ import pyarrow.parquet as pq
 
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.controller.embedded import EmbeddedController
+from dtwin.emulation.machine.sections import Machine
 from dtwin.experiments.report import Report, page, table
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.pool import Progress
-from dtwin.run.cell import CellSettings, emulate
+from dtwin.run.emulate import emulate
 from dtwin.run.loop import run, tick_count
+from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
 from services.parts.journal import Journal
 from services.parts.journaled import JournaledCell
@@ -104,12 +106,13 @@ class MemoryRun:
         )
 
 
-def memory_run(seconds: float, seed: int, progress: Progress) -> MemoryRun:
+def memory_run(seconds: float, seed: int, machine: Machine, progress: Progress) -> MemoryRun:
     """Feeds a recorder and a journal, and looks at the memory after 1, 2 and 5 hours and at the end.
 
     Args:
         seconds: plant time, s.
         seed: number of the random generator of the boxes.
+        machine: the machine that the arm is.
         progress: told about every tenth of an hour.
 
     Raises:
@@ -123,8 +126,9 @@ def memory_run(seconds: float, seed: int, progress: Progress) -> MemoryRun:
         log, journal = folder / "run.parquet", folder / "journal"
         events: list[Event] = []
         recorder = Recorder(Options(log=log), {"seed": seed}, ArmParameters(), events.append)
-        cell = JournaledCell(CellSettings(seed=seed), Journal(journal, seed))
-        for tick, (record, news) in enumerate(_messages(ticks, seed), 1):
+        settings = CellSettings(seed=seed, machine=machine)
+        cell = JournaledCell(settings, Journal(journal, seed))
+        for tick, (record, news) in enumerate(_messages(ticks, settings), 1):
             _feed(recorder, record, news)
             cell.obey(record.voltages)
             cell.advance()
@@ -154,11 +158,11 @@ def _feed(recorder: Recorder, record: StepRecord, events: list[Event]) -> None:
     recorder.rows.answer(record.voltages, now)
 
 
-def _messages(ticks: int, seed: int) -> Iterator[tuple[StepRecord, list[Event]]]:
+def _messages(ticks: int, settings: CellSettings) -> Iterator[tuple[StepRecord, list[Event]]]:
     """Records and events of a cell, tick by tick; those of its first two minutes come again and again."""
-    cell, records = emulate(CellSettings(seed=seed)), list[StepRecord]()
+    cell, records = emulate(settings), list[StepRecord]()
     happened: dict[int, list[Event]] = {}
-    run(cell, EmbeddedController(), _CYCLE, record=records.append)
+    run(cell, EmbeddedController(sequence=sequence_of(settings)), _CYCLE, record=records.append)
     for event in cell.drain_events():
         happened.setdefault(round(event.time / PERIOD) % _CYCLE, []).append(event)
     for tick in range(ticks):

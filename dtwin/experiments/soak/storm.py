@@ -16,6 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import CommunicationError
 from dtwin.experiments.report import Report, page, table
 from dtwin.experiments.soak.cell import TroubledCell, cell_name, wait
@@ -102,12 +103,18 @@ class StormRun:
         )
 
 
-def storm_run(events: int = EVENTS, seed: int = 0, progress: Progress = lambda done, of: None) -> StormRun:
+def storm_run(
+    events: int = EVENTS,
+    seed: int = 0,
+    machine: str = IDEAL.name,
+    progress: Progress = lambda done, of: None,
+) -> StormRun:
     """Starts a cell, sends signals to its services, and stops it.
 
     Args:
         events: number of signals.
         seed: number of the random generators of signals and boxes.
+        machine: name, file or number of the machine that the arm is.
         progress: told the numbers of signals sent and in all.
 
     Raises:
@@ -115,7 +122,7 @@ def storm_run(events: int = EVENTS, seed: int = 0, progress: Progress = lambda d
     """
     generator = np.random.default_rng(seed)
     with tempfile.TemporaryDirectory() as folder:
-        with TroubledCell(Path(folder), cell_name(), seed) as cell, _busy():
+        with TroubledCell(Path(folder), cell_name(), seed, machine) as cell, _busy():
             names = sorted(set(cell.services()) - {"router"})
             hits: list[Hit] = []
             while len(hits) < events:

@@ -35,6 +35,11 @@ class Rig:
     machine: Machine = IDEAL
 
     @property
+    def made(self) -> ArmParameters:
+        """The parameters that the arm has with the tolerances of its machine."""
+        return self.machine.arm(self.arm)
+
+    @property
     def deviation(self) -> float:
         """Standard deviation of the encoder noise, rad."""
         return self.noise * {"none": 0.0, "gaussian": 1.0, "uniform": 12**-0.5}[self.noise_kind]

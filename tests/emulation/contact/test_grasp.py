@@ -26,8 +26,8 @@ def test_the_gripper_stops_at_a_box_and_presses_with_the_torque_of_its_motor() -
     assert hand.bodies.held == 0
     assert hand.plant.gripper == pytest.approx(AMONG_BODIES.box_angle, abs=0.001)
     assert hand.plant.gripper > GRIPPER.closed + 0.1
-    forces = hand.bodies.pad_forces()
-    assert forces == pytest.approx((PRESSURE, PRESSURE), rel=0.03)
+    _, grip = hand.bodies.forces()
+    assert (grip.fixed, grip.moving) == pytest.approx((PRESSURE, PRESSURE), rel=0.03)
 
 
 def test_an_empty_gripper_closes_to_its_stop() -> None:

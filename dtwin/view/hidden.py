@@ -1,0 +1,141 @@
+"""What the machine hides, beside commands and what the twin believes: drives, friction, gears and contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from dtwin.emulation.contact.scene import HALF
+from dtwin.parameters import COULOMB_WIDTH, ArmParameters
+from dtwin.run.hidden import DriveColumns, HiddenLog, TouchColumns
+from dtwin.run.recording import Log
+from dtwin.view import scene, style
+from dtwin.view.layout import plot_view
+from dtwin.view.series import GRIPPER, time_column
+
+Array = NDArray[np.float64]
+
+VOLTAGE: Final = "drive/voltage"
+FRICTION: Final = "drive/friction"
+GEAR: Final = "drive/gear"
+ENCODER: Final = "drive/encoder"
+GRIP: Final = "contact/grip"
+SLIP: Final = "contact/slip"
+FORCES: Final = f"{scene.ROOT}/forces"
+BODIES: Final = f"{scene.BOXES}/bodies"
+METRES_PER_NEWTON: Final = 0.02
+"""Length of the arrow of a force."""
+_LEAST: Final = 0.02
+"""Smallest force that gets an arrow, N."""
+_LONGEST: Final = 0.1
+"""Length to which the arrow of a blow is cut, m."""
+_SHOWN: Final = 10.0
+"""Largest force of the plot, N: the jaw strikes a box with ten times the force that it then presses with."""
+
+
+def hidden_views(hidden: HiddenLog) -> list[rrb.Vertical]:
+    """Tabs of what there is: contact first, then drives, friction, gears and encoders."""
+    tabs = []
+    if hidden.has_touches:
+        grip = plot_view("Forces of the pads (N)", GRIP, rrb.ScalarAxis(range=(0.0, _SHOWN)))
+        slip = plot_view("Slip of the held box along the pads (mm)", SLIP)
+        tabs.append(rrb.Vertical(grip, slip, plot_view("Gripper angle (rad)", GRIPPER), name="Contact"))
+    if hidden.has_drives:
+        volts = [plot_view(f"Motor {j}: voltage commanded, acting (V)", f"{VOLTAGE}/joint_{j}") for j in (1, 2, 3)]
+        friction = [
+            plot_view(f"Joint {j}: friction believed, acting (N m)", f"{FRICTION}/joint_{j}") for j in (1, 2, 3)
+        ]
+        gear = plot_view("Motor ahead of its link (mrad)", GEAR)
+        encoder = plot_view("Encoder reading ahead of the joint (mrad)", ENCODER)
+        tabs += [
+            rrb.Vertical(*volts, name="Voltages"),
+            rrb.Vertical(*friction, name="Friction"),
+            rrb.Vertical(gear, encoder, name="Gears and encoders"),
+        ]
+    return tabs
+
+
+def log_hidden(stream: rr.RecordingStream, log: Log, hidden: HiddenLog, believed: ArmParameters) -> None:
+    """Sends the hidden truth of a run.
+
+    Args:
+        stream: where it is sent.
+        log: the run.
+        hidden: the hidden truth of its ticks.
+        believed: arm whose friction D w + mu tanh(w / width), at the true velocity, is what the twin believes.
+    """
+    times = time_column(log.columns["t"])
+    if (drives := hidden.drives()) is not None:
+        _log_drives(stream, times, log, drives, believed)
+    if (touches := hidden.touches()) is not None:
+        _log_touches(stream, times, log, touches)
+
+
+def _log_drives(
+    stream: rr.RecordingStream, times: rr.TimeColumn, log: Log, drives: DriveColumns, believed: ArmParameters
+) -> None:
+    # What acts at a sample answers the sample before; the command of a row is only about to be given.
+    commanded = np.vstack([np.zeros(3), log.stack("volts")[:-1, :3]])
+    omega = log.stack("omega")
+    friction = np.array(believed.damping) * omega + np.array(believed.coulomb) * np.tanh(omega / COULOMB_WIDTH)
+    for joint in (1, 2, 3):
+        i, colour = joint - 1, style.JOINTS[joint - 1]
+        for root, name, twin, true in (
+            (VOLTAGE, "commanded", commanded, drives.volts),
+            (FRICTION, "believed", friction, drives.friction),
+        ):
+            _send(stream, times, f"{root}/joint_{joint}/acting", ["acting"], [colour], 3.0, true[:, i])
+            _send(stream, times, f"{root}/joint_{joint}/{name}", [name], [style.TARGET], 1.2, twin[:, i])
+    theta = log.stack("theta")
+    names = [f"joint {joint}" for joint in (1, 2, 3)]
+    _send(stream, times, GEAR, names, style.JOINTS, 1.5, 1e3 * (drives.motors - theta))
+    _send(stream, times, ENCODER, names, style.JOINTS, 1.5, 1e3 * (log.stack("measured") - theta))
+
+
+def _log_touches(stream: rr.RecordingStream, times: rr.TimeColumn, log: Log, touches: TouchColumns) -> None:
+    names = ["fixed pads press", "moving pads press", "pads carry", "most they can carry"]
+    colours = (style.JOINTS[0], style.JOINTS[2], style.JOINTS[1], style.LIMIT)
+    _send(stream, times, GRIP, names, colours, 1.5, touches.grip)
+    _send(stream, times, SLIP, ["slip"], [style.PAYLOAD], 2.0, 1e3 * touches.slip)
+
+    drawn = np.arange(len(log)) % scene.STRIDE == 0
+    moments = time_column(log.columns["t"][drawn])
+    force = np.linalg.norm(touches.forces[:, 3:], axis=1)
+    of_tick = np.repeat(np.arange(len(log)), touches.contacts)
+    shown = (force >= _LEAST) & drawn[of_tick]
+    scale = np.minimum(METRES_PER_NEWTON, _LONGEST / force[shown])
+    counts = np.bincount(of_tick[shown], minlength=len(log))[drawn]
+    stream.log(FORCES, rr.Arrows3D.from_fields(radii=0.0012, colors=style.FORCE), static=True)
+    vectors = scale[:, None] * touches.forces[shown, 3:]
+    arrows = rr.Arrows3D.columns(origins=touches.forces[shown, :3], vectors=vectors)
+    stream.send_columns(FORCES, indexes=[moments], columns=arrows.partition(counts))
+
+    shown = np.repeat(drawn, touches.boxes)
+    stream.log(BODIES, rr.Boxes3D.from_fields(fill_mode="solid"), static=True)
+    boxes = rr.Boxes3D.columns(
+        half_sizes=np.full((int(shown.sum()), 3), HALF),
+        centers=touches.poses[shown, :3],
+        quaternions=np.roll(touches.poses[shown, 3:], -1, axis=1),
+        colors=np.array([style.box_colour(colour) for colour in np.array(touches.colours)[shown]], dtype=np.uint8),
+    )
+    stream.send_columns(BODIES, indexes=[moments], columns=boxes.partition(touches.boxes[drawn]))
+
+
+def _send(
+    stream: rr.RecordingStream,
+    times: rr.TimeColumn,
+    entity: str,
+    names: Sequence[str],
+    colours: Sequence[style.RGB],
+    width: float,
+    values: Array,
+) -> None:
+    """Sends the lines of one entity, values of shape (ticks, lines) or (ticks,)."""
+    lines = rr.SeriesLines(names=names, colors=colours, widths=[width] * len(names))
+    stream.log(entity, lines, static=True)
+    stream.send_columns(entity, indexes=[times], columns=rr.Scalars.columns(scalars=values))
