@@ -25,7 +25,7 @@ def test_every_way_is_free() -> None:
 
 def test_what_is_in_the_way_is_found(tmp_path: Path) -> None:
     file = tmp_path / "arm.xml"
-    wall = '<geom name="wall" class="cell" type="box" pos="0.4 0 0.1" size="0.01 0.1 0.1"/>'
+    wall = '<geom name="wall" class="cell" type="box" pos="0.26 0 0.05" size="0.01 0.1 0.05"/>'
     file.write_text(MODEL_FILE.read_text().replace('<body name="rack"', f'{wall}<body name="rack"'))
     touched = [leg for leg in sweep(file) if not is_free(leg)]
     assert touched
