@@ -26,11 +26,11 @@ from dtwin.bus.messages import (
 )
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Upload, UploadRequest
-from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError
 from dtwin.identification.store import ModelStore, open_model
 from dtwin.parameters import ROOT, ArmParameters, Gains, scaled
 from dtwin.run.cell import Cell
+from dtwin.run.options import ControlOptions
 from dtwin.run.recording import read_log
 from dtwin.run.settings import CellSettings
 from dtwin.signals import Event, EventKind, Voltages
@@ -61,7 +61,7 @@ def test_a_forte_moves_the_arm_as_the_embedded_device_does(desk: Desk, tmp_path:
     with forte(tmp_path) as address:
         words = ["--controller", f"forte://{address}", "--pace", "lockstep", "--duration", "30", "--seed", "1"]
         desk.up(*words, "--log", str(log), "--json")
-    cell = Cell(CellSettings(30.0, 1))
+    cell = Cell(CellSettings(30.0, 1, control=ControlOptions().control()))
     cell.run()
     expected, found = cell.log.freeze(), read_log(log)
     assert found.events == expected.events
@@ -93,7 +93,7 @@ def test_a_forte_that_starts_again_gets_application_and_settings_before_the_arm_
                 assert bridge["state"] == "waiting"
                 assert "deploy the application first" in bridge["last_error"]
                 reached = len(volts)
-                deploy_cell(address, ControlSettings())
+                deploy_cell(address, ControlOptions().control())
                 until(lambda: len(volts) > reached + 100, "the cell goes on", 60.0)
                 kinds = [event.kind for event in events]
                 assert EventKind.RESTORED in kinds
@@ -194,7 +194,8 @@ def test_the_running_arm_is_identified(controller: str, desk: Desk, tmp_path: Pa
 def test_sending_the_same_settings_again_changes_no_voltage(controller: str, desk: Desk, tmp_path: Path) -> None:
     options = ["--controller", controller, "--pace", "lockstep", "--duration", "12", "--seed", "3", "--json"]
     disturbed = tmp_path / "disturbed.parquet"
-    quiet = Cell(CellSettings(duration=12.0, seed=3))  # over the bus it is the same, byte for byte
+    # Over the bus it is the same, byte for byte.
+    quiet = Cell(CellSettings(duration=12.0, seed=3, control=ControlOptions().control()))
     quiet.run()
     command = [sys.executable, "-m", "dtwin", "up", *options, "--log", str(disturbed)]
     sent = 0

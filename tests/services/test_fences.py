@@ -11,6 +11,7 @@ import pytest
 
 from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell
+from dtwin.run.options import ControlOptions
 from dtwin.run.settings import CellSettings
 from services import runfile
 from tests.support.desk import Desk
@@ -72,7 +73,7 @@ def test_a_secured_cell_logs_what_a_headless_run_logs(desk: Desk, secured: Path,
     log, headless = tmp_path / "secured.parquet", tmp_path / "headless.parquet"
     options = ["--zenoh", str(secured), "--pace", "lockstep", "--duration", "20", "--seed", "5"]
     desk.up(*options, "--log", str(log))
-    cell = Cell(CellSettings(20, 5))
+    cell = Cell(CellSettings(20, 5, control=ControlOptions().control()))
     cell.run()
     cell.log.freeze().write_parquet(headless)
     assert log.read_bytes() == headless.read_bytes()

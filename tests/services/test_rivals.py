@@ -29,6 +29,7 @@ from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import IdentificationState, Upload
 from dtwin.run.cell import Cell, CellSettings
+from dtwin.run.options import ControlOptions
 from dtwin.run.recording import read_log
 from dtwin.signals import Event, Sensors, Voltages
 from services import runfile
@@ -92,7 +93,7 @@ def test_a_rival_without_the_key_changes_no_row(desk: Desk, tmp_path: Path) -> N
         summary = json.loads(desk.up(*options, "--json"))
     (rival,) = rivals
     assert rival.answered > 50 * DURATION
-    headless = Cell(CellSettings(DURATION, 5, 0.003))
+    headless = Cell(CellSettings(DURATION, 5, 0.003, control=ControlOptions().control()))
     headless.run()
     expected, found = headless.log.freeze(), read_log(log)
     assert found.columns.keys() == expected.columns.keys()

@@ -277,9 +277,9 @@ def test_a_secured_cell_uploads_identifies_and_monitors(
         with join("cell") as bus:
             verdicts: list[MonitoringVerdict] = []
             bus.subscribe(MONITORING, MonitoringVerdict, verdicts.append)
-            said = json.loads(desk.run("upload", "gains", "--why", "to try", "--kp", "250", "500", "350"))
+            said = json.loads(desk.run("upload", "gains", "--why", "to try", "--kp", "550", "540", "530"))
             assert (said["action"], said["on_trial"]) == ("upload", True)
-            assert bus.ask(UPLOAD, None, Upload).gains.kp == (250.0, 500.0, 350.0)
+            assert bus.ask(UPLOAD, None, Upload).gains.kp == (550.0, 540.0, 530.0)
             assert json.loads(desk.run("upload", "rollback", "--why", "enough"))["action"] == "roll back"
             assert json.loads(desk.run("identify", "live", "--accept", "--upload", "--json"))["phase"] == "accepted"
             assert bus.ask(UPLOAD, None, Upload).model != ArmParameters()

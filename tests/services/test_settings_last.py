@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -85,7 +85,7 @@ class Loop:
         device.answered.append(device.settings)
         return Voltages(sensors.sequence, sensors.time, (1.0, 0.0, 0.0, 0.0), False)
 
-    def restart(self, sensors: Sensors) -> None:
+    def restart(self, samples: Sequence[Sensors]) -> None:
         self._alive()
 
     def last_angles(self) -> Triple | None:
@@ -215,7 +215,8 @@ def test_settings_that_cannot_be_written_are_kept_in_memory_until_they_can(tmp_p
 
 def test_confirmed_settings_are_in_force_before_the_arm_moves(desk: Desk, tmp_path: Path) -> None:
     history = str(tmp_path / "history.jsonl")
-    desk.up("--detach", "--pace", "lockstep", "--simulation", "--history", history, "--seed", "2")
+    options = ("--law", "computed_torque", "--simulation", "--history", history)
+    desk.up("--detach", "--pace", "lockstep", "--seed", "2", *options)
     with join("cell") as bus:
         watch = Watch(bus, desk)
         for words in (("gains", "--kp", "260", "500", "300"), ("target", "--time", "3")):

@@ -42,7 +42,8 @@ def started() -> Iterator[Desk]:
     """A cell with the simulation service, shared: starting it takes longer than all that one test does to it."""
     with new_desk() as desk:
         history = str(desk.folder / "history.jsonl")
-        desk.up("--detach", "--pace", "lockstep", "--simulation", "--history", history, "--seed", "2")
+        options = ("--law", "computed_torque", "--simulation", "--history", history)
+        desk.up("--detach", "--pace", "lockstep", "--seed", "2", *options)
         yield desk
 
 

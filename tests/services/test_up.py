@@ -13,6 +13,7 @@ import pytest
 from dtwin.emulation.faults import parse_fault
 from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell
+from dtwin.run.options import ControlOptions
 from dtwin.run.recording import read_log
 from dtwin.run.settings import CellSettings
 from dtwin.signals import BoxCounts
@@ -28,7 +29,9 @@ def test_lockstep_over_zenoh_logs_what_a_headless_run_logs(desk: Desk, tmp_path:
     options = ["--seed", "5", "--noise", "0.003", "--fault", "D1*=1.5@9"]
     said = desk.up("--pace", "lockstep", "--duration", str(DURATION), *options, "--log", str(log), "--json")
     summary = json.loads(said)
-    cell = Cell(CellSettings(DURATION, 5, 0.003, faults=(parse_fault("D1*=1.5@9"),)))
+    cell = Cell(
+        CellSettings(DURATION, 5, 0.003, faults=(parse_fault("D1*=1.5@9"),), control=ControlOptions().control())
+    )
     cell.run()
     cell.log.freeze().write_parquet(headless)
     assert log.read_bytes() == headless.read_bytes()
