@@ -116,6 +116,8 @@ def test_a_signal_ends_a_cell_that_finds_no_router(desk: Desk, tmp_path: Path, n
         (["--duration", "0"], "duration"),
         (["--log", "/nowhere/run.parquet"], "/nowhere/run.parquet"),
         (["--mjcf", "nowhere.xml"], "nowhere.xml"),
+        (["--seed", "-1"], "seed: expected a whole number"),
+        (["--noise", "-1"], "noise: expected a finite magnitude"),
         (["--step", "0.003"], "step"),
     ],
 )
