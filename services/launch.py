@@ -115,7 +115,7 @@ class CellOptions(PlantOptions, ControlOptions):
             )
 
     def _check_plant(self) -> None:
-        """Has the emulated cell made once in a process of its own, if it differs in more than noise from the usual."""
+        """Has the emulated cell made once in a process of its own, if more than its noise is unusual."""
         check_seed(self.seed)
         check_noise(self.noise_kind, self.noise)
         if arguments(replace(self, seed=0, noise=0.0, noise_kind="uniform"), PlantOptions):
