@@ -56,8 +56,8 @@ def test_usable_candidates_keep_the_limits(found: Optimum) -> None:
 
 
 def test_equal_seeds_give_equal_results_whatever_the_processes(found: Optimum) -> None:
-    again = optimise(SMALL, (0.5, 2.5), candidates=4 * POPULATION, processes=2, seed=2)
-    assert again.scores == found.scores
+    again = optimise(SMALL, (0.5, 2.5), candidates=2 * POPULATION, processes=2, seed=2)
+    assert again.scores == found.scores[: 2 * POPULATION]
     other = optimise(SMALL, (0.5, 2.5), candidates=2 * POPULATION, processes=1, seed=3)
     assert other.scores[1:] != found.scores[1 : 2 * POPULATION]
 
