@@ -96,10 +96,12 @@ def new_desk() -> Iterator[Desk]:
     with TemporaryDirectory(ignore_cleanup_errors=True) as runtime, pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_RUNTIME_DIR", runtime)
         desk = Desk(Path(runtime))
-        yield desk
-        desk.leave()
-        for pid in desk.processes():
-            os.kill(pid, signal.SIGKILL)
+        try:
+            yield desk
+        finally:
+            desk.leave()
+            for pid in desk.processes():
+                os.kill(pid, signal.SIGKILL)
 
 
 def boxes(desk: Desk) -> BoxCounts:
