@@ -197,8 +197,6 @@ def _dispatch(arguments: list[str]) -> int:
             return 0
     elif name not in COMMANDS:
         raise DtwinError(f"unknown command {name!r}: expected {choices(under or COMMANDS)}")
-    # All matrices here are small: threads of the linear algebra would only fight over the cores.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     entry = COMMANDS[name]
     options = getattr(importlib.import_module(f"dtwin.commands.{entry.module}"), entry.options)
     command = entry.read(options, f"dtwin {name}", arguments[words:])

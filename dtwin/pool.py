@@ -7,14 +7,13 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from types import TracebackType
-from typing import Final, TypeVar
+from typing import TypeVar
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 Progress = Callable[[int, int], None]
 """told the numbers of items done and in all"""
-_THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class Workers:
@@ -29,7 +28,7 @@ class Workers:
         self._pool: ProcessPoolExecutor | None = None
         if self.count > 1:
             # Forking would copy whatever threads hold; a fresh process loads the compiled twin in a second.
-            self._pool = ProcessPoolExecutor(self.count, multiprocessing.get_context("spawn"), _one_thread)
+            self._pool = ProcessPoolExecutor(self.count, multiprocessing.get_context("spawn"))
 
     def __enter__(self) -> Workers:
         return self
@@ -76,8 +75,3 @@ def spread(
 def cores() -> int:
     """The number of cores that this process may use."""
     return len(os.sched_getaffinity(0))
-
-
-def _one_thread() -> None:
-    """Lets linear algebra of a process use one thread; more would fight over the cores of the other processes."""
-    os.environ.update(dict.fromkeys(_THREADS, "1"))

@@ -24,6 +24,8 @@ import msgspec
 from dtwin.bus.opening import has_certificates, open_configured, open_peer
 from dtwin.bus.session import Bus
 from dtwin.bus.signature import new_key
+from dtwin.emulation.encoders import check_noise
+from dtwin.emulation.generators import check_seed
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.files import ensure_writable
 from dtwin.identification.store import STORE
@@ -113,10 +115,11 @@ class CellOptions(PlantOptions, ControlOptions):
             )
 
     def _check_plant(self) -> None:
-        """Has the emulated cell made once in a process of its own, unless it is the usual one."""
-        options = arguments(self, PlantOptions)
-        if options:
-            command = [sys.executable, "-m", "services.check", *options]
+        """Has the emulated cell made once in a process of its own, if more than its noise is unusual."""
+        check_seed(self.seed)
+        check_noise(self.noise_kind, self.noise)
+        if arguments(replace(self, seed=0, noise=0.0, noise_kind="uniform"), PlantOptions):
+            command = [sys.executable, "-m", "services.check", *arguments(self, PlantOptions)]
             made = subprocess.run(
                 command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=False
             )

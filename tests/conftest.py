@@ -1,6 +1,6 @@
 """Settings of hypothesis, and runs of the cell that several tests look at, made once."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 
 import pytest
@@ -18,6 +18,15 @@ settings.register_profile("dtwin", deadline=None, derandomize=True, max_examples
 settings.load_profile("dtwin")
 
 NOISE = 0.003
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_modules(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Lets the many processes that tests start find modules compiled, in a folder of this run."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPYCACHEPREFIX", str(tmp_path_factory.mktemp("compiled")))
+        patch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
+        yield
 
 
 @cache

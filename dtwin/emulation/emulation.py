@@ -16,6 +16,7 @@ from dtwin.emulation.contact.bodies import Bodies
 from dtwin.emulation.contact.boxes import BodiesState, ContactBoxes
 from dtwin.emulation.encoders import Encoders, EncodersState, NoiseKind
 from dtwin.emulation.faults import PADS, Condition, Fault, parse_fault, schedule
+from dtwin.emulation.generators import check_seed
 from dtwin.emulation.hidden import Hidden
 from dtwin.emulation.machine.encoding import encoding_of
 from dtwin.emulation.machine.plant import MachinePlant, plant_of
@@ -23,7 +24,7 @@ from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.emulation.plant import PlantState
 from dtwin.errors import FaultError, ParameterError
 from dtwin.parameters import HANGING, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
-from dtwin.signals import LARGEST_COUNT, NO_COLOUR, BoxCounts, Event, EventKind, Sensors, Truth, Voltages
+from dtwin.signals import NO_COLOUR, BoxCounts, Event, EventKind, Sensors, Truth, Voltages
 
 _NEVER = 2**62
 _ROUNDING = 1e-6
@@ -89,8 +90,7 @@ class Emulation:
         model_file: Path = MODEL_FILE,
         step: float = PHYSICS_STEP,
     ) -> None:
-        if not 0 <= seed <= LARGEST_COUNT:
-            raise ParameterError(f"seed: expected a whole number from 0 to {LARGEST_COUNT} (2^63 - 1), got {seed}")
+        check_seed(seed)
         if not all(map(math.isfinite, theta)):
             raise ParameterError(f"start angles: expected three finite numbers, got {theta}")
         made = machine.arm(parameters or ArmParameters())

@@ -38,6 +38,18 @@ class EncoderFaults:
 HEALTHY: Final = EncoderFaults()
 
 
+def check_noise(kind: NoiseKind, magnitude: float) -> None:
+    """Checks a kind of encoder noise and its magnitude (rad).
+
+    Raises:
+        ParameterError: the kind is unknown, or the magnitude is negative or not finite.
+    """
+    if kind not in NOISE_KINDS:
+        raise ParameterError(f"noise kind {kind!r}: expected {choices(NOISE_KINDS)}")
+    if not (math.isfinite(magnitude) and magnitude >= 0):
+        raise ParameterError(f"noise: expected a finite magnitude of at least 0 rad, got {magnitude}")
+
+
 class EncodersState(msgspec.Struct, frozen=True):
     """What the next measurements depend on, beside the faults.
 
@@ -75,10 +87,7 @@ class Encoders:
         generator: np.random.Generator,
         encoding: Encoding | None = None,
     ) -> None:
-        if kind not in NOISE_KINDS:
-            raise ParameterError(f"noise kind {kind!r}: expected {choices(NOISE_KINDS)}")
-        if not (math.isfinite(magnitude) and magnitude >= 0):
-            raise ParameterError(f"noise: expected a finite magnitude of at least 0 rad, got {magnitude}")
+        check_noise(kind, magnitude)
         self._noisy = kind != "none" and magnitude > 0
         self._magnitude = magnitude
         self._generator = generator

@@ -1,12 +1,25 @@
-"""States of random generators as text, so that what follows from a generator can be brought back to the bit."""
+"""Random generators: their numbers, and their states as text, which bring back what follows to the bit."""
 
 from __future__ import annotations
 
 import json
 from typing import TYPE_CHECKING
 
+from dtwin.errors import ParameterError
+from dtwin.signals import LARGEST_COUNT
+
 if TYPE_CHECKING:
     import numpy as np
+
+
+def check_seed(seed: int) -> None:
+    """Checks the number of random generators.
+
+    Raises:
+        ParameterError: it is out of range.
+    """
+    if not 0 <= seed <= LARGEST_COUNT:
+        raise ParameterError(f"seed: expected a whole number from 0 to {LARGEST_COUNT} (2^63 - 1), got {seed}")
 
 
 def generator_state(generator: np.random.Generator) -> str:

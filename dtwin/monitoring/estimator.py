@@ -145,7 +145,7 @@ class Estimator:
         """Carries the estimate over one period with a command (3,) V held, its torques in doubt by so much (N m)."""
         if gripped != self.gripped:
             self._hold(gripped)
-        u = np.clip(volts, -VOLTAGE_LIMIT, VOLTAGE_LIMIT)
+        u = np.minimum(np.maximum(volts, -VOLTAGE_LIMIT), VOLTAGE_LIMIT)
         u[np.abs(u) < _LEAST_VOLTS] = _LEAST_VOLTS
         x = self.x
         moved = self._moved_loaded if gripped else self._moved_empty
@@ -190,8 +190,8 @@ class Estimator:
 
     def expected(self) -> tuple[Array, Array]:
         """The readings as they are expected now, (3,), and their standard deviations about that, (3,), rad."""
-        P, angle, bias = self.P, np.arange(3), np.arange(BIAS, DRIFT)
-        variance = P[angle, angle] + 2.0 * P[angle, bias] + P[bias, bias] + self._noise
+        angle, bias = self.P[:3], self.P[BIAS:DRIFT]
+        variance = angle.diagonal() + 2.0 * angle.diagonal(BIAS) + bias.diagonal(BIAS) + self._noise
         return self.x[:W] + self.x[BIAS:DRIFT], np.sqrt(variance)
 
     def set_noise(self, deviation: Array) -> None:

@@ -42,6 +42,8 @@ _DOUBT: Final = 0.1
 """N m/V, further doubt where the commands before and after differ"""
 _UNSETTLED: Final = 10
 """samples after one that did not arrive that are no evidence: how wrong the guess was is not known well"""
+_FREEZES: Final = tuple((fault.joint - 1, str(fault), fault) for fault in faults(FREEZE))
+"""Indices of the encoders, and names of what is wrong with them when they have stopped."""
 _LEAST_LIKELY: Final = -1e4
 """log-likelihood of a sample that cannot be: the arm as believed has nothing to do with it any more"""
 
@@ -373,7 +375,8 @@ class Monitor:
         """Which readings of the sample that has arrived are measurements."""
         trusted = isinstance(self._mode, Watching | Settling) and not self._readings.unheard
         used = self._readings.judge(*self.estimator.expected(), trusted)
-        for i in np.flatnonzero(self._readings.spikes).tolist():
+        spikes = self._readings.spikes
+        for i in np.flatnonzero(spikes).tolist() if spikes.any() else ():
             self.findings.note(
                 self.time - PERIOD, "spike", f"one reading of joint {i + 1} was far off and is left out"
             )
@@ -382,8 +385,7 @@ class Monitor:
     def _watch_readings(self) -> None:
         """Enters encoders that have stopped, and ends what is said of those that work again."""
         readings = self._readings
-        for fault in faults(FREEZE):
-            i, name = fault.joint - 1, str(fault)
+        for i, name, fault in _FREEZES:
             count = int(readings.repeated[i])
             if readings.frozen[i] and name not in self.findings.current:
                 self.findings.enter(self.time, finding(fault, self.time - count * PERIOD, self.time))

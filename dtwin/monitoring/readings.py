@@ -68,6 +68,7 @@ class Readings:
     def __init__(self, noise: Triple) -> None:
         self._deviation = np.array(noise)
         self._told = self._deviation
+        self._unweighed = True
         self._heard: list[Array] = []
         self._noisy = self._deviation > NOISE_FLOOR
         self._steps = np.zeros(3, dtype=int)
@@ -145,6 +146,10 @@ class Readings:
                 self._noisy = np.maximum(heard, self._deviation) > NOISE_FLOOR
                 louder = heard > _NOISIER * np.maximum(self._deviation, NOISE_FLOOR)
                 self._deviation = np.where(louder, heard, self._deviation)
+                self._unweighed = True
+        if not self._unweighed:
+            return None
+        self._unweighed = False
         known = self._steps >= _TELLING
         total = np.hypot(self._deviation, np.where(known, self.resolution, 0.0) / math.sqrt(12.0))
         ratio = np.maximum(total, NOISE_FLOOR) / np.maximum(self._told, NOISE_FLOOR)
@@ -156,8 +161,11 @@ class Readings:
 
     def _learn(self, steps: Array) -> None:
         """The resolution divides all steps, (3,) rad, of which the first ones tell it."""
+        if self._steps.min() >= _JUDGED:
+            return
         telling = (steps > 0.0) & (steps < COARSEST) & (self._steps < _JUDGED)
         for i in np.flatnonzero(telling):
+            self._unweighed = True
             self._steps[i] += 1
             self._divisor[i] = _common_divisor(self._divisor[i], steps[i])
             if self._steps[i] >= _TELLING:

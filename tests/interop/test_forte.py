@@ -62,8 +62,8 @@ def assert_same_run(one: Log, other: Log) -> None:
     assert np.abs(one.stack("volts") - other.stack("volts")).max() <= SAME
 
 
-def test_120_seconds_of_pick_and_place_are_the_same(served: DeployedApplication) -> None:
-    settings = CellSettings(duration=120.0, seed=1, noise=0.001)
+def test_a_minute_of_pick_and_place_is_the_same(served: DeployedApplication) -> None:
+    settings = CellSettings(duration=60.0, seed=1, noise=0.001)
     alone = Cell(settings)
     alone.run()
     with controller(served) as remote:
@@ -71,13 +71,13 @@ def test_120_seconds_of_pick_and_place_are_the_same(served: DeployedApplication)
         cell.run()
     log = cell.log.freeze()
     assert_same_run(log, alone.log.freeze())
-    assert cell.summary(log).boxes.delivered > 3
+    assert cell.summary(log).boxes.delivered > 1
 
 
-def test_120_seconds_under_the_cascade_are_the_same(served: DeployedApplication) -> None:
+def test_a_minute_under_the_cascade_is_the_same(served: DeployedApplication) -> None:
     control = ControlSettings(gains=USUAL_GAINS["cascade"], law="cascade")
     served.deploy(settings=control)
-    settings = CellSettings(duration=120.0, seed=2, noise=0.001, control=control)
+    settings = CellSettings(duration=60.0, seed=2, noise=0.001, control=control)
     alone = Cell(settings)
     alone.run()
     with controller(served, control) as remote:
@@ -85,7 +85,7 @@ def test_120_seconds_under_the_cascade_are_the_same(served: DeployedApplication)
         cell.run()
     log = cell.log.freeze()
     assert_same_run(log, alone.log.freeze())
-    assert cell.summary(log).boxes.delivered > 3
+    assert cell.summary(log).boxes.delivered > 1
 
 
 @needs_forte

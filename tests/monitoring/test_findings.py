@@ -36,7 +36,7 @@ def test_what_no_hypothesis_explains_is_said_once_and_ends_when_the_arm_moves_as
 
 
 def test_what_no_hypothesis_explains_lasts_as_long_as_it_shows(belief: Belief, run_cell: Callable[..., Log]) -> None:
-    monitor = watched(belief, run_cell(80.0, 3, "l2*=1.1@31"))
+    monitor = watched(belief, run_cell(45.0, 3, "l2*=1.1@31"))
     assert list(monitor.findings.current) == ["unknown2"]
     assert monitor.findings.current["unknown2"].since == pytest.approx(31.0, abs=0.05)
     assert monitor.events[-1].time < 36.0

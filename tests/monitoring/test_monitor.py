@@ -54,7 +54,7 @@ def test_faults_are_found_named_and_sized(fault: str, largest_error: float | Non
 def test_normal_work_raises_no_alarm_however_finely_it_is_emulated(
     step: float, belief: Belief, run_cell: Callable[..., Log]
 ) -> None:
-    monitor = followed(belief, stream(run_cell(90.0, 8, step=step)))
+    monitor = followed(belief, stream(run_cell(60.0, 8, step=step)))
     assert monitor.events == []
     verdict = monitor.verdict()
     assert {unit.state for unit in verdict.units.values()} == {"nominal"}

@@ -55,7 +55,7 @@ def monitored(
 
 @pytest.mark.parametrize(("bits", "noise", "seed"), [(10, 0.0, 0), (12, 0.3, 1), (14, 0.0, 2), (16, 1.0, 0)])
 def test_a_healthy_arm_with_such_encoders_raises_no_alarm(bits: int, noise: float, seed: int) -> None:
-    monitor = monitored(bits, seed, 120.0, noise)
+    monitor = monitored(bits, seed, 60.0, noise)
     assert monitor.history == []
     assert [event.kind for event in monitor.events if event.kind != "spike"] == []
 

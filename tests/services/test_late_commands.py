@@ -1,6 +1,7 @@
 """A bridge that is late now and then: trouble with the timing is no fault of the arm."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import islice
 from queue import Empty, SimpleQueue
 
 import numpy as np
@@ -19,18 +20,23 @@ from dtwin.signals import Sensors, Voltages
 from services.monitoring import UNHEARD
 from tests.support.by_hand import ByHand
 
-TICKS = 20_000
+TICKS = 12_000
+ONSET = 4_000
+"""tick of a fault"""
 EVERY = 100
 """ticks between two times at which the bridge is held for two"""
 
 
-def traffic(*faults: str) -> Iterator[Sensors | Voltages | Acted]:
+Traffic = Iterable[Sensors | Voltages | Acted]
+
+
+def traffic(ticks: int, *faults: str) -> Iterator[Sensors | Voltages | Acted]:
     """Samples, commands and what acted instead of them: in turn two commands come late together, or never."""
     plant = Emulation(seed=3, faults=[parse_fault(fault) for fault in faults])
     controller = EmbeddedController()
     in_force = Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), False)
     delayed: list[Voltages] = []
-    for tick in range(TICKS):
+    for tick in range(ticks):
         sensors = plant.read()
         yield sensors
         if tick > EVERY and tick % EVERY < 2:
@@ -46,7 +52,12 @@ def traffic(*faults: str) -> Iterator[Sensors | Voltages | Acted]:
         plant.advance(PERIOD)
 
 
-def monitored(messages: Iterator[Sensors | Voltages | Acted]) -> Monitor:
+@pytest.fixture(scope="module")
+def healthy() -> list[Sensors | Voltages | Acted]:
+    return list(traffic(TICKS))
+
+
+def monitored(messages: Traffic) -> Monitor:
     monitor, ticks = Monitor(assumed(ArmParameters(), UNHEARD)), Ticks()
     for message in messages:
         for sensors, acted in ticks.take(message):
@@ -55,23 +66,24 @@ def monitored(messages: Iterator[Sensors | Voltages | Acted]) -> Monitor:
     return monitor
 
 
-def test_late_and_missing_commands_are_no_fault() -> None:
-    monitor = monitored(traffic())
+def test_late_and_missing_commands_are_no_fault(healthy: Traffic) -> None:
+    monitor = monitored(healthy)
     assert monitor.events == []
     assert monitor.missed == 0
     assert monitor.sample == TICKS - 2
 
 
-def test_without_what_acted_they_would_be() -> None:
-    monitor = monitored(message for message in traffic() if not isinstance(message, Acted))
+def test_without_what_acted_they_would_be(healthy: Traffic) -> None:
+    monitor = monitored(message for message in islice(healthy, 30 * EVERY) if not isinstance(message, Acted))
     assert monitor.history
 
 
 @pytest.mark.parametrize("fault", ["K2*=0.5", "D1*=2"])
 def test_a_fault_is_found_all_the_same(fault: str) -> None:
-    monitor = monitored(traffic(f"{fault}@100"))
+    onset = PERIOD * ONSET
+    monitor = monitored(traffic(2 * ONSET, f"{fault}@{onset:g}"))
     assert {(finding.cause, finding.joint) for finding in monitor.history} == {true_cause(fault)}
-    assert 100.0 < monitor.history[0].detected < 130.0
+    assert onset < monitor.history[0].detected < onset + 30.0
 
 
 PICKUP = (-0.6699, -1.5931, 2.2630)

@@ -50,7 +50,8 @@ def test_a_cell_is_started_watched_set_and_stopped(desk: Desk, tmp_path: Path) -
     assert "is up already" in desk.up(status=2)
     assert "is up already" in desk.up("--detach", status=2)
     until(lambda: desk.summary()["ticks"] > 100, "the cell runs in real time")
-    summary = desk.summary()
+    summary = json.loads(desk.run("status", "--json"))
+    assert summary.keys() == desk.summary().keys()
     assert {service["state"] for service in summary["services"].values()} == {"running"}
     assert summary["latency_ms"]["p50"] < 10
     lines = desk.run("watch", "--count", "6").splitlines()
@@ -119,6 +120,8 @@ def test_a_signal_ends_a_cell_that_finds_no_router(desk: Desk, tmp_path: Path, n
         (["--duration", "0"], "duration"),
         (["--log", "/nowhere/run.parquet"], "/nowhere/run.parquet"),
         (["--mjcf", "nowhere.xml"], "nowhere.xml"),
+        (["--seed", "-1"], "seed: expected a whole number"),
+        (["--noise", "-1"], "noise: expected a finite magnitude"),
         (["--step", "0.003"], "step"),
     ],
 )

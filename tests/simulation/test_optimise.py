@@ -31,14 +31,14 @@ SMALL = Objective(ControlSettings(), scenarios_for(RED[1:], ARM, (0.2, 0.2)))
 
 @pytest.fixture(scope="module")
 def found() -> Optimum:
-    return optimise(SMALL, (0.5, 2.5), candidates=4 * POPULATION, processes=1, seed=2)
+    return optimise(SMALL, (0.5, 2.5), candidates=3 * POPULATION, processes=1, seed=2)
 
 
 def test_the_best_is_better_than_what_is_in_use(found: Optimum) -> None:
     assert found.reference.cost == pytest.approx(1.0)
     assert found.best.cost < 0.8
     assert found.best.terms["time"] < 0.8 * found.reference.terms["time"]
-    assert len(found.scores) == 4 * POPULATION
+    assert len(found.scores) == 3 * POPULATION
     assert found.best.cost == min(each.cost for each in found.scores)
 
 
@@ -56,8 +56,8 @@ def test_usable_candidates_keep_the_limits(found: Optimum) -> None:
 
 
 def test_equal_seeds_give_equal_results_whatever_the_processes(found: Optimum) -> None:
-    again = optimise(SMALL, (0.5, 2.5), candidates=4 * POPULATION, processes=2, seed=2)
-    assert again.scores == found.scores
+    again = optimise(SMALL, (0.5, 2.5), candidates=2 * POPULATION, processes=2, seed=2)
+    assert again.scores == found.scores[: 2 * POPULATION]
     other = optimise(SMALL, (0.5, 2.5), candidates=2 * POPULATION, processes=1, seed=3)
     assert other.scores[1:] != found.scores[1 : 2 * POPULATION]
 

@@ -1,6 +1,5 @@
 """A user's desk: dtwin commands with a runtime folder of their own, and the processes they have started."""
 
-import json
 import os
 import signal
 import subprocess
@@ -15,6 +14,7 @@ from typing import Any
 import msgspec
 import pytest
 
+from dtwin.bus.messages import SUMMARY, Summary
 from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
 from dtwin.cli import main
@@ -30,6 +30,7 @@ class Desk:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self._joined: tuple[str, Bus] | None = None
 
     def up(self, *words: str, status: int = 0) -> str:
         """Runs `dtwin up` as a process and returns what it said."""
@@ -46,8 +47,19 @@ class Desk:
         return (out if status == 0 else err).getvalue()
 
     def summary(self) -> dict[str, Any]:
-        found: dict[str, Any] = json.loads(self.run("status", "--json"))
+        """What `dtwin status --json` prints, asked for on one session as long as the cell is up."""
+        meet = runfile.require("cell").meet
+        if self._joined is None or self._joined[0] != meet:
+            self.leave()
+            self._joined = meet, runfile.join("cell")
+        found: dict[str, Any] = msgspec.to_builtins(self._joined[1].ask(SUMMARY, None, Summary))
         return found
+
+    def leave(self) -> None:
+        """Leaves the cell, if it was joined."""
+        if self._joined is not None:
+            self._joined[1].close()
+            self._joined = None
 
     def processes(self) -> dict[int, str]:
         """The command lines of the supervisors and services of this desk, by process id."""
@@ -84,9 +96,12 @@ def new_desk() -> Iterator[Desk]:
     with TemporaryDirectory(ignore_cleanup_errors=True) as runtime, pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_RUNTIME_DIR", runtime)
         desk = Desk(Path(runtime))
-        yield desk
-        for pid in desk.processes():
-            os.kill(pid, signal.SIGKILL)
+        try:
+            yield desk
+        finally:
+            desk.leave()
+            for pid in desk.processes():
+                os.kill(pid, signal.SIGKILL)
 
 
 def boxes(desk: Desk) -> BoxCounts:

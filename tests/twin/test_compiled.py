@@ -3,7 +3,9 @@
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Final
 
 import pytest
 
@@ -16,54 +18,60 @@ def twice(x):
 
 print(twice(21.0), *twice.stats.cache_hits.values())
 """
+HARM: Final[dict[str, Callable[[bytes], bytes]]] = {
+    "cut": lambda content: content[: len(content) // 2],
+    "changed": lambda content: content[: (k := len(content) // 2)] + bytes([content[k] ^ 0xFF]) + content[k + 1 :],
+    "empty": lambda content: b"",
+}
+"""What becomes of the content of a file."""
 
 
-def run(folder: Path, **variables: str) -> list[str]:
-    """The result of the kernel and how often it was found, in a new process."""
+def run(folder: Path, *names: str, **variables: str) -> list[list[str]]:
+    """The results of the kernels of some modules and how often each was found, in a new process."""
     done = subprocess.run(
-        [sys.executable, str(folder / "kernels.py")],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), **variables},
+        [sys.executable, "-c", f"import {', '.join(names)}"],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), *sys.path]), **variables},
         capture_output=True,
         text=True,
         timeout=60,
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    return done.stdout.split()
+    return [line.split() for line in done.stdout.splitlines()]
+
+
+def write_kernels(folder: Path, *names: str) -> None:
+    """Writes a module with a kernel under every name."""
+    for name in names:
+        (folder / f"{name}.py").write_text(SOURCE)
+
+
+def test_damaged_files_are_made_anew(tmp_path: Path) -> None:
+    damaged = {f"{how}_{suffix}": (how, suffix) for how in HARM for suffix in ("nbi", "nbc")}
+    names = [*damaged, "whole"]
+    write_kernels(tmp_path, *names)
+    assert run(tmp_path, *names) == [["42.0"]] * 7
+    for name, (how, suffix) in damaged.items():
+        (file,) = (tmp_path / "__pycache__").glob(f"{name}.*.{suffix}")
+        file.write_bytes(HARM[how](file.read_bytes()))
+    again = dict(zip(names, run(tmp_path, *names), strict=True))
+    assert again.pop("whole") == ["42.0", "1"]
+    assert again == {name: ["42.0"] for name in damaged}
+    assert run(tmp_path, *names) == [["42.0", "1"]] * 7
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    (tmp_path / "kernels.py").write_text(SOURCE)
+    write_kernels(tmp_path, "kernels")
     return tmp_path
-
-
-def damage(file: Path) -> None:
-    content = bytearray(file.read_bytes())
-    content[len(content) // 2] ^= 0xFF
-    file.write_bytes(content)
-
-
-@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
-@pytest.mark.parametrize("how", ["cut", "changed", "empty"])
-def test_a_damaged_file_is_made_anew(folder: Path, suffix: str, how: str) -> None:
-    assert run(folder) == ["42.0"]
-    assert run(folder) == ["42.0", "1"]
-    (file,) = (folder / "__pycache__").glob(f"*.{suffix}")
-    if how == "changed":
-        damage(file)
-    else:
-        file.write_bytes(b"" if how == "empty" else file.read_bytes()[: file.stat().st_size // 2])
-    assert run(folder) == ["42.0"]
-    assert run(folder) == ["42.0", "1"]
 
 
 def test_a_folder_that_cannot_be_written_has_its_code_in_the_users_cache(folder: Path) -> None:
     (folder / "__pycache__").write_text("in the way")
     cache = folder / "home" / ".cache"
     variables = {"XDG_CACHE_HOME": str(cache), "HOME": str(folder / "home")}
-    assert run(folder, **variables) == ["42.0"]
-    assert run(folder, **variables) == ["42.0", "1"]
+    assert run(folder, "kernels", **variables) == [["42.0"]]
+    assert run(folder, "kernels", **variables) == [["42.0", "1"]]
     assert list(cache.rglob("*.nbc"))
 
 
@@ -71,5 +79,5 @@ def test_without_any_folder_every_process_compiles(folder: Path) -> None:
     (folder / "__pycache__").write_text("in the way")
     (folder / "home").write_text("in the way")
     variables = {"XDG_CACHE_HOME": str(folder / "home"), "HOME": str(folder / "home")}
-    assert run(folder, **variables) == ["42.0"]
-    assert run(folder, **variables) == ["42.0"]
+    assert run(folder, "kernels", **variables) == [["42.0"]]
+    assert run(folder, "kernels", **variables) == [["42.0"]]
