@@ -194,8 +194,8 @@ def test_the_running_arm_is_identified(controller: str, desk: Desk, tmp_path: Pa
 def test_sending_the_same_settings_again_changes_no_voltage(controller: str, desk: Desk, tmp_path: Path) -> None:
     options = ["--controller", controller, "--pace", "lockstep", "--duration", "12", "--seed", "3", "--json"]
     disturbed = tmp_path / "disturbed.parquet"
-    # Over the bus it is the same, byte for byte.
-    quiet = Cell(CellSettings(duration=12.0, seed=3, control=ControlOptions().control()))
+    control = ControlOptions().control()
+    quiet = Cell(CellSettings(duration=12.0, seed=3, control=control))  # over the bus it is the same, byte for byte
     quiet.run()
     command = [sys.executable, "-m", "dtwin", "up", *options, "--log", str(disturbed)]
     sent = 0
@@ -203,8 +203,8 @@ def test_sending_the_same_settings_again_changes_no_voltage(controller: str, des
     until(lambda: (up := runfile.find("cell")) is not None and up.ready, "the cell is up")
     with desk.join_as_service() as bus, suppress(CommunicationError):  # at its end nobody answers
         while process.poll() is None:
-            bus.ask(SETTINGS, SettingsRequest(Gains(), 2.0), SettingsInForce, 1.0)
-            bus.ask(SETTINGS, SettingsRequest(model=ArmParameters()), SettingsInForce, 1.0)
+            bus.ask(SETTINGS, SettingsRequest(control.gains, control.target_time), SettingsInForce, 1.0)
+            bus.ask(SETTINGS, SettingsRequest(model=control.model), SettingsInForce, 1.0)
             sent += 1
     assert process.wait(60.0) == 0
     assert sent > 10
