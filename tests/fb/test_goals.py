@@ -68,7 +68,7 @@ def test_a_goal_is_taken_if_it_is_within_all_limits(goal: Triple, floor: float) 
     ("start", "goal", "reason"),
     [
         (HANGING, "before pickup", 0),
-        (HANGING, "midway", 3),
+        (HANGING, "behind", 3),
         (UNDER_THE_BELT, "before pickup", 3),
         (PICKUP.theta, "above pickup", 0),
         (PLACES["red"].theta, "green", 3),
@@ -76,7 +76,16 @@ def test_a_goal_is_taken_if_it_is_within_all_limits(goal: Triple, floor: float) 
 )
 def test_a_careful_path_is_refused_when_something_is_in_the_way(start: Triple, goal: str, reason: int) -> None:
     planner = Driven("PATH_PLANNER")
-    planner.fire("TARGET", DESTINATION=goal, CAREFUL=True, VIA=True, **triple("THETA", start))
+    planner.fire("TARGET", DESTINATION=goal, CAREFUL=1, VIA=True, **triple("THETA", start))
+    assert planner["REASON"] == reason
+
+
+@pytest.mark.parametrize(("careful", "goal", "reason"), [(1, "above green", 3), (2, "above green", 0), (2, "red", 3)])
+def test_an_arm_may_leave_what_it_lies_on(careful: int, goal: str, reason: int) -> None:
+    first, second, third = PLACES["green"].theta
+    lying = (first - 0.085, second, third)
+    planner = Driven("PATH_PLANNER")
+    planner.fire("TARGET", DESTINATION=goal, CAREFUL=careful, VIA=True, **triple("THETA", lying))
     assert planner["REASON"] == reason
 
 
@@ -105,7 +114,7 @@ def test_an_arm_that_knows_no_way_stands_and_calls_for_help_until_it_is_elsewher
     (call,) = arm.blocks.drain_events()
     assert call.text == CALLS[2]
     arm.theta = (-1.7, 0.2, 0.0)  # moved by hand; a jump of two joints by 0.5 rad would be another arm
-    arm.run(150, follows=False)
+    arm.run(400, follows=False)
     arm.run(1500)
     assert arm.theta == PICKUP.theta
     assert [event.text for event in arm.blocks.drain_events()] == [CALLS[0]]
