@@ -55,7 +55,7 @@ HELP: Final = "SEQUENCE.HELP"
 CALLS: Final = (
     "the sequence goes on without help",
     "help: the waiting box could not be gripped twice, or two were lost in a row; take it away",
-    "help: no way out of this pose is known on which nothing is touched; move the arm by hand",
+    "help: no way out of this pose is known on which nothing is touched; move the arm without torque and release it",
     "help: the next point is beyond the range of a joint",
     "help: the next point is too low",
 )
