@@ -73,6 +73,7 @@ class EventKind(StrEnum):
     IDENTIFICATION = "identification"
     OPERATOR = "operator"
     DISK = "disk"
+    HELP = "help"
 
 
 MONITOR: Final = "monitor_"

@@ -36,8 +36,9 @@ from dtwin.bus.messages import (
     SignalRequest,
     State,
 )
-from dtwin.controller.device import ControlLoop, SafeStop, Settings
+from dtwin.controller.device import ControlLoop, Outcome, SafeStop, Settings
 from dtwin.controller.ports import MODEL, TUNING
+from dtwin.controller.sequence import CALLS, SEQUENCES, SequenceName, SequenceSettings
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, ParameterError, RecordingError
 from dtwin.iec61499.net.address import StreamAddress, parse_stream_address
@@ -60,6 +61,8 @@ FIRST_PATIENCE: Final = 15.0
 """The same before the first controller, which starts beside all other services, s."""
 GAP: Final = round(STALE / PERIOD)
 """Number of ticks without an answer after which the path is planned anew."""
+LISTEN: Final = 10
+"""Number of ticks after which a call for help is looked for, if nobody wants to know the path of every tick."""
 S = TypeVar("S")
 
 
@@ -71,6 +74,8 @@ class Options(Link):
     """HOST:PORT or unix:FOLDER/PORT of the controller's device management."""
     lossless: bool = False
     """Wait for slow subscribers, as a lockstep run wants it."""
+    sequence: SequenceName = "straight"
+    """Sequence in which boxes are fetched; a controller gets it before it answers a sample."""
     state: FilePath | None = None
     """File of the settings in force; a controller that starts again gets those of this file."""
 
@@ -78,18 +83,22 @@ class Options(Link):
         address = parse_stream_address(self.controller)
         state = StateFile(self.state)
         with Service(NAME, self) as service:
-            Bridge(service, address, state, self.lossless).run()
+            Bridge(service, address, state, self.lossless, SEQUENCES[self.sequence]).run()
         return 0
 
 
 class Bridge:
     """Answers samples while there is a controller, and looks for one while there is none."""
 
-    def __init__(self, service: Service, address: StreamAddress, state: StateFile, lossless: bool) -> None:
+    def __init__(
+        self, service: Service, address: StreamAddress, state: StateFile, lossless: bool, sequence: SequenceSettings
+    ) -> None:
         bus = service.bus
         self._service = service
         self._address = address
         self._state = state
+        self._sequence = sequence
+        self._help = 0
         self._controller: ControlLoop | None = None
         self._try_at = 0.0
         self._looking_since = math.inf
@@ -164,8 +173,8 @@ class Bridge:
                     controller.answer(step)
             command = controller.answer(sensors)
             self._publish(command)
-            if self._publish_path.wanted:
-                self._publish_path(Path(sensors.sequence, sensors.time, controller.path()))
+            if self._publish_path.wanted or sensors.sequence % LISTEN == 0:
+                self._tell_outcome(sensors, controller.outcome())
         except CommunicationError as error:
             log.warning("%s", error)
             controller.close()
@@ -174,6 +183,15 @@ class Bridge:
             return
         self._last, self._before = command, sensors
         self._answered += 1
+
+    def _tell_outcome(self, sensors: Sensors, outcome: Outcome) -> None:
+        """Publishes the path, and an event when the sequence calls for help, or no longer does."""
+        if self._publish_path.wanted:
+            self._publish_path(Path(sensors.sequence, sensors.time, outcome.path))
+        if outcome.help != self._help:
+            self._help = outcome.help
+            log.warning("%s", CALLS[self._help])
+            self._tell(Event(sensors.time, EventKind.HELP, CALLS[self._help]))
 
     def _take_over(self, controller: ControlLoop, sensors: Sensors) -> None:
         """Goes on where an earlier bridge was, as far as the application tells; one that is new tells nothing."""
@@ -229,6 +247,7 @@ class Bridge:
         Raises:
             DtwinError: the controller does not take them, or has others that cannot be changed while it runs.
         """
+        given = settings.put_sequence(self._sequence)
         found = settings.in_force()
         kept = self._state.settings
         if kept is None:
@@ -244,7 +263,7 @@ class Bridge:
                 f"{self._address}: expected the settings of this run, got others of {', '.join(sorted(other))}: "
                 "deploy the application with the options of this run"
             )
-        if lost:
+        if lost := lost | given:
             text = f"the controller has got its settings again: {', '.join(sorted(lost))}"
             log.info("%s", text)
             self._tell(Event(self._time(), EventKind.RESTORED, text[:1000]))

@@ -6,7 +6,6 @@ import sys
 from dataclasses import dataclass
 from typing import Final
 
-from dtwin.errors import ParameterError
 from dtwin.run.emulate import emulate
 from dtwin.run.options import PlantOptions
 from services.service import main
@@ -19,13 +18,7 @@ class Options(PlantOptions):
     """Make the emulated cell of the options, without running it."""
 
     def run(self) -> int:
-        settings = self.settings()
-        if settings.machine.contact.enabled:
-            raise ParameterError(
-                f"machine {settings.machine.name}: the line of services has no sequence for bodies that touch,"
-                " expected a machine without contact"
-            )
-        emulate(settings)
+        emulate(self.settings())
         return 0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -16,8 +16,7 @@ from dtwin.iec61499.device.embedded import EmbeddedDevice
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.server import ManagementServer
-from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.model import Block, FBNetwork, System
+from dtwin.iec61499.mapping import configured, resource_network
 from dtwin.iec61499.net.address import Address, parse_listening_address
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.run.options import ControlOptions
@@ -43,7 +42,7 @@ class Options(ControlOptions, Link):
         settings = self.control()
         with Reactor() as reactor, Service(NAME, self, wake=reactor.stop) as service:
             library = Library([self.blocks])
-            system = configured(library.load_system(self.blocks / SYSTEM), _literals(settings))
+            system = configured(library.load_system(self.blocks / SYSTEM), settings.inputs())
             device = EmbeddedDevice(reactor, library, address)
             try:
                 device.load_system(system)
@@ -63,26 +62,6 @@ class Options(ControlOptions, Link):
         return 0
 
 
-def configured(system: System, values: dict[str, str]) -> System:
-    """The system with other parameters of its blocks, by `BLOCK.INPUT`."""
-
-    def in_block(block: Block) -> Block:
-        changed = (replace(p, value=values.get(f"{block.name}.{p.name}", p.value)) for p in block.parameters)
-        return replace(block, parameters=tuple(changed))
-
-    def in_network(network: FBNetwork) -> FBNetwork:
-        return replace(network, blocks=tuple(in_block(block) for block in network.blocks))
-
-    return replace(
-        system,
-        applications=tuple(replace(a, network=in_network(a.network)) for a in system.applications),
-        devices=tuple(
-            replace(d, resources=tuple(replace(r, network=in_network(r.network)) for r in d.resources))
-            for d in system.devices
-        ),
-    )
-
-
 def deploy_cell(address: Address, settings: ControlSettings) -> None:
     """Builds the application on a device, in place of what it runs under the same name.
 
@@ -90,16 +69,12 @@ def deploy_cell(address: Address, settings: ControlSettings) -> None:
         DtwinError: the device does not answer, or refuses.
     """
     library = Library([BLOCKS])
-    system = configured(library.load_system(BLOCKS / SYSTEM), _literals(settings))
+    system = configured(library.load_system(BLOCKS / SYSTEM), settings.inputs())
     with ManagementClient(address) as client:
         for device in system.devices:
             for resource in device.resources:
                 network = resource_network(system, f"{device.name}.{resource.name}")
                 deploy(client, plan_deployment(resource.name, network, library))
-
-
-def _literals(settings: ControlSettings) -> dict[str, str]:
-    return {name: str(value) for name, value in settings.inputs().items()}
 
 
 if __name__ == "__main__":

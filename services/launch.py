@@ -34,7 +34,7 @@ from dtwin.options import arguments
 from dtwin.parameters import ROOT
 from dtwin.run.loop import tick_count
 from dtwin.run.options import ArmOptions, ControlOptions, PlantOptions
-from dtwin.run.settings import CellSettings, metadata
+from dtwin.run.settings import CellSettings, metadata, sequence_name
 from dtwin.simulation.history import HISTORY
 from dtwin.view.viewer import Ports, Viewer, free_ports
 from services import runfile
@@ -153,6 +153,7 @@ class CellOptions(PlantOptions, ControlOptions):
         if self.controller == "embedded":
             programs.append(_service("controller", [*link, "--listen", management, *arguments(self, ControlOptions)]))
         bridge = ["--controller", management, "--state", str(state_of(file)), *urgent]
+        bridge += ["--sequence", sequence_name(self.settings())]
         bridge += ["--lossless"] if self.pace != "realtime" else []
         emulator = ["--pace", self.pace, *urgent, "--journal", str(journal_of(file)), *arguments(self, PlantOptions)]
         emulator += [] if self.duration is None else ["--duration", str(self.duration)]

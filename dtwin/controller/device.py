@@ -1,17 +1,14 @@
-"""The control application on a device (4diac FORTE or the embedded runtime), through its ports.
-
-The ports at which its blocks listen are read over device management from their ID inputs. A device that does not
-answer this has them at the ports of the library.
-"""
+"""The control application on a device (4diac FORTE or the embedded runtime), through its ports."""
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from typing import Final, NamedTuple
 
+from dtwin.controller.application import Application
 from dtwin.controller.bounds import check_bounds
 from dtwin.controller.ports import (
     ARM_MODEL,
@@ -24,21 +21,17 @@ from dtwin.controller.ports import (
     SIGNAL,
     TUNING,
     VERDICT,
-    Port,
     received_voltages,
     sensor_values,
 )
+from dtwin.controller.sequence import HELP, SequenceSettings
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.management.protocol import ManagementError
-from dtwin.iec61499.net.address import StreamAddress, parse_block_id
+from dtwin.iec61499.net.address import StreamAddress
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.signals import ARM_STATES, STOPS, ArmState, Sensors, Stop, Voltages
 
-TIMEOUT: Final = 1.0
-"""Longest wait for every answer, s."""
 _SETTLING: Final = 15
 """Number of equal samples after which an observer with its usual bandwidth of 100 rad/s has forgotten a motion."""
 _READ_BACK: Final = 0.2
@@ -61,118 +54,16 @@ class PlayedSignal(NamedTuple):
     samples: int
 
 
-class Application:
-    """A management session with the device, and the addresses of its blocks.
+class Outcome(NamedTuple):
+    """What an answer comes with, beside the command.
 
-    Threads share one session, because a FORTE serves one management client at a time.
-
-    Args:
-        address: address of device management.
-
-    Raises:
-        CommunicationError: the device does not answer, or the application is not there.
+    Attributes:
+        path: desired angles of the path, rad.
+        help: number of what the sequence calls help for, in `CALLS`.
     """
 
-    def __init__(self, address: StreamAddress) -> None:
-        self._address = address
-        self._lock = threading.Lock()
-        self._management = ManagementClient(address, TIMEOUT)
-        try:
-            self._resource = self._find_resource()
-        except CommunicationError:
-            self._management.close()
-            raise
-
-    def close(self) -> None:
-        self._management.close()
-
-    @property
-    def lost(self) -> bool:
-        """Whether the management session has ended."""
-        return self._management.lost
-
-    def read(self, names: Sequence[str]) -> list[float]:
-        """Values of numeric or BOOL ports of the blocks.
-
-        Raises:
-            CommunicationError: the device does not answer, or a value is no number.
-        """
-        # One request each, so that the path is not kept waiting by a long list. A watch for each would have to be
-        # made and taken back, two requests instead of one, or would make every reading of the path longer for good.
-        texts = {}
-        for name in names:
-            with self._lock:
-                texts[name] = self._management.read(self._resource, name)
-        return self._numbers(names, texts)
-
-    def watch(self, names: Sequence[str]) -> None:
-        """Adds ports to those that `watched` reads in one request."""
-        with self._lock:
-            for name in names:
-                self._management.watch(self._resource, name)
-
-    def watched(self, names: Sequence[str]) -> list[float]:
-        """Values of watched ports in one request.
-
-        Raises:
-            CommunicationError: the device does not answer, or a value is no number.
-        """
-        with self._lock:
-            texts = self._management.watched(self._resource)
-        return self._numbers(names, texts)
-
-    def _numbers(self, names: Sequence[str], texts: Mapping[str, str]) -> list[float]:
-        try:
-            return [_number(texts[name]) for name in names]
-        except (KeyError, ValueError):
-            raise CommunicationError(f"{self._address}: expected numbers at {names}, got {texts}") from None
-
-    def connect(self, port: Port) -> BlockingClient:
-        """Connects to a SERVER block.
-
-        Raises:
-            CommunicationError: the block does not accept the connection.
-        """
-        try:
-            with self._lock:
-                number = parse_block_id(self._management.read(self._resource, f"{port.block}.ID")).port
-        except ManagementError:
-            number = port.number
-        return BlockingClient(self._address._replace(port=number), port.receives, port.sends, TIMEOUT)
-
-    def reopen(self, port: Port) -> None:
-        """On a FORTE, closes the port of a SERVER block and opens it again; no sample may be on its way meanwhile.
-
-        A FORTE takes half a message that a client left behind for the beginning of the next message, whoever sends
-        that. The embedded device keeps clients apart; it is told from a FORTE by refusing to trigger events. A FORTE
-        that closes a port while another one is in use crashes now and then.
-
-        Raises:
-            CommunicationError: the port does not open again.
-        """
-        name = port.block
-        with self._lock:
-            try:
-                self._management.trigger(self._resource, f"{name}.INIT")
-            except ManagementError as error:
-                if error.reason != "UNSUPPORTED_CMD":
-                    raise
-                return
-            self._management.reset_block(self._resource, name)
-            self._management.write(self._resource, f"{name}.QO", "FALSE")
-            self._management.trigger(self._resource, f"{name}.INIT")
-        deadline = time.monotonic() + TIMEOUT
-        while not self.read([f"{name}.QO"])[0]:
-            if time.monotonic() > deadline:
-                raise CommunicationError(f"{self._address}: {name} did not open again within {TIMEOUT:g} s")
-
-    def _find_resource(self) -> str:
-        for resource in self._management.blocks(""):
-            if any(block.name == EMULATOR.block for block in self._management.blocks(resource.name)):
-                return resource.name
-        raise CommunicationError(
-            f"{self._address}: no resource has a block {EMULATOR.block}: deploy the application first"
-        )
+    path: Triple
+    help: int
 
 
 class ControlLoop:
@@ -193,7 +84,7 @@ class ControlLoop:
         self._requesting = threading.Lock()
         with ExitStack() as opened:
             self._application = opened.enter_context(closing(Application(address)))
-            self._application.watch(PATH)
+            self._application.watch((*PATH, HELP))
             self.settings = opened.enter_context(closing(Settings(self._application)))
             self.safe_stop = opened.enter_context(closing(SafeStop(self._application)))
             self._cell = opened.enter_context(self._application.connect(EMULATOR))
@@ -253,10 +144,10 @@ class ControlLoop:
         with self._requesting, self._application.connect(REQUEST) as request:
             yield request
 
-    def path(self) -> Triple:
-        """Desired angles of the path in the last answer, rad."""
-        theta_1, theta_2, theta_3 = self._application.watched(PATH)
-        return theta_1, theta_2, theta_3
+    def outcome(self) -> Outcome:
+        """What the last answer came with, beside the command."""
+        theta_1, theta_2, theta_3, help_ = self._application.watched((*PATH, HELP))
+        return Outcome((theta_1, theta_2, theta_3), round(help_))
 
 
 class Settings:
@@ -288,6 +179,23 @@ class Settings:
         """All settings in force."""
         names = tuple(ControlSettings().inputs())
         return ControlSettings.from_inputs(dict(zip(names, self._application.read(names), strict=True)))
+
+    def put_sequence(self, sequence: SequenceSettings) -> set[str]:
+        """Gives the application the sequence of the run before it answers a sample.
+
+        Returns:
+            The names of the inputs that had other values.
+        """
+        values = sequence.inputs()
+        read = self._application.read
+        other = sequence.differing(dict(zip(values, read(tuple(values)), strict=True)))
+        for name in other:
+            self._application.write(name, values[name])
+        if left := sequence.differing(dict(zip(values, read(tuple(values)), strict=True))):
+            raise CommunicationError(
+                f"the controller does not take the sequence of this run: {', '.join(sorted(left))}"
+            )
+        return other
 
     def set_tuning(self, gains: Gains, target_time: float) -> ControlSettings:
         """Changes gains and target time (s) in one message between two ticks; returns what is in force then."""
@@ -364,7 +272,3 @@ class SafeStop:
                 raise CommunicationError(f"{client.address}: the connection is given up")
             self._client = client
         return client
-
-
-def _number(text: str) -> float:
-    return float(text == "TRUE") if text in ("TRUE", "FALSE") else float(text)

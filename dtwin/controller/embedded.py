@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dtwin.controller.ports import BLOCKS, EMULATOR, PATH, SYSTEM, sensor_values, voltages
-from dtwin.controller.sequence import STRAIGHT, SequenceSettings
+from dtwin.controller.ports import BLOCKS, EMULATOR, LAST_SAMPLE, PATH, SYSTEM, sensor_values, voltages
+from dtwin.controller.sequence import CALLS, HELP, STRAIGHT, SequenceSettings
 from dtwin.controller.settings import ControlSettings
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.parameters import Triple
-from dtwin.signals import Sensors, Voltages
+from dtwin.signals import Event, EventKind, Sensors, Voltages
 
 
 class EmbeddedController:
@@ -43,6 +43,9 @@ class EmbeddedController:
         self.resource.start()
         self._exchange = server.exchange
         self._target = self.resource.reader(PATH)
+        self._help = self.resource.reader((HELP, LAST_SAMPLE[0]))
+        self._calls = 0
+        self._events: list[Event] = []
 
     def step(self, sensors: Sensors) -> Voltages:
         """The application's answer to a sample: one IND event of its SERVER block, run until nothing is left to do.
@@ -50,7 +53,17 @@ class EmbeddedController:
         Raises:
             FunctionBlockError: a block failed. CommunicationError: the application did not answer.
         """
-        return voltages(sensors, self._exchange(sensor_values(sensors)))
+        command = voltages(sensors, self._exchange(sensor_values(sensors)))
+        calls, _ = self._help()
+        if calls != self._calls:
+            self._calls = calls
+            self._events.append(Event(sensors.time, EventKind.HELP, CALLS[calls]))
+        return command
+
+    def drain_events(self) -> list[Event]:
+        """The sequence's calls for help since the last call of this method."""
+        events, self._events = self._events, []
+        return events
 
     def target(self) -> Triple:
         """Desired angles of the path at the last step, rad."""

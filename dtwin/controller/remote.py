@@ -10,7 +10,7 @@ from dtwin.errors import CommunicationError
 from dtwin.iec61499.net.address import StreamAddress
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.parameters import Triple
-from dtwin.signals import Sensors, Voltages
+from dtwin.signals import Event, Sensors, Voltages
 
 TIMEOUT: Final = 1.0
 """Longest wait for every answer, s."""
@@ -24,6 +24,9 @@ class Shadow(Protocol):
 
     def target(self) -> Triple:
         """Desired angles of the path at the last step, rad."""
+
+    def drain_events(self) -> list[Event]:
+        """What the sequence has told since the last call."""
 
 
 class RemoteController:
@@ -78,6 +81,10 @@ class RemoteController:
     def target(self) -> Triple:
         """Desired angles of the path at the last step, rad."""
         return self._shadow.target()
+
+    def drain_events(self) -> list[Event]:
+        """What the sequence of the shadow has told since the last call."""
+        return self._shadow.drain_events()
 
 
 def _tick(sensors: Sensors) -> str:

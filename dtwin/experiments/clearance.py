@@ -2,21 +2,26 @@
 
 The function blocks plan every way of the cell, for an arm that follows them exactly: the start from hanging, and for
 each colour the way to the place and back. All poses on the way are held against the shapes of trays, belt, floor and
-boxes.
+boxes. So are the ways that the blocks find from free poses drawn at random, and from poses in which the arm hangs
+after whole turns of its joints.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Final
 
 import msgspec
+import numpy as np
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS
-from dtwin.controller.sequence import AMONG_BODIES
+from dtwin.controller.sequence import AMONG_BODIES, HELP
+from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.contact.clearance import FARTHEST, Clearance, Nearest
 from dtwin.errors import ParameterError
@@ -25,8 +30,14 @@ from dtwin.signals import NO_COLOUR, Sensors
 
 STRIDE: Final = 3
 """Number of ticks between two poses that are checked."""
+POSES: Final = 300
+"""Number of random free poses from which the blocks look for a way."""
+_TURNS: Final = (-2 * math.pi, 0.0, 2 * math.pi)
+"""Turns of joints 2 and 3 with which the arm may hang, rad; joint 1 hangs at -pi/2, or a turn further."""
 _LONGEST: Final = 12000
 """Number of ticks after which a sequence that does not end is given up."""
+OPEN: Final = GripperParameters().opened
+"""Angle of the open gripper, rad."""
 _GRIPPER_SPEED: Final = 0.02
 """Angle by which the gripper moves in a tick, rad."""
 
@@ -35,7 +46,7 @@ class LegClearance(msgspec.Struct, frozen=True):
     """How near the arm comes to anything on one leg of its way.
 
     Attributes:
-        place: place that the way leads to or comes from; "" for the way from the start to the pickup point.
+        place: place that the way leads to or comes from; "" for the way from hanging to the pickup point.
         start: where the leg begins.
         end: where it leads.
         carries: whether a box is carried.
@@ -53,6 +64,36 @@ class LegClearance(msgspec.Struct, frozen=True):
     other: str
 
 
+class StartUps(msgspec.Struct, frozen=True):
+    """What the blocks did from poses anywhere.
+
+    Attributes:
+        poses: number of free poses.
+        free: ways that were found and touch nothing.
+        helpless: poses from which no way is known, so that the arm stood and help was called for.
+        touching: ways on which something was touched.
+        distance: shortest distance on all ways that were found, m; `FARTHEST` for that or more.
+        arm: part of the arm that came nearest.
+        other: what it came nearest to.
+    """
+
+    poses: int
+    free: int
+    helpless: int
+    touching: int
+    distance: float
+    arm: str
+    other: str
+
+
+class Clearances(msgspec.Struct, frozen=True):
+    """The clearances of all ways of the cell: its own legs, and those from random poses and from hanging."""
+
+    legs: list[LegClearance]
+    random: StartUps
+    hanging: StartUps
+
+
 def is_free(leg: LegClearance) -> bool:
     """Whether nothing is touched on a leg but the belt by the box that is lifted from it."""
     return leg.distance > 0 or (leg.start == "pickup" and leg.arm == "box_held" and leg.other == "conveyor_belt")
@@ -67,17 +108,32 @@ class _Pose:
     end: str
 
 
-def sweep(model_file: Path = MODEL_FILE, blocks: Path = BLOCKS) -> list[LegClearance]:
-    """The clearances of all legs of the cell's ways, in their order.
+def clearances(model_file: Path = MODEL_FILE, blocks: Path = BLOCKS, seed: int = 0) -> Clearances:
+    """The clearances of all ways of the cell, and of those from anywhere.
+
+    Args:
+        model_file: MJCF file of the cell.
+        blocks: folder of the function-block library.
+        seed: number of the random generator of poses.
 
     Raises:
-        DtwinError: the model file or the blocks cannot be used, or the sequence does not come to its end.
+        DtwinError: the model file or the blocks cannot be used, or a sequence does not come to its end.
     """
     shapes = Clearance(model_file)
+    random = start_ups(shapes, random_poses(shapes, POSES, seed), blocks)
+    return Clearances(sweep(shapes, blocks), random, start_ups(shapes, hanging_poses(), blocks))
+
+
+def sweep(shapes: Clearance, blocks: Path = BLOCKS) -> list[LegClearance]:
+    """The clearances of all legs of the cell's own ways, in their order.
+
+    Raises:
+        DtwinError: the blocks cannot be used, or the sequence does not come to its end.
+    """
     legs: dict[tuple[str, str, str, bool], Nearest] = {}
     for colour in PLACES:
         for tick, pose in enumerate(_poses(colour, blocks)):
-            started = pose.start != "start" and pose.start != "before pickup"
+            started = pose.start not in ("here", "before pickup")
             key = (colour if started and pose.end != "before pickup" else "", pose.start, pose.end, pose.carries)
             if tick % STRIDE and key in legs:
                 continue
@@ -89,12 +145,75 @@ def sweep(model_file: Path = MODEL_FILE, blocks: Path = BLOCKS) -> list[LegClear
     return [LegClearance(*key, *nearest) for key, nearest in legs.items()]
 
 
+def random_poses(shapes: Clearance, count: int, seed: int) -> list[Triple]:
+    """Free poses, angles uniform over a turn.
+
+    Args:
+        shapes: arm and cell, with a box at the pickup point.
+        count: number of poses.
+        seed: number of the random generator.
+    """
+    generator = np.random.default_rng(seed)
+    found: list[Triple] = []
+    while len(found) < count:
+        first, second, third = generator.uniform(-math.pi, math.pi, 3).tolist()
+        if shapes.nearest((first, second, third), OPEN, False, ("pickup",)).distance > 0:
+            found.append((first, second, third))
+    return found
+
+
+def hanging_poses() -> list[Triple]:
+    """Poses in which an arm may hang that has fallen from anywhere: each joint whole turns further or not."""
+    return [(first, *rest) for first in (HANGING[0], HANGING[0] + 2 * math.pi) for rest in product(_TURNS, _TURNS)]
+
+
+def start_ups(shapes: Clearance, poses: Sequence[Triple], blocks: Path = BLOCKS) -> StartUps:
+    """Lets the blocks find a way from each of some poses to the pickup point, for an arm that follows it exactly.
+
+    Args:
+        shapes: arm and cell.
+        poses: free poses, rad.
+        blocks: folder of the function-block library.
+
+    Raises:
+        DtwinError: the blocks cannot be used, or a way does not come to its end.
+    """
+    controller = EmbeddedController(ControlSettings(target_time=1.0), blocks, AMONG_BODIES)
+    fresh = controller.resource.snapshot()
+    nearest = Nearest(FARTHEST, "", "")
+    helpless = touching = 0
+    for pose in poses:
+        controller.resource.restore(fresh)
+        way = _start_up(controller, pose)
+        if way is None:
+            helpless += 1
+            continue
+        found = min(shapes.nearest(theta, OPEN, False, ("pickup",)) for theta in way)
+        touching += found.distance <= 0
+        nearest = min(nearest, found)
+    return StartUps(len(poses), len(poses) - helpless - touching, helpless, touching, *nearest)
+
+
+def _start_up(controller: EmbeddedController, theta: Triple) -> list[Triple] | None:
+    """The poses on the way to the pickup point, None if help is called for."""
+    way = [theta]
+    for tick in range(_LONGEST):
+        controller.step(Sensors(tick, tick * PERIOD, theta, OPEN, False, NO_COLOUR))
+        if controller.resource.read(HELP):
+            return None
+        if controller.target() != theta:
+            theta = controller.target()
+            way.append(theta)
+        if theta == PICKUP.theta:
+            return way[::STRIDE]
+    raise ParameterError(f"the start from {way[0]}: expected it to end within {_LONGEST * PERIOD:.0f} s")
+
+
 def _poses(colour: str, blocks: Path) -> Iterator[_Pose]:
     """The poses from hanging to the pickup point, to the place of a colour, and back to the pickup point."""
     controller = EmbeddedController(blocks=blocks, sequence=AMONG_BODIES)
-    gripper_data = GripperParameters()
-    theta, gripper = HANGING, gripper_data.opened
-    start = end = "start"
+    theta, gripper = HANGING, OPEN
+    start = end = "here"
     carried = False
     for tick in range(_LONGEST):
         waits = not carried
@@ -109,6 +228,6 @@ def _poses(colour: str, blocks: Path) -> Iterator[_Pose]:
         theta = controller.target()
         closed = AMONG_BODIES.box_angle
         step = _GRIPPER_SPEED if command.volts[3] > 0 else -_GRIPPER_SPEED
-        gripper = min(max(gripper + step, closed), gripper_data.opened)
+        gripper = min(max(gripper + step, closed), OPEN)
         yield _Pose(theta, gripper, command.box_gripped, start, end)
     raise ParameterError(f"the sequence for a {colour} box: expected it to end within {_LONGEST * PERIOD:.0f} s")

@@ -1,7 +1,8 @@
-"""The network of one resource of a system: its own blocks and the application blocks mapped to it."""
+"""What of a system runs: the network of a resource with the application blocks mapped to it, and other parameters."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from dtwin.errors import FunctionBlockError, choices
@@ -32,6 +33,42 @@ def resource_network(system: System, name: str = "") -> FBNetwork:
     """
     device, resource = _find_resource(system, name)
     return _ResourceNetwork(system, f"{device.name}.{resource.name}", resource).build()
+
+
+def configured(system: System, values: Mapping[str, float]) -> System:
+    """The system with other parameters of its blocks.
+
+    Args:
+        system: the system configuration.
+        values: numbers and truth values by `BLOCK.INPUT`.
+
+    Raises:
+        FunctionBlockError: no block of the system has such a parameter.
+    """
+    known: set[str] = set()
+
+    def in_block(block: Block) -> Block:
+        names = {parameter.name: f"{block.name}.{parameter.name}" for parameter in block.parameters}
+        known.update(names.values())
+        changed = (
+            replace(p, value=str(values[names[p.name]])) if names[p.name] in values else p for p in block.parameters
+        )
+        return replace(block, parameters=tuple(changed))
+
+    def in_network(network: FBNetwork) -> FBNetwork:
+        return replace(network, blocks=tuple(in_block(block) for block in network.blocks))
+
+    changed = replace(
+        system,
+        applications=tuple(replace(a, network=in_network(a.network)) for a in system.applications),
+        devices=tuple(
+            replace(d, resources=tuple(replace(r, network=in_network(r.network)) for r in d.resources))
+            for d in system.devices
+        ),
+    )
+    if missing := values.keys() - known:
+        raise FunctionBlockError(f"no block has the parameter {min(missing)}", system.header.file)
+    return changed
 
 
 def _find_resource(system: System, name: str) -> tuple[DeviceDeclaration, ResourceDeclaration]:

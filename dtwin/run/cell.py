@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable
+from operator import attrgetter
+from typing import Protocol
 
 import msgspec
 import numpy as np
@@ -16,7 +18,7 @@ from dtwin.run.hidden import HiddenLog
 from dtwin.run.loop import Controller, Pacer, run, tick_count
 from dtwin.run.recording import Log, RunLog
 from dtwin.run.settings import CellSettings, metadata, sequence_of
-from dtwin.signals import BoxCounts, StepRecord
+from dtwin.signals import BoxCounts, Event, StepRecord
 
 
 class Millimetres(msgspec.Struct, frozen=True):
@@ -45,11 +47,18 @@ class RunSummary(msgspec.Struct, frozen=True):
     events: dict[str, int]
 
 
+class CellController(Controller, Protocol):
+    """The controller of a whole cell, which also tells what happens in its sequence."""
+
+    def drain_events(self) -> list[Event]:
+        """The events since the last call."""
+
+
 class Cell:
     """One run of the cell. `log` holds what was recorded so far, also after an error or an interruption."""
 
     def __init__(
-        self, settings: CellSettings, controller: Controller | None = None, hidden: HiddenLog | None = None
+        self, settings: CellSettings, controller: CellController | None = None, hidden: HiddenLog | None = None
     ) -> None:
         """Prepares the run.
 
@@ -81,7 +90,7 @@ class Cell:
         """
 
         def gather(done: int) -> bool:
-            self.log.add_events(self.emulation.drain_events())
+            self._gather()
             return between is None or between(done)
 
         def look(record: StepRecord) -> None:
@@ -95,7 +104,12 @@ class Cell:
             run(self.emulation, self.controller, self.ticks, record=look, between=gather, pacer=pacer)
         finally:
             self._wall = time.perf_counter() - began
-            self.log.add_events(self.emulation.drain_events())
+            self._gather()
+
+    def _gather(self) -> None:
+        """Adds to the log what has happened since the last call."""
+        events = [*self.emulation.drain_events(), *self.controller.drain_events()]
+        self.log.add_events(sorted(events, key=attrgetter("time")))
 
     def summary(self, log: Log) -> RunSummary:
         """The summary of the run from its frozen log and what became of the boxes."""

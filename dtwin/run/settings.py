@@ -14,7 +14,7 @@ import msgspec
 
 from dtwin import __version__
 from dtwin.controller.ports import BLOCKS
-from dtwin.controller.sequence import AMONG_BODIES, STRAIGHT, SequenceSettings
+from dtwin.controller.sequence import SEQUENCES, SequenceName, SequenceSettings
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.encoders import NoiseKind
@@ -84,9 +84,14 @@ def arm_of(notes: Mapping[str, Any]) -> ArmParameters:
     return machine_from(notes.get("machine", {}), IDEAL.name).arm(nominal)
 
 
+def sequence_name(settings: CellSettings) -> SequenceName:
+    """Name of the sequence in which the controller of a run fetches boxes: as bodies where they are some."""
+    return "among_bodies" if settings.machine.contact.enabled else "straight"
+
+
 def sequence_of(settings: CellSettings) -> SequenceSettings:
-    """How the controller of a run fetches boxes: as bodies where they are some."""
-    return AMONG_BODIES if settings.machine.contact.enabled else STRAIGHT
+    """The sequence in which the controller of a run fetches boxes."""
+    return SEQUENCES[sequence_name(settings)]
 
 
 def described(machine: Machine) -> dict[str, Any]:

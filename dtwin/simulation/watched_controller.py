@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.parameters import Triple
-from dtwin.signals import Sensors, Voltages
+from dtwin.signals import Event, Sensors, Voltages
 from dtwin.simulation.history import Entry
 from dtwin.simulation.upload import Uploader
 
@@ -42,3 +42,7 @@ class WatchedController:
     def target(self) -> Triple:
         """Desired angles of the path at the last step, rad."""
         return self._controller.target()
+
+    def drain_events(self) -> list[Event]:
+        """What the sequence has told since the last call."""
+        return self._controller.drain_events()

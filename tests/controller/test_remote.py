@@ -17,7 +17,7 @@ from dtwin.iec61499.net.reactor import Reactor
 from dtwin.iec61499.net.stream import StreamServer
 from dtwin.iec61499.net.wire import Message
 from dtwin.parameters import Triple
-from dtwin.signals import Sensors, Voltages
+from dtwin.signals import Event, Sensors, Voltages
 
 PATIENCE = 10.0
 
@@ -34,6 +34,9 @@ class Shadow:
 
     def target(self) -> Triple:
         return (float(self.steps), 0.0, 0.0)
+
+    def drain_events(self) -> list[Event]:
+        return []
 
 
 def sample(sequence: int) -> Sensors:

@@ -7,12 +7,12 @@ import pytest
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.contact.clearance import Clearance
 from dtwin.errors import ModelError
-from dtwin.experiments.clearance import is_free, sweep
-from dtwin.parameters import PICKUP, PLACES
+from dtwin.experiments.clearance import is_free, random_poses, start_ups, sweep
+from dtwin.parameters import HANGING, PICKUP, PLACES
 
 
 def test_every_way_is_free() -> None:
-    legs = sweep()
+    legs = sweep(Clearance())
     assert {leg.place for leg in legs} == {"", *PLACES}
     for leg in legs:
         assert is_free(leg), leg
@@ -27,9 +27,22 @@ def test_what_is_in_the_way_is_found(tmp_path: Path) -> None:
     file = tmp_path / "arm.xml"
     wall = '<geom name="wall" class="cell" type="box" pos="0.26 0 0.05" size="0.01 0.1 0.05"/>'
     file.write_text(MODEL_FILE.read_text().replace('<body name="rack"', f'{wall}<body name="rack"'))
-    touched = [leg for leg in sweep(file) if not is_free(leg)]
+    touched = [leg for leg in sweep(Clearance(file)) if not is_free(leg)]
     assert touched
     assert {leg.other for leg in touched} == {"wall"}
+
+
+def test_a_way_is_found_from_anywhere_or_help_is_called_for() -> None:
+    shapes = Clearance()
+    poses = random_poses(shapes, 10, seed=1)
+    assert poses == random_poses(shapes, 10, seed=1)
+    found = start_ups(shapes, [*poses, HANGING, PLACES["blue"].theta, PICKUP.theta])
+    assert (found.poses, found.free, found.helpless, found.touching) == (13, 13, 0, 0)
+    assert found.distance > 0.002
+    under_the_belt = (-1.33, 0.541, 0.34)
+    assert shapes.nearest(under_the_belt, 0.9, False, ()).distance > 0
+    stuck = start_ups(shapes, [under_the_belt])
+    assert (stuck.free, stuck.helpless, stuck.touching) == (0, 1, 0)
 
 
 def test_distances_are_those_of_the_shapes() -> None:

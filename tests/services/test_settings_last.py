@@ -27,6 +27,8 @@ from dtwin.bus.messages import (
 from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Upload
+from dtwin.controller.device import Outcome
+from dtwin.controller.sequence import AMONG_BODIES, CALLS, STRAIGHT, SequenceSettings
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, RecordingError
 from dtwin.iec61499.net.address import Address
@@ -52,14 +54,20 @@ class Device:
         settings: settings in force in its blocks.
         life: number of the device; connections of an earlier one are dead.
         answered: settings in force at every answer.
+    sequence: sequence in force in its blocks.
+    help: number of what it calls help for.
+    fetched: sequence in force at every answer.
     """
 
     settings: ControlSettings = field(default_factory=ControlSettings)
+    sequence: SequenceSettings = STRAIGHT
+    help: int = 0
     life: int = 0
     answered: list[ControlSettings] = field(default_factory=list)
+    fetched: list[SequenceSettings] = field(default_factory=list)
 
     def come_back(self, settings: ControlSettings) -> None:
-        self.life, self.settings = self.life + 1, settings
+        self.life, self.settings, self.sequence = self.life + 1, settings, STRAIGHT
 
 
 class Loop:
@@ -83,7 +91,11 @@ class Loop:
     def answer(self, sensors: Sensors) -> Voltages:
         device = self._alive()
         device.answered.append(device.settings)
+        device.fetched.append(device.sequence)
         return Voltages(sensors.sequence, sensors.time, (1.0, 0.0, 0.0, 0.0), False)
+
+    def outcome(self) -> Outcome:
+        return Outcome((0.0, 0.0, 0.0), self._alive().help)
 
     def restart(self, samples: Sequence[Sensors]) -> None:
         self._alive()
@@ -94,6 +106,12 @@ class Loop:
 
     def in_force(self) -> ControlSettings:
         return self._alive().settings
+
+    def put_sequence(self, sequence: SequenceSettings) -> set[str]:
+        device = self._alive()
+        other = sequence.differing(device.sequence.inputs())
+        device.sequence = sequence
+        return other
 
     def set_tuning(self, gains: Gains, target_time: float) -> ControlSettings:
         return self._change(gains=gains, target_time=target_time)
@@ -136,10 +154,10 @@ class Peer:
 
 
 @contextmanager
-def bridged(meet: str, state: StateFile) -> Iterator[None]:
+def bridged(meet: str, state: StateFile, sequence: SequenceSettings = STRAIGHT) -> Iterator[None]:
     """A bridge that works on a thread of its own."""
     with Service("bridge", bridge.Options(meet=meet)) as service:
-        thread = threading.Thread(target=bridge.Bridge(service, Address("127.0.0.1", 1), state, False).run)
+        thread = threading.Thread(target=bridge.Bridge(service, Address("127.0.0.1", 1), state, False, sequence).run)
         thread.start()
         try:
             yield
@@ -172,6 +190,33 @@ def test_no_sample_is_answered_with_other_settings(device: Device, tmp_path: Pat
             before = len(device.answered)
             peer.until(lambda: len(device.answered) > before, "another bridge has samples answered")
         assert set(device.answered) == {TUNED}
+
+
+def test_no_sample_is_answered_with_another_sequence(device: Device, tmp_path: Path) -> None:
+    meet = f"tcp/127.0.0.1:{free_port()}"
+    with Bus(open_peer(meet)) as bus, bridged(meet, StateFile(tmp_path / "settings"), AMONG_BODIES):
+        peer = Peer(bus)
+        peer.until(lambda: device.answered, "samples are answered")
+        device.come_back(ControlSettings())
+        before = len(device.answered)
+        peer.until(lambda: len(device.answered) > before, "the device that came back answers")
+        peer.until(lambda: any(e.kind == EventKind.RESTORED for e in peer.events), "the event says so")
+        assert "SEQUENCE.VIA" in next(e.text for e in peer.events if e.kind == EventKind.RESTORED)
+        assert set(device.fetched) == {AMONG_BODIES}
+
+
+def test_a_call_for_help_is_told_once_and_its_end_too(device: Device, tmp_path: Path) -> None:
+    meet = f"tcp/127.0.0.1:{free_port()}"
+    with Bus(open_peer(meet)) as bus, bridged(meet, StateFile(tmp_path / "settings")):
+        peer = Peer(bus)
+        peer.until(lambda: len(device.answered) > 20, "samples are answered")
+        device.help = 1
+        peer.until(lambda: any(e.kind == EventKind.HELP for e in peer.events), "help is called for")
+        before = len(device.answered)
+        peer.until(lambda: len(device.answered) > before + 20, "samples are answered")
+        device.help = 0
+        peer.until(lambda: len([e for e in peer.events if e.kind == EventKind.HELP]) > 1, "help has come")
+        assert [e.text for e in peer.events if e.kind == EventKind.HELP] == [CALLS[1], CALLS[0]]
 
 
 def test_a_controller_that_cannot_have_the_settings_answers_nothing(device: Device, tmp_path: Path) -> None:

@@ -17,12 +17,11 @@ from dtwin.iec61499.deploy.build import deploy
 from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.mapping import resource_network
+from dtwin.iec61499.mapping import configured, resource_network
 from dtwin.iec61499.net.address import LOOPBACK, Address
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.wire import Message, MessageReader, Signature
 from dtwin.parameters import ROOT
-from services.controller import configured
 from tests.support.ports import free_ports
 from tests.support.waiting import connected
 
@@ -40,10 +39,7 @@ class DeployedApplication:
 
     def plan(self, blocks: Path = BLOCKS, settings: ControlSettings | None = None) -> Deployment:
         library = Library([blocks])
-        inputs = (settings or ControlSettings()).inputs()
-        system = configured(
-            library.load_system(BLOCKS / "dtwin.sys"), {name: str(value) for name, value in inputs.items()}
-        )
+        system = configured(library.load_system(BLOCKS / "dtwin.sys"), (settings or ControlSettings()).inputs())
         return plan_deployment("EMB_RES", resource_network(system), library, self.ports)
 
     def deploy(self, blocks: Path = BLOCKS, settings: ControlSettings | None = None) -> None:

@@ -14,6 +14,7 @@ from typing import Annotated
 
 import tyro
 
+from dtwin.controller.sequence import SequenceName, with_sequence
 from dtwin.errors import FunctionBlockError, ParameterError, choices
 from dtwin.iec61499.device.embedded import EmbeddedDevice
 from dtwin.iec61499.library import Library
@@ -42,6 +43,9 @@ class FbRun:
     """
     blocks: Path | None = None
     """Folder of the block types; without it the folder of FILE, and without FILE the project's own library."""
+    sequence: SequenceName | None = None
+    """Sequence of the cell: straight in joint space, or among_bodies for a machine with contact. Without it that of
+    FILE, which must be a system."""
 
     def execute(self) -> int:
         handler = logging.StreamHandler()
@@ -65,10 +69,12 @@ class FbRun:
         return 0
 
     def _load(self, device: EmbeddedDevice, library: Library) -> None:
+        if self.sequence and (self.file is None or self.file.suffix != ".sys"):
+            raise ParameterError(f"--sequence {self.sequence}: expected a system (.sys) whose blocks have one")
         if self.file is None:
             return
         if self.file.suffix == ".sys":
-            device.load_system(library.load_system(self.file))
+            device.load_system(with_sequence(library.load_system(self.file), self.sequence))
         elif self.file.suffix == ".fboot":
             device.load_commands(load_boot_file(self.file), str(self.file))
         else:

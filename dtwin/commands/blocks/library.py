@@ -8,6 +8,7 @@ from typing import Literal
 
 import tyro
 
+from dtwin.controller.sequence import SequenceName, with_sequence
 from dtwin.errors import FunctionBlockError, ParameterError, choices
 from dtwin.files import replacing
 from dtwin.iec61499 import model
@@ -98,10 +99,13 @@ class FbDeploy:
     """Device of the system that shall be built; needed only if the system has several."""
     blocks: Path | None = None
     """Folder of the block types; without it the folder of the system."""
+    sequence: SequenceName | None = None
+    """Sequence of the cell: straight in joint space, or among_bodies for a machine with contact; without it that of
+    the system."""
 
     def execute(self) -> int:
         library = Library([self.blocks or self.system.parent])
-        plans = _plans(library, self.system)
+        plans = _plans(library, with_sequence(library.load_system(self.system), self.sequence))
         if self.device not in plans and (self.device or len(plans) != 1):
             valid = choices(plans) if plans else "a system with a device"
             raise ParameterError(f"--device {self.device!r}: expected {valid}")
@@ -117,9 +121,8 @@ def _files(path: Path) -> list[Path]:
     return sorted(file for file in path.rglob("*") if file.suffix in SUFFIXES) if path.is_dir() else [path]
 
 
-def _plans(library: Library, system_file: Path) -> dict[str, list[Deployment]]:
+def _plans(library: Library, system: model.System) -> dict[str, list[Deployment]]:
     """For every device of a system the deployments of its resources."""
-    system = library.load_system(system_file)
     return {
         device.name: [
             plan_deployment(resource.name, resource_network(system, f"{device.name}.{resource.name}"), library)
@@ -140,7 +143,7 @@ def _lua_files(library: Library) -> dict[str, str]:
 
 def _boot_files(library: Library, system_file: Path) -> dict[str, str]:
     files = {}
-    for device, plans in _plans(library, system_file).items():
+    for device, plans in _plans(library, library.load_system(system_file)).items():
         commands: list[Command] = [command for plan in plans for command in plan.commands]
         numbered = (
             replace(command, request=replace(command.request, id=str(number)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.table import Table
 
@@ -12,10 +13,13 @@ from dtwin.controller.ports import BLOCKS
 from dtwin.emulation import MODEL_FILE
 from dtwin.terminal import as_text, print_json, print_table
 
+if TYPE_CHECKING:
+    from dtwin.experiments.clearance import StartUps
+
 
 @dataclass(frozen=True)
 class ExperimentClearance(JsonOption):
-    """Sweep the planned paths of the cell with contact through its geometry.
+    """Sweep the planned paths of the cell with contact through its geometry, also those from 300 random free poses.
 
     The status is 1 if the arm touches anything on its way; a box on the belt under it does not count.
     """
@@ -24,16 +28,18 @@ class ExperimentClearance(JsonOption):
     """MJCF file of the cell."""
     blocks: Path = BLOCKS
     """Folder of the function blocks that plan the paths."""
+    seed: int = 0
+    """Number of the random generator of poses."""
 
     def execute(self) -> int:
-        from dtwin.experiments.clearance import is_free, sweep  # loads MuJoCo and numba
+        from dtwin.experiments.clearance import clearances, is_free  # loads MuJoCo and numba
 
-        legs = sweep(self.mjcf, self.blocks)
+        found = clearances(self.mjcf, self.blocks, self.seed)
         if self.json:
-            print_json(legs)
+            print_json(found)
         else:
             table = Table("place", "from", "to", "box", "clearance, mm", "between")
-            for leg in legs:
+            for leg in found.legs:
                 names = f"{leg.arm} and {leg.other}" if leg.other else "nothing within reach"
                 row = (
                     leg.place,
@@ -45,4 +51,15 @@ class ExperimentClearance(JsonOption):
                 )
                 table.add_row(*map(as_text, row))
             print_table(table)
-        return 0 if all(map(is_free, legs)) else 1
+            for name, ups in (("random", found.random), ("hanging", found.hanging)):
+                print(f"start from {ups.poses} {name} poses: {_told(ups)}")
+        touching = found.random.touching + found.hanging.touching
+        return 0 if all(map(is_free, found.legs)) and not touching else 1
+
+
+def _told(ups: StartUps) -> str:
+    """What became of the starts, in words."""
+    nearest = f"{1000 * ups.distance:.1f} mm between {ups.arm} and {ups.other}"
+    return (
+        f"{ups.free} on a free way, {ups.helpless} call for help, {ups.touching} touch something; nearest {nearest}"
+    )

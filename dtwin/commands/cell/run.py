@@ -22,7 +22,7 @@ from dtwin.run.cell import Cell, RunSummary
 from dtwin.run.hidden import HiddenLog
 from dtwin.run.options import ControlOptions, PlantOptions
 from dtwin.run.recording import Log
-from dtwin.run.settings import CellSettings
+from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.terminal import print_json, printable
 
 SAME_VOLTS: Final = 1e-9
@@ -44,7 +44,7 @@ class Run(PlantOptions, ControlOptions):
     """Parquet log, one row per 10 ms tick."""
     controller: str | None = None
     """tcp://HOST:PORT of a 4diac FORTE or `dtwin fb run` that controls the arm in lockstep, e.g. tcp://127.0.0.1:61500.
-    Its gains and target time are its own."""
+    Its gains and target time are its own, and so is its sequence: --sequence of `dtwin fb run` and `deploy`."""
     realtime: bool = False
     """Run no faster than the wall clock."""
     json: bool = False
@@ -98,7 +98,7 @@ class Run(PlantOptions, ControlOptions):
 
     def _remote(self, settings: CellSettings) -> RemoteController:
         assert self.controller is not None
-        shadow = EmbeddedController(settings.control, settings.blocks)
+        shadow = EmbeddedController(settings.control, settings.blocks, sequence_of(settings))
         return RemoteController(parse_address(self.controller, "tcp"), shadow)
 
     def _write(self, log: Log, record: Path | None, hidden: HiddenLog | None) -> None:

@@ -15,7 +15,7 @@ from dtwin.parameters import PERIOD, PICKUP, PLACES, ArmParameters, Triple
 from dtwin.run.cell import Cell
 from dtwin.run.recording import Log
 from dtwin.run.settings import CellSettings, sequence_of
-from dtwin.signals import Sensors, Voltages
+from dtwin.signals import Event, Sensors, Voltages
 from dtwin.simulation.measured import motions
 
 TOLERANCE: Final = 1.2
@@ -170,6 +170,9 @@ class _Relieved:
 
     def target(self) -> Triple:
         return self._controller.target()
+
+    def drain_events(self) -> list[Event]:
+        return self._controller.drain_events()
 
 
 def healthy_run(settings: CellSettings, model: ArmParameters, started: float) -> Log:

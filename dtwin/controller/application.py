@@ -1,0 +1,150 @@
+"""A management session with the control application on a device, and connections to its blocks.
+
+The ports at which its blocks listen are read over device management from their ID inputs. A device that does not
+answer this has them at the ports of the library.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from dtwin.controller.ports import EMULATOR, Port
+from dtwin.errors import CommunicationError
+from dtwin.iec61499.management.client import ManagementClient
+from dtwin.iec61499.management.protocol import ManagementError
+from dtwin.iec61499.net.address import StreamAddress, parse_block_id
+from dtwin.iec61499.net.client import BlockingClient
+
+TIMEOUT: Final = 1.0
+"""Longest wait for every answer, s."""
+
+
+class Application:
+    """A management session with the device, and the addresses of its blocks.
+
+    Threads share one session, because a FORTE serves one management client at a time.
+
+    Args:
+        address: address of device management.
+
+    Raises:
+        CommunicationError: the device does not answer, or the application is not there.
+    """
+
+    def __init__(self, address: StreamAddress) -> None:
+        self._address = address
+        self._lock = threading.Lock()
+        self._management = ManagementClient(address, TIMEOUT)
+        try:
+            self._resource = self._find_resource()
+        except CommunicationError:
+            self._management.close()
+            raise
+
+    def close(self) -> None:
+        self._management.close()
+
+    @property
+    def lost(self) -> bool:
+        """Whether the management session has ended."""
+        return self._management.lost
+
+    def read(self, names: Sequence[str]) -> list[float]:
+        """Values of numeric or BOOL ports of the blocks.
+
+        Raises:
+            CommunicationError: the device does not answer, or a value is no number.
+        """
+        # One request each, so that the path is not kept waiting by a long list. A watch for each would have to be
+        # made and taken back, two requests instead of one, or would make every reading of the path longer for good.
+        texts = {}
+        for name in names:
+            with self._lock:
+                texts[name] = self._management.read(self._resource, name)
+        return self._numbers(names, texts)
+
+    def write(self, name: str, value: float) -> None:
+        """Gives a numeric or BOOL input that nothing is connected to a value.
+
+        Raises:
+            CommunicationError: the device does not answer, or refuses.
+        """
+        literal = str(value).upper() if isinstance(value, bool) else repr(value)
+        with self._lock:
+            self._management.write(self._resource, name, literal)
+
+    def watch(self, names: Sequence[str]) -> None:
+        """Adds ports to those that `watched` reads in one request."""
+        with self._lock:
+            for name in names:
+                self._management.watch(self._resource, name)
+
+    def watched(self, names: Sequence[str]) -> list[float]:
+        """Values of watched ports in one request.
+
+        Raises:
+            CommunicationError: the device does not answer, or a value is no number.
+        """
+        with self._lock:
+            texts = self._management.watched(self._resource)
+        return self._numbers(names, texts)
+
+    def _numbers(self, names: Sequence[str], texts: Mapping[str, str]) -> list[float]:
+        try:
+            return [_number(texts[name]) for name in names]
+        except (KeyError, ValueError):
+            raise CommunicationError(f"{self._address}: expected numbers at {names}, got {texts}") from None
+
+    def connect(self, port: Port) -> BlockingClient:
+        """Connects to a SERVER block.
+
+        Raises:
+            CommunicationError: the block does not accept the connection.
+        """
+        try:
+            with self._lock:
+                number = parse_block_id(self._management.read(self._resource, f"{port.block}.ID")).port
+        except ManagementError:
+            number = port.number
+        return BlockingClient(self._address._replace(port=number), port.receives, port.sends, TIMEOUT)
+
+    def reopen(self, port: Port) -> None:
+        """On a FORTE, closes the port of a SERVER block and opens it again; no sample may be on its way meanwhile.
+
+        A FORTE takes half a message that a client left behind for the beginning of the next message, whoever sends
+        that. The embedded device keeps clients apart; it is told from a FORTE by refusing to trigger events. A FORTE
+        that closes a port while another one is in use crashes now and then.
+
+        Raises:
+            CommunicationError: the port does not open again.
+        """
+        name = port.block
+        with self._lock:
+            try:
+                self._management.trigger(self._resource, f"{name}.INIT")
+            except ManagementError as error:
+                if error.reason != "UNSUPPORTED_CMD":
+                    raise
+                return
+            self._management.reset_block(self._resource, name)
+            self._management.write(self._resource, f"{name}.QO", "FALSE")
+            self._management.trigger(self._resource, f"{name}.INIT")
+        deadline = time.monotonic() + TIMEOUT
+        while not self.read([f"{name}.QO"])[0]:
+            if time.monotonic() > deadline:
+                raise CommunicationError(f"{self._address}: {name} did not open again within {TIMEOUT:g} s")
+
+    def _find_resource(self) -> str:
+        for resource in self._management.blocks(""):
+            if any(block.name == EMULATOR.block for block in self._management.blocks(resource.name)):
+                return resource.name
+        raise CommunicationError(
+            f"{self._address}: no resource has a block {EMULATOR.block}: deploy the application first"
+        )
+
+
+def _number(text: str) -> float:
+    return float(text == "TRUE") if text in ("TRUE", "FALSE") else float(text)

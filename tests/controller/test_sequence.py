@@ -1,0 +1,33 @@
+"""The sequence of a cell, and how a system gets one."""
+
+import pytest
+
+from dtwin.controller.ports import BLOCKS, MOTION_SYSTEM, SYSTEM
+from dtwin.controller.sequence import AMONG_BODIES, CALLS, SEQUENCES, STRAIGHT, with_sequence
+from dtwin.errors import FunctionBlockError
+from dtwin.iec61499.library import Library
+from dtwin.iec61499.mapping import resource_network
+from dtwin.iec61499.runtime.resource import Resource
+
+
+@pytest.mark.parametrize(("name", "sequence"), [(None, STRAIGHT), *SEQUENCES.items()])
+def test_a_system_gets_a_sequence(name: None, sequence: object) -> None:
+    library = Library([BLOCKS])
+    system = with_sequence(library.load_system(BLOCKS / SYSTEM), name)
+    resource = Resource(resource_network(system), library)
+    for other in SEQUENCES.values():
+        found = {port: resource.read(port) for port in other.inputs()}
+        assert (not other.differing(found)) == (other == sequence)
+
+
+def test_a_system_without_a_sequence_is_named() -> None:
+    system = Library([BLOCKS]).load_system(BLOCKS / MOTION_SYSTEM)
+    with pytest.raises(FunctionBlockError, match=r"motion\.sys.*no block has the parameter PLANNER\.VIA"):
+        with_sequence(system, "among_bodies")
+
+
+def test_the_blocks_know_every_call() -> None:
+    assert AMONG_BODIES.via
+    text = (BLOCKS / "PICK_AND_PLACE.fbt").read_text()
+    assert f"HELP := {len(CALLS) - 1};" in text
+    assert f"HELP := {len(CALLS)};" not in text

@@ -1,0 +1,33 @@
+"""A cell of services whose bodies touch."""
+
+from __future__ import annotations
+
+import os
+import signal
+
+from dtwin.bus.messages import EVENTS
+from dtwin.signals import Event, EventKind
+from services.runfile import join
+from tests.support.desk import Desk, boxes
+from tests.support.waiting import until
+
+
+def test_bodies_are_sorted_and_a_killed_controller_touches_nothing(desk: Desk) -> None:
+    desk.up("--detach", "--machine", "contact", "--pace", "lockstep", "--seed", "1", "--target-time", "1.2")
+    events: list[Event] = []
+
+    def delivered() -> int:
+        return sum(event.kind == EventKind.DELIVERED for event in events)
+
+    with join("cell") as bus:
+        bus.subscribe(EVENTS, Event, events.append)
+        until(lambda: delivered() >= 2, "two boxes are delivered", 60.0)
+        assert boxes(desk).misplaced == 0
+        os.kill(desk.find("services.controller"), signal.SIGKILL)
+        before = delivered()
+        until(lambda: delivered() > before and events[-1].time > 60.0, "the cell works on for a minute", 60.0)
+    assert not {event.kind for event in events} & {EventKind.COLLISION, EventKind.HELP}
+    restored = [event.text for event in events if event.kind == EventKind.RESTORED]
+    assert len(restored) == 1
+    assert "SEQUENCE.VIA" in restored[0]
+    assert "is down" in desk.run("down")
