@@ -32,6 +32,8 @@ STRIDE: Final = 2
 
 _JOINTS: Final = {"joint_1": "theta_1", "joint_2": "theta_2", "joint_3": "theta_3", "gripper": "gripper"}
 """Columns of the log by the names of the model's joints."""
+_DRAWN: Final = 2
+"""Group of the geoms that are drawn; others, as the spheres of the pads, only touch."""
 _WAITING: Final = "box_waiting"
 _HELD: Final = "box_held"
 
@@ -53,10 +55,13 @@ class Scene:
             ModelError: the file is missing or no MJCF, or it lacks a joint or geom that is drawn.
         """
         try:
-            self._logger = MJCFLogger(model_file, ROOT)
+            model = MJCFLogger(model_file).model
         except ValueError as error:
             raise ModelError(f"{model_file}: {' '.join(str(error).split())}") from None
-        model = self._logger.model
+        # The loader would leave out what touches something.
+        model.geom_contype[model.geom_group == _DRAWN] = 0
+        model.geom_conaffinity[model.geom_group == _DRAWN] = 0
+        self._logger = MJCFLogger(model, ROOT)
         _require(model_file, "joint", _JOINTS, (model.joint(index).name for index in range(model.njnt)))
         _require(model_file, "geom", (_WAITING, _HELD), (model.geom(index).name for index in range(model.ngeom)))
         self._half_size = model.geom(_HELD).size.copy()

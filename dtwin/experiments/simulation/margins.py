@@ -25,7 +25,7 @@ from dtwin.simulation.whatif import Simulator
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-POSITION_POLES: Final = (8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0, 16.0, 18.0)
+POSITION_POLES: Final = (8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0)
 """Double poles of position and integral that the search tries, rad/s."""
 VELOCITY_POLES: Final = (10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0)
 """Poles of the velocity loop that the search tries, rad/s."""
