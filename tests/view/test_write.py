@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -134,6 +135,16 @@ def test_every_moving_body_has_a_pose_and_every_geom_a_shape(recording: Contents
     drawn = at(recording["/cell/bodies/link_1"]["Transform3D:quaternion"], 100)
     np.testing.assert_allclose(drawn, [(0.0, np.sin(half), 0.0, np.cos(half))], atol=1e-6)
     assert {"/cell/bodies/conveyor", "/cell/bodies/red_belt", "/cell/trail"} <= recording.keys()
+
+
+def test_every_visible_geom_is_drawn(log: Log, tmp_path: Path) -> None:
+    file = tmp_path / "run.rrd"
+    write_recording(log, MODEL, file)
+    drawn = {chunk.entity_path.rpartition("/")[2] for chunk in RrdReader(file).stream().to_chunks()}
+    model = mujoco.MjModel.from_xml_path(str(MODEL))
+    geoms = [model.geom(i) for i in range(model.ngeom)]
+    visible = {geom.name for geom in geoms if geom.group[0] == 2 and geom.rgba[3] > 0}
+    assert {"link_1_beam", "rack_column", "jaw_bar"} <= visible <= drawn
 
 
 def test_a_box_waits_then_hangs_on_the_arm_then_lies_at_its_place(recording: Contents) -> None:
