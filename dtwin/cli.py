@@ -51,6 +51,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "experiment integrators": Subcommand(
             "cell.integrators", "ExperimentIntegrators", "integrate arms of machines in several ways; report"
         ),
+        "experiment machines": Subcommand(
+            "cell.sorting", "ExperimentMachines", "let drawn machines sort boxes among bodies that touch; report"
+        ),
         "experiment soak": Subcommand(
             "cell.soak", "ExperimentSoak", "run all services for long, or trouble them; report"
         ),
