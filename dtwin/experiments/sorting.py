@@ -123,7 +123,7 @@ def sorting_report(found: Sequence[MachineAtWork], duration: float) -> Report:
         "Drawn machines at work",
         f"{len(found)} machines, drawn from the ranges of docs/machine.md, sorted boxes for {duration:g} s each "
         "among bodies that touch, under the usual controller with the model of the data sheet.",
-        f"{picked} boxes were picked, {delivered} delivered, at most {farthest:.1f} mm from their places, and {held} were "
-        f"held at the end. The longest time of a voltage at its limit was {limit:.0f} ms.",
+        f"{picked} boxes were picked, {delivered} delivered, at most {farthest:.1f} mm from their places, and {held} "
+        f"were held at the end. The longest time of a voltage at its limit was {limit:.0f} ms.",
         table(heads, rows),
     )
