@@ -24,7 +24,7 @@ from dtwin.controller.ports import (
     received_voltages,
     sensor_values,
 )
-from dtwin.controller.sequence import HELP, SequenceSettings
+from dtwin.controller.sequence import CALLS, HELP, SequenceSettings
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.net.address import StreamAddress
@@ -147,7 +147,9 @@ class ControlLoop:
     def outcome(self) -> Outcome:
         """What the last answer came with, beside the command."""
         theta_1, theta_2, theta_3, help_ = self._application.watched((*PATH, HELP))
-        return Outcome((theta_1, theta_2, theta_3), round(help_))
+        if help_ not in range(len(CALLS)):
+            raise CommunicationError(f"{HELP}: expected a whole number from 0 to {len(CALLS) - 1}, got {help_:g}")
+        return Outcome((theta_1, theta_2, theta_3), int(help_))
 
 
 class Settings:

@@ -1,10 +1,16 @@
 """The sequence of a cell, and how a system gets one."""
 
+import math
+from collections.abc import Sequence
+from typing import cast
+
 import pytest
 
+from dtwin.controller.application import Application
+from dtwin.controller.device import ControlLoop, Outcome
 from dtwin.controller.ports import BLOCKS, MOTION_SYSTEM, SYSTEM
 from dtwin.controller.sequence import AMONG_BODIES, CALLS, SEQUENCES, STRAIGHT, with_sequence
-from dtwin.errors import FunctionBlockError
+from dtwin.errors import CommunicationError, FunctionBlockError
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.resource import Resource
@@ -31,3 +37,23 @@ def test_the_blocks_know_every_call() -> None:
     text = (BLOCKS / "PICK_AND_PLACE.fbt").read_text()
     assert f"HELP := {len(CALLS) - 1};" in text
     assert f"HELP := {len(CALLS)};" not in text
+
+
+class Answering:
+    """An application whose sequence calls for help by a number."""
+
+    def __init__(self, number: float) -> None:
+        self.number = number
+
+    def watched(self, names: Sequence[str]) -> list[float]:
+        return [0.1, 0.2, 0.3, self.number]
+
+
+@pytest.mark.parametrize("number", [-1.0, 5.0, 1.5, 1e300, math.nan, math.inf])
+def test_a_call_for_help_that_nobody_knows_is_refused(number: float) -> None:
+    loop = ControlLoop.__new__(ControlLoop)
+    loop._application = cast(Application, Answering(2.0))
+    assert loop.outcome() == Outcome((0.1, 0.2, 0.3), 2)
+    loop._application = cast(Application, Answering(number))
+    with pytest.raises(CommunicationError, match="expected a whole number from 0 to 4"):
+        loop.outcome()
