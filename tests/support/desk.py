@@ -43,7 +43,8 @@ class Desk:
         """Runs another command in this process and returns what it said."""
         out, err = StringIO(), StringIO()
         with redirect_stdout(out), redirect_stderr(err):
-            assert main(words) == status
+            found = main(words)
+        assert found == status, err.getvalue() or out.getvalue()
         return (out if status == 0 else err).getvalue()
 
     def summary(self) -> dict[str, Any]:
