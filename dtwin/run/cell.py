@@ -93,18 +93,25 @@ class Cell:
             self._gather()
             return between is None or between(done)
 
-        def look(record: StepRecord) -> None:
-            self.log.append(record)
-            if self._hidden is not None:
-                self._hidden.append(self.emulation.hidden())
-
         began = time.perf_counter()
         pacer = Pacer(PERIOD) if realtime else None
         try:
-            run(self.emulation, self.controller, self.ticks, record=look, between=gather, pacer=pacer)
+            run(self.emulation, self.controller, self.ticks, record=self._recorder(), between=gather, pacer=pacer)
         finally:
             self._wall = time.perf_counter() - began
             self._gather()
+
+    def _recorder(self) -> Callable[[StepRecord], None]:
+        """What takes the record of each tick."""
+        hidden = self._hidden
+        if hidden is None:
+            return self.log.append
+
+        def with_hidden(record: StepRecord) -> None:
+            self.log.append(record)
+            hidden.append(self.emulation.hidden())
+
+        return with_hidden
 
     def _gather(self) -> None:
         """Adds to the log what has happened since the last call."""

@@ -281,7 +281,7 @@ def test_a_secured_cell_uploads_identifies_and_monitors(
             assert (said["action"], said["on_trial"]) == ("upload", True)
             assert bus.ask(UPLOAD, None, Upload).gains.kp == (550.0, 540.0, 530.0)
             assert json.loads(desk.run("upload", "rollback", "--why", "enough"))["action"] == "roll back"
-            said = json.loads(desk.run("identify", "live", "--accept", "--anyway", "--upload", "--json"))
+            said = json.loads(desk.run("identify", "live", "--accept", "--upload", "--json"))
             assert said["phase"] == "accepted"
             assert bus.ask(UPLOAD, None, Upload).model != ArmParameters()
             until(lambda: verdicts, "the monitor is heard")

@@ -25,10 +25,13 @@ from dtwin.simulation.whatif import Simulator
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-POSITION_POLES: Final = (8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0)
+POSITION_POLES: Final = (8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0, 16.0, 18.0)
 """Double poles of position and integral that the search tries, rad/s."""
 VELOCITY_POLES: Final = (10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0)
-"""Poles of the velocity loop that the search tries, rad/s."""
+"""Poles of the velocity loop that the search tries, rad/s.
+
+Only pairs are tried whose velocity loop, the inner one of the cascade, is no slower than the position loop around it.
+"""
 RESERVE: Final = replace(MARGINS, disk=0.5)
 """Demanded of the design, on an arm that obeys at once and on one that obeys a tick late."""
 NOISE: Final = 800.0
@@ -116,7 +119,7 @@ def design(simulator: Simulator, progress: Progress) -> tuple[Candidate, ...]:
     """Judges gains on a grid of poles."""
     found = []
     at = list(product(places(), (0.0, ControlSettings().payload), LATE))
-    grid = list(product(POSITION_POLES, VELOCITY_POLES))
+    grid = [(outer, inner) for outer, inner in product(POSITION_POLES, VELOCITY_POLES) if inner >= outer]
     for done, (position, velocity) in enumerate(grid, 1):
         settings = ControlSettings(gains=gains_of(position, velocity), law="cascade")
         judged = [cases(simulator.controller, settings, _ARM, places(), late) for late in LATE]
