@@ -197,14 +197,8 @@ class Identification:
 
     def _collect(self, collector: SignalCollector, item: Sensors | Voltages | Acted) -> None:
         """Finds the signal among what passes."""
-        if isinstance(item, Voltages):
-            collector.command(item)
-            return
-        if isinstance(item, Acted):
-            collector.acted(item)
-            return
         before = collector.done
-        collector.sample(item)
+        collector.take(item)
         if collector.complete:
             self._collector = None
             self._estimate(collector.experiment())

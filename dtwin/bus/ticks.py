@@ -1,7 +1,8 @@
 """Tells under which voltages the arm was from each sample to the next, whatever the order in which messages come.
 
 Samples and what acted come from the emulator in the order in which they are published: what acted in a tick, if that
-was not the command that answers its sample, comes before the next sample. Commands come from another sender.
+was not the command that answers its sample, comes before the next sample. Commands come from another sender, in order
+too, but any number of ticks earlier or later: a busy machine may keep one of the two senders waiting for long.
 """
 
 from __future__ import annotations
@@ -11,10 +12,8 @@ from typing import Final
 from dtwin.bus.messages import Acted
 from dtwin.signals import Sensors, Voltages
 
-LAG: Final = 20
-"""Number of samples that may follow one whose command is still waited for."""
-EARLY: Final = 1000
-"""Number of ticks that a command may be ahead of the samples, and of commands that wait before the first sample."""
+APART: Final = 1000
+"""Number of ticks that samples and commands may be apart, and of commands that wait before the first sample."""
 
 Tick = tuple[Sensors, Voltages | Acted]
 """A sample and what acted on the arm from it to the next one."""
@@ -23,8 +22,8 @@ Tick = tuple[Sensors, Voltages | Acted]
 class Ticks:
     """Puts a sample and what acted after it together, in the order of the samples.
 
-    A sample is complete once the next one is there. One of which nobody ever tells what acted is left out. Numbers
-    that go back are those of another run: what waits is forgotten.
+    A sample is complete once the next one is there, and what acted is known. One of which nobody tells that is left
+    out once a later command has come. Numbers that go back are those of another run: what waits is forgotten.
     """
 
     def __init__(self) -> None:
@@ -55,14 +54,15 @@ class Ticks:
 
     def _is_due(self, number: int) -> bool:
         if self._newest < 0:
-            return len(self._commands) < EARLY
-        return next(iter(self._samples)) <= number <= self._newest + EARLY
+            return len(self._commands) < APART
+        return next(iter(self._samples)) <= number <= self._newest + APART
 
     def _complete(self) -> list[Tick]:
         complete: list[Tick] = []
+        answered = max((number for number in self._commands if number <= self._newest), default=-1)
         for number in list(self._samples):
             acted = self._acted.get(number) or self._commands.get(number)
-            if number == self._newest or (acted is None and number > self._newest - LAG):
+            if number == self._newest or (acted is None and number > max(answered, self._newest - APART)):
                 break
             if acted is not None:
                 complete.append((self._samples[number], acted))

@@ -2,31 +2,34 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Final
 
 from dtwin.bus.messages import Acted
+from dtwin.bus.ticks import APART, Tick, Ticks
 from dtwin.errors import IdentificationError
 from dtwin.identification.data import Experiment
 from dtwin.identification.excitation.plan import Excitation
-from dtwin.parameters import PERIOD, Triple
+from dtwin.parameters import PERIOD
 from dtwin.signals import Sensors, Voltages
 
-LAG: Final = 20
-"""Number of ticks to wait for late messages: samples and commands have different senders and may be out of order."""
 _MOST_HELD: Final = 0.1
 """Largest share of samples without a command of their own."""
 
 
 @dataclass
 class SignalCollector:
-    """Pairs samples with the commands that answer them, from the first command of the signal to its last.
+    """Keeps the ticks from the first command of the signal to its last.
+
+    Commands come in the order in which the blocks gave them. A sample that they gave none for is kept, but is no tick
+    of the signal.
 
     Attributes:
         signal: signal that the function blocks play.
         samples: length of the signal, ticks.
         box_mass: mass assumed for a box that is held meanwhile, kg.
-        done: number of ticks of the signal collected so far.
+        done: number of commands of the signal that have come so far.
     """
 
     signal: Excitation
@@ -34,66 +37,56 @@ class SignalCollector:
     box_mass: float
     done: int = 0
     _expected: list[list[float]] = field(init=False, repr=False)
-    _sensors: dict[int, Sensors] = field(default_factory=dict, init=False, repr=False)
-    _commands: dict[int, Voltages] = field(default_factory=dict, init=False, repr=False)
-    _acted: dict[int, Acted] = field(default_factory=dict, init=False, repr=False)
-    _next: int = field(default=-1, init=False, repr=False)
-    _measured: list[Triple] = field(default_factory=list, init=False, repr=False)
-    _volts: list[list[float]] = field(default_factory=list, init=False, repr=False)
-    _payload: list[float] = field(default_factory=list, init=False, repr=False)
+    _incoming: Ticks = field(default_factory=Ticks, init=False, repr=False)
+    _ticks: deque[Tick] = field(init=False, repr=False)
+    _first: int = field(default=-1, init=False, repr=False)
+    _last: int = field(default=-1, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._expected = self.signal.volts(self.samples).tolist()
+        self._ticks = deque(maxlen=APART + 2 * self.samples)
 
     @property
     def complete(self) -> bool:
         """Whether the whole signal has been collected."""
-        return self.done == self.samples
+        return self.done == self.samples and bool(self._ticks) and self._ticks[-1][0].sequence >= self._last
 
-    def sample(self, sensors: Sensors) -> None:
-        """Takes a sample.
+    def take(self, message: Sensors | Voltages | Acted) -> None:
+        """Takes a message, as long as the signal is not complete.
 
         Raises:
             IdentificationError: samples or too many commands are missing, or a command is not that of the signal.
         """
-        self._sensors[sensors.sequence] = sensors
-        if self._next < 0:
-            self._next = sensors.sequence
-        while self._next <= sensors.sequence - LAG and not self.complete:
-            number = self._next
-            self._tick(
-                self._sensors.pop(number, None), self._commands.pop(number, None), self._acted.pop(number, None)
-            )
-            self._next += 1
+        if isinstance(message, Voltages) and self.done < self.samples:
+            self._command(message)
+        for tick in self._incoming.take(message):
+            self._tick(tick)
 
-    def command(self, voltages: Voltages) -> None:
-        """Takes the command that answers a sample."""
-        if voltages.sequence >= self._next:
-            self._commands.setdefault(voltages.sequence, voltages)
-
-    def acted(self, message: Acted) -> None:
-        """Takes what acted in a tick instead of the command that answers its sample."""
-        if message.sequence >= self._next:
-            self._acted[message.sequence] = message
-
-    def _tick(self, sensors: Sensors | None, command: Voltages | None, acted: Acted | None) -> None:
-        """Takes one tick; of which nobody tells anything, the arm was under the same voltages as before."""
-        if command is not None and sensors is not None and list(command.volts[:3]) == self._expected[self.done]:
-            self._take(sensors.theta, acted or command)
+    def _command(self, command: Voltages) -> None:
+        if list(command.volts[:3]) == self._expected[self.done]:
+            self._first = self._first if self.done else command.sequence
+            self._last = command.sequence
             self.done += 1
         elif self.done:
-            held = len(self._measured) + 1 - self.done
-            if sensors is None or command is not None or held > _MOST_HELD * self.samples:
-                raise IdentificationError(
-                    f"the signal broke off after {self.done} of {self.samples} ticks, at {self._next * PERIOD:.2f} s:"
-                    " ticks are missing or something else commands the arm; ask again"
-                )
-            self._take(sensors.theta, acted)
+            self._break_off(command.sequence)
+        if self._last - self._first >= self.done + _MOST_HELD * self.samples:
+            self._break_off(command.sequence)
 
-    def _take(self, theta: Triple, acted: Voltages | Acted | None) -> None:
-        self._measured.append(theta)
-        self._volts.append(self._volts[-1] if acted is None else list(acted.volts[:3]))
-        self._payload.append(self._payload[-1] if acted is None else self.box_mass * acted.box_gripped)
+    def _tick(self, tick: Tick) -> None:
+        """Takes a tick, which comes before its command if something else acted."""
+        number = tick[0].sequence
+        expected = self._ticks[-1][0].sequence + 1 if self._ticks else number
+        if number != expected:
+            if self.done:
+                self._break_off(expected)
+            self._ticks.clear()
+        self._ticks.append(tick)
+
+    def _break_off(self, number: int) -> None:
+        raise IdentificationError(
+            f"the signal broke off after {self.done} of {self.samples} ticks, at {number * PERIOD:.2f} s:"
+            " ticks are missing or something else commands the arm; ask again"
+        )
 
     def experiment(self) -> Experiment:
         """The measured experiment, whose initial state is unknown.
@@ -103,7 +96,12 @@ class SignalCollector:
         """
         if not self.complete:
             raise IdentificationError(f"the signal was seen for only {self.done} of {self.samples} ticks")
-        return Experiment(self._measured, self._volts, self._payload)
+        ticks = [tick for tick in self._ticks if self._first <= tick[0].sequence <= self._last]
+        return Experiment(
+            [sensors.theta for sensors, _ in ticks],
+            [acted.volts[:3] for _, acted in ticks],
+            [self.box_mass * acted.box_gripped for _, acted in ticks],
+        )
 
 
 def divided(experiment: Experiment, share: float = 0.8) -> tuple[Experiment, Experiment]:

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.bus.messages import Acted
-from dtwin.bus.ticks import EARLY, LAG, Ticks
+from dtwin.bus.ticks import APART, Ticks
 from dtwin.signals import Sensors, Voltages
 
 COUNT = 10
@@ -48,11 +48,25 @@ def test_a_sample_whose_command_never_came_is_not_waited_for() -> None:
 def test_a_sample_of_which_nobody_tells_anything_is_left_out() -> None:
     ticks = Ticks()
     done = []
-    for k in range(2 * LAG):
+    for k in range(40):
         done += ticks.take(sample(k))
         if k != 3:
             done += ticks.take(command(k))
-    assert [tick[0].sequence for tick in done] == [0, 1, 2, *range(4, 2 * LAG - 1)]
+    assert [tick[0].sequence for tick in done] == [0, 1, 2, *range(4, 39)]
+
+
+def test_commands_that_a_busy_machine_keeps_back_are_waited_for() -> None:
+    ticks = Ticks()
+    assert [tick for k in range(APART) for tick in ticks.take(sample(k))] == []
+    done = [tick for k in range(APART - 1) for tick in ticks.take(command(k))]
+    assert done == [(sample(k), command(k)) for k in range(APART - 1)]
+
+
+def test_nothing_is_waited_for_for_ever() -> None:
+    ticks = Ticks()
+    for k in range(3 * APART):
+        ticks.take(sample(k))
+    assert len(ticks._samples) <= APART
 
 
 def test_a_repeated_sample_is_one_and_numbers_that_go_back_are_another_run() -> None:
@@ -73,11 +87,11 @@ def test_a_repeated_sample_is_one_and_numbers_that_go_back_are_another_run() -> 
 
 def test_stray_commands_take_no_memory() -> None:
     ticks = Ticks()
-    for number in range(3 * EARLY):
+    for number in range(3 * APART):
         ticks.take(command(number))
     ticks.take(sample(5))
-    for number in range(3 * EARLY):
+    for number in range(3 * APART):
         ticks.take(command(number))
         ticks.take(acted(number))
-    assert len(ticks._commands) <= 2 * EARLY
+    assert len(ticks._commands) <= 2 * APART
     assert len(ticks._acted) == 1

@@ -3,10 +3,11 @@ from collections.abc import Collection, Iterable, Iterator
 import numpy as np
 import pytest
 
+from dtwin.bus.messages import Acted
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.emulation import Emulation
 from dtwin.errors import IdentificationError
-from dtwin.identification.collector import LAG, SignalCollector, divided
+from dtwin.identification.collector import SignalCollector, divided
 from dtwin.identification.estimation.estimate import identify
 from dtwin.identification.excitation.plan import PLAIN, SAMPLES
 from dtwin.identification.parsing import free_names, settings_for
@@ -33,8 +34,8 @@ def traffic(ticks: int, ask_at: int, lose: Collection[int] = ()) -> Iterator[tup
 def collected(pairs: Iterable[tuple[Sensors, Voltages]]) -> SignalCollector:
     collector = SignalCollector(PLAIN, SAMPLES, 0.2)
     for sensors, command in pairs:
-        collector.sample(sensors)
-        collector.command(command)
+        collector.take(sensors)
+        collector.take(command)
     return collector
 
 
@@ -60,18 +61,22 @@ def test_no_signal_is_no_experiment() -> None:
         collector.experiment()
 
 
-def test_a_tick_without_command_holds_the_one_before() -> None:
-    """What a late bridge does: it leaves a sample without an answer, and the cell goes on under the last command."""
+def test_what_acted_counts_where_a_command_is_late_or_missing() -> None:
+    """A late bridge leaves a sample without an answer in time: the emulator holds the last command, and says so."""
     collector = SignalCollector(PLAIN, SAMPLES, 0.2)
     emulation, controller = Emulation(seed=3), EmbeddedController()
     controller.resource.server("TWIN.IDENTIFICATION.REQUEST").exchange((True,))
-    late = {40, 41, 200}
-    for tick in range(SAMPLES + 3 + LAG):
+    missing, late = {40, 41, 200}, {90, 91}
+    command = Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), False)
+    for tick in range(SAMPLES + 5):
         sensors = emulation.read()
-        collector.sample(sensors)
-        if tick not in late:
-            command = controller.step(sensors)
-            collector.command(command)
+        collector.take(sensors)
+        if tick in missing | late:
+            collector.take(Acted(sensors.sequence, sensors.time, command.volts, command.box_gripped))
+        if tick not in missing:
+            answer = controller.step(sensors)
+            collector.take(answer)
+            command = command if tick in late else answer
         emulation.apply(command)
         emulation.advance(PERIOD)
     assert collector.complete
@@ -83,21 +88,21 @@ def test_a_tick_without_command_holds_the_one_before() -> None:
 
 
 def test_a_lost_sample_is_named() -> None:
-    with pytest.raises(IdentificationError, match=r"broke off after 100 of 350 ticks, at 3\.00 s"):
+    with pytest.raises(IdentificationError, match=r"broke off after 101 of 350 ticks, at 3\.00 s"):
         collected(traffic(700, ask_at=200, lose={300}))
 
 
-def test_order_does_not_matter() -> None:
+@pytest.mark.parametrize("apart", [3, 300])
+def test_order_does_not_matter(apart: int) -> None:
     """Samples and commands come from two senders: each in order, but not one after the other."""
     pairs = list(traffic(420, ask_at=10))
     expected = collected(pairs).experiment()
     collector = SignalCollector(PLAIN, SAMPLES, 0.2)
-    stray = Voltages(9999, 1.0, (6.0, 4.0, 3.0, 0.0), False)
-    for tick, (sensors, _) in enumerate(pairs):
-        for _, command in pairs[tick + 3 : tick + 4] if tick else pairs[:4]:
-            collector.command(command)
-        collector.command(stray)
-        collector.sample(sensors)
+    for tick in range(len(pairs) + apart):
+        for sensors, _ in pairs[tick : tick + 1]:
+            collector.take(sensors)
+        if tick >= apart and not collector.complete:
+            collector.take(pairs[tick - apart][1])
     assert collector.experiment().fingerprint == expected.fingerprint
 
 

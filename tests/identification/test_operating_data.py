@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dtwin.bus.ticks import EARLY
+from dtwin.bus.ticks import APART
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.faults import parse_fault
@@ -57,7 +57,7 @@ def test_pieces_are_empty_moving_and_whole(traffic: list[tuple[Sensors, Voltages
 
 def test_order_does_not_matter_and_gaps_part_pieces(traffic: list[tuple[Sensors, Voltages]]) -> None:
     in_order = heard([item for pair in traffic for item in pair]).pieces(0.0)
-    blocks = [traffic[k : k + EARLY // 2] for k in range(0, len(traffic), EARLY // 2)]
+    blocks = [traffic[k : k + APART // 2] for k in range(0, len(traffic), APART // 2)]
     jumbled = [item for block in blocks for half in (1, 0) for item in (pair[half] for pair in block)]
     assert [p.fingerprint for p in heard(jumbled).pieces(0.0)] == [p.fingerprint for p in in_order]
     lost = [item for k, pair in enumerate(traffic) if k % (PIECE - 1) for item in pair]
@@ -71,7 +71,7 @@ def test_memory_is_bounded_and_ends_with_the_run(traffic: list[tuple[Sensors, Vo
     data.take(command)
     assert data.pieces(0.0) == []
     lonely = OperatingData()
-    for number in range(MEMORY + 2 * EARLY):
+    for number in range(MEMORY + 2 * APART):
         lonely.take(Voltages(number, number * PERIOD, (0.0, 0.0, 0.0, 0.0), False))
         lonely.take(Sensors(number, number * PERIOD, (0.01 * number, 0.0, 0.0), 0.9, False, "none"))
     assert len(lonely.pieces(0.0)) == MEMORY // PIECE
