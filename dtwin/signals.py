@@ -5,6 +5,7 @@ Ranges are checked where a signal is decoded, not where it is made.
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
 from typing import Annotated, Final, Literal, get_args
 
@@ -135,6 +136,10 @@ class Truth(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEM
     omega: Triple
     gripper: float
     payload_mass: float
+
+
+UNKNOWN: Final = Truth(math.nan, (math.nan,) * 3, (math.nan,) * 3, math.nan, math.nan)
+"""The state of a plant of which nobody knows more than what is measured."""
 
 
 class Event(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA):

@@ -1,6 +1,6 @@
 """Identifies the running arm: an operator asks, the fit runs here, the operator decides.
 
-The data are a signal that the blocks excite the arm with, or the motions that pass anyway, where all but some
+The data are a signal that the blocks excite the empty arm with, or the motions that pass anyway, where all but some
 parameters are known. The signal never waits for this service: the bridge passes the request on, samples and commands
 come off the bus. Only an accepted model is kept, and uploaded if the operator wants that, too.
 """
@@ -60,7 +60,7 @@ NAME: Final = "identification"
 PATIENCE: Final = 30.0
 """s for the signal to be over, beyond its own length"""
 MOTION_PATIENCE: Final = 120.0
-"""s for the arm to move"""
+"""s for the arm to move, or to put down a box, whose mass nobody knows"""
 PROGRESS: Final = 50
 """ticks between two messages about progress, and between two looks at the motions that have passed"""
 
@@ -92,7 +92,7 @@ class Identification:
         self._errors = {} if known is None else known.standard_errors
         self._operating = OperatingData()
         self._time = 0.0
-        self._measuring = False
+        self._measuring = self._due = False
         self._phase = ""
         self._state = IdentificationState("idle", "ready")
         self._collector: SignalCollector | None = None
@@ -118,7 +118,7 @@ class Identification:
             try:
                 self._deal_with(item)
             except DtwinError as error:
-                self._collector, self._measuring = None, False
+                self._collector, self._measuring, self._due = None, False, False
                 self._enter(IdentificationState("refused", str(error)[:1000]))
             if service.report_due():
                 service.report("running", self._finished)
@@ -175,6 +175,9 @@ class Identification:
                 self._time = item.time
             if self._collector is not None:
                 self._collect(self._collector, item)
+            elif self._due:
+                if isinstance(item, Voltages) and not item.box_gripped:
+                    self._excite(self._request)
             elif self._measuring and item.sequence % PROGRESS == 0:
                 self._look_at_motions()
         if self._measuring and time.monotonic() > self._deadline:
@@ -182,11 +185,18 @@ class Identification:
 
     def _begin(self, request: IdentificationRequest) -> None:
         self._request, self._model, self._collector = request, None, None
-        self._measuring = True
+        self._measuring, self._due = True, False
         if request.source == "motion":
             self._deadline = time.monotonic() + MOTION_PATIENCE
             self._look_at_motions()
             return
+        self._deadline = time.monotonic() + MOTION_PATIENCE
+        self._due = True
+        self._enter(IdentificationState("measuring", "waits for an empty gripper"))
+
+    def _excite(self, request: IdentificationRequest) -> None:
+        """Asks the blocks for the signal."""
+        self._due = False
         bus = self._service.bus
         signal = bus.ask(SIGNAL, None, IdentificationSignal)
         excitation = Excitation(signal.amplitude, signal.unit, signal.delay)

@@ -104,31 +104,41 @@ class Experiment:
 
 
 def from_log(log: Log, box_mass: float | None = None, segment: float = 1.0) -> tuple[Experiment, ...]:
-    """Divides the log of a run into consecutive experiments, each with an unknown initial state.
+    """Divides the log of a run into experiments, one after the other, each with an unknown initial state.
 
     Without control the arm is unstable where it stands upright. A simulation over minutes would depend too strongly
     on its initial state; one over a second does not.
 
     Args:
-        log: log of a run; of its true values only the payload is used, and only if box_mass is None.
-        box_mass: mass assumed for every gripped box, kg; None takes the true payload of the log.
-        segment: length of an experiment, s.
+        log: log of a run, whose true values are not looked at.
+        box_mass: mass assumed for every gripped box, kg; None leaves out what was moved with a box, whose mass nobody
+            knows.
+        segment: length of an experiment, s; the last one of a stretch may be shorter.
 
     Raises:
-        IdentificationError: the log is shorter than a segment.
+        IdentificationError: the log is shorter than a segment, or a box was held all the time.
     """
     measured, volts = log.stack("measured"), log.stack("volts")[:, :3]
-    if box_mass is None:
-        # A row holds the payload before its command; what the command grips acts on the arm until the next row.
-        payload = np.append(log.columns["payload_mass"][1:], log.columns["payload_mass"][-1:])
-    else:
-        payload = np.where(log.columns["box_gripped"], box_mass, 0.0)
+    gripped = log.columns["box_gripped"]
+    payload = np.where(gripped, box_mass or 0.0, 0.0)
     length = round(segment / PERIOD)
     if len(measured) < length:
         raise IdentificationError(f"too few samples: the log has {len(measured)}, expected at least {length}")
-    firsts = range(0, len(measured) - _LAST_SAMPLES, length)
-    cuts = (slice(first, first + length) for first in firsts)
+    stretches = [(0, len(measured))] if box_mass is not None else _stretches(~gripped)
+    cuts = [
+        slice(first, min(first + length, stop))
+        for start, stop in stretches
+        for first in range(start, stop - _LAST_SAMPLES, length)
+    ]
+    if not cuts:
+        raise IdentificationError("a box was held all the time: expected its mass, or motions of the empty gripper")
     return tuple(Experiment(measured[cut], volts[cut], payload[cut]) for cut in cuts)
+
+
+def _stretches(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First index, and the index after the last one, of every run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
+    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
 
 def fingerprint(experiments: Sequence[Experiment]) -> str:

@@ -122,7 +122,7 @@ class Cell:
         """The summary of the run from its frozen log and what became of the boxes."""
         errors = np.array(self.emulation.placement_errors_mm or [0.0])
         duration = len(log) * PERIOD
-        tracking = np.abs(log.stack("target") - log.stack("theta")).max(axis=0, initial=0.0).tolist()
+        tracking = np.abs(log.stack("target") - log.angles()).max(axis=0, initial=0.0).tolist()
         saturated = (np.abs(log.stack("volts")[:, :3]) >= VOLTAGE_LIMIT).any(axis=1)
         return RunSummary(
             duration=round(duration, 9),

@@ -39,6 +39,10 @@ angle as sensed (rad) and true payload (kg).
 """
 COLUMNS: Final = (*NUMBERS, "box_present", "box_colour", "box_gripped")
 """Names of all columns in the order of the file."""
+TRUTH: Final = (*(f"{name}_{joint}" for name in ("theta", "omega") for joint in (1, 2, 3)), "payload_mass")
+"""Columns that only an emulated arm has: a file may lack them, and then they are NaN."""
+NEEDED: Final = tuple(name for name in COLUMNS if name not in TRUTH)
+"""Columns that every file has."""
 
 
 _COLOUR_TYPE: Final = pa.dictionary(pa.int32(), pa.string())
@@ -83,6 +87,20 @@ class Log:
         """The numbered columns of one quantity side by side: `stack("theta")` has shape (ticks, 3)."""
         return np.column_stack([self.columns[column] for column in NUMBERS if column.rpartition("_")[0] == name])
 
+    def angles(self) -> NDArray[np.float64]:
+        """True angles where they are known and measured ones elsewhere, (ticks, 3), rad: for pictures and scores."""
+        true = self.stack("theta")
+        return np.where(np.isnan(true), self.stack("measured"), true)
+
+    def held(self) -> NDArray[np.bool_]:
+        """At which ticks a box is held, (ticks,).
+
+        The command to hold one may miss it, which only the true payload tells.
+        """
+        mass = self.columns["payload_mass"]
+        held: NDArray[np.bool_] = self.columns["box_gripped"] & (np.isnan(mass) | (mass > 0))
+        return held
+
     def part(self, start: int, stop: int) -> Log:
         """The ticks from start to stop - 1, without copying, and all events."""
         columns = {name: column[start:stop] for name, column in self.columns.items()}
@@ -126,12 +144,12 @@ class RunLog:
 
     def append(self, record: StepRecord) -> None:
         """Adds one tick."""
-        truth = record.truth
         sensors = record.sensors
+        truth = record.truth
         command = record.voltages
         codes = self._codes
         self._rows += _pack_row(
-            truth.time,
+            sensors.time,
             *truth.theta,
             *truth.omega,
             *sensors.theta,
@@ -208,11 +226,11 @@ def count_rows(path: Path) -> int:
 
 
 def read_log(path: Path) -> Log:
-    """Reads what `Log.write_parquet` wrote.
+    """Reads what `Log.write_parquet` wrote, or the log of another arm, which has no truth.
 
     Raises:
-        RecordingError: the file is missing or no Parquet file, a column is missing, of another type or has gaps, or
-            time does not increase.
+        RecordingError: the file is missing or no Parquet file, a column is missing that is not one of TRUTH, is of
+            another type or has gaps, or time does not increase.
     """
     try:
         with path.open("rb") as file:
@@ -301,8 +319,10 @@ def _notes(path: Path, schema: pa.Schema) -> tuple[tuple[Event, ...], dict[str, 
 def _column(path: Path, table: pa.Table, expected: pa.Field) -> NDArray[Any]:
     """One column of a file as a numpy array, checked against the schema."""
     found = table.schema.get_field_index(expected.name)
+    if found < 0 and expected.name in TRUTH:
+        return np.full(len(table), np.nan)
     if found < 0:
-        raise RecordingError(f"{path}: column {expected.name} is missing: expected {', '.join(COLUMNS)}")
+        raise RecordingError(f"{path}: column {expected.name} is missing: expected {', '.join(NEEDED)}")
     column = table.column(found).combine_chunks()
     valid_types = (expected.type, pa.string()) if expected.name == "box_colour" else (expected.type,)
     if column.type not in valid_types:

@@ -65,12 +65,8 @@ def waiting(log: Log) -> list[Waiting]:
 
 
 def grasps(log: Log) -> list[Grasp]:
-    """Finds the boxes that were gripped, in order.
-
-    A box is held while the grip is commanded and there is a payload: the command alone may miss the box, and a
-    payload alone may be a fault. Its colour is that of the last box that waited.
-    """
-    held = log.columns["box_gripped"] & (log.columns["payload_mass"] > 0)
+    """Finds the boxes that were gripped, in order; the colour of each is that of the last box that waited."""
+    held = log.held()
     edges = np.diff(np.concatenate(([False], held, [False])).astype(np.int8))
     seen = np.maximum.accumulate(np.where(log.columns["box_present"], np.arange(len(log)), -1))
     found = []

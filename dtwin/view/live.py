@@ -132,10 +132,10 @@ def has_room(file: Path) -> bool:
 def _changes(before: Log | None, log: Log) -> Log:
     """The ticks at which a box state differs from that of the tick before."""
     changed = np.zeros(len(log), dtype=bool)
-    held = log.columns["payload_mass"] > 0
+    held = log.held()
     for values, last in (
         *((log.columns[name], None if before is None else before.columns[name][-1]) for name in _STATE),
-        (held, None if before is None else before.columns["payload_mass"][-1] > 0),
+        (held, None if before is None else before.held()[-1]),
     ):
         changed[1:] |= values[1:] != values[:-1]
         changed[0] |= last is None or values[0] != last

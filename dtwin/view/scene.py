@@ -30,8 +30,8 @@ TRAIL: Final = f"{ROOT}/trail"
 STRIDE: Final = 2
 """Number of ticks between two drawn poses: 50 Hz."""
 
-_JOINTS: Final = {"joint_1": "theta_1", "joint_2": "theta_2", "joint_3": "theta_3", "gripper": "gripper"}
-"""Columns of the log by the names of the model's joints."""
+_JOINTS: Final = ("joint_1", "joint_2", "joint_3", "gripper")
+"""Names of the model's joints."""
 _DRAWN: Final = 2
 """Group of the geoms that are drawn; others, as the spheres of the pads, only touch."""
 _WAITING: Final = "box_waiting"
@@ -136,7 +136,8 @@ class Scene:
         _send_counts(stream, t, placed, since)
 
     def _poses(self, log: Log, ticks: slice | list[int]) -> dict[str, Pose]:
-        return body_poses(self._logger.model, {joint: log.columns[name][ticks] for joint, name in _JOINTS.items()})
+        angles = np.column_stack((log.angles(), log.columns["gripper"]))[ticks]
+        return body_poses(self._logger.model, dict(zip(_JOINTS, angles.T, strict=True)))
 
     def _send_boxes(
         self,

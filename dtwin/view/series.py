@@ -75,7 +75,7 @@ PLOTS: Final = (
     *_joint_plots(1),
     *_joint_plots(2),
     *_joint_plots(3),
-    Plot(ERROR, _NAMES, style.JOINTS, 1.5, lambda log: 1e3 * (log.stack("target") - log.stack("theta"))),
+    Plot(ERROR, _NAMES, style.JOINTS, 1.5, lambda log: 1e3 * (log.stack("target") - log.angles())),
     Plot(
         f"{VOLTS}/motors", (*_NAMES, "gripper"), (*style.JOINTS, style.GRIPPER), 1.5, lambda log: log.stack("volts")
     ),

@@ -8,7 +8,7 @@ from typing import Final
 
 from dtwin.bus.messages import Acted, Path
 from dtwin.parameters import Triple
-from dtwin.signals import Quad, Sensors, StepRecord, Truth, Voltages
+from dtwin.signals import UNKNOWN, Quad, Sensors, StepRecord, Truth, Voltages
 
 PATIENCE: Final = 2.0
 """s that a row waits for what belongs to it"""
@@ -42,7 +42,8 @@ class Rows:
     """Emits a record for every sample, in order, once all that belongs to it and the next one are there, or too late.
 
     A row shows what acted on the arm, which the emulator tells before the next sample if it was not the command; a
-    row of which nobody told anything shows what acted before. A path that never came is NaN.
+    row of which nobody told anything shows what acted before. A path that never came is NaN. The truth is NaN where
+    nobody knows it; where it comes at all, a row without it is left out.
 
     Args:
         emit: receives the records.
@@ -62,6 +63,7 @@ class Rows:
         self._early: dict[int, list[Voltages | Path]] = {}
         self._last: Sensors | None = None
         self._over = False
+        self._told = False
         self._volts = _NO_VOLTS
         self._gripped = False
         self.late = 0
@@ -92,6 +94,7 @@ class Rows:
         last = self._last
         if last is not None and last.time == truth.time and last.sequence in self._rows:
             self._rows[last.sequence].truth = truth
+            self._told = True
             self._emit_due(now)
 
     def answer(self, message: Voltages | Path, now: float) -> None:
@@ -113,7 +116,7 @@ class Rows:
             self._emit_due(now)
 
     def flush(self) -> None:
-        """Emits all rows that have at least their truth."""
+        """Emits all rows."""
         for row in self._rows.values():
             self._finish(row)
         self._rows.clear()
@@ -135,7 +138,7 @@ class Rows:
         acted = row.acted or row.command
         if acted is not None:
             self._volts, self._gripped = acted.volts, acted.box_gripped
-        if row.truth is None:
+        if row.truth is None and self._told:
             self.late += 1
             return
         sensors = row.sensors
@@ -143,4 +146,4 @@ class Rows:
             self.late += 1
         command = Voltages(sensors.sequence, sensors.time, self._volts, self._gripped)
         target = row.path.theta if row.path is not None else NO_TARGET
-        self._emit(StepRecord(row.truth, sensors, target, command))
+        self._emit(StepRecord(row.truth or UNKNOWN, sensors, target, command))

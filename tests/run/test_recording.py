@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from dtwin.errors import NoSpaceError, RecordingError
 from dtwin.files import ensure_writable
-from dtwin.run.recording import COLUMNS, NUMBERS, Log, RunLog, is_log, join_logs, read_log
+from dtwin.run.recording import COLUMNS, NEEDED, NUMBERS, TRUTH, Log, RunLog, is_log, join_logs, read_log
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
 from tests.support.disks import full_disk
 
@@ -150,10 +150,26 @@ def test_memory_of_an_hour_stays_small() -> None:
     assert peak / ticks * 360_000 < 150e6
 
 
+def test_the_log_of_an_arm_that_nobody_knows_the_truth_of(tmp_path: Path) -> None:
+    path = tmp_path / "real.parquet"
+    known = logged(4).freeze()
+    pq.write_table(known.table().drop_columns(list(TRUTH)), path)
+    log = read_log(path)
+    assert all(np.isnan(log.columns[name]).all() for name in TRUTH)
+    for name in NEEDED:
+        np.testing.assert_array_equal(log.columns[name], known.columns[name])
+    assert np.array_equal(log.angles(), known.stack("measured"))
+    assert np.array_equal(log.held(), known.columns["box_gripped"])
+    log.write_parquet(path)
+    again = read_log(path)
+    for name in COLUMNS:
+        np.testing.assert_array_equal(again.columns[name], log.columns[name])
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t: t.drop_columns("omega_2"), "column omega_2 is missing: expected t, theta_1"),
+        (lambda t: t.drop_columns("volts_2"), "column volts_2 is missing: expected t, measured_1"),
         (lambda t: replaced(t, "volts_1", pa.array([1, 2, 3, 4])), "column volts_1: expected double, got"),
         (
             lambda t: replaced(t, "box_colour", pa.array([1, 2, 3, 4])),

@@ -55,7 +55,8 @@ class Identify(MachineOption):
     noise_kind: Literal["uniform", "gaussian"] = "uniform"
     """uniform adds noise * u with u in [0, 1), so it is biased by half of it; gaussian is not biased."""
     payload: list[float] = field(default_factory=list)
-    """Known load at the tip, kg, 0.2 if not given; repeat it for several runs. With a log, the mass of every box."""
+    """Known load at the tip, kg, 0.2 if not given; repeat it for several runs. With a log, the mass of every box;
+    without it motions with a box are left out."""
     payload_model: Literal["weight", "point"] = "weight"
     """weight is a load whose inertia does not act on the arm; point is a box in the gripper."""
     free: str = "K,I,c,D"

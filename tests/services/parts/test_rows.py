@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.bus.messages import Acted, Path
-from dtwin.signals import Sensors, StepRecord, Truth, Voltages
+from dtwin.signals import UNKNOWN, Sensors, StepRecord, Truth, Voltages
 from services.parts.rows import EARLY_LIMIT, PATIENCE, Rows
 
 COUNT = 12
@@ -44,6 +44,18 @@ class Collected:
     def tick(self, k: int, now: float = 0.0) -> None:
         self.rows.sensors(sample(k), now)
         self.rows.truth(truth(k), now)
+
+
+def test_an_arm_of_which_nobody_knows_the_truth_has_rows_as_well() -> None:
+    collected = Collected()
+    for k in range(3):
+        collected.rows.sensors(sample(k), 0.0)
+        collected.rows.answer(command(k), 0.0)
+        collected.rows.answer(path(k), 0.0)
+    collected.rows.flush()
+    assert [record.sensors.sequence for record in collected.records] == [0, 1, 2]
+    assert all(record.truth is UNKNOWN for record in collected.records)
+    assert collected.rows.late == 0
 
 
 @given(st.permutations(sorted(["emulator", "command", "path"] * COUNT)))
