@@ -88,6 +88,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
             "Identify",
             "identify the arm from a log or a simulated experiment",
         ),
+        "commission": Subcommand(
+            "identification.commission", "Commission", "identify a real arm from a log of its work; write a record"
+        ),
         "identify live": Subcommand("identification.live", "IdentifyLive", "excite and identify the running arm"),
         "model list": Subcommand("identification.model", "ModelList", "list the identified models"),
         "model show": Subcommand("identification.model", "ModelShow", "show an identified model"),
@@ -101,6 +104,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         ),
         "experiment mass": Subcommand(
             "identification.experiment", "ExperimentMass", "identify with a wrong load; report"
+        ),
+        "experiment strangers": Subcommand(
+            "identification.strangers", "ExperimentStrangers", "identify drawn machines from their work; report"
         ),
         "experiment friction": Subcommand(
             "identification.experiment", "ExperimentFriction", "compare friction laws; report"

@@ -23,7 +23,7 @@ _FIRST_DAMPING: Final = 1e-3
 _LARGEST_DAMPING: Final = 1e12
 _UNDAMPED: Final = 1e-11
 """Damping of the Newton step: just enough to factorise the matrix where unknowns are not identifiable."""
-_STATISTICAL: Final = 1e-6
+STATISTICAL: Final = 1e-6
 """Expected decrease, in units of the residual variance, at which the unknowns are within 1e-3 standard errors."""
 _ROUNDING: Final = 1e-28
 """Decrease, relative to the sum of squares of the data, that cannot be told from rounding."""
@@ -72,6 +72,7 @@ def minimise(
     *,
     iterations: int = 60,
     power: float = 1.0,
+    settled: float = STATISTICAL,
 ) -> Minimum:
     """Searches a minimum of a sum of squares within bounds.
 
@@ -83,6 +84,7 @@ def minimise(
         upper: (n,), upper bounds.
         iterations: largest number of linearisations.
         power: sum of squares of the data, to which rounding is relative.
+        settled: expected decrease, in units of the residual variance, at which the search ends.
 
     Raises:
         IdentificationError: the model diverges at the start.
@@ -98,7 +100,7 @@ def minimise(
         held = ((x <= lower) & (normal.gradient >= 0)) | ((x >= upper) & (normal.gradient <= 0))
         loose = np.flatnonzero(~held & (scale > 0))
         newton = _step(normal, _UNDAMPED * scale, loose)
-        if _small(float(-normal.gradient @ newton), normal, power):
+        if _small(float(-normal.gradient @ newton), normal, power, settled):
             return Minimum(x, normal, True, done)
         while True:
             trial = np.clip(x + _step(normal, damping * scale, loose), lower, upper)
@@ -127,6 +129,6 @@ def _step(normal: NormalEquations, damping: Array, loose: NDArray[np.intp]) -> A
     return step
 
 
-def _small(decrease: float, normal: NormalEquations, power: float) -> bool:
+def _small(decrease: float, normal: NormalEquations, power: float, settled: float) -> bool:
     freedom = max(1, normal.residuals - len(normal.gradient))
-    return decrease <= max(_STATISTICAL * normal.cost / freedom, _ROUNDING * power)
+    return decrease <= max(settled * normal.cost / freedom, _ROUNDING * power)

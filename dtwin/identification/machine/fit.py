@@ -1,0 +1,137 @@
+"""The search for the machine that explains segments of motion best, and how sure its numbers are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from dtwin.identification.data import Array, Experiment
+from dtwin.identification.estimation.problem import Prior
+from dtwin.identification.estimation.solver import Minimum, minimise
+from dtwin.identification.machine.problem import MachineProblem
+
+_FIRST_NOISE: Final = 5e-3
+"""What no model explains, before anything is known of it, rad."""
+_LEAST_NOISE: Final = 1e-6
+_SAME: Final = 0.1
+"""Relative change of that below which it counts as known."""
+_ROUNDS: Final = 8
+_ITERATIONS: Final = 15
+_SETTLED: Final = 0.5
+"""Expected decrease of the cost, in variances of a residual: no number is farther off than its standard deviation."""
+_INFLATION: Final = 2.0
+"""Factor on all standard deviations: what no model has acts alike in every segment, so the segments agree on what
+is wrong. It was chosen on the machines 501 to 506; `dtwin experiment strangers` judges it on others."""
+_FAR: Final = 3.0
+"""Standard deviations beyond which a residual counts less (Huber, Robust Statistics, 1981): spikes, lost samples."""
+
+
+@dataclass(frozen=True, eq=False)
+class MachineFit:
+    """The machine that explains the segments best.
+
+    Attributes:
+        problem: the estimation problem.
+        x: scaled unknowns.
+        vector: (69,), numbers of the machine.
+        converged: whether the search ended at a minimum.
+        noise: (3,), standard deviation of what is not explained, rad.
+        residuals: measured minus predicted readings of every segment, each (N, 3), rad.
+        covariance: (n, n), covariance of the free numbers, SI units.
+    """
+
+    problem: MachineProblem
+    x: Array
+    vector: Array
+    converged: bool
+    noise: Array
+    residuals: tuple[Array, ...]
+    covariance: Array
+
+    @property
+    def deviations(self) -> dict[str, float]:
+        """Standard deviations of the free numbers by name."""
+        return dict(zip(self.problem.free, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The free numbers by name."""
+        free = self.problem.free
+        return dict(zip(free, (self.x[: len(free)] * self.problem.scale).tolist(), strict=True))
+
+
+def fit_machine(
+    segments: Sequence[Experiment],
+    free: Sequence[str],
+    fixed: Array,
+    priors: Mapping[str, Prior],
+    progress: Callable[[str], None] = lambda text: None,
+) -> MachineFit:
+    """Fits a machine to segments of motion.
+
+    Args:
+        segments: segments of motion.
+        free: names of the free numbers.
+        fixed: (69,), all numbers, of which those count that are not free.
+        priors: expectation and standard deviation of every free number.
+        progress: is told in words how far the search is.
+
+    Raises:
+        IdentificationError: the twin diverges at the start.
+        ParameterError: a name is unknown or has no prior.
+    """
+    problem = MachineProblem(tuple(segments), tuple(free), fixed, priors)
+    x, noise = problem.start(), np.full(3, _FIRST_NOISE)
+    weights = [np.broadcast_to(1.0 / noise, e.measured.shape) for e in segments]
+    for round_ in range(1, _ROUNDS + 1):
+        found = _search(problem, x, weights)
+        x = found.x
+        residuals = [e.measured - readings for e, readings in zip(segments, problem.simulate(x), strict=True)]
+        before, noise = noise, _spread(residuals)
+        weights = [np.sqrt(_FAR / np.maximum(np.abs(r) / noise, _FAR)) / noise for r in residuals]
+        progress(f"round {round_}: {1e3 * noise.max():.2f} mrad are not explained")
+        if np.abs(np.log(noise / before)).max() < _SAME:
+            break
+    return MachineFit(
+        problem, x, problem.vector(x), found.converged, noise, tuple(residuals), _covariance(problem, x, weights)
+    )
+
+
+def _search(problem: MachineProblem, x: Array, weights: Sequence[Array]) -> Minimum:
+    return minimise(
+        lambda x: problem.normal(x, weights),
+        lambda x: problem.cost(x, weights),
+        x,
+        *problem.bounds,
+        iterations=_ITERATIONS,
+        settled=_SETTLED,
+    )
+
+
+def _spread(residuals: Sequence[Array]) -> Array:
+    """Standard deviation of each joint's residuals, (3,), rad, from their median."""
+    return np.maximum(1.4826 * np.median(np.abs(np.concatenate(residuals)), axis=0), _LEAST_NOISE)
+
+
+def _covariance(problem: MachineProblem, x: Array, weights: Sequence[Array]) -> Array:
+    """Covariance of the free numbers, (n, n), SI units.
+
+    What a model does not explain is no white noise: it goes on over a whole segment. So each segment counts as one
+    observation (the sandwich for clusters, Liang and Zeger, Biometrika 73, 1986), beside the priors.
+    """
+    free = len(problem.free)
+    information, scores = np.eye(free), np.eye(free)
+    for residual, shared, local in problem.linearise(x, weights):
+        basis = np.linalg.qr(local)[0]
+        own = shared - basis @ (basis.T @ shared)
+        score = own.T @ residual
+        information += own.T @ own
+        scores += np.outer(score, score)
+    inverse = np.linalg.inv(information)
+    covariance = _INFLATION**2 * inverse @ scores @ inverse
+    known = np.minimum(1.0, 1.0 / np.sqrt(np.diag(covariance)))  # nothing is less certain than the data sheet says
+    result: Array = covariance * np.outer(known * problem.scale, known * problem.scale)
+    return result

@@ -1,0 +1,133 @@
+"""A real arm identified from a log of its work: fitted, judged by motion that was held out, and graded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+
+from dtwin.errors import IdentificationError
+from dtwin.identification.data import Array, Experiment, from_log
+from dtwin.identification.estimation.quality import noise
+from dtwin.identification.estimation.residuals import fit as fit_of
+from dtwin.identification.estimation.solver import minimise
+from dtwin.identification.machine.fit import MachineFit, fit_machine
+from dtwin.identification.machine.left import Left, what_is_left
+from dtwin.identification.machine.problem import MachineProblem
+from dtwin.identification.machine.sheet import GROUPS, sheet
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, symbol_of
+from dtwin.run.recording import Log
+from dtwin.twin.effects import NO_EFFECTS
+from dtwin.twin.machine import vector_of
+
+Grade = Literal["identified", "approximate", "unusable"]
+
+SEGMENT: Final = 0.4
+"""Length of the segments that are fitted, s."""
+JUDGED: Final = 1.0
+"""Length of the segments that judge, s."""
+HELD_OUT: Final = 0.25
+"""Share of the log that judges, its end."""
+MOST: Final = 60
+FEWEST: Final = 20
+"""Numbers of segments that are fitted."""
+_MOST_JUDGED: Final = 12
+_MOVED: Final = (0.05, 0.2)
+"""Range of some joint's angle in a segment that is fitted, or judges, rad."""
+GOOD: Final = 0.98
+POOR: Final = 0.9
+"""Fits of held-out motion from which on a model is identified, and below which it is unusable."""
+TOLD: Final = 0.6
+"""Standard deviation of a number, relative to that of the data sheet, below which the data tell it."""
+_UNEXPLAINED: Final = 2.0
+"""Ratio of what is not explained to the noise of the encoders from which on an effect is missing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A machine and how far to trust it.
+
+    Attributes:
+        found: the fit.
+        fit: (3,), fit of every joint on held-out motion; 1 is perfect.
+        encoders: (3,), noise of the encoders, rad.
+        left: what would explain a noticeable share of what is left.
+    """
+
+    found: MachineFit
+    fit: Array
+    encoders: Array
+    left: tuple[Left, ...]
+
+    @property
+    def grade(self) -> Grade:
+        """What the machine is good for, by its worst joint."""
+        worst = float(self.fit.min())
+        return "identified" if worst >= GOOD else "approximate" if worst >= POOR else "unusable"
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """Names of the numbers that the data tell; of the others the data sheet tells nearly all that is known."""
+        priors, deviations = self.found.problem.priors, self.found.deviations
+        return tuple(name for name, deviation in deviations.items() if deviation < TOLD * priors[name].deviation)
+
+    def remarks(self) -> list[str]:
+        """What a person should know of it, in words."""
+        said = [each.text() for each in self.left]
+        for joint, (left, encoder) in enumerate(zip(self.found.noise, self.encoders, strict=True), 1):
+            if left > _UNEXPLAINED * encoder:
+                said.append(
+                    f"joint {joint}: {1e3 * left:.2g} mrad are not explained, the encoder's noise is"
+                    f" {1e3 * encoder:.2g} mrad: the arm has an effect that the model lacks"
+                )
+        return said
+
+
+def identify_machine(log: Log, arm: ArmParameters, progress: Callable[[str], None] = lambda text: None) -> Judged:
+    """Identifies a real arm from the motions of its empty gripper in a log.
+
+    Args:
+        log: log of ordinary work.
+        arm: arm as it was designed.
+        progress: is told in words how far it is.
+
+    Raises:
+        IdentificationError: the log has too little motion of the empty gripper.
+    """
+    cut = round((1.0 - HELD_OUT) * len(log))
+    segments = _moving(log.part(0, cut), SEGMENT, _MOVED[0])
+    judging = _moving(log.part(cut, len(log)), JUDGED, _MOVED[1])[:_MOST_JUDGED]
+    if len(segments) < FEWEST or not judging:
+        raise IdentificationError(
+            f"too little motion with an empty gripper: {len(segments)} segments of {SEGMENT:g} s and {len(judging)}"
+            f" of {JUDGED:g} s to judge by, expected at least {FEWEST} and 1; record two minutes of work"
+        )
+    chosen = segments[:: -(-len(segments) // MOST)]
+    found = fit_machine(chosen, free_numbers(), vector_of(arm, NO_EFFECTS), sheet(arm), progress)
+    encoders = np.median([noise(segment.measured) for segment in chosen], axis=0)
+    return Judged(found, judge(found, judging), np.maximum(encoders, 1e-6), what_is_left(found))
+
+
+def free_numbers() -> tuple[str, ...]:
+    """Names of all that is identified: all effects and the parameters but the lengths, which the data sheet tells."""
+    parameters = [name for name in PARAMETER_NAMES if symbol_of(name) not in ("l", "mu")]
+    return (*parameters, *(name for group in GROUPS.values() for name in group))
+
+
+def judge(found: MachineFit, segments: Sequence[Experiment]) -> Array:
+    """Fit of every joint, (3,), on segments of which only the initial states are estimated."""
+    problem = MachineProblem(tuple(segments), (), found.vector, {})
+    weights = [np.broadcast_to(1.0 / found.noise, e.measured.shape) for e in segments]
+    states = minimise(
+        lambda x: problem.normal(x, weights), lambda x: problem.cost(x, weights), problem.start(), *problem.bounds
+    ).x
+    measured = np.concatenate([e.measured for e in segments])
+    return fit_of(measured, np.concatenate(problem.simulate(states)))
+
+
+def _moving(log: Log, length: float, moved: float) -> list[Experiment]:
+    """Segments of nearly the whole length in which some joint moved so far (rad)."""
+    long_enough = (e for e in from_log(log, None, length) if len(e) * e.period >= 0.9 * length)
+    return [e for e in long_enough if float(np.ptp(e.measured, axis=0).max()) > moved]

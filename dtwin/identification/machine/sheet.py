@@ -1,0 +1,81 @@
+"""The data sheet of the arm with its tolerances, as prior knowledge of everything that can be identified.
+
+docs/machine.md has the same ranges with their sources. A value is expected in the middle of its range. Its standard
+deviation is that of a uniform distribution over the range, 1.5 times: a data sheet is no promise.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from dtwin.identification.estimation.problem import Prior
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, symbol_of
+from dtwin.twin.effects import EFFECT_NAMES
+
+_RELATIVE: Final = {
+    "K": (0.85, 1.05),
+    "m": (0.95, 1.05),
+    "I": (0.9, 1.1),
+    "l": (0.9985, 1.0015),
+    "c": (0.97, 1.03),
+}
+"""Ranges of the parameters as shares of the nominal value."""
+_DAMPING: Final = (0.7, 1.4)
+_BACK_EMF: Final = (0.03, 0.12)
+"""Range of the back-EMF, V s/rad, which acts like a damping of K times that."""
+_COULOMB: Final = (0.0, 0.03)
+_EFFECTS: Final = {
+    "rotor_inertia": (0.0006, 0.0015),
+    "lag": (0.0025, 0.006),
+    "dead_zone": (0.0, 0.25),
+    "stiction": (0.0, 0.015),
+    "stribeck_velocity": (0.05, 0.3),
+    "cable": (0.0, 0.01),
+    "torque": (-0.005, 0.005),
+    "com_offset": (-0.002, 0.002),
+    "eccentric_sin": (-0.002, 0.002),
+    "eccentric_cos": (-0.002, 0.002),
+    "tilt": (-0.01, 0.01),
+    "delay": (0.0, 0.0125),
+    "sag": (0.0, 0.05),
+}
+"""Ranges of the effects in their units; that of the delay is drive and encoders together."""
+_DOUBT: Final = 1.5
+
+GROUPS: Final = {
+    "timing": ("delay", "lag1", "lag2", "lag3"),
+    "dead_zone": ("dead_zone1", "dead_zone2", "dead_zone3"),
+    "friction": tuple(f"{name}{j}" for name in ("mu", "stiction", "stribeck_velocity") for j in (1, 2, 3)),
+    "rotor": ("rotor_inertia1", "rotor_inertia2", "rotor_inertia3"),
+    "structure": ("tilt", "com_offset1", "com_offset2", "com_offset3"),
+    "cables": tuple(f"{name}{j}" for name in ("cable", "torque") for j in (1, 2, 3)),
+    "encoders": tuple(f"{name}{j}" for name in ("eccentric_sin", "eccentric_cos") for j in (1, 2, 3)),
+    "supply": ("sag",),
+}
+"""Effects that are looked for together, by the name of the group."""
+
+
+def sheet(arm: ArmParameters) -> dict[str, Prior]:
+    """Expectation and standard deviation of every parameter and effect by name.
+
+    Args:
+        arm: arm as it was designed.
+    """
+    priors = {name: _parameter(name, arm) for name in PARAMETER_NAMES}
+    return priors | {name: _within(*_EFFECTS[name.rstrip("123")]) for name in EFFECT_NAMES}
+
+
+def _parameter(name: str, arm: ArmParameters) -> Prior:
+    symbol, value = symbol_of(name), arm.get(name)
+    if symbol == "mu":
+        return _within(*_COULOMB)
+    if symbol == "D":
+        constant = arm.get(f"K{name[-1]}")
+        return _within(_DAMPING[0] * value + _BACK_EMF[0] * constant, _DAMPING[1] * value + _BACK_EMF[1] * constant)
+    low, high = _RELATIVE[symbol]
+    return _within(low * value, high * value)
+
+
+def _within(low: float, high: float) -> Prior:
+    return Prior((low + high) / 2.0, _DOUBT * (high - low) / math.sqrt(12.0))

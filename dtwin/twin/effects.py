@@ -1,0 +1,99 @@
+"""What a real arm has beside the equations of motion, as far as the twin can predict it.
+
+docs/machine.md has the equations. Some effects of a real arm are not here because the twin has no state for them:
+elasticity and play of gears, ripple, samples that are lost.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Final
+
+from dtwin.errors import ParameterError, choices
+from dtwin.parameters import Triple
+
+_NONE: Final[Triple] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Effects:
+    """Effects of drives, gears, structure and encoders; without arguments there are none.
+
+    Attributes:
+        rotor_inertia: inertia of the rotor as seen at the joint, kg m^2.
+        lag: time constant of amplifier and windings, s.
+        dead_zone: voltage that is lost in the amplifier, V.
+        stiction: friction at rest beyond the Coulomb friction, N m.
+        stribeck_velocity: velocity over which that fades, rad/s.
+        cable: stiffness of the cables that span the joint, N m/rad.
+        torque: torque of those cables at the angle 0, N m.
+        com_offset: distance of the centre of mass from the link's line, to the left of it, m.
+        eccentric_sin: error of the encoder that goes with the sine of the angle, rad.
+        eccentric_cos: error of the encoder that goes with the cosine of the angle, rad.
+        tilt: angle by which the base is turned in the arm's plane, rad.
+        delay: time from a command until the encoders show that it acts, as far as it is a delay, s.
+        sag: resistance of the supply, as a share of that of one winding.
+
+    Raises:
+        ParameterError: a value is not finite or out of range.
+    """
+
+    rotor_inertia: Triple = _NONE
+    lag: Triple = _NONE
+    dead_zone: Triple = _NONE
+    stiction: Triple = _NONE
+    stribeck_velocity: Triple = (0.1, 0.1, 0.1)
+    cable: Triple = _NONE
+    torque: Triple = _NONE
+    com_offset: Triple = _NONE
+    eccentric_sin: Triple = _NONE
+    eccentric_cos: Triple = _NONE
+    tilt: float = 0.0
+    delay: float = 0.0
+    sag: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in self.values().items():
+            least = 1e-3 if name.startswith("stribeck") else -math.inf if name.startswith(_SIGNED) else 0.0
+            if not (math.isfinite(value) and value >= least):
+                bound = "" if math.isinf(least) else f" of at least {least:g}"
+                raise ParameterError(f"{name}: expected a finite number{bound}, got {value}")
+
+    def values(self) -> dict[str, float]:
+        """All values by the names of EFFECT_NAMES."""
+        found: dict[str, float] = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, tuple):
+                found |= {f"{field.name}{joint}": number for joint, number in enumerate(value, 1)}
+            else:
+                found[field.name] = value
+        return found
+
+    def with_values(self, values: Mapping[str, float]) -> Effects:
+        """A copy in which the named values (`{"lag2": 0.004}`) are replaced.
+
+        Raises:
+            ParameterError: there is no such effect, or a value is out of range.
+        """
+        if strangers := [name for name in values if name not in EFFECT_NAMES]:
+            raise ParameterError(f"unknown effect {strangers[0]!r}: expected {choices(EFFECT_NAMES)}")
+        merged = {**self.values(), **{name: float(value) for name, value in values.items()}}
+        return Effects(
+            *(
+                (merged[f"{name}1"], merged[f"{name}2"], merged[f"{name}3"]) if name in _OF_JOINTS else merged[name]
+                for name in _FIELDS
+            )  # type: ignore[arg-type]
+        )
+
+
+_FIELDS: Final = tuple(field.name for field in fields(Effects))
+_OF_JOINTS: Final = tuple(field.name for field in fields(Effects) if isinstance(field.default, tuple))
+_SIGNED: Final = ("torque", "com_offset", "eccentric", "tilt")
+EFFECT_NAMES: Final = tuple(
+    name for field in _FIELDS for name in ([f"{field}{j}" for j in (1, 2, 3)] if field in _OF_JOINTS else [field])
+)
+"""The names rotor_inertia1, rotor_inertia2, ..., tilt, delay, sag, in the order of `Effects.values`."""
+NO_EFFECTS: Final = Effects()

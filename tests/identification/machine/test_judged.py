@@ -1,0 +1,122 @@
+"""The identification of a real arm: from synthetic motions of the same twin, and as far as it may be trusted."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dtwin.cli import main
+from dtwin.errors import IdentificationError, ModelError
+from dtwin.identification.data import Array, Experiment
+from dtwin.identification.machine.fit import MachineFit, fit_machine
+from dtwin.identification.machine.judged import Judged, identify_machine, judge
+from dtwin.identification.machine.left import what_is_left
+from dtwin.identification.machine.record import read_record, record_of, write_record
+from dtwin.identification.machine.sheet import sheet
+from dtwin.parameters import ArmParameters
+from dtwin.run.cell import Cell
+from dtwin.run.settings import CellSettings
+from dtwin.twin.effects import NO_EFFECTS, Effects
+from dtwin.twin.machine import MACHINE_NAMES, machine_rollout, vector_of
+
+ARM = ArmParameters()
+FREE = ("D1", "D2", "D3", "mu1", "mu2", "mu3", "dead_zone1", "dead_zone2", "dead_zone3", "delay")
+NOISE = 5e-4
+TRUE = vector_of(
+    ArmParameters(damping=(0.06, 0.07, 0.05), coulomb=(0.01, 0.02, 0.015)),
+    Effects(dead_zone=(0.1, 0.2, 0.05), delay=0.007),
+)
+
+
+def motions(vector: Array, count: int, seed: int) -> list[Experiment]:
+    """Segments of motion from the bench, under voltages that hold the arm and swing it."""
+    generator = np.random.default_rng(seed)
+    found = []
+    for _ in range(count):
+        state = np.concatenate((generator.uniform(-1.0, 1.0, 3), generator.uniform(-1.0, 1.0, 3)))
+        volts = np.repeat(generator.uniform(-5.0, 5.0, (5, 3)), 8, axis=0)
+        readings = machine_rollout(vector, state, volts, np.zeros(40))[1][:-1]
+        found.append(Experiment(readings + generator.normal(0.0, NOISE, readings.shape), volts))
+    return found
+
+
+@pytest.fixture(scope="module")
+def fitted() -> MachineFit:
+    return fit_machine(motions(TRUE, 12, 1), FREE, vector_of(ARM, NO_EFFECTS), sheet(ARM))
+
+
+def test_a_machine_of_the_model_is_found_with_honest_intervals(fitted: MachineFit) -> None:
+    assert fitted.converged
+    np.testing.assert_allclose(fitted.noise, NOISE, rtol=0.2)
+    for name in FREE:
+        truth, deviation = TRUE[MACHINE_NAMES.index(name)], fitted.deviations[name]
+        assert abs(fitted.values[name] - truth) < 3 * deviation, name
+        assert deviation < 0.3 * sheet(ARM)[name].deviation, name
+    assert what_is_left(fitted) == ()
+    assert judge(fitted, motions(TRUE, 3, 2)).min() > 0.98
+
+
+def test_what_the_model_lacks_is_said_in_words() -> None:
+    rough = TRUE.copy()
+    rough[MACHINE_NAMES.index("direction2")] = 0.02
+    fit = fit_machine(motions(rough, 12, 3), ("D1", "D2", "D3"), replaced(TRUE, D1=0.05), sheet(ARM))
+    first = what_is_left(fit)[0]
+    assert (first.shape, first.joint) == ("direction", 2)
+    assert "depends on the direction of motion of joint 2: friction that the model lacks" in first.text()
+    remarks = Judged(fit, np.full(3, 0.95), np.full(3, NOISE), (first,)).remarks()
+    assert any("joint 2" in remark and "an effect that the model lacks" in remark for remark in remarks)
+
+
+def replaced(vector: Array, **values: float) -> Array:
+    result = vector.copy()
+    for name, value in values.items():
+        result[MACHINE_NAMES.index(name)] = value
+    return result
+
+
+def test_what_the_data_do_not_tell_keeps_the_data_sheets_tolerance() -> None:
+    still = Experiment(np.zeros((40, 3)), np.zeros((40, 3)))
+    priors = sheet(ARM)
+    fit = fit_machine(
+        [still], ("dead_zone1", "cable3"), replaced(vector_of(ARM, NO_EFFECTS), mu1=0.5, mu2=0.5, mu3=0.5), priors
+    )
+    for name in fit.problem.free:
+        assert fit.deviations[name] == pytest.approx(priors[name].deviation, rel=0.05)
+        assert fit.values[name] == pytest.approx(priors[name].mean, rel=0.05)
+    assert Judged(fit, np.ones(3), np.ones(3), ()).told == ()
+
+
+def test_grades_and_the_record(fitted: MachineFit, tmp_path: Path) -> None:
+    judged = Judged(fitted, np.array([0.99, 0.985, 0.999]), np.full(3, NOISE), ())
+    assert (judged.grade, set(judged.told)) == ("identified", set(FREE))
+    assert replace(judged, fit=np.array([0.99, 0.95, 0.999])).grade == "approximate"
+    assert replace(judged, fit=np.array([0.99, 0.5, 0.999])).grade == "unusable"
+    record = record_of(judged, ARM, "motions from the bench")
+    write_record(record, tmp_path / "arm.json")
+    assert read_record(tmp_path / "arm.json") == record
+    assert record.effects.delay == fitted.values["delay"]
+    assert record.arm.damping[1] == fitted.values["D2"]
+    content = json.loads((tmp_path / "arm.json").read_text())
+    delay = content["numbers"]["delay"]
+    for change, message in (
+        ({"schema": "2"}, "schema: expected 'dtwin machine record 1', got '2'"),
+        ({"grade": "good"}, "expected the record of a machine: Invalid enum value 'good'"),
+        ({"numbers": {}}, "numbers: K1 is missing"),
+        ({"numbers": {**content["numbers"], "delay": {**delay, "value": -1.0}}}, "delay: expected"),
+    ):
+        (tmp_path / "wrong.json").write_text(json.dumps({**content, **change}))
+        with pytest.raises(ModelError, match=message):
+            read_record(tmp_path / "wrong.json")
+
+
+def test_a_log_with_too_little_motion_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cell = Cell(CellSettings(duration=8.0))
+    cell.run()
+    log = cell.log.freeze()
+    with pytest.raises(IdentificationError, match=r"too little motion with an empty gripper: .* record two minutes"):
+        identify_machine(log, ARM)
+    log.write_parquet(tmp_path / "short.parquet")
+    assert main(("commission", str(tmp_path / "short.parquet"))) == 2
+    assert "too little motion" in capsys.readouterr().err
