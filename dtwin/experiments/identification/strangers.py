@@ -10,6 +10,7 @@ import numpy as np
 
 from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.sections import Machine
+from dtwin.errors import IdentificationError
 from dtwin.experiments.report import Report, page, table
 from dtwin.identification.machine.judged import Grade, identify_machine
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
@@ -81,14 +82,19 @@ def truth_of(machine: Machine, nominal: ArmParameters) -> dict[str, float]:
 def meet(item: Work) -> Stranger:
     """Lets a drawn machine work, and identifies it from what was measured and commanded.
 
+    A machine whose log is of no use, such as one that stands still, is unusable.
+
     Raises:
-        DtwinError: the run or the identification failed.
+        DtwinError: the run failed.
     """
     machine = machine_of(str(item.number))
     cell = Cell(CellSettings(item.duration, item.seed, machine=machine, control=ControlOptions().control()))
     cell.run()
     nominal = ArmParameters()
-    judged = identify_machine(cell.log.freeze(), nominal)
+    try:
+        judged = identify_machine(cell.log.freeze(), nominal)
+    except IdentificationError as error:
+        return Stranger(item.number, "unusable", (0.0, 0.0, 0.0), {}, [str(error)])
     truth, found = truth_of(machine, nominal), judged.found
     away = {name: (found.values[name] - truth[name]) / found.deviations[name] for name in judged.told}
     first, second, third = judged.fit.tolist()

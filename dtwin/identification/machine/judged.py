@@ -129,5 +129,7 @@ def judge(found: MachineFit, segments: Sequence[Experiment]) -> Array:
 
 def _moving(log: Log, length: float, moved: float) -> list[Experiment]:
     """Segments of nearly the whole length in which some joint moved so far (rad)."""
+    if log.columns["box_gripped"].all():
+        return []
     long_enough = (e for e in from_log(log, None, length) if len(e) * e.period >= 0.9 * length)
     return [e for e in long_enough if float(np.ptp(e.measured, axis=0).max()) > moved]
