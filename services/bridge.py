@@ -62,8 +62,7 @@ PATIENCE: Final = 3.0
 FIRST_PATIENCE: Final = 15.0
 """The same before the first controller, which starts beside all other services, s."""
 GAP: Final = round(STALE / PERIOD)
-"""Number of ticks without an answer after which the path is planned anew, and after which it is again for an arm that
-still has no voltage."""
+"""Number of ticks without an answer, or without voltage, after which the path is planned anew."""
 LISTEN: Final = 10
 """Number of ticks after which a call for help and a stop are looked for, if nobody wants the path of every tick."""
 S = TypeVar("S")
@@ -109,8 +108,8 @@ class Bridge:
         self._last: Voltages | None = None
         self._before: Sensors | None = None
         self._heard = 0.0
-        self._limp = -math.inf
-        self._planned = -math.inf
+        self._limp = 0
+        self._limp_at = -1
         self._restart = False
         self._answered = 0
         self._skipped = 0
@@ -118,7 +117,8 @@ class Bridge:
         self._publish_path = bus.publisher(PATH, lossless=lossless)
         self._tell = bus.publisher(EVENTS)
         bus.subscribe(SENSORS, Sensors, Following(self._hear, bus.refuse))
-        bus.subscribe(ACTED, Acted, self._note)
+        bus.subscribe(EVENTS, Event, self._note)
+        bus.subscribe(ACTED, Acted, self._note_acted)
         self._settings_lock = threading.Lock()
         bus.answer(SETTINGS, SettingsRequest, self._set, self._in_force, trusted=True)
         bus.answer(SIGNAL, SignalRequest, self._play, self._signal)
@@ -171,7 +171,7 @@ class Bridge:
             way = self._way(sensors)
             if self._restart or self._has_fallen(sensors):
                 controller.restart([*way, sensors])
-                self._restart, self._planned = False, sensors.sequence
+                self._restart, self._limp = False, 0
                 log.warning("path planned anew at %.2f s after a gap", sensors.time)
             else:
                 for step in way:
@@ -292,15 +292,22 @@ class Bridge:
         self._heard = sensors.time
         self._service.inbox.put(sensors)
 
-    def _note(self, acted: Acted) -> None:
-        """Takes note of the last sample after which the arm had no voltage, whatever was commanded."""
-        if not any(acted.volts) and abs(acted.time - self._heard) <= STALE:
-            self._limp = acted.sequence
+    def _note(self, event: Event) -> None:
+        """Takes note when the arm has lost its voltage; the emulator says so at the time of its last sample."""
+        if event.kind == EventKind.SAFE and abs(event.time - self._heard) <= STALE:
+            self._restart = True
+
+    def _note_acted(self, acted: Acted) -> None:
+        """Counts the ticks in a row in which the arm had no voltage though nobody had stopped it."""
+        if any(acted.volts) or self._stops.stop != "none" or abs(acted.time - self._heard) > STALE:
+            self._limp = 0
+            return
+        self._limp = self._limp + 1 if acted.sequence == self._limp_at + 1 else 1
+        self._limp_at = acted.sequence
 
     def _has_fallen(self, sensors: Sensors) -> bool:
-        """Whether an arm that nobody has stopped moves without voltage, away from a path that is some ticks old."""
-        now_limp = abs(sensors.sequence - self._limp) <= 1
-        return now_limp and self._stops.stop == "none" and abs(sensors.sequence - self._planned) >= GAP
+        """Whether the arm has been without voltage for so long that it is not where its path is."""
+        return self._limp >= GAP and abs(sensors.sequence - self._limp_at) <= 1
 
     def _time(self) -> float:
         return 0.0 if self._last is None else self._last.time

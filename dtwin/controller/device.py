@@ -67,8 +67,8 @@ class Outcome(NamedTuple):
     """
 
     path: Triple
-    help: int = 0
-    stop: Stop = "none"
+    help: int
+    stop: Stop
 
 
 class ControlLoop:
