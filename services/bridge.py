@@ -63,7 +63,7 @@ FIRST_PATIENCE: Final = 15.0
 """The same before the first controller, which starts beside all other services, s."""
 GAP: Final = round(STALE / PERIOD)
 """Number of ticks without an answer, or without voltage, after which the path is planned anew."""
-LISTEN: Final = 10
+LISTEN: Final = 50
 """Number of ticks after which a call for help and a stop are looked for, if nobody wants the path of every tick."""
 S = TypeVar("S")
 
