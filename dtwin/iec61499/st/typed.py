@@ -213,7 +213,7 @@ def walk(node: Any) -> Iterator[Any]:
         if isinstance(node, tuple):
             if not isinstance(node, Position):
                 pending.extend(reversed(node))
-        elif names := _parts(type(node)):
+        elif names := _parts(node.__class__):
             yield node
             pending.extend(getattr(node, name) for name in names)
 
