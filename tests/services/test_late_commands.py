@@ -17,6 +17,7 @@ from dtwin.monitoring.belief import assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, ArmParameters
 from dtwin.signals import EventKind, Sensors, Voltages
+from services.bridge import LISTEN
 from services.monitoring import UNHEARD
 from tests.support.by_hand import PATIENCE, ByHand
 from tests.support.waiting import until
@@ -89,6 +90,9 @@ def test_a_fault_is_found_all_the_same(fault: str) -> None:
 
 PICKUP = (-0.6699, -1.5931, 2.2630)
 """Angles at which the blocks take a box, rad."""
+FALL = 0.95
+"""Angle by which joint 2 falls, rad."""
+FALLEN = (PICKUP[0], PICKUP[1] + FALL, PICKUP[2])
 THROWN = (PICKUP[0], PICKUP[1] + 0.6, PICKUP[2] - 0.6)
 """Angles that are another arm's if they come in the next sample, rad."""
 
@@ -115,7 +119,7 @@ class Driven:
     def fall(self, sequence: int, voltage: float) -> None:
         """Answers samples of an arm that falls from the pickup, and of which is told what voltage it has."""
         for k in range(20):
-            self.answer(sequence + k, (PICKUP[0], PICKUP[1] + 0.05 * k, PICKUP[2]))
+            self.answer(sequence + k, (PICKUP[0], PICKUP[1] + k / 19 * FALL, PICKUP[2]))
             self._tell(Acted(sequence + k, PERIOD * (sequence + k), (voltage,) * 4, True))
 
     def start_bridge(self) -> None:
@@ -158,8 +162,8 @@ def test_an_arm_that_falls_because_its_commands_are_late_is_not_stopped(by_hand:
     for k in range(10):
         driven.answer(k, PICKUP)
     driven.fall(10, 0.0)
-    for k in range(40, 60):
-        driven.answer(k, PICKUP)
+    for k in range(30, 31 + LISTEN):
+        driven.answer(k, FALLEN)
     assert driven.latched.stop == "none"
 
 
@@ -168,5 +172,7 @@ def test_a_stop_of_the_controllers_own_is_latched_and_told(by_hand: ByHand, sock
     for k in range(10):
         driven.answer(k, PICKUP)
     driven.fall(10, 1.0)
-    until(lambda: driven.answer(40, PICKUP) and driven.latched.stop != "none", "the stop is latched", PATIENCE)
+    for k in range(30, 31 + LISTEN):
+        driven.answer(k, PICKUP)
+    until(lambda: driven.latched.stop != "none", "the stop is latched", PATIENCE)
     until(lambda: any(event.kind == EventKind.STOP for event in by_hand.events), "the stop is told", PATIENCE)
