@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_origin, get_type_hints
 
 import msgspec
 
@@ -42,13 +42,19 @@ def parse_options(options: Callable[..., Any], prog: str, arguments: Sequence[st
 
 
 def parse_apart(options: type[T], prog: str, arguments: Sequence[str]) -> T:
-    """The same as `parse_options` for a process that stays: the parser and its memory are gone with a child.
+    """The same as `parse_options` for a process that stays, and that shall start fast.
+
+    What is plain is read at once. For the rest, and to say what is wrong, the parser is loaded in a child, with which
+    its memory is gone.
 
     Raises:
         DtwinError: the arguments cannot be read. SystemExit: help was asked for and printed.
     """
     if {"-h", "--help"} & set(arguments):
         return parse_options(options, prog, arguments)
+    with contextlib.suppress(msgspec.ValidationError, DtwinError):
+        if (values := _plain_values(options, arguments)) is not None:
+            return msgspec.convert(values, options, strict=False, dec_hook=_made)
     receiver, sender = os.pipe()
     child = os.fork()
     if child == 0:
@@ -67,7 +73,36 @@ def parse_apart(options: type[T], prog: str, arguments: Sequence[str]) -> T:
     outcome = msgspec.json.decode(sent)
     if isinstance(outcome, str):
         raise DtwinError(outcome)
-    return msgspec.convert(outcome, options, dec_hook=lambda kind, value: kind(value))
+    return msgspec.convert(outcome, options, dec_hook=_made)
+
+
+def _made(kind: Callable[[Any], Any], value: Any) -> Any:
+    """A value of a type that JSON does not have, such as a path."""
+    return kind(value)
+
+
+def _plain_values(options: type[Any], arguments: Sequence[str]) -> dict[str, Any] | None:
+    """Texts and flags by the names of the fields, one word each; None when the arguments are anything else."""
+    kinds = get_type_hints(options)
+    values: dict[str, Any] = {}
+    words = iter(arguments)
+    for word in words:
+        name, _, inner = word.removeprefix("--").replace("-", "_").partition(".")
+        kind = kinds.get(name)
+        if kind is None or not word.startswith("--"):
+            return None
+        value = True if kind is bool else next(words, "--")
+        if isinstance(value, str) and value.startswith("--"):
+            return None
+        if inner:
+            values.setdefault(name, {})[inner] = value
+        elif get_origin(kind) is tuple:
+            values.setdefault(name, []).append(value)
+        elif name in values:
+            return None
+        else:
+            values[name] = value
+    return values
 
 
 def _outcome(options: type[T], prog: str, arguments: Sequence[str]) -> bytes:

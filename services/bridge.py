@@ -1,9 +1,9 @@
 """Between the bus and the controller's ports: a sample in, the application's answer out.
 
 The controller is a 4diac FORTE or the embedded device; both tell over their management port where their blocks
-listen. A backlog is skipped: only the newest sample is answered. After a gap, and when the arm had lost its voltage,
-the application plans its path anew from where the arm is. A controller that comes back, or another one in its place,
-gets the settings that were in force, and the stop, before it answers a sample.
+listen. A backlog is skipped: only the newest sample is answered. After a gap, and while the arm has no voltage though
+nobody has stopped it, the application plans its path anew from where the arm is. A controller that comes back, or
+another one in its place, gets the settings that were in force, and the stop, before it answers a sample.
 """
 
 from __future__ import annotations
@@ -23,12 +23,14 @@ import msgspec
 
 from dtwin.bus.following import Following
 from dtwin.bus.messages import (
+    ACTED,
     EVENTS,
     PATH,
     SENSORS,
     SETTINGS,
     SIGNAL,
     VOLTAGES,
+    Acted,
     IdentificationSignal,
     Path,
     SettingsInForce,
@@ -60,9 +62,9 @@ PATIENCE: Final = 3.0
 FIRST_PATIENCE: Final = 15.0
 """The same before the first controller, which starts beside all other services, s."""
 GAP: Final = round(STALE / PERIOD)
-"""Number of ticks without an answer after which the path is planned anew."""
-LISTEN: Final = 10
-"""Number of ticks after which a call for help is looked for, if nobody wants to know the path of every tick."""
+"""Number of ticks without an answer, or without voltage, after which the path is planned anew."""
+LISTEN: Final = 50
+"""Number of ticks after which a call for help and a stop are looked for, if nobody wants the path of every tick."""
 S = TypeVar("S")
 
 
@@ -106,6 +108,8 @@ class Bridge:
         self._last: Voltages | None = None
         self._before: Sensors | None = None
         self._heard = 0.0
+        self._limp = 0
+        self._limp_at = -1
         self._restart = False
         self._answered = 0
         self._skipped = 0
@@ -114,6 +118,7 @@ class Bridge:
         self._tell = bus.publisher(EVENTS)
         bus.subscribe(SENSORS, Sensors, Following(self._hear, bus.refuse))
         bus.subscribe(EVENTS, Event, self._note)
+        bus.subscribe(ACTED, Acted, self._note_acted)
         self._settings_lock = threading.Lock()
         bus.answer(SETTINGS, SettingsRequest, self._set, self._in_force, trusted=True)
         bus.answer(SIGNAL, SignalRequest, self._play, self._signal)
@@ -164,9 +169,9 @@ class Bridge:
             if self._before is None and sensors.sequence > GAP:
                 self._take_over(controller, sensors)
             way = self._way(sensors)
-            if self._restart:
+            if self._restart or self._has_fallen(sensors):
                 controller.restart([*way, sensors])
-                self._restart = False
+                self._restart, self._limp = False, 0
                 log.warning("path planned anew at %.2f s after a gap", sensors.time)
             else:
                 for step in way:
@@ -185,7 +190,8 @@ class Bridge:
         self._answered += 1
 
     def _tell_outcome(self, sensors: Sensors, outcome: Outcome) -> None:
-        """Publishes the path, and an event when the sequence calls for help, or no longer does."""
+        """Publishes the path, and an event when the sequence calls for help, or no longer does; notices a stop."""
+        self._stops.notice(outcome.stop)
         if self._publish_path.wanted:
             self._publish_path(Path(sensors.sequence, sensors.time, outcome.path))
         if outcome.help != self._help:
@@ -290,6 +296,18 @@ class Bridge:
         """Takes note when the arm has lost its voltage; the emulator says so at the time of its last sample."""
         if event.kind == EventKind.SAFE and abs(event.time - self._heard) <= STALE:
             self._restart = True
+
+    def _note_acted(self, acted: Acted) -> None:
+        """Counts the ticks in a row in which the arm had no voltage though nobody had stopped it."""
+        if any(acted.volts) or self._stops.stop != "none" or abs(acted.time - self._heard) > STALE:
+            self._limp = 0
+            return
+        self._limp = self._limp + 1 if acted.sequence == self._limp_at + 1 else 1
+        self._limp_at = acted.sequence
+
+    def _has_fallen(self, sensors: Sensors) -> bool:
+        """Whether the arm has been without voltage for so long that it is not where its path is."""
+        return self._limp >= GAP and abs(sensors.sequence - self._limp_at) <= 1
 
     def _time(self) -> float:
         return 0.0 if self._last is None else self._last.time

@@ -237,13 +237,13 @@ class Emulator:
             item()
             return
         came, command, sender = item
-        if not self._gate.take(command, came):
+        if not self._gate.take(command, came, self._sent_at(command.sequence)):
             if self._gate.rivals:
                 self._tell_rivals("two publishers of voltages: the first answer to each sample counts")
             return
-        if self._began is not None and self._gate.expected - command.sequence < _REMEMBERED:
+        if self._began is not None:
             now = time.monotonic()
-            self._latencies.add(now - self._sent[command.sequence % _REMEMBERED], now)
+            self._latencies.add(now - self._sent_at(command.sequence), now)
         if self._state == "safe":
             self._announce(EventKind.RESUMED, "commands have come back: the arm obeys them again")
         self._state = "running"
@@ -254,6 +254,10 @@ class Emulator:
             self._cell.obey(command)
         else:
             self._cell.stop()
+
+    def _sent_at(self, sequence: int) -> float:
+        """When a sample was published; of one whose time is not kept, when the oldest of the others was."""
+        return self._sent[max(sequence, self._gate.expected - _REMEMBERED + 1) % _REMEMBERED]
 
     def _make_safe(self) -> None:
         self._state = "safe"

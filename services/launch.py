@@ -41,7 +41,7 @@ from services import runfile
 from services.parts.fence import fence_warning
 from services.parts.journal import carry_over
 from services.parts.pace import Pace
-from services.parts.part_files import discard_marker, discard_parts
+from services.parts.part_files import discard_markers, discard_parts
 from services.runfile import OPERATOR, RunFile
 from services.service import free_port
 from services.supervisor import Program, Supervisor
@@ -273,7 +273,7 @@ def launched(options: CellOptions) -> Iterator[Launched]:
             finally:
                 supervisor.stop()
                 if options.log is not None:
-                    discard_marker(options.log)
+                    discard_markers(options.log)
         journal.unlink(missing_ok=True)
         state.unlink(missing_ok=True)
 

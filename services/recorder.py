@@ -7,6 +7,7 @@ so that a kill costs at most that; a recorder that starts again goes on. Numbers
 from __future__ import annotations
 
 import logging
+import math
 import sys
 import time
 from collections.abc import Callable
@@ -27,6 +28,7 @@ from dtwin.run.recording import Log, RunLog
 from dtwin.signals import Event, EventKind, Sensors, StepRecord, Truth, Voltages
 from dtwin.view.viewer import Ports, Viewer, ViewerProcess
 from services.parts.log_parts import Parts
+from services.parts.part_files import begin, begun, discard_parts, numbered
 from services.parts.rows import Rows
 from services.service import Link, Service, main
 
@@ -57,7 +59,7 @@ class Options(ArmOptions, Link):
     log: Path | None = None
     """Parquet log to write."""
     resumable: bool = False
-    """Mark the log that is finished when the recorder ends, so that the next one of the same run goes on with it."""
+    """Go on with what an earlier recorder of the same run has left, and leave such marks for the next one."""
     record: Path | None = None
     """Recording for the Rerun viewer to write."""
     viewer: Viewer = "none"
@@ -108,7 +110,7 @@ class Recorder:
         self._options = options
         self._notes = notes
         self._arm = arm
-        self._runs = 0
+        self._runs = 1 if options.log is None or not options.resumable else begun(options.log)
         self._ticks = 0
         self._over = False
         self._run_log = RunLog()
@@ -122,6 +124,8 @@ class Recorder:
         self._verdicts: list[MonitoringVerdict] = []
         self._undrawn: int | None = None
         self._unready = False
+        if options.log is not None and self._runs > 1:
+            Parts(numbered(options.log, self._runs - 1)).finish(notes)  # A kill may have come while it was written.
         self._begin()
 
     def listen(self, service: Service) -> None:
@@ -194,8 +198,10 @@ class Recorder:
             return
         self._run_log = RunLog()
         if not self._joined:
-            self._join(part)
-        if self._parts is not None:
+            part = self._joined_to(part)
+            if not len(part):
+                return
+        if self._parts is not None and not self._over:
             self._parts.add(part)
             self._tell_news(self._parts)
         if self._view is None and (self._options.record is not None or self._viewer is not None):
@@ -210,17 +216,21 @@ class Recorder:
                 self._undrawn = self._parts.rows - (0 if self._parts.waiting else len(part))
         self._residuals, self._verdicts = [], []
 
-    def _join(self, part: Log) -> None:
-        """Goes on with what an earlier recorder left, if this part follows it."""
+    def _joined_to(self, part: Log) -> Log:
+        """The first part, or what of it follows the rows that an earlier recorder left.
+
+        Rows of an earlier time are those of another recording, which the cell has begun while nobody recorded.
+        """
+        last, first = -math.inf if self._parts is None else self._parts.last, part.columns["t"][0]
+        if first < last:
+            self._begin_another()
+        elif first == last:
+            part = part.part(1, len(part))
+        elif last > -math.inf:
+            log.warning("goes on with a log that ends at %.2f s; %.2f s are missing", last, first - last)
         self._joined = True
-        if self._parts is None or not self._parts.rows:
-            return
-        last, first = self._parts.last, part.columns["t"][0]
-        if first <= last:
-            self._parts.clear()
-            return
-        log.warning("goes on with a log that ends at %.2f s; %.2f s are missing", last, first - last)
-        self._undrawn = 0
+        self._undrawn = 0 if first >= last > -math.inf else None
+        return part
 
     def _draw(self, view: LiveView, part: Log) -> None:
         """Draws what has come; first of all, for a short while each time, what is on disk and not drawn yet."""
@@ -245,16 +255,13 @@ class Recorder:
         return row
 
     def _begin(self) -> None:
-        """Opens what is to be written; after the first run the names get a number."""
+        """Opens what is to be written."""
         self._joined = False
         self._undrawn = None
         self._view = None
-        self._runs += 1
         options = self._options
         if options.log is not None:
-            self._parts = Parts(self._numbered(options.log))
-            if self._runs > 1:
-                self._parts.clear()
+            self._parts = Parts(numbered(options.log, self._runs))
             self._tell_news(self._parts)
         if options.record is not None or options.viewer != "none":
             self._open_view()
@@ -264,15 +271,12 @@ class Recorder:
         from dtwin.view.live import LiveView  # loads Rerun and MuJoCo, which a log alone does not need
 
         options = self._options
-        file = None if options.record is None else self._numbered(options.record)
+        file = None if options.record is None else numbered(options.record, self._runs)
         url = "" if self._viewer is None else options.ports.data_url
         try:
             self._view = LiveView(options.mjcf, self._arm, file, url, options.monitored)
         except NoSpaceError as error:
             self._say_unready(str(error))
-
-    def _numbered(self, path: Path) -> Path:
-        return path if self._runs == 1 else path.with_stem(f"{path.stem}-{self._runs}")
 
     def _begin_another(self) -> bool:
         """Whether another recording could begin."""
@@ -283,7 +287,13 @@ class Recorder:
             self._tell(Event(0.0, EventKind.RECORDING, text))
             return False
         log.warning("the cell has started anew after %.2f s: another recording begins", self._time)
+        options = self._options
+        if options.log is not None and options.resumable:
+            begin(options.log, self._runs + 1)  # Who goes on after a kill must not write over what is finished.
         self._end()
+        self._runs += 1
+        if options.log is not None:
+            discard_parts(numbered(options.log, self._runs))
         self._begin()
         return True
 
@@ -295,7 +305,7 @@ class Recorder:
             self._announce("the recording lacks what has not been drawn yet; the log holds it")
         if self._parts is not None:
             try:
-                if self._parts.finish(self._notes) and self._options.resumable and self._runs == 1:
+                if self._parts.finish(self._notes) and self._options.resumable:
                     self._parts.mark_whole()
             except RecordingError as error:
                 self._announce(str(error))

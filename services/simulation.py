@@ -17,6 +17,7 @@ from typing import Final
 
 from dtwin.bus.following import Following
 from dtwin.bus.messages import (
+    ACTED,
     EVENTS,
     PATH,
     PREDICT,
@@ -24,6 +25,7 @@ from dtwin.bus.messages import (
     SENSORS,
     SETTINGS,
     UPLOAD,
+    Acted,
     SettingsInForce,
     SettingsRequest,
 )
@@ -110,7 +112,7 @@ class Simulation:
         self._done = 0
         bus = service.bus
         self._publish = bus.publisher(EVENTS)
-        self._path: Subscription | None = None
+        self._followed: list[Subscription] = []
         bus.subscribe(SENSORS, Sensors, Following(service.inbox.put, bus.refuse))
         bus.answer(UPLOAD, UploadRequest, self._answer, self._now)
         bus.answer(PREDICT, PredictionRequest, self._predict)
@@ -137,6 +139,8 @@ class Simulation:
                 pair = self._pairs.first(item)
             elif isinstance(item, PathAngles):
                 pair = self._pairs.second(item)
+            elif isinstance(item, Acted):
+                self._miss(item)
             if pair is not None:
                 self._judge(*pair)
             if service.report_due():
@@ -156,14 +160,22 @@ class Simulation:
         if entry is not None:
             self._tell(entry)
 
+    def _miss(self, acted: Acted) -> None:
+        with self._lock:
+            if self._uploader is not None and self._uploader.trial is not None:
+                self._uploader.trial.miss(acted.time)
+
     def _follow(self) -> None:
-        """Has the path sent while there is a trial to judge; it costs the bridge a look at the device every tick."""
+        """Has the path and what acted sent while there is a trial to judge; the path costs the bridge a look at the
+        device every tick."""
         wanted = self._uploader is not None and self._uploader.trial is not None
-        if wanted and self._path is None:
-            self._path = self._service.bus.subscribe(PATH, PathAngles, self._service.inbox.put)
-        elif not wanted and self._path is not None:
-            self._path.end()
-            self._path = None
+        if wanted and not self._followed:
+            bus, put = self._service.bus, self._service.inbox.put
+            self._followed = [bus.subscribe(ACTED, Acted, put), bus.subscribe(PATH, PathAngles, put)]
+        elif not wanted:
+            for subscription in self._followed:
+                subscription.end()
+            self._followed = []
 
     def _now(self) -> Upload:
         return _upload(self._there())

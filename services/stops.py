@@ -35,6 +35,7 @@ LOOK: Final = 0.1
 TIMEOUT: Final = 1.0
 """Longest wait for an answer of the emulator, s."""
 KEPT: Final = " (kept until somebody releases it)"
+OWN: Final = " (the controller has stopped the arm: it left its path, or was too fast)"
 
 
 class Stops:
@@ -72,6 +73,11 @@ class Stops:
     def renewed(self) -> None:
         """Other blocks than before answer, which may have forgotten a stop, or another arm, which may keep one."""
         self.known = False
+
+    def notice(self, stop: Stop) -> None:
+        """The blocks tell of their stop; one that they have decided on by themselves is latched and told, too."""
+        if stop != "none" and self.stop == "none":
+            self._wake.set()
 
     def remind(self) -> bool:
         """Takes the torque off in blocks that may have forgotten a stop; returns whether samples may be answered."""
@@ -147,8 +153,7 @@ class Stops:
         """Whether a stop is in force, or was when the controller could last be asked."""
         with self._lock:
             try:
-                if self.stop != "none":
-                    self._note(self._now())
+                self._note(self._now(), OWN if self.stop == "none" else "")
             except CommunicationError as error:
                 log.debug("%s", error)
             return self.stop != "none"

@@ -81,7 +81,14 @@ class _Child:
             text=True,
             errors="replace",
             cwd=None,
-            env={**os.environ, LIFELINE: str(self._lifeline), KEY: self._key.hex(), "PYTHONPATH": str(ROOT)},
+            env={
+                # No service draws with MuJoCo, which otherwise looks for OpenGL when it is loaded.
+                "MUJOCO_GL": "disable",
+                **os.environ,
+                LIFELINE: str(self._lifeline),
+                KEY: self._key.hex(),
+                "PYTHONPATH": str(ROOT),
+            },
             pass_fds=(self._lifeline,),
             start_new_session=True,
         )

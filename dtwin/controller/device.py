@@ -19,6 +19,7 @@ from dtwin.controller.ports import (
     PATH,
     REQUEST,
     SIGNAL,
+    STOP,
     TUNING,
     VERDICT,
     received_voltages,
@@ -34,6 +35,8 @@ from dtwin.signals import ARM_STATES, STOPS, ArmState, Sensors, Stop, Voltages
 
 _SETTLING: Final = 15
 """Number of equal samples after which an observer with its usual bandwidth of 100 rad/s has forgotten a motion."""
+_OUTCOME: Final = (*PATH, HELP, STOP)
+"""What an answer comes with, beside the command."""
 _READ_BACK: Final = 0.2
 """Longest time from the acknowledgement of a setting until it can be read back, s."""
 
@@ -60,10 +63,12 @@ class Outcome(NamedTuple):
     Attributes:
         path: desired angles of the path, rad.
         help: number of what the sequence calls help for, in `CALLS`.
+        stop: stop in force.
     """
 
     path: Triple
     help: int
+    stop: Stop
 
 
 class ControlLoop:
@@ -84,7 +89,7 @@ class ControlLoop:
         self._requesting = threading.Lock()
         with ExitStack() as opened:
             self._application = opened.enter_context(closing(Application(address)))
-            self._application.watch((*PATH, HELP))
+            self._application.watch(_OUTCOME)
             self.settings = opened.enter_context(closing(Settings(self._application)))
             self.safe_stop = opened.enter_context(closing(SafeStop(self._application)))
             self._cell = opened.enter_context(self._application.connect(EMULATOR))
@@ -146,10 +151,11 @@ class ControlLoop:
 
     def outcome(self) -> Outcome:
         """What the last answer came with, beside the command."""
-        theta_1, theta_2, theta_3, help_ = self._application.watched((*PATH, HELP))
-        if help_ not in range(len(CALLS)):
-            raise CommunicationError(f"{HELP}: expected a whole number from 0 to {len(CALLS) - 1}, got {help_:g}")
-        return Outcome((theta_1, theta_2, theta_3), int(help_))
+        theta_1, theta_2, theta_3, help_, stop = self._application.watched(_OUTCOME)
+        for name, number, of in ((HELP, help_, CALLS), (STOP, stop, STOPS)):
+            if number not in range(len(of)):
+                raise CommunicationError(f"{name}: expected a whole number from 0 to {len(of) - 1}, got {number:g}")
+        return Outcome((theta_1, theta_2, theta_3), int(help_), STOPS[int(stop)])
 
 
 class Settings:

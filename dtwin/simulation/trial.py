@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from dtwin.parameters import Triple
+from dtwin.parameters import PERIOD, Triple
 from dtwin.simulation.figures import SAME_ANGLE, triple
 
 TrialState = Literal["running", "passed", "failed"]
@@ -30,8 +31,9 @@ class TrialRules:
         factor: factor of the predicted distance from the path.
         allowance: distance added for noise and for what the twin does not know, rad.
         samples: number of consecutive samples beyond the bound that make a failure, since one may be an outlier.
-        grace: time in which a distance from before the upload may fall below the bound, s.
+        grace: time in which a distance from before the upload, or from late commands, may fall below the bound, s.
         calm: number of consecutive samples within the bounds that show that it has.
+        late: number of consecutive samples with a late command after which the distance says nothing of the settings.
     """
 
     duration: float = 10.0
@@ -41,6 +43,7 @@ class TrialRules:
     samples: int = 5
     grace: float = 5.0
     calm: int = 50
+    late: int = 3
 
 
 class Trial:
@@ -54,7 +57,7 @@ class Trial:
     Attributes:
         measured: largest distance of each joint that counted so far, rad.
         bounds: bounds of the distance of each joint from the next motion on, rad.
-        offender: joint (1 to 3) that failed, or 0 for none.
+        offender: joint (1 to 3) that failed, or 0 for none; a trial that fails without one could not judge the arm.
         judged_motion: whether a motion that began with the new settings has ended.
     """
 
@@ -68,7 +71,10 @@ class Trial:
         self._path: Triple | None = None
         self._moved = False
         self._counts = False
-        self._seen = self._calm = self._beyond = 0
+        self._disturbed = False
+        self._since = began
+        self._late_at = -math.inf
+        self._seen = self._calm = self._beyond = self._late = 0
 
     def observe(self, time: float, path: Triple, measured: Triple) -> TrialState:
         """Judges a sample by its plant time (s), the desired angles of the path (rad) and the measured ones (rad).
@@ -76,7 +82,8 @@ class Trial:
         A path starts at the measured angles, which tells its first sample from all others.
         """
         away = triple(abs(wanted - found) for wanted, found in zip(path, measured, strict=True))
-        self._moved = self._moved or max(away) <= SAME_ANGLE
+        begins = max(away) <= SAME_ANGLE
+        self._moved = self._moved or begins
         self.judged_motion = self.judged_motion or (self._moved and path == self._path)
         self._path = path
         limit = 1.0 if self._moved else INTERIM
@@ -85,7 +92,8 @@ class Trial:
         self._seen += 1
         self._calm = self._calm + 1 if inside else 0
         was_good = self._calm == self._seen or self._counts
-        self._counts = was_good or self._moved or self._calm >= self._rules.calm or self._late(time)
+        self._disturbed = self._disturbed and not self._settled(time)
+        self._counts = not self._disturbed and (was_good or begins or self._settled(time))
         if self._counts:
             self.measured = triple(map(max, self.measured, away))
             self._beyond = 0 if inside else self._beyond + 1
@@ -94,7 +102,28 @@ class Trial:
                 return "failed"
         rules = self._rules
         enough = rules.duration if self.judged_motion else rules.longest
-        return "passed" if time >= self.began + enough else "running"
+        if time < self.began + enough:
+            return "running"
+        return "failed" if self._disturbed else "passed"
 
-    def _late(self, time: float) -> bool:
-        return time >= self.began + self._rules.grace
+    def miss(self, time: float) -> None:
+        """Takes note that the command which answers the sample of a plant time (s) came late or never.
+
+        After several in a row the distance is that of another voltage. It counts again when it has been within the
+        bounds for a while, or was given the time for that.
+        """
+        self._late = self._late + 1 if time < self._late_at + 1.5 * PERIOD else 1
+        self._late_at = time
+        if self._late >= self._rules.late:
+            self._disturbed, self._counts, self._moved, self._since = True, False, False, time
+            self._calm = self._beyond = 0
+
+    def why(self) -> str:
+        """Why it failed."""
+        if not self.offender:
+            return f"commands came late: the arm could not be judged within {self._rules.longest:g} s"
+        away, bound = self.measured[self.offender - 1], self.bounds[self.offender - 1]
+        return f"joint {self.offender} is {away:.3g} rad from its path, expected at most {bound:.3g}"
+
+    def _settled(self, time: float) -> bool:
+        return self._calm >= self._rules.calm or time >= self._since + self._rules.grace

@@ -192,9 +192,7 @@ class Uploader:
         if verdict == "running":
             return None
         if verdict == "failed":
-            away, bound = trial.measured[trial.offender - 1], trial.bounds[trial.offender - 1]
-            why = f"joint {trial.offender} is {away:.3g} rad from its path, expected at most {bound:.3g}"
-            return self.roll_back(SELF, why, time)
+            return self.roll_back(SELF, trial.why(), time)
         self.look_again(time)
         if self.trial is None:
             return self.last

@@ -25,7 +25,7 @@ class Gate:
 
     Args:
         refuse: told of every command that is not taken.
-        stale: s, see STALE.
+        stale: s, see STALE; as old may the sample be that a late command answers.
 
     Attributes:
         expected: sequence number of the sample to be answered.
@@ -53,8 +53,8 @@ class Gate:
         self._seen = None
         self.expected = sequence
 
-    def take(self, command: Voltages, now: float) -> bool:
-        """Whether the arm shall obey the command."""
+    def take(self, command: Voltages, now: float, sent: float) -> bool:
+        """Whether the arm shall obey a command that comes now and answers a sample sent at a time."""
         sequence = command.sequence
         if sequence > self.expected:
             self._refuse("from the future", f"command {sequence}, expected at most {self.expected}")
@@ -63,6 +63,8 @@ class Gate:
         elif sequence == self._last:
             self._refuse("duplicate", f"a second command {sequence}: is there a second publisher?")
             self._note_duplicate(sequence)
+        elif sequence < self.expected and now - sent > self._stale:
+            self._refuse("late", f"command {sequence}, {now - sent:.3g} s after its sample")
         else:
             self._last = sequence
             self._seen = now

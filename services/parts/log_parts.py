@@ -137,7 +137,9 @@ class Parts:
         if spans:
             join_logs([self._folder / span.name for span in spans], self._path, metadata)
         if len(spans) == whole:
-            discard_parts(self._path)
+            self._remove(spans)
+            with contextlib.suppress(OSError):
+                self._folder.rmdir()  # What else is kept there keeps the folder.
         return bool(spans)
 
     def mark_whole(self) -> None:

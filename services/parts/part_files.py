@@ -1,7 +1,9 @@
-"""Where the parts of a log lie while it grows."""
+"""Where the parts of a log lie while it grows, and which recording of a run is the one that grows."""
 
 from __future__ import annotations
 
+import contextlib
+import re
 import shutil
 from pathlib import Path
 from typing import Final
@@ -10,6 +12,8 @@ SUFFIX: Final = ".parts"
 """End of the name of the folder of parts, after the log's name; any Parquet reader takes the folder for one table."""
 WHOLE: Final = "whole"
 """Name of the file in that folder which says that the log itself holds all rows so far."""
+_BEGUN: Final = re.compile(r"recording-(\d+)")
+"""Names of the files in the first recording's folder which say that further recordings of the run have begun."""
 
 
 def folder_of(path: Path) -> Path:
@@ -17,13 +21,36 @@ def folder_of(path: Path) -> Path:
     return path.with_name(path.name + SUFFIX)
 
 
+def numbered(path: Path, number: int) -> Path:
+    """The file of one of a run's recordings: the first has the name that was asked for, the others get a number."""
+    return path if number == 1 else path.with_stem(f"{path.stem}-{number}")
+
+
+def begun(path: Path) -> int:
+    """Number of recordings that the run with the log `path` has begun."""
+    names = map(_BEGUN.fullmatch, _names(folder_of(path)))
+    return max((int(match[1]) for match in names if match), default=1)
+
+
+def begin(path: Path, number: int) -> None:
+    """Notes that a further recording of the run with the log `path` begins, if there is room for that."""
+    folder = folder_of(path)
+    with contextlib.suppress(OSError):
+        folder.mkdir(exist_ok=True)
+        (folder / f"recording-{number}").touch()
+
+
 def discard_parts(path: Path) -> None:
     """Forgets what an earlier run left unfinished of the log `path`."""
     shutil.rmtree(folder_of(path), ignore_errors=True)
 
 
-def discard_marker(path: Path) -> None:
-    """Forgets the folder of parts of the log `path` if the log holds all rows and nothing else is kept there."""
-    folder = folder_of(path)
-    if folder.is_dir() and [file.name for file in folder.iterdir()] == [WHOLE]:
-        discard_parts(path)
+def discard_markers(path: Path) -> None:
+    """Forgets the folders of parts of a run with the log `path` that hold nothing but marks."""
+    for file in {numbered(path, begun(path)), path}:
+        if all(name == WHOLE or _BEGUN.fullmatch(name) for name in _names(folder_of(file))):
+            discard_parts(file)
+
+
+def _names(folder: Path) -> list[str]:
+    return [file.name for file in folder.iterdir()] if folder.is_dir() else []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import get_args
 
@@ -13,8 +14,8 @@ from hypothesis import strategies as st
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.sections import IDEAL
-from dtwin.errors import ModelError
-from dtwin.options import arguments, parse_options
+from dtwin.errors import DtwinError, ModelError
+from dtwin.options import arguments, parse_apart, parse_options
 from dtwin.parameters import Law
 from dtwin.run.options import ArmOptions, ControlOptions, PlantOptions
 from services.controller import Options as ControllerOptions
@@ -79,3 +80,36 @@ def test_the_arm_of_the_options_is_made_with_the_tolerances_of_its_machine() -> 
     made = ArmOptions(machine="servo", set=("l1=0.2",)).made()
     assert made.length == pytest.approx((0.2 * 1.001, 0.13246938 * 0.999, 0.1608 * 1.001))
     assert ArmOptions().made() == ArmOptions().parameters()
+
+
+PLAIN = {
+    "controller": "--cell c --listen unix:/x/61499 --target-time 3 --law cascade",
+    "recorder": "--notes {} --ports.page 4000 --ports.data 5000 --log /a --resumable --set m1=0.2 --set m2=0",
+    "bridge": "--state /s --urgent --sequence straight --wait-for recorder --wait-for emulator",
+    "emulator": "--pace lockstep --seed 5 --noise 3e-3 --fault K2*=0.1@45 --duration 20",
+}
+
+
+@pytest.mark.parametrize("service", PLAIN)
+def test_plain_options_are_read_without_the_parser_as_with_it(service: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    options = import_module(f"services.{service}").Options
+    words = PLAIN[service].split()
+    expected = parse_options(options, service, words)
+    monkeypatch.setattr("dtwin.options.os.fork", lambda: pytest.fail("the parser was loaded in a child"))
+    assert parse_apart(options, service, words) == expected
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--seed 1.5", "--seed"),
+        ("--seed", "--seed"),
+        ("--sed 1", "perhaps you meant --seed"),
+        ("--pace hurried", "hurried"),
+        ("17", "17"),
+        ("--seed 1 --seed two", "two"),
+    ],
+)
+def test_options_that_are_not_plain_get_to_the_parser(words: str, said: str) -> None:
+    with pytest.raises(DtwinError, match=said):
+        parse_apart(import_module("services.emulator").Options, "emulator", words.split())

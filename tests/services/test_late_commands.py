@@ -7,7 +7,7 @@ from queue import Empty, SimpleQueue
 import numpy as np
 import pytest
 
-from dtwin.bus.messages import LATCH, SENSORS, VOLTAGES, Acted, LatchRequest, LatchState
+from dtwin.bus.messages import ACTED, LATCH, SENSORS, VOLTAGES, Acted, LatchRequest, LatchState
 from dtwin.bus.ticks import Ticks
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.emulation import Emulation
@@ -16,9 +16,11 @@ from dtwin.experiments.monitoring.trial import true_cause
 from dtwin.monitoring.belief import assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, ArmParameters
-from dtwin.signals import Sensors, Voltages
+from dtwin.signals import EventKind, Sensors, Voltages
+from services.bridge import LISTEN
 from services.monitoring import UNHEARD
-from tests.support.by_hand import ByHand
+from tests.support.by_hand import PATIENCE, ByHand
+from tests.support.waiting import until
 
 TICKS = 12_000
 ONSET = 4_000
@@ -88,6 +90,9 @@ def test_a_fault_is_found_all_the_same(fault: str) -> None:
 
 PICKUP = (-0.6699, -1.5931, 2.2630)
 """Angles at which the blocks take a box, rad."""
+FALL = 0.95
+"""Angle by which joint 2 falls, rad."""
+FALLEN = (PICKUP[0], PICKUP[1] + FALL, PICKUP[2])
 THROWN = (PICKUP[0], PICKUP[1] + 0.6, PICKUP[2] - 0.6)
 """Angles that are another arm's if they come in the next sample, rad."""
 
@@ -103,7 +108,19 @@ class Driven:
         self._commands: SimpleQueue[Voltages] = SimpleQueue()
         self._publish = by_hand.bus.publisher(SENSORS)
         by_hand.bus.subscribe(VOLTAGES, Voltages, self._commands.put)
-        by_hand.bus.answer(LATCH, LatchRequest, None, lambda: LatchState(0.0, 0, "none"))
+        self.latched = LatchState(0.0, 0, "none")
+        self._tell = by_hand.bus.publisher(ACTED)
+        by_hand.bus.answer(LATCH, LatchRequest, self._latch, lambda: self.latched)
+
+    def _latch(self, asked: LatchRequest) -> LatchState:
+        self.latched = LatchState(0.0, 1, asked.stop)
+        return self.latched
+
+    def fall(self, sequence: int, voltage: float) -> None:
+        """Answers samples of an arm that falls from the pickup, and of which is told what voltage it has."""
+        for k in range(20):
+            self.answer(sequence + k, (PICKUP[0], PICKUP[1] + k / 19 * FALL, PICKUP[2]))
+            self._tell(Acted(sequence + k, PERIOD * (sequence + k), (voltage,) * 4, True))
 
     def start_bridge(self) -> None:
         self._by_hand.start("bridge", "--controller", self._management)
@@ -138,3 +155,24 @@ def test_a_bridge_that_begins_anew_lets_go_of_no_box(by_hand: ByHand, sockets: s
     assert first.box_gripped
     assert max(map(abs, first.volts[:3])) < VOLTAGE_LIMIT, "the path begins where the arm is"
     assert driven.answer(gripped + 201, THROWN).box_gripped
+
+
+def test_an_arm_that_falls_because_its_commands_are_late_is_not_stopped(by_hand: ByHand, sockets: str) -> None:
+    driven = Driven(by_hand, sockets)
+    for k in range(10):
+        driven.answer(k, PICKUP)
+    driven.fall(10, 0.0)
+    for k in range(30, 31 + LISTEN):
+        driven.answer(k, FALLEN)
+    assert driven.latched.stop == "none"
+
+
+def test_a_stop_of_the_controllers_own_is_latched_and_told(by_hand: ByHand, sockets: str) -> None:
+    driven = Driven(by_hand, sockets)
+    for k in range(10):
+        driven.answer(k, PICKUP)
+    driven.fall(10, 1.0)
+    for k in range(30, 31 + LISTEN):
+        driven.answer(k, PICKUP)
+    until(lambda: driven.latched.stop != "none", "the stop is latched", PATIENCE)
+    until(lambda: any(event.kind == EventKind.STOP for event in by_hand.events), "the stop is told", PATIENCE)

@@ -14,6 +14,7 @@ from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.run.recording import Log, read_log
 from dtwin.signals import Event, Sensors, Truth, Voltages
 from dtwin.view import live
+from services.parts.part_files import begin, discard_markers
 from services.recorder import Options, Recorder
 from tests.services.parts.test_log_parts import log as rows_of
 from tests.support.desk import Desk
@@ -104,6 +105,33 @@ def test_a_recorder_with_thousands_of_parts_is_at_work_within_two_seconds(tmp_pa
     feed(recorder, 6000, 6050)
     assert time.monotonic() - began < 2.0
     assert recorder.rows.late == 0
+
+
+@pytest.mark.parametrize("killed", ["never", "before", "between", "after"])
+def test_a_recorder_that_goes_on_after_a_reset_keeps_the_first_recording(tmp_path: Path, killed: str) -> None:
+    """A recording of 100 rows and one of 50; a recorder that is killed loses the row that waits for the next one."""
+    log = tmp_path / "run.parquet"
+
+    def recorder() -> Recorder:
+        return recorder_of(tmp_path, [], resumable=True)
+
+    working = recorder()
+    feed(working, 0, 100)
+    if killed == "before":
+        working = recorder()
+    if killed == "between":
+        begin(log, 2)
+        working = recorder()
+    feed(working, 0, 50)
+    if killed == "after":
+        working = recorder()
+        feed(working, 60, 70)
+    working.close()
+    recorder().close()
+    discard_markers(log)
+    assert len(read_log(log)) == (99 if killed in ("before", "between") else 100)
+    assert len(read_log(tmp_path / "run-2.parquet")) == (59 if killed == "after" else 50)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["run-2.parquet", "run.parquet"]
 
 
 def test_a_recorder_that_is_asked_to_end_alone_loses_nothing(desk: Desk, tmp_path: Path) -> None:

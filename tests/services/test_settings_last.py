@@ -95,7 +95,7 @@ class Loop:
         return Voltages(sensors.sequence, sensors.time, (1.0, 0.0, 0.0, 0.0), False)
 
     def outcome(self) -> Outcome:
-        return Outcome((0.0, 0.0, 0.0), self._alive().help)
+        return Outcome((0.0, 0.0, 0.0), self._alive().help, "none")
 
     def restart(self, samples: Sequence[Sensors]) -> None:
         self._alive()

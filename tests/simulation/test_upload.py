@@ -302,6 +302,38 @@ def test_trial_waits_for_a_distance_that_was_there_before() -> None:
     assert verdicts([2.0] * 505)[-1] == "failed"
 
 
+def swinging_trial(late: int) -> tuple[Trial, list[str]]:
+    """A trial of an arm that swings until 11 s after so many late commands from 10.5 s on, and its verdicts."""
+    trial, found = Trial(TrialRules(), 10.0, (0.01, 0.01, 0.01)), list[str]()
+    for tick in range(160):
+        time = 10.0 + tick / 100
+        if 50 <= tick < 50 + late:
+            trial.miss(time)
+        away = 0.3 if 52 <= tick < 100 else 0.01
+        found.append(trial.observe(time, (1.0, 0.0, 0.0), (1.0 - away, 0.0, 0.0)))
+    return trial, found
+
+
+def test_late_commands_are_no_fault_of_the_settings() -> None:
+    assert "failed" in swinging_trial(2)[1]
+    trial, found = swinging_trial(3)
+    assert set(found) == {"running"}
+    assert max(trial.measured) == pytest.approx(0.01), "what came of late commands is not measured"
+    later = [trial.observe(12.0 + k / 100, (1.0, 0.0, 0.0), (0.9, 0.0, 0.0)) for k in range(5)]
+    assert later[-1] == "failed", "the arm has tracked its path again, so its distance counts"
+
+
+def test_an_arm_whose_commands_are_never_in_time_cannot_be_judged() -> None:
+    trial = Trial(TrialRules(), 10.0, (0.01, 0.01, 0.01))
+    verdict = "running"
+    for tick in range(6001):
+        time = 10.0 + tick / 100
+        trial.miss(time)
+        verdict = trial.observe(time, (1.0, 0.0, 0.0), (0.5, 0.0, 0.0))
+        assert verdict == "running" or tick == 6000
+    assert (verdict, trial.why()) == ("failed", "commands came late: the arm could not be judged within 60 s")
+
+
 def trial_of(path: Callable[[int], float]) -> list[str]:
     """The verdicts on an arm that is 10 mrad from its path, except at the start of a path."""
     trial = Trial(TrialRules(), 10.0, (0.01, 0.01, 0.01))

@@ -22,8 +22,8 @@ from dtwin.experiments.soak.cell import TroubledCell, wait
 
 _BACK: Final = 30.0
 """s that killed services have to answer again"""
-_TRIAL: Final = 60.0
-"""s that settings have to be confirmed"""
+_TRIAL: Final = 70.0
+"""s that settings have to be confirmed; a trial takes at most 60 s of plant time"""
 _WHO: Final = "soak"
 
 
@@ -50,8 +50,9 @@ def settled(services: tuple[str, ...], cell: TroubledCell) -> str:
     cell.bus.ask(UPLOAD, request, Upload)
     if not wait(lambda: not cell.bus.ask(UPLOAD, None, Upload).on_trial, _TRIAL):
         return "stays on trial"
-    if cell.bus.ask(UPLOAD, None, Upload).action != "confirm":
-        return "is not confirmed"
+    outcome = cell.bus.ask(UPLOAD, None, Upload)
+    if outcome.action != "confirm":
+        return f"is not confirmed: {outcome.text}"
     _kill(services, cell)
     if not wait(lambda: _target_time(cell) > 0, _BACK):
         return "does not come back"

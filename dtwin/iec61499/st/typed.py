@@ -7,7 +7,8 @@ This is what the backends translate. Operands of a Binary have one common type, 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
 from typing import Any, Final, Literal, TypeAlias
 
 from dtwin.iec61499.st.ast import Position
@@ -206,13 +207,22 @@ class CheckedAlgorithm:
 
 def walk(node: Any) -> Iterator[Any]:
     """The node and everything below it, outermost first."""
-    if isinstance(node, tuple) and not isinstance(node, Position):
-        for item in node:
-            yield from walk(item)
-    elif hasattr(node, "__dataclass_fields__") and not isinstance(node, (ElementaryType, ArrayType)):
-        yield node
-        for field in fields(node):
-            yield from walk(getattr(node, field.name))
+    pending = [node]
+    while pending:
+        node = pending.pop()
+        if isinstance(node, tuple):
+            if not isinstance(node, Position):
+                pending.extend(reversed(node))
+        elif names := _parts(node.__class__):
+            yield node
+            pending.extend(getattr(node, name) for name in names)
+
+
+@cache
+def _parts(kind: type[Any]) -> tuple[str, ...]:
+    """Names of what a kind of node consists of, the last first; none for what is no node."""
+    is_node = is_dataclass(kind) and not issubclass(kind, ElementaryType | ArrayType)
+    return tuple(field.name for field in reversed(fields(kind))) if is_node else ()
 
 
 def continues(body: Body) -> bool:

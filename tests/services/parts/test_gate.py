@@ -27,7 +27,7 @@ class Guarded:
         return self.gate.answered
 
     def take(self, sequence: int, now: float = 0.0) -> bool:
-        return self.gate.take(command(sequence), now)
+        return self.gate.take(command(sequence), now, now)
 
 
 def test_the_answer_to_the_expected_sample_counts_once() -> None:
@@ -47,6 +47,16 @@ def test_a_late_answer_still_counts_while_no_newer_one_has_come() -> None:
     assert not guarded.answered()
     assert not guarded.take(2)
     assert guarded.refused == {"out of sequence": 1}
+
+
+def test_an_answer_to_a_sample_that_is_too_old_does_not_count() -> None:
+    guarded = Guarded()
+    guarded.gate.expected = 9
+    assert guarded.gate.take(command(3), 1.0, 1.0 - 0.9 * STALE)
+    assert not guarded.gate.take(command(4), 1.0, 1.0 - 1.1 * STALE)
+    assert guarded.refused == {"late": 1}
+    assert guarded.gate.is_stale(1.0 + 1.1 * STALE), "what does not count is no sign of life"
+    assert guarded.gate.take(command(9), 9.0, 1.0), "the sample that waits for its answer is not too old"
 
 
 def test_answers_to_samples_not_yet_sent_are_refused() -> None:
