@@ -7,7 +7,7 @@ This is what the backends translate. Operands of a Binary have one common type, 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Final, Literal, TypeAlias
 
 from dtwin.iec61499.st.ast import Position
@@ -206,13 +206,14 @@ class CheckedAlgorithm:
 
 def walk(node: Any) -> Iterator[Any]:
     """The node and everything below it, outermost first."""
-    if isinstance(node, tuple) and not isinstance(node, Position):
-        for item in node:
-            yield from walk(item)
-    elif hasattr(node, "__dataclass_fields__") and not isinstance(node, (ElementaryType, ArrayType)):
-        yield node
-        for field in fields(node):
-            yield from walk(getattr(node, field.name))
+    waiting = [node]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, tuple) and not isinstance(node, Position):
+            waiting.extend(reversed(node))
+        elif hasattr(node, "__dataclass_fields__") and not isinstance(node, (ElementaryType, ArrayType)):
+            yield node
+            waiting.extend(getattr(node, name) for name in reversed(node.__match_args__))
 
 
 def continues(body: Body) -> bool:
