@@ -71,9 +71,9 @@ def listening(pid: int) -> list[str]:
 @needs_certificates
 def test_a_secured_cell_logs_what_a_headless_run_logs(desk: Desk, secured: Path, tmp_path: Path) -> None:
     log, headless = tmp_path / "secured.parquet", tmp_path / "headless.parquet"
-    options = ["--zenoh", str(secured), "--pace", "lockstep", "--duration", "20", "--seed", "5"]
+    options = ["--zenoh", str(secured), "--pace", "lockstep", "--duration", "13", "--seed", "5"]
     desk.up(*options, "--log", str(log))
-    cell = Cell(CellSettings(20, 5, control=ControlOptions().control()))
+    cell = Cell(CellSettings(13, 5, control=ControlOptions().control()))
     cell.run()
     cell.log.freeze().write_parquet(headless)
     assert log.read_bytes() == headless.read_bytes()
@@ -83,7 +83,7 @@ def test_a_secured_cell_logs_what_a_headless_run_logs(desk: Desk, secured: Path,
 @needs_certificates
 @pytest.mark.skipif(os.getuid() != 0, reason="needs root to become another user")
 def test_another_user_reaches_no_port_of_the_controller_in_a_secured_cell(desk: Desk, secured: Path) -> None:
-    desk.up("--detach", "--zenoh", str(secured), "--pace", "lockstep")
+    desk.detach("--zenoh", str(secured), "--pace", "lockstep")
     ports = listening(desk.find("services.controller"))
     names = [port.removeprefix(f"unix:{desk.folder}/dtwin/cell.ports/") for port in ports]
     assert names == ["61499", "61500", "61501", "61502", "61503", "61504", "61505", "61506"]
@@ -97,7 +97,7 @@ def test_another_user_reaches_no_port_of_the_controller_in_a_secured_cell(desk: 
 
 
 def test_a_cell_tells_its_user_where_its_controller_is(desk: Desk) -> None:
-    said = desk.up("--detach", "--pace", "lockstep")
+    said = desk.detach("--pace", "lockstep")
     address = runfile.require("cell").controller
     assert address == f"unix:{desk.folder}/dtwin/cell.ports/61499"
     assert f"device management is at {address}\n" in said

@@ -21,7 +21,7 @@ from services.monitoring import UNHEARD
 from tests.support.by_hand import ByHand
 
 TICKS = 12_000
-ONSET = 4_000
+ONSET = 2_000
 """tick of a fault"""
 EVERY = 100
 """ticks between two times at which the bridge is held for two"""

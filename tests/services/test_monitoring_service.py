@@ -21,7 +21,7 @@ from tests.support.waiting import until
 
 
 def test_a_fault_of_the_running_cell_is_published(desk: Desk) -> None:
-    desk.up("--detach", "--pace", "lockstep", "--monitoring", "--noise", "0.003", "--seed", "3")
+    desk.detach("--pace", "lockstep", "--monitoring", "--noise", "0.003", "--seed", "3")
     verdicts: list[MonitoringVerdict] = []
     values: list[MonitoringResiduals] = []
     events: list[Event] = []

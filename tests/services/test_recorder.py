@@ -108,7 +108,7 @@ def test_a_recorder_with_thousands_of_parts_is_at_work_within_two_seconds(tmp_pa
 
 def test_a_recorder_that_is_asked_to_end_alone_loses_nothing(desk: Desk, tmp_path: Path) -> None:
     (tmp_path / "run.parquet").write_text("of an earlier run")
-    desk.up("--detach", "--pace", "lockstep", "--log", str(tmp_path / "run.parquet"))
+    desk.detach("--pace", "lockstep", "--log", str(tmp_path / "run.parquet"))
     for restarts in (1, 2):
         end_the_recorder(desk, restarts)
     desk.run("down")
@@ -133,7 +133,7 @@ def end_the_recorder(desk: Desk, restarts: int) -> None:
 
 
 def test_a_cell_lives_through_a_full_disk(desk: Desk, tmp_path: Path) -> None:
-    desk.up("--detach", "--pace", "lockstep", "--log", str(tmp_path / "run.parquet"))
+    desk.detach("--pace", "lockstep", "--log", str(tmp_path / "run.parquet"))
     until(lambda: desk.summary()["ticks"] > 100, "the cell runs", 60.0)
     pids = [desk.find(f"services.{name}") for name in ("recorder", "emulator")]
     with full_disk(1000, pids[0]), full_disk(1000, pids[1]):

@@ -168,11 +168,42 @@ class Watch:
         return [services[name]["restarts"] for name in names]
 
 
+def test_a_stop_outlives_the_supervisor_but_not_an_orderly_end() -> None:
+    with new_desk() as desk:
+        desk.detach("--pace", "lockstep", "--seed", "3")
+        with join("cell") as bus:
+            watch = Watch(bus, desk)
+            watch.goes_on(100)
+            watch.demand("standstill")
+        os.kill(desk.find("dtwin up"), signal.SIGKILL)
+        until(lambda: not desk.processes(), "its services end", PATIENCE)
+        desk.detach("--pace", "lockstep", "--seed", "3")
+        with join("cell") as bus:
+            watch = Watch(bus, desk)
+            watch.goes_on(100)
+            assert watch.stop() == "torque off"
+            until(lambda: desk.summary()["services"]["emulator"]["state"] == "stopped", "the table says so", PATIENCE)
+            kept = "kept until somebody releases it"
+            until(lambda: kept in desk.summary()["services"]["bridge"]["last_error"], "and why", PATIENCE)
+            last = watch.catch_up()
+            watch.assert_without_voltage(0, last)
+            assert desk.run("release") == "none: the arm moves\n"
+            watch.goes_on(100)
+            until(lambda: watch.driven(last, watch.tick), "the arm moves", PATIENCE)
+            watch.demand("standstill")
+        desk.run("down")
+        assert not list((desk.folder / "dtwin").glob("cell.journal*"))
+        desk.detach("--pace", "lockstep", "--seed", "3")
+        with join("cell") as bus:
+            assert Watch(bus, desk).stop() == "none"
+        desk.run("down")
+
+
 @pytest.fixture(scope="module", params=DEMANDS)
 def stopped(request: pytest.FixtureRequest) -> Iterator[tuple[Watch, str]]:
     """A cell shared by the orders, since starting it takes longer than killing its services."""
     with new_desk() as desk:
-        desk.up("--detach", "--pace", "lockstep", "--seed", "3")
+        desk.detach("--pace", "lockstep", "--seed", "3")
         with join("cell") as bus:
             yield Watch(bus, desk), request.param
         desk.run("down")
@@ -241,34 +272,3 @@ def test_a_release_that_the_emulator_does_not_hear_is_refused(stopped: tuple[Wat
     watch.assert_without_voltage(off, watch.tick)
     watch.release()
     watch.goes_on(100)
-
-
-def test_a_stop_outlives_the_supervisor_but_not_an_orderly_end() -> None:
-    with new_desk() as desk:
-        desk.up("--detach", "--pace", "lockstep", "--seed", "3")
-        with join("cell") as bus:
-            watch = Watch(bus, desk)
-            watch.goes_on(100)
-            watch.demand("standstill")
-        os.kill(desk.find("dtwin up"), signal.SIGKILL)
-        until(lambda: not desk.processes(), "its services end", PATIENCE)
-        desk.up("--detach", "--pace", "lockstep", "--seed", "3")
-        with join("cell") as bus:
-            watch = Watch(bus, desk)
-            watch.goes_on(100)
-            assert watch.stop() == "torque off"
-            until(lambda: desk.summary()["services"]["emulator"]["state"] == "stopped", "the table says so", PATIENCE)
-            kept = "kept until somebody releases it"
-            until(lambda: kept in desk.summary()["services"]["bridge"]["last_error"], "and why", PATIENCE)
-            last = watch.catch_up()
-            watch.assert_without_voltage(0, last)
-            assert desk.run("release") == "none: the arm moves\n"
-            watch.goes_on(100)
-            until(lambda: watch.driven(last, watch.tick), "the arm moves", PATIENCE)
-            watch.demand("standstill")
-        desk.run("down")
-        assert not list((desk.folder / "dtwin").glob("cell.journal*"))
-        desk.up("--detach", "--pace", "lockstep", "--seed", "3")
-        with join("cell") as bus:
-            assert Watch(bus, desk).stop() == "none"
-        desk.run("down")
