@@ -58,7 +58,7 @@ def test_a_service_is_added_by_its_file_and_its_line(tmp_path: Path) -> None:
     assert text.count("        return programs\n") == 1
     launch.write_text(text.replace("        return programs\n", f"{line}        return programs\n"))
     environment = {"PATH": "", "PYTHONPATH": str(tmp_path), "XDG_RUNTIME_DIR": str(tmp_path)}
-    command = [sys.executable, "-m", "dtwin", "up", "--pace", "lockstep", "--duration", "60", "--json"]
+    command = [sys.executable, "-m", "dtwin", "up", "--pace", "lockstep", "--duration", "30", "--json"]
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     counter = json.loads(done.stdout)["services"]["counter"]

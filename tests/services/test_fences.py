@@ -16,6 +16,7 @@ from dtwin.run.settings import CellSettings
 from services import runfile
 from tests.support.desk import Desk
 from tests.support.devices import DeployedApplication, embedded
+from tests.support.ports import listening
 from tests.support.waiting import until
 
 needs_certificates = pytest.mark.skipif(
@@ -44,28 +45,6 @@ for address in addresses:
 def knock(user: int, addresses: list[str]) -> list[str]:
     command = [sys.executable, "-c", KNOCK, str(user), *addresses]
     return subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout.split()
-
-
-def listening(pid: int) -> list[str]:
-    """Where a process listens: `unix:PATH` and `tcp:PORT` (proc_pid_net(5))."""
-    targets = []
-    for descriptor in Path(f"/proc/{pid}/fd").iterdir():
-        try:
-            targets.append(os.readlink(descriptor))
-        except OSError:
-            continue  # closed meanwhile
-    found = []
-    for table in ("tcp", "tcp6"):
-        for line in Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]:
-            fields = line.split()
-            if fields[3] == "0A" and f"socket:[{fields[9]}]" in targets:
-                found.append(f"tcp:{int(fields[1].rpartition(':')[2], 16)}")
-    for line in Path(f"/proc/{pid}/net/unix").read_text().splitlines()[1:]:
-        # 8 fields at most, the last one the path; the flag 0x10000 marks a socket that listens
-        fields = line.split(maxsplit=7)
-        if int(fields[3], 16) & 0x10000 and f"socket:[{fields[6]}]" in targets:
-            found.append(f"unix:{fields[7]}")
-    return sorted(found)
 
 
 @needs_certificates

@@ -35,9 +35,8 @@ from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.signals import ArmState, Event, EventKind, Sensors, Stop, Voltages
 from services import bridge
 from services.parts.state_file import StateFile
-from services.runfile import join
 from services.service import Service
-from tests.services.test_stop_lasts import PATIENCE, Watch
+from tests.services.test_stop_lasts import PATIENCE, watched
 from tests.support.desk import Desk
 from tests.support.ports import free_port
 from tests.support.waiting import until
@@ -261,8 +260,8 @@ def test_confirmed_settings_are_in_force_before_the_arm_moves(desk: Desk, tmp_pa
     history = str(tmp_path / "history.jsonl")
     options = ("--law", "computed_torque", "--simulation", "--history", history)
     desk.detach("--pace", "lockstep", "--seed", "2", *options)
-    with join("cell") as bus:
-        watch = Watch(bus, desk)
+    with watched(desk) as watch:
+        bus = watch.bus
         version = bus.ask(UPLOAD, None, Upload).version
         request = UploadRequest("anna", "to try", version, gains=TUNED.gains, target_time=TUNED.target_time)
         assert bus.ask(UPLOAD, request, Upload).on_trial
