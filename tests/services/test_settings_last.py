@@ -39,7 +39,7 @@ from services.service import Service
 from tests.services.test_stop_lasts import PATIENCE, watched
 from tests.support.desk import Desk
 from tests.support.ports import free_port
-from tests.support.waiting import until
+from tests.support.waiting import pause, until
 
 TUNED = ControlSettings(3.0, Gains(kp=(260.0, 500.0, 300.0)))
 
@@ -148,7 +148,13 @@ class Peer:
         self._publish(Sensors(self._tick, 0.01 * self._tick, (0.0, 0.0, 0.0), 0.9, False, ""))
 
     def until(self, condition: Callable[[], object], what: str) -> None:
-        until(condition, what, PATIENCE, self.sample)
+        """Publishes a sample between two looks."""
+
+        def sample() -> None:
+            self.sample()
+            pause()
+
+        until(condition, what, PATIENCE, sample)
 
 
 @contextmanager
