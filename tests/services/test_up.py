@@ -65,13 +65,13 @@ def test_a_cell_is_started_watched_set_and_stopped(desk: Desk, tmp_path: Path) -
 
 def kill_and_wait(desk: Desk, name: str, number: signal.Signals = signal.SIGKILL) -> int:
     """Kills a service, waits until it is back and the cell goes on, and returns the tick of the kill."""
-    before = desk.summary()
-    ticks: int = before["ticks"]
+    restarts = desk.summary()["services"][name]["restarts"]
+    tick = desk.tick()
     os.kill(desk.find(f"services.{name}"), number)
-    back = {"restarts": before["services"][name]["restarts"] + 1, "state": "running"}.items()
+    back = {"restarts": restarts + 1, "state": "running"}.items()
     until(lambda: back <= desk.summary()["services"][name].items(), f"{name} is back")
-    until(lambda: desk.summary()["ticks"] > ticks + 200, f"the cell goes on after {name}")
-    return ticks
+    until(lambda: desk.tick() > tick + 200, f"the cell goes on after {name}")
+    return tick
 
 
 def test_killed_services_come_back_and_end_with_their_supervisor(desk: Desk, tmp_path: Path) -> None:
