@@ -74,14 +74,19 @@ class RunFile:
 
 
 def find(cell: str) -> Up | None:
-    """The cell of that name if it is up."""
+    """The cell of that name if it is up.
+
+    What a killed cell has left is in the file until the next one, which holds it already, says where it is.
+    """
     try:
         with _path(cell).open() as file:
             if _lock(file):
                 return None
-            return msgspec.json.decode(file.read(), type=Up)
+            up = msgspec.json.decode(file.read(), type=Up)
+        os.kill(up.pid, 0)
     except (OSError, msgspec.MsgspecError):
         return None
+    return up
 
 
 def require(cell: str) -> Up:

@@ -21,10 +21,9 @@ NOISE = 0.003
 
 
 @pytest.fixture(scope="session", autouse=True)
-def compiled_modules(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Lets the many processes that tests start find modules compiled, in a folder of this run."""
+def compiled_modules() -> Iterator[None]:
+    """Lets the many processes that tests start keep modules compiled, even where this one does not."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPYCACHEPREFIX", str(tmp_path_factory.mktemp("compiled")))
         patch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
         yield
 

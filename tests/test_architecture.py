@@ -35,15 +35,25 @@ def test_every_path_of_the_page_exists() -> None:
     assert not missing
 
 
-@pytest.mark.parametrize(("value", "limited"), [(9.5, 8.0), (-9.5, -8.0), (1.25, 1.25)])
-def test_a_block_type_is_added_by_its_file(tmp_path: Path, value: float, limited: float) -> None:
-    shutil.copytree(ROOT / "fb", tmp_path / "fb")
+@pytest.fixture(scope="module")
+def extended(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of block types with the one of the page in it."""
+    folder = tmp_path_factory.mktemp("extended") / "fb"
+    shutil.copytree(ROOT / "fb", folder)
     (listing,) = blocks("A block type", "xml")
-    (tmp_path / "fb" / "LIMITER.fbt").write_text(listing)
-    check = [sys.executable, "-m", "dtwin", "fb", "check", str(tmp_path / "fb")]
+    (folder / "LIMITER.fbt").write_text(listing)
+    return folder
+
+
+def test_a_block_type_is_added_by_its_file(extended: Path) -> None:
+    check = [sys.executable, "-m", "dtwin", "fb", "check", str(extended)]
     assert subprocess.run(check, cwd=ROOT, capture_output=True, text=True).returncode == 0
+
+
+@pytest.mark.parametrize(("value", "limited"), [(9.5, 8.0), (-9.5, -8.0), (1.25, 1.25)])
+def test_the_added_block_type_limits(extended: Path, value: float, limited: float) -> None:
     use = network("START: E_RESTART; L: LIMITER", "START.COLD -> L.REQ", "", {"L.IN": str(value)})
-    resource = Resource(use, Library([tmp_path / "fb"]))
+    resource = Resource(use, Library([extended]))
     resource.start()
     assert resource.read("L.OUT") == limited
 
@@ -58,7 +68,7 @@ def test_a_service_is_added_by_its_file_and_its_line(tmp_path: Path) -> None:
     assert text.count("        return programs\n") == 1
     launch.write_text(text.replace("        return programs\n", f"{line}        return programs\n"))
     environment = {"PATH": "", "PYTHONPATH": str(tmp_path), "XDG_RUNTIME_DIR": str(tmp_path)}
-    command = [sys.executable, "-m", "dtwin", "up", "--pace", "lockstep", "--duration", "60", "--json"]
+    command = [sys.executable, "-m", "dtwin", "up", "--pace", "lockstep", "--duration", "30", "--json"]
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     counter = json.loads(done.stdout)["services"]["counter"]

@@ -115,7 +115,7 @@ def test_models(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
 
 
 def test_experiments(capsys: pytest.CaptureFixture[str]) -> None:
-    report = run_json(capsys, "experiment", "noise", "--runs", "2", "--out", "pages/noise")
+    report = run_json(capsys, "experiment", "noise", "--runs", "2", "--workers", "1", "--out", "pages/noise")
     assert [group["runs"] for group in report["groups"]] == [2, 2, 2, 2]
     assert all(group["converged"] == group["second_start_converged"] == 2 for group in report["groups"])
     with open(report["report"]) as page:

@@ -25,7 +25,10 @@ def test_fits_of_an_identified_model() -> None:
 
 
 def test_accuracy_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["experiment", "accuracy", "--runs", "2", "--out", str(tmp_path / "page"), "--json"]) == 0
+    assert (
+        main(["experiment", "accuracy", "--runs", "2", "--workers", "1", "--out", str(tmp_path / "page"), "--json"])
+        == 0
+    )
     fits = msgspec.json.decode(capsys.readouterr().out)["fits"]
     assert list(fits) == ["1", "2", "4", "6", "8"]
     assert all(len(values) == 3 and min(values) >= 0.99 for values in fits.values())

@@ -78,7 +78,7 @@ def test_a_forte_that_starts_again_gets_application_and_settings_before_the_arm_
     volts: list[Voltages] = []
     with ExitStack() as life:
         address = life.enter_context(forte(tmp_path))
-        desk.up("--detach", "--controller", f"forte://{address}", "--pace", "lockstep", "--seed", "2")
+        desk.detach("--controller", f"forte://{address}", "--pace", "lockstep", "--seed", "2")
         with join("cell") as bus, desk.join_as_service() as service:
             bus.subscribe(EVENTS, Event, events.append)
             bus.subscribe(VOLTAGES, Voltages, volts.append)
@@ -105,7 +105,7 @@ def test_a_forte_that_starts_again_gets_application_and_settings_before_the_arm_
 def test_uploads_are_acknowledged_watched_and_confirmed(controller: str, desk: Desk, tmp_path: Path) -> None:
     history = tmp_path / "history.jsonl"
     options = ["--law", "row_sum", "--simulation", "--history", str(history)]
-    desk.up("--detach", "--controller", controller, "--pace", "lockstep", "--seed", "2", *options)
+    desk.detach("--controller", controller, "--pace", "lockstep", "--seed", "2", *options)
     with join("cell") as bus:
         first = bus.ask(SETTINGS, None, SettingsInForce)
         assert (first.law, first.payload, first.payload_model) == ("row_sum", 0.2, "weight")
@@ -168,7 +168,7 @@ def test_the_running_arm_is_identified(controller: str, desk: Desk, tmp_path: Pa
     store = tmp_path / "store"
     options = ["--noise", "0.002", "--identification", "--store", str(store)]
     options += ["--simulation", "--history", str(tmp_path / "history.jsonl")]
-    desk.up("--detach", "--controller", controller, "--pace", "lockstep", "--seed", "2", *options)
+    desk.detach("--controller", controller, "--pace", "lockstep", "--seed", "2", *options)
     with join("cell") as bus:
         signal_ = bus.ask(SIGNAL, None, IdentificationSignal)
         assert signal_ == IdentificationSignal((6.0, 4.0, 3.0), 5, (0, 0, 0), 350)

@@ -13,7 +13,7 @@ from tests.support.waiting import until
 
 
 def test_bodies_are_sorted_and_a_killed_controller_touches_nothing(desk: Desk) -> None:
-    desk.up("--detach", "--machine", "contact", "--pace", "lockstep", "--seed", "1", "--target-time", "1.2")
+    desk.detach("--machine", "contact", "--pace", "lockstep", "--seed", "1", "--target-time", "1.2")
     events: list[Event] = []
 
     def delivered() -> int:

@@ -16,6 +16,7 @@ from dtwin.run.settings import CellSettings
 from services import runfile
 from tests.support.desk import Desk
 from tests.support.devices import DeployedApplication, embedded
+from tests.support.ports import listening
 from tests.support.waiting import until
 
 needs_certificates = pytest.mark.skipif(
@@ -46,34 +47,12 @@ def knock(user: int, addresses: list[str]) -> list[str]:
     return subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout.split()
 
 
-def listening(pid: int) -> list[str]:
-    """Where a process listens: `unix:PATH` and `tcp:PORT` (proc_pid_net(5))."""
-    targets = []
-    for descriptor in Path(f"/proc/{pid}/fd").iterdir():
-        try:
-            targets.append(os.readlink(descriptor))
-        except OSError:
-            continue  # closed meanwhile
-    found = []
-    for table in ("tcp", "tcp6"):
-        for line in Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]:
-            fields = line.split()
-            if fields[3] == "0A" and f"socket:[{fields[9]}]" in targets:
-                found.append(f"tcp:{int(fields[1].rpartition(':')[2], 16)}")
-    for line in Path(f"/proc/{pid}/net/unix").read_text().splitlines()[1:]:
-        # 8 fields at most, the last one the path; the flag 0x10000 marks a socket that listens
-        fields = line.split(maxsplit=7)
-        if int(fields[3], 16) & 0x10000 and f"socket:[{fields[6]}]" in targets:
-            found.append(f"unix:{fields[7]}")
-    return sorted(found)
-
-
 @needs_certificates
 def test_a_secured_cell_logs_what_a_headless_run_logs(desk: Desk, secured: Path, tmp_path: Path) -> None:
     log, headless = tmp_path / "secured.parquet", tmp_path / "headless.parquet"
-    options = ["--zenoh", str(secured), "--pace", "lockstep", "--duration", "20", "--seed", "5"]
+    options = ["--zenoh", str(secured), "--pace", "lockstep", "--duration", "13", "--seed", "5"]
     desk.up(*options, "--log", str(log))
-    cell = Cell(CellSettings(20, 5, control=ControlOptions().control()))
+    cell = Cell(CellSettings(13, 5, control=ControlOptions().control()))
     cell.run()
     cell.log.freeze().write_parquet(headless)
     assert log.read_bytes() == headless.read_bytes()
@@ -83,7 +62,7 @@ def test_a_secured_cell_logs_what_a_headless_run_logs(desk: Desk, secured: Path,
 @needs_certificates
 @pytest.mark.skipif(os.getuid() != 0, reason="needs root to become another user")
 def test_another_user_reaches_no_port_of_the_controller_in_a_secured_cell(desk: Desk, secured: Path) -> None:
-    desk.up("--detach", "--zenoh", str(secured), "--pace", "lockstep")
+    desk.detach("--zenoh", str(secured), "--pace", "lockstep")
     ports = listening(desk.find("services.controller"))
     names = [port.removeprefix(f"unix:{desk.folder}/dtwin/cell.ports/") for port in ports]
     assert names == ["61499", "61500", "61501", "61502", "61503", "61504", "61505", "61506"]
@@ -97,7 +76,7 @@ def test_another_user_reaches_no_port_of_the_controller_in_a_secured_cell(desk: 
 
 
 def test_a_cell_tells_its_user_where_its_controller_is(desk: Desk) -> None:
-    said = desk.up("--detach", "--pace", "lockstep")
+    said = desk.detach("--pace", "lockstep")
     address = runfile.require("cell").controller
     assert address == f"unix:{desk.folder}/dtwin/cell.ports/61499"
     assert f"device management is at {address}\n" in said
@@ -105,8 +84,8 @@ def test_a_cell_tells_its_user_where_its_controller_is(desk: Desk) -> None:
     assert desk.run("fb", "watch", address, "PLANNER.T", "--count", "1") == "PLANNER.T\n2.0\n"
     os.kill(desk.find("services.controller"), signal.SIGKILL)
     until(lambda: desk.summary()["services"]["controller"]["restarts"] == 1, "the controller is started again")
-    ticks = desk.summary()["ticks"]
-    until(lambda: desk.summary()["ticks"] > ticks + 200, "the cell goes on at the ports that were left behind", 60.0)
+    ticks = desk.tick()
+    until(lambda: desk.tick() > ticks + 200, "the cell goes on at the ports that were left behind", 60.0)
     assert "is down" in desk.run("down")
 
 

@@ -23,7 +23,7 @@ from tests.support.by_hand import PATIENCE, ByHand
 from tests.support.waiting import until
 
 TICKS = 12_000
-ONSET = 4_000
+ONSET = 2_000
 """tick of a fault"""
 EVERY = 100
 """ticks between two times at which the bridge is held for two"""

@@ -136,7 +136,7 @@ def test_a_recorder_that_goes_on_after_a_reset_keeps_the_first_recording(tmp_pat
 
 def test_a_recorder_that_is_asked_to_end_alone_loses_nothing(desk: Desk, tmp_path: Path) -> None:
     (tmp_path / "run.parquet").write_text("of an earlier run")
-    desk.up("--detach", "--pace", "lockstep", "--log", str(tmp_path / "run.parquet"))
+    desk.detach("--pace", "lockstep", "--log", str(tmp_path / "run.parquet"))
     for restarts in (1, 2):
         end_the_recorder(desk, restarts)
     desk.run("down")
@@ -149,8 +149,8 @@ def test_a_recorder_that_is_asked_to_end_alone_loses_nothing(desk: Desk, tmp_pat
 
 def end_the_recorder(desk: Desk, restarts: int) -> None:
     """Asks the recorder to end after some ticks, and waits until it has been started again so often."""
-    before = desk.summary()["ticks"]
-    until(lambda: desk.summary()["ticks"] > before + 300, "the cell runs", 60.0)
+    before = desk.tick()
+    until(lambda: desk.tick() > before + 300, "the cell runs", 60.0)
     os.kill(desk.find("services.recorder"), signal.SIGTERM)
 
     def is_back() -> bool:
@@ -161,14 +161,14 @@ def end_the_recorder(desk: Desk, restarts: int) -> None:
 
 
 def test_a_cell_lives_through_a_full_disk(desk: Desk, tmp_path: Path) -> None:
-    desk.up("--detach", "--pace", "lockstep", "--log", str(tmp_path / "run.parquet"))
-    until(lambda: desk.summary()["ticks"] > 100, "the cell runs", 60.0)
+    desk.detach("--pace", "lockstep", "--log", str(tmp_path / "run.parquet"))
+    until(lambda: desk.tick() > 100, "the cell runs", 60.0)
     pids = [desk.find(f"services.{name}") for name in ("recorder", "emulator")]
     with full_disk(1000, pids[0]), full_disk(1000, pids[1]):
-        before = desk.summary()["ticks"]
-        until(lambda: desk.summary()["ticks"] > before + 1000, "the cell goes on", 60.0)
-    before = desk.summary()["ticks"]
-    until(lambda: desk.summary()["ticks"] > before + 1000, "the cell goes on", 60.0)
+        before = desk.tick()
+        until(lambda: desk.tick() > before + 1000, "the cell goes on", 60.0)
+    before = desk.tick()
+    until(lambda: desk.tick() > before + 1000, "the cell goes on", 60.0)
     assert {service["restarts"] for service in desk.summary()["services"].values()} == {0}
     desk.run("down")
     until(lambda: not desk.processes(), "all processes end", 60.0)

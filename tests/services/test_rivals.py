@@ -37,7 +37,7 @@ from tests.support.by_hand import FAR, PATIENCE, ByHand
 from tests.support.desk import Desk
 from tests.support.waiting import until
 
-DURATION = 20
+DURATION = 13
 HIGHEST = (8.0, 8.0, 8.0, 8.0)
 
 
@@ -111,7 +111,7 @@ def test_a_rival_without_the_key_changes_no_row(desk: Desk, tmp_path: Path) -> N
 def test_one_wildcard_query_changes_nothing(desk: Desk, tmp_path: Path) -> None:
     history = tmp_path / "history.jsonl"
     options = ["--pace", "lockstep", "--monitoring", "--simulation", "--history", str(history)]
-    desk.up("--detach", *options, "--identification", "--store", str(tmp_path / "store"))
+    desk.detach(*options, "--identification", "--store", str(tmp_path / "store"))
     up = runfile.require("cell")
     ticks: list[int] = []
     events: list[Event] = []

@@ -5,6 +5,9 @@ from __future__ import annotations
 import os
 import re
 import signal
+from collections.abc import Iterator
+
+import pytest
 
 from dtwin.bus.messages import EVENTS, FAULT, SENSORS, STOP, Done, FaultRequest, StopRequest, StopState
 from dtwin.bus.opening import open_peer
@@ -15,7 +18,7 @@ from dtwin.signals import Event, Sensors
 from services.demands import Demands
 from services.runfile import join
 from tests.support.bus import noting
-from tests.support.desk import Desk, boxes
+from tests.support.desk import Desk, boxes, new_desk
 from tests.support.ports import free_port
 from tests.support.waiting import until
 
@@ -52,7 +55,7 @@ class Watch:
 
 
 def test_a_fault_stops_the_arm_until_an_operator_releases_it(desk: Desk) -> None:
-    desk.up("--detach", "--pace", "lockstep", "--monitoring", "--safe-stop", "--noise", "0.003", "--seed", "3")
+    desk.detach("--pace", "lockstep", "--monitoring", "--safe-stop", "--noise", "0.003", "--seed", "3")
     with join("cell") as bus:
         watch = Watch(bus)
         until(lambda: watch.time > 20.0, "some work without a fault")
@@ -93,38 +96,46 @@ def kill_controller(desk: Desk, watch: Watch) -> None:
     until(watch.stands, "the new one stops the arm")
 
 
-def test_an_operator_stops_and_releases_the_arm(desk: Desk) -> None:
+def test_a_safe_stop_needs_the_monitor(desk: Desk) -> None:
     assert "expected --monitoring" in desk.up("--safe-stop", status=2)
-    desk.up("--detach", "--pace", "lockstep", "--seed", "3")
-    with join("cell") as bus:
-        watch = Watch(bus)
-        until(lambda: watch.time > 10.0, "some work")
-        answer = bus.ask(STOP, StopRequest("anna", "not sure", confidence=0.9), StopState)
-        assert answer.stop == "none"
-        assert desk.run("stop", "--who", "anna", "--why", "look at it") == "braking: the arm comes to rest\n"
-        until(lambda: watch.stop() == "standstill", "the arm stands")
-        assert watch.texts("stop")[0] == "safe stop: braking (anna: look at it)"
-        assert "is held where it is" in desk.run("stop")
-        stood = boxes(desk).delivered
-        assert desk.run("release") == "none: the arm moves\n"
-        assert desk.run("release") == "none: the arm moves\n"
-        until(lambda: boxes(desk).delivered > stood, "the arm sorts on")
-    desk.run("down")
 
 
-def test_an_arm_that_has_diverged_begins_anew_without_torque_until_it_is_released(desk: Desk) -> None:
-    desk.up("--detach", "--pace", "lockstep")
+@pytest.fixture(scope="module")
+def started() -> Iterator[Desk]:
+    """A cell shared by those who leave it running, since starting it takes longer than what they do."""
+    with new_desk() as desk:
+        desk.detach("--pace", "lockstep", "--seed", "3")
+        yield desk
+        desk.run("down")
+
+
+def test_an_arm_that_has_diverged_begins_anew_without_torque_until_it_is_released(started: Desk) -> None:
     with join("cell") as bus:
         watch = Watch(bus)
         until(lambda: watch.time > 1.0, "the arm moves")
         bus.ask(FAULT, FaultRequest(("K2*=1000@0",)), Done)
         until(lambda: watch.texts("diverged"), "the divergence is told")
         until(lambda: watch.stop() == "torque off", "the bridge knows of the stop")
-        assert desk.run("release", "--why", "another arm", "--who", "anna") == "none: the arm moves\n"
-        until(lambda: boxes(desk).delivered > 0, "the arm sorts")
+        assert started.run("release", "--why", "another arm", "--who", "anna") == "none: the arm moves\n"
+        until(lambda: boxes(started).delivered > 0, "the arm sorts")
         assert len(watch.texts("diverged")) == 1
-    assert desk.summary()["services"]["emulator"]["restarts"] == 0
-    desk.run("down")
+    assert started.summary()["services"]["emulator"]["restarts"] == 0
+
+
+def test_an_operator_stops_and_releases_the_arm(started: Desk) -> None:
+    with join("cell") as bus:
+        watch = Watch(bus)
+        until(lambda: watch.time > 10.0, "some work")
+        answer = bus.ask(STOP, StopRequest("anna", "not sure", confidence=0.9), StopState)
+        assert answer.stop == "none"
+        assert started.run("stop", "--who", "anna", "--why", "look at it") == "braking: the arm comes to rest\n"
+        until(lambda: watch.stop() == "standstill", "the arm stands")
+        assert watch.texts("stop")[0] == "safe stop: braking (anna: look at it)"
+        assert "is held where it is" in started.run("stop")
+        stood = boxes(started).delivered
+        assert started.run("release") == "none: the arm moves\n"
+        assert started.run("release") == "none: the arm moves\n"
+        until(lambda: boxes(started).delivered > stood, "the arm sorts on")
 
 
 def test_a_demand_is_made_until_it_is_answered_once() -> None:

@@ -273,7 +273,7 @@ def test_a_secured_cell_uploads_identifies_and_monitors(
     options += ["--simulation", "--history", str(tmp_path / "history.jsonl")]
     options += ["--identification", "--store", str(tmp_path / "store")]
     try:
-        desk.up("--detach", *options)
+        desk.detach(*options)
         with join("cell") as bus:
             verdicts: list[MonitoringVerdict] = []
             bus.subscribe(MONITORING, MonitoringVerdict, verdicts.append)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -26,7 +25,7 @@ from dtwin.bus.messages import (
 )
 from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
-from dtwin.bus.twin_messages import Upload
+from dtwin.bus.twin_messages import Upload, UploadRequest
 from dtwin.controller.device import Outcome
 from dtwin.controller.sequence import AMONG_BODIES, CALLS, STRAIGHT, SequenceSettings
 from dtwin.controller.settings import ControlSettings
@@ -36,12 +35,11 @@ from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.signals import ArmState, Event, EventKind, Sensors, Stop, Voltages
 from services import bridge
 from services.parts.state_file import StateFile
-from services.runfile import join
 from services.service import Service
-from tests.services.test_stop_lasts import PATIENCE, Watch
+from tests.services.test_stop_lasts import PATIENCE, watched
 from tests.support.desk import Desk
 from tests.support.ports import free_port
-from tests.support.waiting import until
+from tests.support.waiting import pause, until
 
 TUNED = ControlSettings(3.0, Gains(kp=(260.0, 500.0, 300.0)))
 
@@ -150,7 +148,13 @@ class Peer:
         self._publish(Sensors(self._tick, 0.01 * self._tick, (0.0, 0.0, 0.0), 0.9, False, ""))
 
     def until(self, condition: Callable[[], object], what: str) -> None:
-        until(condition, what, PATIENCE, self.sample)
+        """Publishes a sample between two looks."""
+
+        def sample() -> None:
+            self.sample()
+            pause()
+
+        until(condition, what, PATIENCE, sample)
 
 
 @contextmanager
@@ -261,14 +265,14 @@ def test_settings_that_cannot_be_written_are_kept_in_memory_until_they_can(tmp_p
 def test_confirmed_settings_are_in_force_before_the_arm_moves(desk: Desk, tmp_path: Path) -> None:
     history = str(tmp_path / "history.jsonl")
     options = ("--law", "computed_torque", "--simulation", "--history", history)
-    desk.up("--detach", "--pace", "lockstep", "--seed", "2", *options)
-    with join("cell") as bus:
-        watch = Watch(bus, desk)
-        for words in (("gains", "--kp", "260", "500", "300"), ("target", "--time", "3")):
-            kind, *values = words
-            json.loads(desk.run("upload", kind, "--why", "to try", "--who", "anna", *values))
-            until(lambda: not bus.ask(UPLOAD, None, Upload).on_trial, "the trial ends", 120.0)
-            assert bus.ask(UPLOAD, None, Upload).action == "confirm"
+    desk.detach("--pace", "lockstep", "--seed", "2", *options)
+    with watched(desk) as watch:
+        bus = watch.bus
+        version = bus.ask(UPLOAD, None, Upload).version
+        request = UploadRequest("anna", "to try", version, gains=TUNED.gains, target_time=TUNED.target_time)
+        assert bus.ask(UPLOAD, request, Upload).on_trial
+        until(lambda: not bus.ask(UPLOAD, None, Upload).on_trial, "the trial ends", 120.0)
+        assert bus.ask(UPLOAD, None, Upload).action == "confirm"
         for killed in (("controller",), ("controller", "bridge")):
             watch.demand("torque off")
             off = watch.catch_up()
@@ -276,7 +280,7 @@ def test_confirmed_settings_are_in_force_before_the_arm_moves(desk: Desk, tmp_pa
             until(lambda: watch.stop() == "torque off", "the bridge answers", PATIENCE)
             watch.goes_on(50)
             found = bus.ask(SETTINGS, None, SettingsInForce)
-            assert (found.gains.kp[0], found.target_time) == (260.0, 3.0)
+            assert (found.gains, found.target_time) == (TUNED.gains, TUNED.target_time)
             watch.assert_without_voltage(off, watch.tick)
             watch.release()
             watch.goes_on(100)

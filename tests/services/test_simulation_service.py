@@ -43,7 +43,7 @@ def started() -> Iterator[Desk]:
     with new_desk() as desk:
         history = str(desk.folder / "history.jsonl")
         options = ("--law", "computed_torque", "--simulation", "--history", history)
-        desk.up("--detach", "--pace", "lockstep", "--seed", "2", *options)
+        desk.detach("--pace", "lockstep", "--seed", "2", *options)
         yield desk
 
 

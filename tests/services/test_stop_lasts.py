@@ -9,17 +9,16 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from dtwin.bus.messages import (
-    EVENTS,
     LATCH,
     RELEASE,
     RESET,
-    SENSORS,
     STOP,
     TRUTH,
     Done,
@@ -32,7 +31,7 @@ from dtwin.bus.messages import (
 from dtwin.bus.session import Bus
 from dtwin.errors import CommunicationError
 from dtwin.parameters import HANGING, PERIOD, ArmParameters
-from dtwin.signals import STOPS, ArmState, Event, Sensors, Truth
+from dtwin.signals import STOPS, ArmState, Truth
 from dtwin.twin.dynamics import Array, gravity
 from dtwin.twin.rollout import rollout
 from services.runfile import join
@@ -57,29 +56,30 @@ ORDERS = (
 
 
 class Watch:
-    """A cell that is up, seen from outside."""
+    """A cell that is up, seen from outside.
 
-    def __init__(self, bus: Bus, desk: Desk) -> None:
+    Args:
+        bus: session that asks.
+        hearing: session that hears of every tick; no answer waits behind them on its way.
+        desk: desk at which the cell is up.
+    """
+
+    def __init__(self, bus: Bus, hearing: Bus, desk: Desk) -> None:
         self.bus = bus
         self.desk = desk
         self.truths: dict[int, Truth] = {}
         self.tick = 0
-        self.newest = 0
-        self.events: list[Event] = []
+        self.resets = 0
         self.read: list[str] = []
-        bus.subscribe(TRUTH, Truth, self._keep)
-        bus.subscribe(SENSORS, Sensors, self._take)
-        bus.subscribe(EVENTS, Event, self.events.append)
-
-    def _take(self, sensors: Sensors) -> None:
-        self.tick = sensors.sequence
+        hearing.subscribe(TRUTH, Truth, self._keep)
 
     def _keep(self, truth: Truth) -> None:
         tick = round(truth.time / PERIOD)
-        if tick < self.newest - 100:  # The cell has been reset.
+        if tick < self.tick - 100:  # The cell has been reset.
             self.truths.clear()
+            self.resets += 1
         self.truths[tick] = truth
-        self.newest = tick
+        self.tick = tick
 
     def stop(self) -> str:
         """The stop that is read, or "" while there is nobody to answer."""
@@ -93,7 +93,7 @@ class Watch:
     def catch_up(self) -> int:
         """Waits for all that the emulator has published until now, which a busy machine delivers late; its tick."""
         now = round(until(self.latched, "the emulator answers", PATIENCE).time / PERIOD)
-        until(lambda: min(self.tick, self.newest) >= now, "all has come", PATIENCE)
+        until(lambda: self.tick >= now, "all has come", PATIENCE)
         return now
 
     def latched(self) -> LatchState | None:
@@ -123,7 +123,7 @@ class Watch:
     def hangs(self) -> bool:
         """Whether the arm hangs as good as at rest."""
         self.catch_up()
-        last = self.truths[self.newest]
+        last = self.truths[self.tick]
         away = np.subtract(last.theta, HANGING)
         away -= 2.0 * np.pi * np.round(away / (2.0 * np.pi))  # A falling arm may go round.
         return float(np.abs((*away, *last.omega)).max()) < 0.05
@@ -168,13 +168,49 @@ class Watch:
         return [services[name]["restarts"] for name in names]
 
 
+@contextmanager
+def watched(desk: Desk) -> Iterator[Watch]:
+    """The cell that is up at a desk."""
+    with join("cell") as bus, join("cell") as hearing:
+        yield Watch(bus, hearing, desk)
+
+
+def test_a_stop_outlives_the_supervisor_but_not_an_orderly_end() -> None:
+    with new_desk() as desk:
+        desk.detach("--pace", "lockstep", "--seed", "3")
+        with watched(desk) as watch:
+            watch.goes_on(100)
+            watch.demand("standstill")
+        os.kill(desk.find("dtwin up"), signal.SIGKILL)
+        until(lambda: not desk.processes(), "its services end", PATIENCE)
+        desk.detach("--pace", "lockstep", "--seed", "3")
+        with watched(desk) as watch:
+            watch.goes_on(100)
+            assert watch.stop() == "torque off"
+            until(lambda: desk.summary()["services"]["emulator"]["state"] == "stopped", "the table says so", PATIENCE)
+            kept = "kept until somebody releases it"
+            until(lambda: kept in desk.summary()["services"]["bridge"]["last_error"], "and why", PATIENCE)
+            last = watch.catch_up()
+            watch.assert_without_voltage(0, last)
+            assert desk.run("release") == "none: the arm moves\n"
+            watch.goes_on(100)
+            until(lambda: watch.driven(last, watch.tick), "the arm moves", PATIENCE)
+            watch.demand("standstill")
+        desk.run("down")
+        assert not list((desk.folder / "dtwin").glob("cell.journal*"))
+        desk.detach("--pace", "lockstep", "--seed", "3")
+        with watched(desk) as watch:
+            assert watch.stop() == "none"
+        desk.run("down")
+
+
 @pytest.fixture(scope="module", params=DEMANDS)
 def stopped(request: pytest.FixtureRequest) -> Iterator[tuple[Watch, str]]:
     """A cell shared by the orders, since starting it takes longer than killing its services."""
     with new_desk() as desk:
-        desk.up("--detach", "--pace", "lockstep", "--seed", "3")
-        with join("cell") as bus:
-            yield Watch(bus, desk), request.param
+        desk.detach("--pace", "lockstep", "--seed", "3")
+        with watched(desk) as watch:
+            yield watch, request.param
         desk.run("down")
 
 
@@ -214,8 +250,9 @@ def assert_no_jump(watch: Watch, released: int) -> None:
 def test_a_reset_ends_no_stop(stopped: tuple[Watch, str]) -> None:
     watch, stop = stopped
     watch.demand(stop)
+    before = watch.resets
     watch.bus.ask(RESET, ResetRequest(3), Done)
-    until(lambda: watch.truths and watch.newest < 100, "the cell has started anew", PATIENCE)
+    until(lambda: watch.resets > before, "the cell has started anew", PATIENCE)
     until(lambda: watch.stop() == "torque off", "another arm stands there now", PATIENCE)
     watch.goes_on(100)
     assert "none" not in watch.read
@@ -241,34 +278,3 @@ def test_a_release_that_the_emulator_does_not_hear_is_refused(stopped: tuple[Wat
     watch.assert_without_voltage(off, watch.tick)
     watch.release()
     watch.goes_on(100)
-
-
-def test_a_stop_outlives_the_supervisor_but_not_an_orderly_end() -> None:
-    with new_desk() as desk:
-        desk.up("--detach", "--pace", "lockstep", "--seed", "3")
-        with join("cell") as bus:
-            watch = Watch(bus, desk)
-            watch.goes_on(100)
-            watch.demand("standstill")
-        os.kill(desk.find("dtwin up"), signal.SIGKILL)
-        until(lambda: not desk.processes(), "its services end", PATIENCE)
-        desk.up("--detach", "--pace", "lockstep", "--seed", "3")
-        with join("cell") as bus:
-            watch = Watch(bus, desk)
-            watch.goes_on(100)
-            assert watch.stop() == "torque off"
-            until(lambda: desk.summary()["services"]["emulator"]["state"] == "stopped", "the table says so", PATIENCE)
-            kept = "kept until somebody releases it"
-            until(lambda: kept in desk.summary()["services"]["bridge"]["last_error"], "and why", PATIENCE)
-            last = watch.catch_up()
-            watch.assert_without_voltage(0, last)
-            assert desk.run("release") == "none: the arm moves\n"
-            watch.goes_on(100)
-            until(lambda: watch.driven(last, watch.tick), "the arm moves", PATIENCE)
-            watch.demand("standstill")
-        desk.run("down")
-        assert not list((desk.folder / "dtwin").glob("cell.journal*"))
-        desk.up("--detach", "--pace", "lockstep", "--seed", "3")
-        with join("cell") as bus:
-            assert Watch(bus, desk).stop() == "none"
-        desk.run("down")

@@ -14,11 +14,12 @@ from typing import Any
 import msgspec
 import pytest
 
-from dtwin.bus.messages import SUMMARY, Summary
+from dtwin.bus.messages import LATCH, SUMMARY, LatchState, Summary
 from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
 from dtwin.cli import main
-from dtwin.parameters import ROOT
+from dtwin.errors import CommunicationError
+from dtwin.parameters import PERIOD, ROOT
 from dtwin.signals import BoxCounts
 from services import runfile
 from services.supervisor import KEY
@@ -39,22 +40,41 @@ class Desk:
         assert done.returncode == status, done.stderr
         return done.stdout if status == 0 else done.stderr
 
+    def detach(self, *words: str) -> str:
+        """Starts a cell as `dtwin up --detach` does, which saves a process, and returns what it said."""
+        return self.run("up", "--detach", *words)
+
     def run(self, *words: str, status: int = 0) -> str:
         """Runs another command in this process and returns what it said."""
         out, err = StringIO(), StringIO()
-        with redirect_stdout(out), redirect_stderr(err):
+        with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+            patch.setattr(sys, "argv", ["dtwin", *words])
             found = main(words)
         assert found == status, err.getvalue() or out.getvalue()
         return (out if status == 0 else err).getvalue()
 
     def summary(self) -> dict[str, Any]:
         """What `dtwin status --json` prints, asked for on one session as long as the cell is up."""
+        found: dict[str, Any] = msgspec.to_builtins(self._join().ask(SUMMARY, None, Summary))
+        return found
+
+    def tick(self) -> int:
+        """The tick that the cell is at now, which a summary tells up to a second later; waits for an answer."""
+
+        def answer() -> LatchState | None:
+            try:
+                return self._join().ask(LATCH, None, LatchState, 1.0)
+            except CommunicationError:
+                return None
+
+        return round(until(answer, "the emulator answers", 60.0).time / PERIOD)
+
+    def _join(self) -> Bus:
         meet = runfile.require("cell").meet
         if self._joined is None or self._joined[0] != meet:
             self.leave()
             self._joined = meet, runfile.join("cell")
-        found: dict[str, Any] = msgspec.to_builtins(self._joined[1].ask(SUMMARY, None, Summary))
-        return found
+        return self._joined[1]
 
     def leave(self) -> None:
         """Leaves the cell, if it was joined."""
@@ -96,6 +116,7 @@ def new_desk() -> Iterator[Desk]:
     """
     with TemporaryDirectory(ignore_cleanup_errors=True) as runtime, pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_RUNTIME_DIR", runtime)
+        patch.setenv("PYTHONPATH", str(ROOT))
         desk = Desk(Path(runtime))
         try:
             yield desk

@@ -7,10 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.net.address import LOOPBACK, Address
-from tests.support.ports import free_port
-from tests.support.waiting import connected
+from tests.support.ports import free_port, listening
+from tests.support.waiting import until
 
 FORTE: Final = os.environ.get("FORTE", "")
 NO_FORTE: Final = "set FORTE to the path of a 4diac FORTE binary, built as fb/README.md says, to run this"
@@ -28,7 +27,8 @@ def forte(folder: Path, *arguments: str, port: int | None = None) -> Iterator[Ad
         # SIGPIPE stays ignored: a FORTE does not ignore it by itself, and ends with a client that goes too early
         process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, cwd=folder, restore_signals=False)
         try:
-            connected(lambda: ManagementClient(address)).close()
+            # not by connecting: a FORTE refuses the next client until it has noticed that this one has gone
+            until(lambda: f"tcp:{address.port}" in listening(process.pid), "the FORTE listens")
             yield address
         finally:
             # a FORTE that has killed a resource no longer ends on SIGTERM

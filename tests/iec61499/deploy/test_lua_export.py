@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.deploy.lua_export import export_type, original_name
+from dtwin.iec61499.deploy.lua_export import LuaType, export_type, original_name
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.protocol import REQUEST_LIMIT
 from dtwin.iec61499.standard.notation import interface
@@ -28,6 +30,12 @@ def basic(name: str) -> model.BasicFBType:
     found = LIBRARY.find(name)
     assert isinstance(found, model.BasicFBType)
     return found
+
+
+@cache
+def exported(name: str) -> LuaType:
+    """A block of the library as Lua, made once for all examples."""
+    return export_type(basic(name))
 
 
 @settings(max_examples=100)
@@ -74,7 +82,7 @@ def values(data_type: object) -> st.SearchStrategy[object]:
 @given(st.data())
 def test_the_library_does_the_same_as_in_the_embedded_runtime(name: str, data: st.DataObject) -> None:
     block = basic(name)
-    embedded, lua = Bench(name, *(basic(n) for n in ALGORITHMIC)), LuaBench(export_type(block))
+    embedded, lua = Bench(name, *(basic(n) for n in ALGORITHMIC)), LuaBench(exported(name))
     variables = {v.name: v for v in (*block.interface.inputs, *block.interface.outputs, *block.internals)}
     for variable in variables.values():
         lua[variable.name] = embedded[variable.name]
