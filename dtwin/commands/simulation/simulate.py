@@ -16,12 +16,13 @@ from rich.table import Column, Table
 from dtwin.bus.messages import SENSORS
 from dtwin.bus.session import Bus
 from dtwin.commands.simulation.upload import in_force
-from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
+from dtwin.controller.settings import APPLICATION_LAW, Compensation, ControlSettings, usual_gains
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.files import ensure_writable
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import PERIOD, ArmParameters, Law, Triple
+from dtwin.run.options import CompensationOptions
 from dtwin.run.recording import Log, read_log
 from dtwin.signals import Sensors
 from dtwin.simulation.candidates import vary
@@ -39,7 +40,7 @@ _PATIENCE = 5.0
 
 
 @dataclass(frozen=True)
-class Simulate:
+class Simulate(CompensationOptions):
     """Try a motion on the twin with the real function blocks: what if the arm moved there, with these settings?
 
     Places are names (pickup, blue, red, green, home, hanging), coordinates of the tip X,Y in m, or angles Q1,Q2,Q3.
@@ -129,8 +130,9 @@ class Simulate:
                 self.target_time,
                 usual_gains(self.law, self.kp, self.ki, self.kd),
                 self.law,
-                self._arm(self.controller_model, arm),
+                self.believed(self._arm(self.controller_model, arm)),
                 self.box,
+                compensation=self.compensation(),
             ),
             theta=start,
             arm=simulated,
@@ -146,7 +148,14 @@ class Simulate:
         with join(self.cell) as bus:
             last = _latest(bus)
             now = in_force(bus)
-        settings = replace(base.settings, gains=now.gains, target_time=now.target_time, law=now.law, model=now.model)
+        settings = replace(
+            base.settings,
+            gains=now.gains,
+            target_time=now.target_time,
+            law=now.law,
+            model=now.model,
+            compensation=Compensation(now.delay, now.dead_zone, now.bandwidth),
+        )
         theta = last[-1].theta
         # A parabola through several samples: a difference of two would show the encoders' noise.
         times = PERIOD * np.arange(1 - len(last), 1)
