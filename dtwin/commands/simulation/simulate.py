@@ -16,7 +16,7 @@ from rich.table import Column, Table
 from dtwin.bus.messages import SENSORS
 from dtwin.bus.session import Bus
 from dtwin.commands.simulation.upload import in_force
-from dtwin.controller.settings import APPLICATION_LAW, Compensation, ControlSettings, usual_gains
+from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.files import ensure_writable
@@ -148,14 +148,7 @@ class Simulate(CompensationOptions):
         with join(self.cell) as bus:
             last = _latest(bus)
             now = in_force(bus)
-        settings = replace(
-            base.settings,
-            gains=now.gains,
-            target_time=now.target_time,
-            law=now.law,
-            model=now.model,
-            compensation=Compensation(now.delay, now.dead_zone, now.bandwidth),
-        )
+        settings = replace(base.settings, gains=now.gains, target_time=now.target_time, law=now.law, model=now.model)
         theta = last[-1].theta
         # A parabola through several samples: a difference of two would show the encoders' noise.
         times = PERIOD * np.arange(1 - len(last), 1)
