@@ -128,6 +128,8 @@ def arguments(options: Any, declared: type) -> list[str]:
         flag = f"--{field.name.replace('_', '-')}"
         if isinstance(value, bool):
             words += [flag]
+        elif isinstance(value, tuple) and not any(isinstance(item, str) for item in value):
+            words += [flag, *map(str, value)]
         else:
             for item in value if isinstance(value, tuple) else (value,):
                 words += [flag, str(item.resolve() if isinstance(item, Path) else item)]

@@ -141,6 +141,9 @@ class SettingsInForce(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
         law: computed_torque, row_sum or cascade.
         payload: assumed mass of a box, kg.
         payload_model: how a held box counts: as a point mass or by its weight alone.
+        delay: time from a sample until its voltages act that the cascade counts on, s.
+        dead_zone: voltage lost in every amplifier that the cascade counts on, V.
+        bandwidth: double pole of the cascade's observer, rad/s.
     """
 
     gains: Gains
@@ -149,6 +152,9 @@ class SettingsInForce(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
     law: Law
     payload: float
     payload_model: PayloadModel
+    delay: float = 0.01
+    dead_zone: float = 0.0
+    bandwidth: float = 100.0
 
 
 class SignalRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

@@ -21,6 +21,12 @@ USUAL_GAINS: Final[dict[Law, Gains]] = {
     "cascade": Gains((559.0,) * 3, (2535.0,) * 3, (41.0,) * 3),
 }
 """The gains of each control law unless others are given; `dtwin experiment margins` finds those of the cascade."""
+COMPENSATION_RANGES: Final = {
+    "delay": (0.0, 0.01, "s"),
+    "dead_zone": (0.0, 1.0, "V"),
+    "bandwidth": (10.0, 300.0, "rad/s"),
+}
+"""Least and greatest value, and unit, of what the cascade takes into account; the Nyquist frequency is 314 rad/s."""
 APPLICATION_LAW: Final[Law] = "cascade"
 """The law of a cell for which no other is asked; settings without a law have the thesis's computed torque."""
 
@@ -29,6 +35,30 @@ def usual_gains(law: Law, kp: Triple | None = None, ki: Triple | None = None, kd
     """The usual gains of a control law, with others in the place of those that are given."""
     usual = USUAL_GAINS[law]
     return Gains(kp or usual.kp, ki or usual.ki, kd or usual.kd)
+
+
+@dataclass(frozen=True, slots=True)
+class Compensation:
+    """What the cascade takes into account of the drives and encoders; the thesis's laws know nothing of it.
+
+    Attributes:
+        delay: time from a sample until its voltages act, s, one tick at most.
+        dead_zone: voltage that is lost in every amplifier, V.
+        bandwidth: double pole of the observer, rad/s.
+
+    Raises:
+        ParameterError: a value is out of range.
+    """
+
+    delay: float = 0.01
+    dead_zone: float = 0.0
+    bandwidth: float = 100.0
+
+    def __post_init__(self) -> None:
+        for name, (low, high, unit) in COMPENSATION_RANGES.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ParameterError(f"{name.replace('_', ' ')}: expected {low:g} to {high:g} {unit}, got {value:g}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +75,7 @@ class ControlSettings:
         payload: mass of a box that the controller assumes, kg.
         payload_model: how a held box counts in the model; None takes what the law needs to hold a box everywhere:
             the weight alone for the row-sum law, a point mass for the others.
+        compensation: what the cascade takes into account of drives and encoders.
 
     Raises:
         ParameterError: a value is out of range.
@@ -56,6 +87,7 @@ class ControlSettings:
     model: ArmParameters = field(default_factory=ArmParameters)
     payload: float = 0.2
     payload_model: PayloadModel | None = None
+    compensation: Compensation = field(default_factory=Compensation)
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.target_time) and self.target_time > 0):
@@ -97,6 +129,9 @@ class ControlSettings:
         values["CONTROLLER.LAW"] = LAWS.index(self.law)
         values["CONTROLLER.PAYLOAD_MASS"] = self.payload
         values["CONTROLLER.WEIGHT_ONLY"] = self.box_counts == "weight"
+        values["CONTROLLER.DEAD_ZONE"] = self.compensation.dead_zone
+        values["OBSERVER.DELAY"] = self.compensation.delay
+        values["OBSERVER.BANDWIDTH"] = self.compensation.bandwidth
         values["PLANNER.SMOOTH"] = self.law == "cascade"
         values["PLANNER.T"] = self.target_time
         return values
@@ -123,6 +158,7 @@ class ControlSettings:
             ArmParameters(*map(triple, (*"KMILCD", "MU"))),
             values["CONTROLLER.PAYLOAD_MASS"],
             "weight" if values["CONTROLLER.WEIGHT_ONLY"] else "point",
+            Compensation(values["OBSERVER.DELAY"], values["CONTROLLER.DEAD_ZONE"], values["OBSERVER.BANDWIDTH"]),
         )
 
     def differing(self, other: ControlSettings) -> set[str]:

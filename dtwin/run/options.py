@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dtwin.controller.settings import APPLICATION_LAW, USUAL_GAINS, ControlSettings
+from dtwin.controller.bounds import check_model
+from dtwin.controller.settings import APPLICATION_LAW, USUAL_GAINS, Compensation, ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.emulation.faults import parse_fault
 from dtwin.emulation.machine.files import is_file, machine_of
 from dtwin.emulation.machine.sections import IDEAL
-from dtwin.parameters import PHYSICS_STEP, ArmParameters, Law, assignment
+from dtwin.parameters import PHYSICS_STEP, ArmParameters, Law, Triple, assignment
 from dtwin.run.settings import CellSettings
 
 
@@ -88,7 +89,37 @@ class PlantOptions(ArmOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ControlOptions:
+class CompensationOptions:
+    """What the cascade takes into account of the arm's drives, joints and encoders."""
+
+    delay: float = Compensation().delay
+    """Time from a sample until its voltages act, s, 0 to 0.01; of the cascade alone."""
+    dead_zone: float = Compensation().dead_zone
+    """Voltage lost in every amplifier, V, 0 to 1; the cascade adds it."""
+    bandwidth: float = Compensation().bandwidth
+    """Double pole of the cascade's observer, rad/s, 10 to 300."""
+    friction: Triple | None = None
+    """Coulomb friction of each joint that the cascade adds, N m, 0 to 5; that of the model if not given."""
+
+    def compensation(self) -> Compensation:
+        """What the options say of drives and encoders.
+
+        Raises:
+            ParameterError: an option is out of range.
+        """
+        return Compensation(self.delay, self.dead_zone, self.bandwidth)
+
+    def believed(self, model: ArmParameters) -> ArmParameters:
+        """A model with the friction that the options say.
+
+        Raises:
+            ParameterError: a friction is out of range.
+        """
+        return model if self.friction is None else replace(model, coulomb=self.friction)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlOptions(CompensationOptions):
     """What the controller is set to."""
 
     target_time: float = 2.0
@@ -104,4 +135,12 @@ class ControlOptions:
         Raises:
             ParameterError: an option is out of range.
         """
-        return ControlSettings(self.target_time, USUAL_GAINS[self.law], self.law)
+        settings = ControlSettings(
+            self.target_time,
+            USUAL_GAINS[self.law],
+            self.law,
+            self.believed(ArmParameters()),
+            compensation=self.compensation(),
+        )
+        check_model(settings.model)
+        return settings

@@ -15,7 +15,7 @@ import msgspec
 from dtwin import __version__
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.sequence import SEQUENCES, SequenceName, SequenceSettings
-from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings import Compensation, ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.emulation.faults import Fault
@@ -61,10 +61,18 @@ def metadata(settings: CellSettings) -> dict[str, Any]:
         "noise_kind": settings.noise_kind,
         "faults": [str(fault) for fault in settings.faults],
         "arm": asdict(settings.arm),
-        "control": asdict(settings.control),
+        "control": _told(settings.control),
         "step": settings.step,
         **machine,
     }
+
+
+def _told(control: ControlSettings) -> dict[str, Any]:
+    """Settings of a controller as JSON; the usual compensation is not named."""
+    values = asdict(control)
+    if control.compensation == Compensation():
+        del values["compensation"]
+    return values
 
 
 def arm_of(notes: Mapping[str, Any]) -> ArmParameters:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dtwin.bus.codec import MessageError, Reader, encode
 from dtwin.bus.messages import SettingsInForce
-from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings import Compensation, ControlSettings
 from dtwin.errors import ParameterError, RecordingError
 
 
@@ -73,6 +73,9 @@ def to_message(settings: ControlSettings) -> SettingsInForce:
         settings.law,
         settings.payload,
         settings.box_counts,
+        settings.compensation.delay,
+        settings.compensation.dead_zone,
+        settings.compensation.bandwidth,
     )
 
 
@@ -83,5 +86,11 @@ def from_message(message: SettingsInForce) -> ControlSettings:
         ParameterError: a value is out of range.
     """
     return ControlSettings(
-        message.target_time, message.gains, message.law, message.model, message.payload, message.payload_model
+        message.target_time,
+        message.gains,
+        message.law,
+        message.model,
+        message.payload,
+        message.payload_model,
+        Compensation(message.delay, message.dead_zone, message.bandwidth),
     )

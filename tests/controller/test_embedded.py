@@ -1,11 +1,13 @@
 """Settings and the inputs of the blocks that they become."""
 
+import math
+from dataclasses import replace
 from itertools import product
 
 import pytest
 
 from dtwin.controller.ports import MODEL, TUNING
-from dtwin.controller.settings import LAWS, ControlSettings
+from dtwin.controller.settings import LAWS, Compensation, ControlSettings
 from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters, Gains, PayloadModel
 
@@ -43,3 +45,18 @@ def test_fifteen_digits_are_the_same_settings() -> None:
 def test_blocks_may_have_what_no_settings_are(name: str, value: float) -> None:
     with pytest.raises(ParameterError, match=f"got {value}"):
         ControlSettings.from_inputs(ControlSettings().inputs() | {name: value})
+
+
+def test_compensation_reaches_its_inputs_and_has_its_limits() -> None:
+    told = Compensation(0.004, 0.2, 150.0)
+    settings = ControlSettings(law="cascade", compensation=told)
+    inputs = settings.inputs()
+    assert (inputs["OBSERVER.DELAY"], inputs["CONTROLLER.DEAD_ZONE"], inputs["OBSERVER.BANDWIDTH"]) == (
+        0.004,
+        0.2,
+        150,
+    )
+    assert ControlSettings.from_inputs(inputs) == replace(settings, payload_model="point")
+    for wrong in ({"delay": 0.011}, {"dead_zone": -0.1}, {"bandwidth": 400.0}, {"bandwidth": math.nan}):
+        with pytest.raises(ParameterError, match="expected"):
+            Compensation(**wrong)

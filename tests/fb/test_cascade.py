@@ -51,9 +51,10 @@ def test_voltages_and_expected_accelerations_follow_the_law(seed: int, payload: 
         slower = w + lead * a - omega
         integral = integral + TS * KI * error
         wanted = KP * error + integral + KD * slower
-        M = mass_matrix(q, P, payload)
-        torque = M @ (a + wanted) + coriolis(q, w, P, payload) + gravity(q, P, payload)
-        torque = torque + D * (w + (KP * error + integral) / KD)
+        later, faster = q + TS / 2 * w + TS**2 / 8 * a, w + TS / 2 * a
+        M = mass_matrix(later, P, payload)
+        torque = M @ (a + wanted) + coriolis(later, faster, P, payload) + gravity(later, P, payload)
+        torque = torque + D * (faster + (KP * error + integral) / KD)
         volts = fire(block, theta, omega, (q, w, a), lead)
         if np.abs(torque / K).max() > LIMIT:
             return

@@ -46,6 +46,8 @@ class Cell(PlantOptions, ControlOptions):
         mjcf=st.sampled_from([Path("/tmp/other.xml"), PlantOptions().mjcf]),
         machine=st.sampled_from(["ideal", "servo", "17", "/tmp/mine.toml"]),
         target_time=numbers,
+        delay=numbers,
+        friction=st.none() | st.tuples(numbers, numbers, numbers),
         law=st.sampled_from(get_args(Law)),
         other=st.integers(),
     )

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dtwin.controller.motion import MotionController
-from dtwin.controller.settings import LAWS, USUAL_GAINS, ControlSettings
+from dtwin.controller.settings import LAWS, USUAL_GAINS, Compensation, ControlSettings
 from dtwin.experiments.simulation.margins import compare, usual
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, PLACES, ArmParameters, Gains, Law, Triple
 from dtwin.simulation.margins.demands import MARGINS, STABILITY, cases
@@ -24,7 +24,7 @@ from dtwin.simulation.margins.measures import (
     phase_margin,
     tolerated_factors,
 )
-from dtwin.simulation.margins.poses import poses
+from dtwin.simulation.margins.poses import places, poses
 from dtwin.simulation.whatif import Simulator
 from dtwin.twin.dynamics import gravity, integrate
 
@@ -244,3 +244,13 @@ def test_sines_on_the_emulation_measure_the_computed_sensitivity(
     assert apart < 0.001
     apart, largest = compare(simulator, usual("computed_torque"), pose, 0.0, (10, 25))
     assert apart < 0.01 * largest
+
+
+def test_the_observers_bandwidth_counts_in_the_margins(simulator: Simulator) -> None:
+    pose = places()[0]
+
+    def disk(bandwidth: float) -> float:
+        settings = replace(usual("cascade"), compensation=Compensation(bandwidth=bandwidth))
+        return cases(simulator.controller, settings, settings.model, [pose])[0].margins.disk
+
+    assert disk(15.0) < 0.8 * disk(100.0)

@@ -9,7 +9,7 @@ import pytest
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.motion import MotionController
-from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings import USUAL_GAINS, Compensation, ControlSettings
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import ParameterError
@@ -155,3 +155,30 @@ def test_goals_are_places_or_angles(simulator: Simulator) -> None:
 def test_impossible_cases_are_refused(changes: dict[str, object], message: str) -> None:
     with pytest.raises(ParameterError, match=message):
         MotionCase("red", **changes)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("payload", [0.0, 0.2])
+@pytest.mark.parametrize(("target_time", "worst"), [(1.0, 5e-3), (2.0, 5e-4), (4.0, 1e-4), (8.0, 3e-5)])
+def test_the_cascade_keeps_an_arm_it_knows_on_its_path(
+    simulator: Simulator, target_time: float, worst: float, payload: float
+) -> None:
+    settings = ControlSettings(target_time, USUAL_GAINS["cascade"], "cascade")
+    motion = simulator.run(MotionCase("red", settings, payload=payload))
+    assert np.abs(motion.path - motion.theta).max() < worst
+
+
+def test_an_arm_whose_delay_is_known_leaves_its_path_by_next_to_nothing(simulator: Simulator) -> None:
+    settings = ControlSettings(1.0, USUAL_GAINS["cascade"], "cascade", compensation=Compensation(delay=0.0))
+    motion = simulator.run(MotionCase("red", settings, payload=0.2))
+    assert np.abs(motion.path - motion.theta).max() < 3e-4
+
+
+def test_friction_that_is_told_is_compensated(simulator: Simulator) -> None:
+    rubbing = ArmParameters(coulomb=(0.03,) * 3)
+
+    def largest(believed: ArmParameters) -> float:
+        settings = ControlSettings(2.0, USUAL_GAINS["cascade"], "cascade", believed)
+        motion = simulator.run(MotionCase("red", settings, arm=rubbing))
+        return float(np.abs(motion.path - motion.theta).max())
+
+    assert largest(rubbing) < 0.5 * largest(ArmParameters())

@@ -10,17 +10,19 @@ import msgspec
 from rich.table import Table
 
 from dtwin.commands.frame import at_least
+from dtwin.controller.bounds import check_model
 from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import ArmParameters, Law, Triple
+from dtwin.run.options import CompensationOptions
 from dtwin.simulation.margins.demands import MARGINS, Case, Shortfall, cases
 from dtwin.simulation.margins.poses import POSES, poses
 from dtwin.terminal import print_json, print_table
 
 
 @dataclass(frozen=True, kw_only=True)
-class MarginsCommand:
+class MarginsCommand(CompensationOptions):
     """Compute how much the arm may differ from its model before the controller makes it unstable.
 
     At every pose, with a box and without one, the loop of function blocks and arm is linearised at rest. The worst
@@ -56,7 +58,14 @@ class MarginsCommand:
         at_least("--late", self.late, 0)
         arm = open_model(self.model, ModelStore(self.store)).arm if self.model is not None else ArmParameters()
         gains = usual_gains(self.law, self.kp, self.ki, self.kd)
-        settings = ControlSettings(gains=gains, law=self.law, model=arm, payload=self.box)
+        settings = ControlSettings(
+            gains=gains,
+            law=self.law,
+            model=self.believed(arm),
+            payload=self.box,
+            compensation=self.compensation(),
+        )
+        check_model(settings.model)
         judged = [(case, MARGINS.shortfall(case.margins)) for case in self._cases(settings, arm)]
         judged.sort(key=lambda pair: (pair[1].share if pair[1] else 1.0, pair[0].margins.disk))
         broken = [pair for pair in judged if pair[1] is not None]

@@ -22,6 +22,7 @@ from dtwin.errors import CommunicationError, ParameterError
 from dtwin.files import ensure_writable
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import PERIOD, ArmParameters, Law, Triple
+from dtwin.run.options import CompensationOptions
 from dtwin.run.recording import Log, read_log
 from dtwin.signals import Sensors
 from dtwin.simulation.candidates import vary
@@ -39,7 +40,7 @@ _PATIENCE = 5.0
 
 
 @dataclass(frozen=True)
-class Simulate:
+class Simulate(CompensationOptions):
     """Try a motion on the twin with the real function blocks: what if the arm moved there, with these settings?
 
     Places are names (pickup, blue, red, green, home, hanging), coordinates of the tip X,Y in m, or angles Q1,Q2,Q3.
@@ -129,8 +130,9 @@ class Simulate:
                 self.target_time,
                 usual_gains(self.law, self.kp, self.ki, self.kd),
                 self.law,
-                self._arm(self.controller_model, arm),
+                self.believed(self._arm(self.controller_model, arm)),
                 self.box,
+                compensation=self.compensation(),
             ),
             theta=start,
             arm=simulated,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -22,6 +23,7 @@ _OPERATORS: Final = {
 }  # fmt: skip
 _LOGICAL: Final = {"AND": ("and", AND), "OR": ("or", OR), "XOR": ("~=", COMPARISON)}
 _EXACT: Final = 1 << 53
+_PLAIN: Final = re.compile(r"[\w .:]*", re.ASCII)
 _NARROWER: Final = {"LINT": "DINT", "ULINT": "UDINT", "LWORD": "DWORD"}
 
 
@@ -261,6 +263,8 @@ def where(node: typed.Expression | typed.Statement) -> str:
 
 
 def quote(text: str) -> str:
-    """A Lua string of the text's UTF-8 bytes."""
+    """A Lua string of the text's UTF-8 bytes; words stand in long brackets, which XML need not escape."""
+    if _PLAIN.fullmatch(text):
+        return f"[[{text}]]"
     encoded = (chr(b) if 32 <= b < 127 and b not in b'"\\' else f"\\{b:03d}" for b in text.encode())
     return '"' + "".join(encoded) + '"'
