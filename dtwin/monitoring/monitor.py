@@ -3,72 +3,44 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.bus.twin_messages import UNITS, MonitoringVerdict, UnitState
-from dtwin.errors import ParameterError
 from dtwin.monitoring.belief import Belief
 from dtwin.monitoring.diagnosis import Candidate, Diagnosis, Moment
-from dtwin.monitoring.estimator import Estimator, Tuning
+from dtwin.monitoring.estimator import Estimator
 from dtwin.monitoring.findings import Consequences, Findings
-from dtwin.monitoring.kinds import FREEZE, UNKNOWN, FaultId, faults, parse_fault_id, plausible_sizes
-from dtwin.monitoring.modes import Diagnosing, Lost, Mode, Settling, Turn, Turns, Watching
-from dtwin.monitoring.readings import Readings
+from dtwin.monitoring.kinds import UNKNOWN, FaultId, parse_fault_id, plausible_sizes
+from dtwin.monitoring.modes import STARTING, Diagnosing, Lost, Mode, Probation, Settling, Turn, Turns, Unfit, Watching
+from dtwin.monitoring.sensing.listening import Listening, hear, replay
+from dtwin.monitoring.sensing.readings import Readings
+from dtwin.monitoring.settings import MonitorSettings
 from dtwin.monitoring.signatures import LONGEST, SPACING, SignatureBank, threshold
 from dtwin.monitoring.trend import WATCHED, Trend
-from dtwin.monitoring.verdict import Finding, Forecast, finding, monitored_units, unit_of
+from dtwin.monitoring.verdict import Finding, Forecast, monitored_units, unfit_units, unit_of
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event
 
 Array = NDArray[np.float64]
 
-ALARMS_PER_HOUR: Final = 0.01
-"""false alarms to be expected unless something else is asked for"""
 CERTAIN: Final = 8.0
 """log odds of a fault against the arm as believed at which it counts as failed"""
 BRIDGED: Final = 10
 """samples that may be missing in a row, with the gripper unchanged, before the motion is estimated anew"""
 SETTLING: Final = 50
 """samples after a start before anything is suspected"""
-STARTING: Final = 10
-"""samples after a start that are no evidence: the speeds are not known"""
 _BLIND: Final = 0.1
 """N m, doubt about the torques in a sample whose command was not received"""
 _DOUBT: Final = 0.1
 """N m/V, further doubt where the commands before and after differ"""
 _UNSETTLED: Final = 10
 """samples after one that did not arrive that are no evidence: how wrong the guess was is not known well"""
-_FREEZES: Final = tuple((fault.joint - 1, str(fault), fault) for fault in faults(FREEZE))
-"""Indices of the encoders, and names of what is wrong with them when they have stopped."""
 _LEAST_LIKELY: Final = -1e4
 """log-likelihood of a sample that cannot be: the arm as believed has nothing to do with it any more"""
-
-
-@dataclass(frozen=True, slots=True)
-class MonitorSettings:
-    """How the monitor decides.
-
-    Attributes:
-        alarms_per_hour: false alarms to be expected of a healthy arm.
-        warnings_per_hour: false reports of "may be degrading" to be expected of a healthy arm.
-        tuning: how the estimator is tuned.
-
-    Raises:
-        ParameterError: a rate is not above 0.
-    """
-
-    alarms_per_hour: float = ALARMS_PER_HOUR
-    warnings_per_hour: float = 1.0
-    tuning: Tuning = field(default_factory=Tuning)
-
-    def __post_init__(self) -> None:
-        for name in ("alarms_per_hour", "warnings_per_hour"):
-            if not 0.0 < getattr(self, name) < 1e5:
-                raise ParameterError(f"{name}: expected a number above 0, got {getattr(self, name)}")
 
 
 class Monitor:
@@ -96,11 +68,14 @@ class Monitor:
         self._belief = belief
         self.estimator = Estimator(belief, self.settings.tuning)
         self._readings = Readings(belief.noise)
+        self._listening: Listening | None = Listening()
         self.trend = Trend(self.estimator)
         self._bank = SignatureBank(self._sizes)
         self._moments: deque[Moment] = deque(maxlen=LONGEST + 2 * SPACING)
         self._mode: Mode = Watching()
         self._turns = Turns()
+        self._probation = Probation()
+        self._misfit: dict[int, str] = {}
         self.findings = Findings(self._sizes)
         self.missed = self.restarts = 0
         self.sample = -1
@@ -141,7 +116,8 @@ class Monitor:
         if louder is not None:
             self._belief = replace(self._belief, noise=louder)
             self.estimator = Estimator(self._belief, self.settings.tuning)
-            self._begin(measured, gripped, max(SETTLING, self._readings.unheard))
+            self._moments.clear()
+            self._begin(measured, gripped)
 
     @property
     def statistic(self) -> float:
@@ -152,7 +128,7 @@ class Monitor:
                 return self.threshold
             case Settling():
                 return 0.0
-            case Watching() | Lost():
+            case Watching() | Lost() | Unfit():
                 return self._bank.worst()
 
     @property
@@ -212,7 +188,7 @@ class Monitor:
         found = self.standing()
         for each in found:
             states[unit_of(each.joint)] = "failed"
-        units = monitored_units(states, found)
+        units = monitored_units(states, found) if not self._misfit else unfit_units(self._misfit)
         forecasts = tuple(forecast.text() for forecast in self.forecasts)
         return MonitoringVerdict(self.time, units, forecasts, self.unobservable(), self.missed, self.restarts)
 
@@ -242,22 +218,23 @@ class Monitor:
         self._moments.clear()
         if self.estimator.gripped and not gripped:
             self._apply(self.findings.put_down(self.time))
-        self._begin(measured, gripped, max(SETTLING, self._readings.unheard))
+        self._begin(measured, gripped)
 
-    def _begin(self, measured: Array, gripped: bool, left: int = SETTLING) -> None:
+    def _begin(self, measured: Array, gripped: bool) -> None:
         """Estimates the motion anew; what is wrong with the arm already may have begun with it."""
         self.estimator.begin(measured, gripped)
         self._bank.clear()
         self._bank.note(self.estimator, self.sample)
-        self._settle(left, begun=True)
+        unheard = self._listening.left if self._listening else 0
+        self._settle(max(SETTLING, unheard), begun=True)
 
     def _settle(self, left: int, begun: bool) -> None:
         """Settles for some samples; who was lost is lost after that."""
         match self._mode:
-            case (Lost() as then) | Settling(then=then):
-                self._mode = Settling(left, begun, then)
+            case (Lost() | Unfit() as then) | Settling(then=then):
+                self._mode = Settling(left, left - STARTING, begun, then)
             case Watching() | Diagnosing():
-                self._mode = Settling(left, begun, Watching())
+                self._mode = Settling(left, left - STARTING, begun, Watching())
 
     def _apply(self, after: Consequences) -> None:
         """Does what the findings ask for."""
@@ -290,18 +267,39 @@ class Monitor:
                 self.findings.pick_up(self.time)
             else:
                 self._apply(self.findings.put_down(self.time))
-        self._watch_readings()
+        if not self._probation.passed:
+            self._probation.take(estimator, used, counts)
         match self._mode:
-            case Settling(left, begun, then):
+            case Settling(left, known, begun, then):
                 left -= 1
                 if begun:
-                    self._bank.update(estimator, used, self.sample, counts and left < SETTLING - STARTING)
-                self._mode = Settling(left, begun, then) if left else then
+                    self._bank.update(estimator, used, self.sample, counts and left < known)
+                self._mode = Settling(left, known, begun, then) if left else then
+                self._listen(used)
             case Diagnosing(diagnosis, pending):
                 diagnosis.update(moment)
                 self._decide(diagnosis, pending)
+            case Unfit() as mode:
+                self._bank.update(estimator, used, self.sample, counts)
+                self._doubt_model(mode.after(estimator))
             case Watching() | Lost() as mode:
                 self._watch(mode, used, counts)
+
+    def _listen(self, used: NDArray[np.bool_]) -> None:
+        """Judges the noise by the first samples at rest; if it is not as believed, all since is looked at again."""
+        if self._listening is None or not self._listening.take(self.estimator, used):
+            return
+        match self._mode:
+            case Settling(then=then):
+                self._mode = then
+        belief = hear(self._belief, self.settings.tuning, self._moments, self._listening)
+        self._listening = None
+        if belief is not self._belief:
+            self._belief, self.estimator = belief, Estimator(belief, self.settings.tuning)
+            self._readings.expect_tails(belief.clip)
+            self._moments.extend(replay(self.estimator, self._moments, self._bank, self.sample))
+        if self._bank.worst() > self.threshold:
+            self._probation.moved = 0
 
     def _watch(self, mode: Watching | Lost, used: NDArray[np.bool_], counts: bool) -> None:
         """Looks for a sudden change in a sample at which nothing is being diagnosed."""
@@ -315,9 +313,25 @@ class Monitor:
         if isinstance(mode, Lost):
             self._try_again(mode)
             return
+        if not self._probation.passed:
+            self._misfit = self._probation.misfit()
+            self.findings.note(self.time, "misfit", "; ".join(self._misfit.values()))
+            self._doubt_model(Unfit())
+            return
         suspicions = self._bank.suspicions()
         locked = bool(self.estimator.locked)
         self._decide(Diagnosis(suspicions, list(self._moments), self.sample, self._sizes, locked), None)
+
+    def _doubt_model(self, unfit: Unfit) -> None:
+        """Starts anew from a model that does not fit when it fails again, and believes it after a while."""
+        self._mode = unfit
+        if self._bank.worst() > self.threshold:
+            self._mode, self._probation = Unfit(), Probation()
+            self.estimator = Estimator(self._belief, self.settings.tuning)
+            self._begin(self._readings.last, self._gripped)
+        elif unfit.over:
+            self._mode, self._misfit = Watching(), {}
+            self.findings.note(self.time, "fits", "the model explains the motion of this arm after all")
 
     def _try_again(self, lost: Lost) -> None:
         """The arm moves like none that is known: starts from the last one that it moved like."""
@@ -375,19 +389,6 @@ class Monitor:
         """Which readings of the sample that has arrived are measurements."""
         trusted = isinstance(self._mode, Watching | Settling) and not self._readings.unheard
         used = self._readings.judge(*self.estimator.expected(), trusted)
-        spikes = self._readings.spikes
-        for i in np.flatnonzero(spikes).tolist() if spikes.any() else ():
-            self.findings.note(
-                self.time - PERIOD, "spike", f"one reading of joint {i + 1} was far off and is left out"
-            )
+        known = self._listening is None and self._probation.passed and not self._misfit
+        self.findings.read(self.time, self._readings, known)
         return used
-
-    def _watch_readings(self) -> None:
-        """Enters encoders that have stopped, and ends what is said of those that work again."""
-        readings = self._readings
-        for i, name, fault in _FREEZES:
-            count = int(readings.repeated[i])
-            if readings.frozen[i] and name not in self.findings.current:
-                self.findings.enter(self.time, finding(fault, self.time - count * PERIOD, self.time))
-            elif count == 0:
-                self.findings.end(self.time, name)
