@@ -24,7 +24,8 @@ from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringResiduals, Mon
 from dtwin.errors import CommunicationError, DtwinError
 from dtwin.identification.model import read_model
 from dtwin.monitoring.belief import Belief, assumed, identified
-from dtwin.monitoring.monitor import ALARMS_PER_HOUR, Monitor, MonitorSettings
+from dtwin.monitoring.monitor import Monitor
+from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.signals import MONITOR, Event, Sensors, Voltages
 from services.demands import Demands

@@ -30,19 +30,19 @@ def compiled_modules(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]
 
 
 @cache
-def _log(duration: float, seed: int, faults: tuple[str, ...], step: float) -> Log:
+def _log(duration: float, seed: int, faults: tuple[str, ...], step: float, noise: float) -> Log:
     parsed = tuple(parse_fault(fault) for fault in faults)
-    cell = Cell(CellSettings(duration, seed, NOISE, faults=parsed, step=step))
+    cell = Cell(CellSettings(duration, seed, noise, faults=parsed, step=step))
     cell.run()
     return cell.log.freeze()
 
 
 @pytest.fixture(scope="session")
 def run_cell() -> Callable[..., Log]:
-    """run_cell(duration, seed, *faults): the log of a cell with noise."""
+    """run_cell(duration, seed, *faults): the log of a cell with noise (rad)."""
 
-    def run(duration: float = 60.0, seed: int = 3, *faults: str, step: float = 0.0025) -> Log:
-        return _log(duration, seed, faults, step)
+    def run(duration: float = 60.0, seed: int = 3, *faults: str, step: float = 0.0025, noise: float = NOISE) -> Log:
+        return _log(duration, seed, faults, step, noise)
 
     return run
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -33,7 +34,10 @@ class Belief:
     Attributes:
         arm: the healthy arm.
         covariance: (15, 15), of the parameters called ARM_NAMES, SI units.
-        noise: standard deviation of the encoders' noise, rad.
+        noise: standard deviation of the encoders' noise, rad; of white noise that tells as little over some time, if
+            the noise of neighbouring samples is alike.
+        clip: standard deviations beyond which the tails of the noise are exponential, infinite for a normal
+            distribution; see `kernels.correct`.
         offset: mean of the encoders' noise, rad.
         offset_deviation: its standard deviation, rad.
 
@@ -44,6 +48,7 @@ class Belief:
     arm: ArmParameters
     covariance: Array
     noise: Triple
+    clip: Triple = (math.inf, math.inf, math.inf)
     offset: Triple = (0.0, 0.0, 0.0)
     offset_deviation: Triple = field(default=(UNKNOWN_OFFSET, UNKNOWN_OFFSET, UNKNOWN_OFFSET))
 
@@ -57,6 +62,8 @@ class Belief:
                 raise ParameterError(f"{name}: expected 3 finite numbers, got {getattr(self, name)}")
         if min(self.noise) < 0:
             raise ParameterError(f"noise: expected at least 0 rad, got {self.noise}")
+        if not min(self.clip) > 0:
+            raise ParameterError(f"clip: expected numbers above 0, got {self.clip}")
 
 
 def assumed(arm: ArmParameters, noise: Triple) -> Belief:
@@ -88,4 +95,10 @@ def identified(model: IdentifiedModel) -> Belief:
         max(1e-3, matrix[place[name], place[name]] ** 0.5) if name in place else UNKNOWN_OFFSET for name in _BIAS
     ]
     n1, n2, n3 = model.validity.noise
-    return Belief(model.arm, covariance, (n1, n2, n3), (first, second, third), (spread[0], spread[1], spread[2]))
+    return Belief(
+        model.arm,
+        covariance,
+        (n1, n2, n3),
+        offset=(first, second, third),
+        offset_deviation=(spread[0], spread[1], spread[2]),
+    )

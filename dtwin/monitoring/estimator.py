@@ -29,7 +29,7 @@ _COMPLEX_STEP: Final = 1e-30
 _LEAST_VOLTS: Final = 1e-6
 """V: the kernels divide by the voltage; this little moves nothing"""
 _OWN: Final = (
-    *("x", "P", "gains", "innovation", "variance", "_walk", "_torque", "_states"),
+    *("x", "P", "gains", "innovation", "variance", "score", "information", "_walk", "_torque", "_states"),
     *("_clones", "_C", "_B"),
 )
 """arrays that change in place, of which a copy needs its own"""
@@ -85,7 +85,9 @@ class Estimator:
         F: (6, 22), derivatives over the last sample.
         gains: (3, 28), gains of the last correction.
         innovation: (3,), reading minus prediction, rad.
-        variance: (3,), variance of the innovations, rad^2.
+        variance: (3,), variance of the innovations, of the core of their distribution if its tails are heavy, rad^2.
+        score: (3,), the innovations as they count, see `kernels.correct`, 1/rad.
+        information: (3,), variance of the scores, 1/rad^2.
         gripped: whether a box is held since the last prediction.
         box_mass: mass that a box is expected to have when it is gripped, kg.
         payload_variance: variance of that mass, kg^2.
@@ -101,7 +103,8 @@ class Estimator:
         self._states = np.empty((2, 6))
         self._derivatives = np.zeros((2, 6, MOVING))
         self._derivatives[0, :, :6] = np.eye(6)
-        self.set_noise(np.array(belief.noise))
+        self._noise = np.maximum(np.square(belief.noise), NOISE_FLOOR**2)
+        self._clip = np.array(belief.clip)
         self._walk = np.zeros(SIZE)
         self._walk[BIAS:DRIFT] = tuning.offset_walk**2 * PERIOD
         for name in ARM_NAMES:
@@ -123,7 +126,9 @@ class Estimator:
         self.x[BIAS:DRIFT] = belief.offset
         self.P[BIAS:DRIFT, BIAS:DRIFT] = np.diag(np.square(belief.offset_deviation))
         self.F = self._derivatives[1]
-        self.gains, self.innovation, self.variance = np.zeros((3, SIZE)), np.zeros(3), np.ones(3)
+        self.gains = np.zeros((3, SIZE))
+        self.innovation, self.variance = np.zeros(3), np.ones(3)
+        self.score, self.information = np.zeros(3), np.zeros(3)
         self.gripped = False
         self._cloned: tuple[str, ...] = ()
         self._clones, self._C, self._B = np.zeros(0), np.zeros((SIZE, 0)), np.zeros(0)
@@ -175,16 +180,19 @@ class Estimator:
             self.P,
             measured,
             self._noise,
+            self._clip,
             used,
             self._lower,
             self._upper,
             self.gains,
             self.innovation,
             self.variance,
+            self.score,
+            self.information,
         )
         if self._cloned:
             kernels.follow_clones(
-                self._clones, self._C, self._B, self.F, self.gains, self.innovation, self.variance, used, PERIOD
+                self._clones, self._C, self._B, self.F, self.gains, self.score, self.variance, used, PERIOD
             )
         return likelihood
 
@@ -193,10 +201,6 @@ class Estimator:
         angle, bias = self.P[:3], self.P[BIAS:DRIFT]
         variance = angle.diagonal() + 2.0 * angle.diagonal(BIAS) + bias.diagonal(BIAS) + self._noise
         return self.x[:W] + self.x[BIAS:DRIFT], np.sqrt(variance)
-
-    def set_noise(self, deviation: Array) -> None:
-        """Standard deviation of the encoders' noise, (3,) rad."""
-        self._noise = np.maximum(np.square(deviation), NOISE_FLOOR**2)
 
     def copy(self) -> Estimator:
         """An independent estimator in the same state."""

@@ -31,6 +31,22 @@ Array = NDArray[np.float64]
 
 
 @kernel
+def huber(clip: float) -> tuple[float, float]:
+    """What `correct` needs to know of Huber's density with a clip (standard deviations).
+
+    With phi and Phi of the normal distribution the density is exp(-rho(z)) / (sqrt(2 pi) c), where rho grows as
+    z^2 / 2 up to the clip k and linearly from there, and c = 2 Phi(k) - 1 + 2 phi(k) / k. Its information is
+    (2 Phi(k) - 1) / c (Huber, Robust estimation of a location parameter, Annals of Mathematical Statistics 35, 1964).
+
+    Returns:
+        the information, which is 1 for a normal distribution, and the logarithm of c.
+    """
+    core = math.erf(clip / math.sqrt(2.0))
+    whole = core + 2.0 * math.exp(-0.5 * clip * clip) / (math.sqrt(2.0 * math.pi) * clip)
+    return core / whole, math.log(whole)
+
+
+@kernel
 def predict(P: Array, F: Array, torque: Array, volts: Array, walk: Array, period: float) -> None:
     """Carries the covariance over one sample, in place.
 
@@ -79,26 +95,39 @@ def correct(
     P: Array,
     measured: Array,
     noise: Array,
+    clip: Array,
     used: Any,
     lower: Array,
     upper: Array,
     gains: Array,
     innovation: Array,
     variance: Array,
+    score: Array,
+    information: Array,
 ) -> float:
     """Takes in three encoder readings one after another, which whitens them, in place.
+
+    An innovation nu of variance s is believed to have Huber's density of the same core: beyond clip standard
+    deviations its tails are exponential. The estimate moves by the score of that density, psi(nu) / s with psi
+    limited to the clip, and the covariance shrinks by the slope of the score, which is 1 / s within the clip and
+    nothing beyond (Masreliez, Approximate non-Gaussian filtering with linear state and observation relations, IEEE
+    TAC 20, 1975). The more of s is the uncertainty of the state, which is normal, the larger is the clip; with an
+    infinite one this is the Kalman filter.
 
     Args:
         x: mean.
         P: covariance.
         measured: (3,), rad.
         noise: (3,), variances, rad^2.
+        clip: (3,), standard deviations of the noise beyond which its tails are exponential.
         used: (3,) bool, which readings to take in.
         lower: (28,), least value of each state; the estimate is put there when it falls below.
         upper: (28,), largest value.
-        gains: (3, 28), receives the gain of each reading.
+        gains: (3, 28), receives the gain of each reading, 0 beyond the clip.
         innovation: (3,), receives reading minus prediction, rad.
-        variance: (3,), receives the innovations' variance, rad^2.
+        variance: (3,), receives the innovations' variance, that of the core if tails are heavy, rad^2.
+        score: (3,), receives the scores, 1/rad.
+        information: (3,), receives the variance of the scores, 1/rad^2.
 
     Returns:
         the logarithm of the readings' likelihood.
@@ -115,11 +144,20 @@ def correct(
         if not used[i]:
             gains[i] = 0.0
             continue
+        limit = clip[i] * math.sqrt(s / noise[i])
+        share, constant = huber(limit)
+        most = limit * math.sqrt(s)
+        counted = min(max(nu, -most), most)
+        score[i] = counted * (1.0 / s)
+        information[i] = share / s
         for j in range(SIZE):
             gains[i, j] = column[j] / s
-            x[j] += gains[i, j] * nu
-        _shrink(P, column, s)
-        likelihood -= 0.5 * (nu * nu / s + math.log(2.0 * math.pi * s))
+            x[j] += gains[i, j] * counted
+        if counted == nu:
+            _shrink(P, column, s)
+        else:
+            gains[i] = 0.0
+        likelihood -= 0.5 * (counted * (2.0 * nu - counted) / s + math.log(2.0 * math.pi * s)) + constant
     for j in range(SIZE):
         x[j] = min(max(x[j], lower[j]), upper[j])
     return likelihood
@@ -132,8 +170,8 @@ def trace(
     J: Array,
     F: Array,
     gains: Array,
-    innovation: Array,
-    variance: Array,
+    score: Array,
+    information: Array,
     used: Any,
     counts: bool,
     period: float,
@@ -146,8 +184,8 @@ def trace(
         J: (n,), see above.
         F: derivatives over the sample.
         gains: (3, 28), of the filter.
-        innovation: (3,), rad.
-        variance: (3,), rad^2.
+        score: (3,), of the innovations, 1/rad.
+        information: (3,), variance of the scores, 1/rad^2.
         used: (3,) bool, which readings the filter took in.
         counts: whether the sample is evidence.
         period: s.
@@ -160,14 +198,12 @@ def trace(
     for i in range(3):
         if not used[i]:
             continue
-        weight = 1.0 / variance[i]
-        scaled = innovation[i] * weight
         for c in range(n):
             g[c] = E[i, c] + E[BIAS + i, c]
         if counts:
             for c in range(n):
-                J[c] += g[c] * g[c] * weight
-                h[c] += g[c] * scaled
+                J[c] += g[c] * g[c] * information[i]
+                h[c] += g[c] * score[i]
         for j in range(SIZE):
             k = gains[i, j]
             if k != 0.0:
@@ -182,7 +218,7 @@ def follow_clones(
     B: Array,
     F: Array,
     gains: Array,
-    innovation: Array,
+    score: Array,
     variance: Array,
     used: Any,
     period: float,
@@ -196,8 +232,8 @@ def follow_clones(
         B: (n,), the clones' variances.
         F: derivatives over the sample.
         gains: (3, 28), of the filter.
-        innovation: (3,), rad.
-        variance: (3,), rad^2.
+        score: (3,), of the innovations, 1/rad.
+        variance: (3,), of the innovations, rad^2.
         used: (3,) bool, which readings the filter took in.
         period: s.
     """
@@ -209,7 +245,8 @@ def follow_clones(
             continue
         for c in range(len(clones)):
             covariance = C[i, c] + C[BIAS + i, c]
-            clones[c] += covariance / variance[i] * innovation[i]
-            B[c] -= covariance * covariance / variance[i]
+            clones[c] += covariance * score[i]
+            if gains[i].any():
+                B[c] -= covariance * covariance / variance[i]
             for j in range(SIZE):
                 C[j, c] -= gains[i, j] * covariance

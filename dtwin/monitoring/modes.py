@@ -42,11 +42,13 @@ class Settling:
 
     Attributes:
         left: samples until then.
+        known: the value of `left` from which on the speeds are known, so that samples are evidence.
         begun: whether the motion is estimated anew, so that a fault may have come meanwhile and evidence is gathered.
         then: the mode that follows.
     """
 
     left: int
+    known: int
     begun: bool
     then: Watching | Lost
 

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.bus.twin_messages import UNITS, MonitoringVerdict, UnitState
-from dtwin.errors import ParameterError
 from dtwin.monitoring.belief import Belief
 from dtwin.monitoring.diagnosis import Candidate, Diagnosis, Moment
-from dtwin.monitoring.estimator import Estimator, Tuning
+from dtwin.monitoring.estimator import Estimator
 from dtwin.monitoring.findings import Consequences, Findings
 from dtwin.monitoring.kinds import FREEZE, UNKNOWN, FaultId, faults, parse_fault_id, plausible_sizes
 from dtwin.monitoring.modes import Diagnosing, Lost, Mode, Settling, Turn, Turns, Watching
-from dtwin.monitoring.readings import Readings
+from dtwin.monitoring.sensing.listening import Listening, hear, replayed
+from dtwin.monitoring.sensing.readings import Readings
+from dtwin.monitoring.settings import MonitorSettings
 from dtwin.monitoring.signatures import LONGEST, SPACING, SignatureBank, threshold
 from dtwin.monitoring.trend import WATCHED, Trend
 from dtwin.monitoring.verdict import Finding, Forecast, finding, monitored_units, unit_of
@@ -26,8 +27,6 @@ from dtwin.signals import Event
 
 Array = NDArray[np.float64]
 
-ALARMS_PER_HOUR: Final = 0.01
-"""false alarms to be expected unless something else is asked for"""
 CERTAIN: Final = 8.0
 """log odds of a fault against the arm as believed at which it counts as failed"""
 BRIDGED: Final = 10
@@ -46,29 +45,6 @@ _FREEZES: Final = tuple((fault.joint - 1, str(fault), fault) for fault in faults
 """Indices of the encoders, and names of what is wrong with them when they have stopped."""
 _LEAST_LIKELY: Final = -1e4
 """log-likelihood of a sample that cannot be: the arm as believed has nothing to do with it any more"""
-
-
-@dataclass(frozen=True, slots=True)
-class MonitorSettings:
-    """How the monitor decides.
-
-    Attributes:
-        alarms_per_hour: false alarms to be expected of a healthy arm.
-        warnings_per_hour: false reports of "may be degrading" to be expected of a healthy arm.
-        tuning: how the estimator is tuned.
-
-    Raises:
-        ParameterError: a rate is not above 0.
-    """
-
-    alarms_per_hour: float = ALARMS_PER_HOUR
-    warnings_per_hour: float = 1.0
-    tuning: Tuning = field(default_factory=Tuning)
-
-    def __post_init__(self) -> None:
-        for name in ("alarms_per_hour", "warnings_per_hour"):
-            if not 0.0 < getattr(self, name) < 1e5:
-                raise ParameterError(f"{name}: expected a number above 0, got {getattr(self, name)}")
 
 
 class Monitor:
@@ -96,6 +72,7 @@ class Monitor:
         self._belief = belief
         self.estimator = Estimator(belief, self.settings.tuning)
         self._readings = Readings(belief.noise)
+        self._listening: Listening | None = Listening()
         self.trend = Trend(self.estimator)
         self._bank = SignatureBank(self._sizes)
         self._moments: deque[Moment] = deque(maxlen=LONGEST + 2 * SPACING)
@@ -141,7 +118,8 @@ class Monitor:
         if louder is not None:
             self._belief = replace(self._belief, noise=louder)
             self.estimator = Estimator(self._belief, self.settings.tuning)
-            self._begin(measured, gripped, max(SETTLING, self._readings.unheard))
+            self._moments.clear()
+            self._begin(measured, gripped)
 
     @property
     def statistic(self) -> float:
@@ -242,22 +220,23 @@ class Monitor:
         self._moments.clear()
         if self.estimator.gripped and not gripped:
             self._apply(self.findings.put_down(self.time))
-        self._begin(measured, gripped, max(SETTLING, self._readings.unheard))
+        self._begin(measured, gripped)
 
-    def _begin(self, measured: Array, gripped: bool, left: int = SETTLING) -> None:
+    def _begin(self, measured: Array, gripped: bool) -> None:
         """Estimates the motion anew; what is wrong with the arm already may have begun with it."""
         self.estimator.begin(measured, gripped)
         self._bank.clear()
         self._bank.note(self.estimator, self.sample)
-        self._settle(left, begun=True)
+        unheard = self._listening.left if self._listening else 0
+        self._settle(max(SETTLING, unheard), begun=True)
 
     def _settle(self, left: int, begun: bool) -> None:
         """Settles for some samples; who was lost is lost after that."""
         match self._mode:
             case (Lost() as then) | Settling(then=then):
-                self._mode = Settling(left, begun, then)
+                self._mode = Settling(left, left - STARTING, begun, then)
             case Watching() | Diagnosing():
-                self._mode = Settling(left, begun, Watching())
+                self._mode = Settling(left, left - STARTING, begun, Watching())
 
     def _apply(self, after: Consequences) -> None:
         """Does what the findings ask for."""
@@ -292,16 +271,40 @@ class Monitor:
                 self._apply(self.findings.put_down(self.time))
         self._watch_readings()
         match self._mode:
-            case Settling(left, begun, then):
+            case Settling(left, known, begun, then):
                 left -= 1
                 if begun:
-                    self._bank.update(estimator, used, self.sample, counts and left < SETTLING - STARTING)
-                self._mode = Settling(left, begun, then) if left else then
+                    self._bank.update(estimator, used, self.sample, counts and left < known)
+                self._mode = Settling(left, known, begun, then) if left else then
+                self._listen(used)
             case Diagnosing(diagnosis, pending):
                 diagnosis.update(moment)
                 self._decide(diagnosis, pending)
             case Watching() | Lost() as mode:
                 self._watch(mode, used, counts)
+
+    def _listen(self, used: NDArray[np.bool_]) -> None:
+        """Judges the noise by the first samples at rest; if it is not as believed, all since is looked at again."""
+        if self._listening is None or not self._listening.take(self.estimator, used):
+            return
+        match self._mode:
+            case Settling(then=then):
+                self._mode = then
+        belief = hear(self._belief, self.settings.tuning, self._moments, self._listening)
+        self._listening = None
+        if belief is self._belief:
+            return
+        self._belief, self.estimator = belief, Estimator(belief, self.settings.tuning)
+        self._readings.expect_tails(belief.clip)
+        self._bank.clear()
+        start = self.sample - len(self._moments) + 1
+        for age, (moment, regripped) in enumerate(replayed(self.estimator, self._moments)):
+            if regripped:
+                self._bank.regrip()
+            if age:
+                self._bank.update(self.estimator, moment.used, start + age, moment.counts and age > STARTING)
+            else:
+                self._bank.note(self.estimator, start)
 
     def _watch(self, mode: Watching | Lost, used: NDArray[np.bool_], counts: bool) -> None:
         """Looks for a sudden change in a sample at which nothing is being diagnosed."""

@@ -9,8 +9,9 @@ import pytest
 from dtwin.errors import ModelError, ParameterError
 from dtwin.experiments.monitoring.trial import FaultTrial, run_trial
 from dtwin.monitoring.belief import Belief, assumed, identified
-from dtwin.monitoring.monitor import BRIDGED, Monitor, MonitorSettings
+from dtwin.monitoring.monitor import BRIDGED, Monitor
 from dtwin.monitoring.offline import Stream, stream, watch
+from dtwin.monitoring.settings import MonitorSettings
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log, RunLog
 

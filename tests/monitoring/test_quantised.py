@@ -11,7 +11,7 @@ from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.faults import parse_fault
 from dtwin.monitoring.belief import assumed
 from dtwin.monitoring.monitor import Monitor
-from dtwin.monitoring.readings import FROZEN, Readings
+from dtwin.monitoring.sensing.readings import FROZEN, Readings
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.signals import Sensors
 

@@ -55,9 +55,7 @@ def test_a_trace_is_the_difference_of_the_innovations(
         for each in (estimator, jumped):
             each.predict(seen.volts[k - 1], True)
             each.correct(seen.measured[k], ALL)
-        kernels.trace(
-            E, h, J, estimator.F, estimator.gains, estimator.innovation, estimator.variance, ALL, True, 0.01
-        )
+        kernels.trace(E, h, J, estimator.F, estimator.gains, estimator.score, estimator.information, ALL, True, 0.01)
         g = (jumped.innovation - estimator.innovation) / size
         expected_h = float(np.sum(g * estimator.innovation / estimator.variance))
         expected_J = float(np.sum(g**2 / estimator.variance))

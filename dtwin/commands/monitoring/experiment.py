@@ -16,7 +16,7 @@ from dtwin.experiments.monitoring.stopping import FAULTS as STOPPED
 from dtwin.experiments.monitoring.stopping import StopOutcome, stop_experiment, stopping_report
 from dtwin.experiments.monitoring.trial import FaultOutcome
 from dtwin.experiments.report import Report
-from dtwin.monitoring.monitor import ALARMS_PER_HOUR, MonitorSettings
+from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
 from dtwin.pool import Progress
 
 

@@ -21,8 +21,9 @@ from dtwin.files import ensure_writable
 from dtwin.identification.estimation.quality import noise
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.monitoring.belief import Belief, assumed, identified
-from dtwin.monitoring.monitor import ALARMS_PER_HOUR, Monitor, MonitorSettings
+from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import SECOND, Stream, Trace, stream, watch
+from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
 from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import read_log

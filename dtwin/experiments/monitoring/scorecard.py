@@ -13,7 +13,8 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.experiments.monitoring.trial import FaultOutcome, FaultTrial, identified_belief, run_trial, true_cause
-from dtwin.monitoring.monitor import Monitor, MonitorSettings
+from dtwin.monitoring.monitor import Monitor
+from dtwin.monitoring.settings import MonitorSettings
 from dtwin.pool import Progress, spread
 from dtwin.run.loop import run, tick_count
 from dtwin.signals import StepRecord

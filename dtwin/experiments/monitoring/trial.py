@@ -20,7 +20,8 @@ from dtwin.identification.excitation.rig import Rig
 from dtwin.identification.result import from_estimate
 from dtwin.monitoring.belief import Belief, identified
 from dtwin.monitoring.kinds import RELATIVE, parse_fault_id
-from dtwin.monitoring.monitor import Monitor, MonitorSettings
+from dtwin.monitoring.monitor import Monitor
+from dtwin.monitoring.settings import MonitorSettings
 from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
 from dtwin.monitoring.verdict import Finding
 from dtwin.parameters import PARAMETER_NAMES, PERIOD, ArmParameters

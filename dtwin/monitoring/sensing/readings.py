@@ -46,9 +46,10 @@ _RESOLUTIONS: Final = 3.0
 _DEVIATIONS: Final = 4.0
 """resolutions and standard deviations of predicted motion that an encoder which works would have shown"""
 _FAR: Final = 8.0
-_NEAR: Final = 4.0
-"""standard deviations between reading and prediction: a reading far off after one that was near is left out, and a
-spike if the next one is near again; if not, the next one counts"""
+"""standard deviations between reading and prediction, or as unlikely if the tails are heavy: a reading far off after
+one that was near is left out, and a spike if the next one is near again; if not, the next one counts"""
+_NEAR: Final = 0.5
+"""share of that distance"""
 
 
 class Readings:
@@ -76,6 +77,7 @@ class Readings:
         self._has_repeated = np.zeros(3, dtype=bool)
         self._angles, self._new = np.zeros(3), np.zeros(3, dtype=bool)
         self._since = np.full(3, np.nan)
+        self._far = np.full(3, _FAR)
         self._was_near, self._left_out = np.zeros(3, dtype=bool), np.zeros(3, dtype=bool)
         self.last = np.full(3, np.nan)
         self.repeated = np.zeros(3, dtype=int)
@@ -126,11 +128,18 @@ class Readings:
         again = ~first & (self.repeated % _LOOK == 0) & (self.resolution > 0.0) & outside
         used = (self._new | again) & ~self.frozen
         away = np.abs(self._angles - predicted) / deviation
-        self.spikes = used & self._left_out & (away < _NEAR)
-        left_out = used & self._was_near & (away > _FAR) & trusted
+        near = away < _NEAR * self._far
+        self.spikes = used & self._left_out & near
+        left_out = used & self._was_near & (away > self._far) & trusted
         self._left_out = np.where(used, left_out, self._left_out)
-        self._was_near = np.where(used, away < _NEAR, self._was_near)
+        self._was_near = np.where(used, near, self._was_near)
         return used & ~left_out
+
+    def expect_tails(self, clip: Triple) -> None:
+        """Takes the noise to have exponential tails beyond so many standard deviations: such noise is farther off as
+        rarely."""
+        clips = np.minimum(clip, _FAR)
+        self._far = 0.5 * _FAR**2 / clips + 0.5 * clips
 
     def listen(self, measured: Array) -> Triple | None:
         """Takes in a sample, (3,) rad, to judge the noise; that of the resolution q is q / sqrt(12).

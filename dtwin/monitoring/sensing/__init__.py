@@ -1,0 +1,1 @@
+"""What the encoders' readings tell by themselves, and what their noise is like."""
