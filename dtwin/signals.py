@@ -64,6 +64,8 @@ class EventKind(StrEnum):
     FAILED = "failed"
     RECOVERED = "recovered"
     SPIKE = "spike"
+    MISFIT = "misfit"
+    FITS = "fits"
     ACKNOWLEDGED = "acknowledged"
     RESTART = "restart"
     START = "start"

@@ -209,7 +209,7 @@ class Predicted(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     motions: tuple[PredictedMotion, ...]
 
 
-UnitState = Literal["nominal", "may be degrading", "failed"]
+UnitState = Literal["nominal", "may be degrading", "failed", "not commissioned"]
 UNITS: Final = ("joint 1", "joint 2", "joint 3", "gripper")
 """What has a state of its own in a verdict."""
 
@@ -218,7 +218,8 @@ class MonitoredUnit(msgspec.Struct, frozen=True):
     """A joint or the gripper as the monitor sees it.
 
     Attributes:
-        state: nominal, may be degrading or failed.
+        state: nominal, may be degrading, failed, or not commissioned, which means that the model does not fit this
+            arm.
         cause: cause of what is wrong in words, "" for none.
         parameter: what changed, in the notation of faults, "" for nothing.
         size: size of the change, relative for a voltage constant and in SI units for the others.

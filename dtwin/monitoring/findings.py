@@ -13,12 +13,14 @@ from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 import msgspec
+import numpy as np
 
 from dtwin.errors import ParameterError, choices
 from dtwin.monitoring.diagnosis import Candidate
 from dtwin.monitoring.estimator import Change, Estimator
-from dtwin.monitoring.kinds import FREE, KINDS, LOCK, RELATIVE, UNKNOWN, FaultId, faults, parse_fault_id
+from dtwin.monitoring.kinds import FREE, FREEZE, KINDS, LOCK, RELATIVE, UNKNOWN, FaultId, faults, parse_fault_id
 from dtwin.monitoring.layout import W
+from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.verdict import Finding, finding
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event
@@ -31,6 +33,8 @@ _LOST: Final = 0.02
 """share of a voltage constant that is as good as none"""
 _SURE: Final = 3.0
 """standard deviations"""
+_FREEZES: Final = tuple((fault.joint - 1, str(fault), fault) for fault in faults(FREEZE))
+"""Indices of the encoders, and names of what is wrong with them when they have stopped."""
 _ON_BOX: Final = tuple(str(fault) for kind, row in KINDS.items() if row.on_box for fault in faults(kind))
 
 
@@ -123,6 +127,23 @@ class Findings:
         self.history.append(found)
         self._explained[found.parameter] = 0
         self.note(time, "failed", found.text())
+
+    def read(self, time: float, readings: Readings, trusted: bool) -> None:
+        """Takes in what the readings tell by themselves, at a plant time (s).
+
+        Args:
+            time: plant time of the last sample, s.
+            readings: the readings up to that sample.
+            trusted: whether the predictions can tell that an encoder has stopped.
+        """
+        for i in np.flatnonzero(readings.spikes).tolist() if readings.spikes.any() else ():
+            self.note(time - PERIOD, "spike", f"one reading of joint {i + 1} was far off and is left out")
+        for i, name, fault in _FREEZES:
+            count = int(readings.repeated[i])
+            if readings.frozen[i] and trusted and name not in self.current:
+                self.enter(time, finding(fault, time - count * PERIOD, time))
+            elif count == 0:
+                self.end(time, name)
 
     def give_up(self, time: float, since: float, last: Finding, sound: Mapping[str, Finding]) -> None:
         """Replaces one cause after the other by the only thing that is sure: that the cause is unknown.

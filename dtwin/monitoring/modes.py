@@ -4,8 +4,10 @@
     watching     the evidence of a sudden change is compared with the threshold
     diagnosing   a sudden change is being isolated
     lost         the arm moves like none that is known; sudden changes lead back to the last arm that was
+    unfit        the model has never explained how this arm moves: nothing that it shows is called a fault
 
-Settling leads to watching or lost, watching to diagnosing, diagnosing to settling, and lost to settling or watching.
+Settling leads to the mode that it came from, watching to diagnosing or unfit, diagnosing to settling, and lost and
+unfit to settling or watching.
 """
 
 from __future__ import annotations
@@ -14,12 +16,26 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dtwin.monitoring.diagnosis import Diagnosis
 from dtwin.monitoring.estimator import Estimator
+from dtwin.monitoring.layout import ARM, W
 from dtwin.monitoring.verdict import Finding
 
 LOST: Final = 5
 """diagnoses within LOST_WITHIN that show that none of them was right"""
+STARTING: Final = 10
+"""samples after a start that are no evidence: the speeds are not known"""
+PROVEN: Final = 400
+"""samples of motion that a model has to explain before what it does not explain is a fault of the arm"""
+_RETURNED: Final = 1500
+"""samples of motion after which a model that did not fit does"""
+_FAST: Final = 0.1
+"""rad/s"""
+_OFF: Final = 4.5
+"""standard deviations: a joint that was farther off is named"""
 LOST_WITHIN: Final = 600
 """samples"""
 
@@ -37,6 +53,22 @@ class Lost:
 
 
 @dataclass(frozen=True, slots=True)
+class Unfit:
+    """Waits until the model explains the motion after all; `explained` counts the samples of motion that it has."""
+
+    explained: int = 0
+
+    @property
+    def over(self) -> bool:
+        """Whether the model fits after all."""
+        return self.explained >= _RETURNED
+
+    def after(self, estimator: Estimator) -> Unfit:
+        """The mode after another sample that the model has explained."""
+        return Unfit(self.explained + _moves(estimator))
+
+
+@dataclass(frozen=True, slots=True)
 class Settling:
     """Waits until the estimate has settled.
 
@@ -50,7 +82,7 @@ class Settling:
     left: int
     known: int
     begun: bool
-    then: Watching | Lost
+    then: Watching | Lost | Unfit
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +93,7 @@ class Diagnosing:
     pending: Finding | None = None
 
 
-Mode = Settling | Watching | Diagnosing | Lost
+Mode = Settling | Watching | Diagnosing | Lost | Unfit
 
 
 class Turn(NamedTuple):
@@ -98,3 +130,44 @@ class Turns:
         first = self._turns[0]
         self._turns.clear()
         return first
+
+
+class Probation:
+    """The first motion of a watch: whether the model fits this arm at all.
+
+    An arm that is not the model's shows it as soon as it moves, and looks like one with a fault that has always been
+    there. Only an arm whose motion the model has explained for a while can be said to have changed.
+
+    Attributes:
+        moved: samples of motion so far.
+    """
+
+    def __init__(self) -> None:
+        self.moved = 0
+        self._furthest = np.zeros(3)
+
+    @property
+    def passed(self) -> bool:
+        """Whether the model has explained enough motion."""
+        return self.moved >= PROVEN
+
+    def take(self, estimator: Estimator, used: NDArray[np.bool_], counts: bool) -> None:
+        """Takes in what the estimator made of a sample: which readings were used, (3,), and whether they count."""
+        self.moved += _moves(estimator)
+        if counts:
+            off = np.abs(estimator.innovation) / np.sqrt(estimator.variance)
+            self._furthest = np.where(used, np.maximum(self._furthest, off), self._furthest)
+
+    def misfit(self) -> dict[int, str]:
+        """What to say of a model that does not fit, by the joints (1 to 3) at which it shows."""
+        joints = [i for i in range(3) if self._furthest[i] > _OFF] or [int(self._furthest.argmax())]
+        return {
+            i + 1: f"the model does not fit this arm: joint {i + 1} is up to {self._furthest[i]:.1f} standard"
+            " deviations from where it predicts it; identify the arm and watch it with that model"
+            for i in joints
+        }
+
+
+def _moves(estimator: Estimator) -> bool:
+    """Whether any joint moves, as it is estimated."""
+    return bool(np.abs(estimator.x[W:ARM]).max() > _FAST)

@@ -14,14 +14,14 @@ from dtwin.monitoring.belief import Belief
 from dtwin.monitoring.diagnosis import Candidate, Diagnosis, Moment
 from dtwin.monitoring.estimator import Estimator
 from dtwin.monitoring.findings import Consequences, Findings
-from dtwin.monitoring.kinds import FREEZE, UNKNOWN, FaultId, faults, parse_fault_id, plausible_sizes
-from dtwin.monitoring.modes import Diagnosing, Lost, Mode, Settling, Turn, Turns, Watching
-from dtwin.monitoring.sensing.listening import Listening, hear, replayed
+from dtwin.monitoring.kinds import UNKNOWN, FaultId, parse_fault_id, plausible_sizes
+from dtwin.monitoring.modes import STARTING, Diagnosing, Lost, Mode, Probation, Settling, Turn, Turns, Unfit, Watching
+from dtwin.monitoring.sensing.listening import Listening, hear, replay
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.settings import MonitorSettings
 from dtwin.monitoring.signatures import LONGEST, SPACING, SignatureBank, threshold
 from dtwin.monitoring.trend import WATCHED, Trend
-from dtwin.monitoring.verdict import Finding, Forecast, finding, monitored_units, unit_of
+from dtwin.monitoring.verdict import Finding, Forecast, monitored_units, unfit_units, unit_of
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event
 
@@ -33,16 +33,12 @@ BRIDGED: Final = 10
 """samples that may be missing in a row, with the gripper unchanged, before the motion is estimated anew"""
 SETTLING: Final = 50
 """samples after a start before anything is suspected"""
-STARTING: Final = 10
-"""samples after a start that are no evidence: the speeds are not known"""
 _BLIND: Final = 0.1
 """N m, doubt about the torques in a sample whose command was not received"""
 _DOUBT: Final = 0.1
 """N m/V, further doubt where the commands before and after differ"""
 _UNSETTLED: Final = 10
 """samples after one that did not arrive that are no evidence: how wrong the guess was is not known well"""
-_FREEZES: Final = tuple((fault.joint - 1, str(fault), fault) for fault in faults(FREEZE))
-"""Indices of the encoders, and names of what is wrong with them when they have stopped."""
 _LEAST_LIKELY: Final = -1e4
 """log-likelihood of a sample that cannot be: the arm as believed has nothing to do with it any more"""
 
@@ -78,6 +74,8 @@ class Monitor:
         self._moments: deque[Moment] = deque(maxlen=LONGEST + 2 * SPACING)
         self._mode: Mode = Watching()
         self._turns = Turns()
+        self._probation = Probation()
+        self._misfit: dict[int, str] = {}
         self.findings = Findings(self._sizes)
         self.missed = self.restarts = 0
         self.sample = -1
@@ -130,7 +128,7 @@ class Monitor:
                 return self.threshold
             case Settling():
                 return 0.0
-            case Watching() | Lost():
+            case Watching() | Lost() | Unfit():
                 return self._bank.worst()
 
     @property
@@ -190,7 +188,7 @@ class Monitor:
         found = self.standing()
         for each in found:
             states[unit_of(each.joint)] = "failed"
-        units = monitored_units(states, found)
+        units = monitored_units(states, found) if not self._misfit else unfit_units(self._misfit)
         forecasts = tuple(forecast.text() for forecast in self.forecasts)
         return MonitoringVerdict(self.time, units, forecasts, self.unobservable(), self.missed, self.restarts)
 
@@ -233,7 +231,7 @@ class Monitor:
     def _settle(self, left: int, begun: bool) -> None:
         """Settles for some samples; who was lost is lost after that."""
         match self._mode:
-            case (Lost() as then) | Settling(then=then):
+            case (Lost() | Unfit() as then) | Settling(then=then):
                 self._mode = Settling(left, left - STARTING, begun, then)
             case Watching() | Diagnosing():
                 self._mode = Settling(left, left - STARTING, begun, Watching())
@@ -269,7 +267,8 @@ class Monitor:
                 self.findings.pick_up(self.time)
             else:
                 self._apply(self.findings.put_down(self.time))
-        self._watch_readings()
+        if not self._probation.passed:
+            self._probation.take(estimator, used, counts)
         match self._mode:
             case Settling(left, known, begun, then):
                 left -= 1
@@ -280,6 +279,9 @@ class Monitor:
             case Diagnosing(diagnosis, pending):
                 diagnosis.update(moment)
                 self._decide(diagnosis, pending)
+            case Unfit() as mode:
+                self._bank.update(estimator, used, self.sample, counts)
+                self._doubt_model(mode.after(estimator))
             case Watching() | Lost() as mode:
                 self._watch(mode, used, counts)
 
@@ -292,19 +294,12 @@ class Monitor:
                 self._mode = then
         belief = hear(self._belief, self.settings.tuning, self._moments, self._listening)
         self._listening = None
-        if belief is self._belief:
-            return
-        self._belief, self.estimator = belief, Estimator(belief, self.settings.tuning)
-        self._readings.expect_tails(belief.clip)
-        self._bank.clear()
-        start = self.sample - len(self._moments) + 1
-        for age, (moment, regripped) in enumerate(replayed(self.estimator, self._moments)):
-            if regripped:
-                self._bank.regrip()
-            if age:
-                self._bank.update(self.estimator, moment.used, start + age, moment.counts and age > STARTING)
-            else:
-                self._bank.note(self.estimator, start)
+        if belief is not self._belief:
+            self._belief, self.estimator = belief, Estimator(belief, self.settings.tuning)
+            self._readings.expect_tails(belief.clip)
+            self._moments.extend(replay(self.estimator, self._moments, self._bank, self.sample))
+        if self._bank.worst() > self.threshold:
+            self._probation.moved = 0
 
     def _watch(self, mode: Watching | Lost, used: NDArray[np.bool_], counts: bool) -> None:
         """Looks for a sudden change in a sample at which nothing is being diagnosed."""
@@ -318,9 +313,25 @@ class Monitor:
         if isinstance(mode, Lost):
             self._try_again(mode)
             return
+        if not self._probation.passed:
+            self._misfit = self._probation.misfit()
+            self.findings.note(self.time, "misfit", "; ".join(self._misfit.values()))
+            self._doubt_model(Unfit())
+            return
         suspicions = self._bank.suspicions()
         locked = bool(self.estimator.locked)
         self._decide(Diagnosis(suspicions, list(self._moments), self.sample, self._sizes, locked), None)
+
+    def _doubt_model(self, unfit: Unfit) -> None:
+        """Starts anew from a model that does not fit when it fails again, and believes it after a while."""
+        self._mode = unfit
+        if self._bank.worst() > self.threshold:
+            self._mode, self._probation = Unfit(), Probation()
+            self.estimator = Estimator(self._belief, self.settings.tuning)
+            self._begin(self._readings.last, self._gripped)
+        elif unfit.over:
+            self._mode, self._misfit = Watching(), {}
+            self.findings.note(self.time, "fits", "the model explains the motion of this arm after all")
 
     def _try_again(self, lost: Lost) -> None:
         """The arm moves like none that is known: starts from the last one that it moved like."""
@@ -378,19 +389,6 @@ class Monitor:
         """Which readings of the sample that has arrived are measurements."""
         trusted = isinstance(self._mode, Watching | Settling) and not self._readings.unheard
         used = self._readings.judge(*self.estimator.expected(), trusted)
-        spikes = self._readings.spikes
-        for i in np.flatnonzero(spikes).tolist() if spikes.any() else ():
-            self.findings.note(
-                self.time - PERIOD, "spike", f"one reading of joint {i + 1} was far off and is left out"
-            )
+        known = self._listening is None and self._probation.passed and not self._misfit
+        self.findings.read(self.time, self._readings, known)
         return used
-
-    def _watch_readings(self) -> None:
-        """Enters encoders that have stopped, and ends what is said of those that work again."""
-        readings = self._readings
-        for i, name, fault in _FREEZES:
-            count = int(readings.repeated[i])
-            if readings.frozen[i] and name not in self.findings.current:
-                self.findings.enter(self.time, finding(fault, self.time - count * PERIOD, self.time))
-            elif count == 0:
-                self.findings.end(self.time, name)

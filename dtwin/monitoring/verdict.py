@@ -126,3 +126,10 @@ def monitored_units(states: Mapping[str, UnitState], findings: Iterable[Finding]
             found.text(),
         )
     return units
+
+
+def unfit_units(misfit: Mapping[int, str]) -> dict[str, MonitoredUnit]:
+    """The units as they are published while the model does not fit the arm: what there is to say by joint, 1 to 3."""
+    return {
+        unit: MonitoredUnit("not commissioned", text=misfit.get(number, "")) for number, unit in enumerate(UNITS, 1)
+    }

@@ -33,6 +33,7 @@ COLOURS: Final[Mapping[UnitState, style.RGB]] = {
     "nominal": (60, 190, 90),
     "may be degrading": (250, 190, 40),
     "failed": (235, 50, 45),
+    "not commissioned": (150, 110, 200),
 }
 _RESIDUALS_SHOWN: Final = 8.0
 """standard deviations"""
@@ -44,6 +45,7 @@ _LEVELS: Final[Mapping[str, rr.TextLogLevel]] = {
     EventKind.FAILED: rr.TextLogLevel.ERROR,
     EventKind.SUSPECTED: rr.TextLogLevel.WARN,
     EventKind.RESTART: rr.TextLogLevel.WARN,
+    EventKind.MISFIT: rr.TextLogLevel.WARN,
 }
 _NOMINAL: Final = ArmParameters()
 _BAND_COLOUR: Final[style.RGB] = (110, 120, 130)

@@ -31,12 +31,18 @@ from dtwin.run.settings import arm_of
 from dtwin.signals import Event
 from dtwin.terminal import as_text, print_json
 
-STATE_COLOURS: Final = {"nominal": "green", "may be degrading": "yellow", "failed": "bold red"}
+STATE_COLOURS: Final = {
+    "nominal": "green",
+    "may be degrading": "yellow",
+    "failed": "bold red",
+    "not commissioned": "magenta",
+}
 
 
 @dataclass(frozen=True)
 class MonitorCommand:
-    """Find faults of the arm in a log of `dtwin run`; the exit status is 1 when something has failed.
+    """Find faults of the arm in a log of `dtwin run`; the exit status is 1 when something has failed, or when the
+    model does not fit this arm.
 
     Only what sensors and commands say is used: the truth in the log is not.
     """
@@ -109,7 +115,8 @@ class MonitorCommand:
             print_json(report)
         else:
             _print(verdict, [each.text() for each in found], monitor.events, factor, self.record)
-        return 1 if history or any(unit.state == "failed" for unit in verdict.units.values()) else 0
+        wrong = any(unit.state in ("failed", "not commissioned") for unit in verdict.units.values())
+        return 1 if history or wrong else 0
 
     def _belief(self, seen: Stream) -> Belief:
         if self.model is not None:
@@ -139,6 +146,9 @@ def _print(
         console.print()
     for name, unit in verdict.units.items():
         console.print(as_text(f"{name:<8}  "), as_text(unit.state, STATE_COLOURS[unit.state]), sep="")
+    for unit in verdict.units.values():
+        if unit.state == "not commissioned" and unit.text:
+            console.print(as_text(f"model     {unit.text}"))
     for text in found:
         console.print(as_text(f"finding   {text}"))
     for text in verdict.forecasts:

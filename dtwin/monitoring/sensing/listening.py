@@ -18,7 +18,9 @@ from dtwin.monitoring.belief import Belief
 from dtwin.monitoring.diagnosis import Moment
 from dtwin.monitoring.estimator import Estimator, Tuning
 from dtwin.monitoring.layout import ARM, W
+from dtwin.monitoring.modes import STARTING
 from dtwin.monitoring.sensing.noise import Noise, judge
+from dtwin.monitoring.signatures import SignatureBank
 
 Array = NDArray[np.float64]
 
@@ -88,23 +90,43 @@ def hear(belief: Belief, tuning: Tuning, moments: Sequence[Moment], listening: L
         if not any(noise > believed for noise, believed in zip(heard.noise, belief.noise, strict=True)):
             break
         again, estimator = Listening(), Estimator(heard, tuning)
-        for moment, _ in replayed(estimator, moments):
+        for moment, _ in _replayed(estimator, moments):
             again.take(estimator, moment.used)
         heard = _with(belief, again.judge())
     return heard
 
 
-def replayed(estimator: Estimator, moments: Sequence[Moment]) -> Iterator[tuple[Moment, bool]]:
-    """Lets a new estimator follow samples in a row: yields each, and whether the gripper has changed, when it has
-    been taken in."""
+def replay(estimator: Estimator, moments: Sequence[Moment], bank: SignatureBank, sample: int) -> list[Moment]:
+    """Lets a new estimator and a signature bank follow samples again, of which the last has the given number.
+
+    Returns:
+        the samples with their likelihoods as they are now.
+    """
+    bank.clear()
+    start, again = sample - len(moments) + 1, []
+    for age, (moment, regripped) in enumerate(_replayed(estimator, moments)):
+        again.append(moment)
+        if regripped:
+            bank.regrip()
+        if age:
+            bank.update(estimator, moment.used, start + age, moment.counts and age > STARTING)
+        else:
+            bank.note(estimator, start)
+    return again
+
+
+def _replayed(estimator: Estimator, moments: Sequence[Moment]) -> Iterator[tuple[Moment, bool]]:
+    """Lets a new estimator follow samples in a row: yields each with its likelihood, and whether the gripper has
+    changed, when it has been taken in."""
     for number, moment in enumerate(moments):
         regripped = number > 0 and moment.gripped != estimator.gripped
+        likelihood = moment.likelihood
         if number:
             estimator.predict(moment.volts, moment.gripped, moment.doubt)
-            estimator.correct(moment.measured, moment.used)
+            likelihood = estimator.correct(moment.measured, moment.used)
         else:
             estimator.begin(moment.measured, moment.gripped)
-        yield moment, regripped
+        yield moment._replace(likelihood=likelihood), regripped
 
 
 def _with(belief: Belief, heard: Sequence[Noise]) -> Belief:

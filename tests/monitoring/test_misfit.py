@@ -1,0 +1,83 @@
+"""A model that does not fit the arm: said once, and no fault of the arm is named for it."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from dtwin.emulation.machine.files import machine_of
+from dtwin.monitoring.belief import Belief, assumed
+from dtwin.monitoring.modes import PROVEN, Probation
+from dtwin.monitoring.monitor import Monitor
+from dtwin.monitoring.offline import stream
+from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.run.cell import Cell
+from dtwin.run.recording import Log
+from dtwin.run.settings import CellSettings
+
+MISFIT = "not commissioned"
+
+
+def watched(machine: str, duration: float = 40.0) -> Monitor:
+    """A monitor with the data sheet's model, after some seconds of a machine's normal work."""
+    cell = Cell(CellSettings(duration, seed=5, noise=0.0, machine=machine_of(machine)))
+    cell.run()
+    seen = stream(cell.log.freeze())
+    monitor = Monitor(assumed(ArmParameters(), (0.0, 0.0, 0.0)))
+    seen.feed(monitor, 0, len(seen))
+    return monitor
+
+
+@pytest.mark.parametrize("machine", ["delay", "lag", "servo", "stribeck", "elastic", "17"])
+def test_an_arm_that_is_not_the_models_is_told_once(machine: str) -> None:
+    monitor = watched(machine)
+    assert [event.kind for event in monitor.events if event.kind != "spike"] == ["misfit"]
+    assert monitor.history == monitor.standing() == []
+    assert {unit.state for unit in monitor.verdict().units.values()} == {MISFIT}
+    assert any("identify the arm" in event.text for event in monitor.events)
+
+
+def test_other_links_are_not_called_faults(run_cell: Callable[..., Log]) -> None:
+    seen = stream(run_cell(40.0, 5, *(f"l{joint}*=1.02@0" for joint in (1, 2, 3))))
+    monitor = Monitor(assumed(ArmParameters(), (1e-3, 1e-3, 1e-3)))
+    seen.feed(monitor, 0, len(seen))
+    assert [event.kind for event in monitor.events] == ["misfit"]
+
+
+def test_a_model_that_explains_the_motion_later_fits_after_all(belief: Belief, run_cell: Callable[..., Log]) -> None:
+    """The arm is pushed aside in the first seconds, and healthy from then on."""
+    seen = stream(run_cell(100.0, 3, "K1*=0.6@2-9"))
+    monitor = Monitor(belief)
+    seen.feed(monitor, 0, len(seen))
+    assert [event.kind for event in monitor.events] == ["misfit", "fits"]
+    assert {unit.state for unit in monitor.verdict().units.values()} == {"nominal"}
+
+
+def test_the_same_change_after_some_motion_is_a_fault(belief: Belief, run_cell: Callable[..., Log]) -> None:
+    seen = stream(run_cell(45.0, 3, "K1*=0.6@31"))
+    monitor = Monitor(belief)
+    seen.feed(monitor, 0, len(seen))
+    assert [found.parameter for found in monitor.history] == ["K1"]
+
+
+def test_the_joints_that_are_off_are_named(belief: Belief) -> None:
+    probation, estimator = Probation(), Monitor(belief).estimator
+    estimator.variance[:], estimator.x[3] = 1e-6, 1.0
+    used = np.array([True, True, False])
+    for k in range(PROVEN):
+        assert not probation.passed
+        estimator.innovation[:] = np.array([1e-3, 7e-3 if k == 3 else 0.0, 1.0])
+        probation.take(estimator, used, counts=k > 0)
+    assert probation.passed
+    assert list(probation.misfit()) == [2]
+    assert "joint 2 is up to 7.0 standard deviations" in probation.misfit()[2]
+
+
+def test_frozen_encoders_of_an_arm_that_is_not_the_models_are_not_told() -> None:
+    """Where a wrong model says that a joint moves, an encoder that repeats itself need not have stopped."""
+    monitor = watched("17", 15.0)
+    sample = monitor.sample
+    for k in range(1, 300):
+        monitor.update(sample + k, np.array([0.1, 0.2, 0.3]), np.full(3, 4.0), False)
+    assert [event.kind for event in monitor.events if event.kind not in ("spike", "restart")] == ["misfit"]
+    assert monitor.time == pytest.approx((sample + 299) * PERIOD)
