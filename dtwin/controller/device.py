@@ -19,7 +19,7 @@ from dtwin.controller.ports import (
     PATH,
     REQUEST,
     SIGNAL,
-    STOP,
+    STOPPED,
     TUNING,
     VERDICT,
     received_voltages,
@@ -35,7 +35,7 @@ from dtwin.signals import ARM_STATES, STOPS, ArmState, Sensors, Stop, Voltages
 
 _SETTLING: Final = 15
 """Number of equal samples after which an observer with its usual bandwidth of 100 rad/s has forgotten a motion."""
-_OUTCOME: Final = (*PATH, HELP, STOP)
+_OUTCOME: Final = (*PATH, HELP, STOPPED)
 """What an answer comes with, beside the command."""
 _READ_BACK: Final = 0.2
 """Longest time from the acknowledgement of a setting until it can be read back, s."""
@@ -152,7 +152,7 @@ class ControlLoop:
     def outcome(self) -> Outcome:
         """What the last answer came with, beside the command."""
         theta_1, theta_2, theta_3, help_, stop = self._application.watched(_OUTCOME)
-        for name, number, of in ((HELP, help_, CALLS), (STOP, stop, STOPS)):
+        for name, number, of in ((HELP, help_, CALLS), (STOPPED, stop, STOPS)):
             if number not in range(len(of)):
                 raise CommunicationError(f"{name}: expected a whole number from 0 to {len(of) - 1}, got {number:g}")
         return Outcome((theta_1, theta_2, theta_3), int(help_), STOPS[int(stop)])

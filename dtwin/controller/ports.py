@@ -44,6 +44,9 @@ TWIN: Final = "TWIN"
 """Name of the block of type DIGITAL_TWIN."""
 STOP: Final = f"{TWIN}.STOP"
 """Output with the number of the safe stop in force."""
+STOPPED: Final = "SELECTOR.STOP"
+"""Input with the number of the safe stop that the last command obeys; a device that was built block by block has no
+output STOP."""
 SIGNAL: Final = tuple(
     f"{TWIN}.IDENTIFICATION.BLOCK.SIGNAL.{name}"
     for name in ("AMPLITUDE1", "AMPLITUDE2", "AMPLITUDE3", "UNIT", "DELAY1", "DELAY2", "DELAY3", "LENGTH")

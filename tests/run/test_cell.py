@@ -81,8 +81,8 @@ CASCADE = ControlSettings(gains=USUAL_GAINS["cascade"], law="cascade")
 def test_the_cascade_sorts_boxes_closer_to_their_places() -> None:
     _, summary = run(CellSettings(duration=120.0, control=CASCADE))
     assert summary.boxes.delivered == summary.boxes.picked == 7
-    assert summary.placement_error_mm.max < 0.02
-    assert max(summary.tracking_error_rad.max) < 0.01
+    assert summary.placement_error_mm.max < 0.03
+    assert max(summary.tracking_error_rad.max) < 0.005
     assert summary.saturated_ticks == 0
 
 

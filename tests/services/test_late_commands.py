@@ -77,7 +77,7 @@ def test_late_and_missing_commands_are_no_fault(healthy: Traffic) -> None:
 
 def test_without_what_acted_they_would_be(healthy: Traffic) -> None:
     monitor = monitored(message for message in islice(healthy, 30 * EVERY) if not isinstance(message, Acted))
-    assert monitor.history
+    assert monitor.events
 
 
 @pytest.mark.parametrize("fault", ["K2*=0.5", "D1*=2"])

@@ -9,9 +9,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from dtwin.bus.messages import EVENTS, FAULT, SENSORS, STOP, Done, FaultRequest, StopRequest, StopState
+from dtwin.bus.messages import EVENTS, FAULT, MONITORING, SENSORS, STOP, Done, FaultRequest, StopRequest, StopState
 from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
+from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.errors import CommunicationError
 from dtwin.monitoring.verdict import Finding
 from dtwin.signals import Event, Sensors
@@ -58,7 +59,9 @@ def test_a_fault_stops_the_arm_until_an_operator_releases_it(desk: Desk) -> None
     desk.detach("--pace", "lockstep", "--monitoring", "--safe-stop", "--noise", "0.003", "--seed", "3")
     with join("cell") as bus:
         watch = Watch(bus)
-        until(lambda: watch.time > 20.0, "some work without a fault")
+        verdicts: list[MonitoringVerdict] = []
+        bus.subscribe(MONITORING, MonitoringVerdict, verdicts.append)
+        until(lambda: len(verdicts) > 60, "a minute of watched work without a fault")
         assert watch.stop() == "none"
         began = bus.ask(FAULT, FaultRequest(("K2*=0.1@0",)), Done).time
         until(lambda: watch.texts("monitor_stop"), "the monitor asks for a stop")

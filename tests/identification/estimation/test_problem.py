@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from dtwin.errors import ParameterError
+from dtwin.errors import IdentificationError, ParameterError
 from dtwin.identification.data import Experiment, Start, fingerprint, from_log
 from dtwin.identification.estimation.problem import Prior, Problem, initial_speed
 from dtwin.identification.excitation.plan import Plan
@@ -100,18 +100,23 @@ def test_a_log_becomes_segments() -> None:
     cell = Cell(CellSettings(duration=15.05, seed=1))
     cell.run()
     log = cell.log.freeze()
-    segments = from_log(log)
+    segments = from_log(log, 0.3)
     assert [len(segment) for segment in segments[:-1]] == [100] * 14
     assert sum(map(len, segments)) == 1500
-    loads = np.concatenate([segment.payload for segment in segments])
-    assert loads.max() > 0.19
+    assert set(np.concatenate([segment.payload for segment in segments])) == {0.0, 0.3}
     # What the twin predicts over a segment from its true start is what the emulation did, grips included.
     theta, omega = log.stack("theta"), log.stack("omega")
+    held = np.append(log.columns["payload_mass"][1:], log.columns["payload_mass"][-1:])
+    assert held.max() > 0.19
     for number, segment in enumerate(segments[:-1]):
         first = 100 * number
         start = Start(tuple(theta[first]), tuple(omega[first]))
-        exact = Experiment(segment.measured, segment.volts, segment.payload, start)
+        exact = Experiment(segment.measured, segment.volts, held[first : first + 100], start)
         problem = Problem((exact,), (), ARM, offsets=False)
         assert np.abs(problem.simulate(problem.start())[0] - theta[first : first + 100]).max() < 1e-9
-    assumed = from_log(log, 0.3)
-    assert np.concatenate([segment.payload for segment in assumed]).max() == 0.3
+    gripped = log.columns["box_gripped"]
+    empty = from_log(log)
+    assert not any(segment.payload.any() for segment in empty)
+    assert 0 <= np.count_nonzero(~gripped) - sum(map(len, empty)) < 12 * (1 + np.count_nonzero(np.diff(gripped)))
+    with pytest.raises(IdentificationError, match="a box was held all the time"):
+        from_log(log.part(int(np.argmax(gripped)), int(np.argmax(gripped)) + 120))
