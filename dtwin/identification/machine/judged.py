@@ -19,7 +19,7 @@ from dtwin.identification.machine.problem import MachineProblem
 from dtwin.identification.machine.sheet import GROUPS, sheet
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, symbol_of
 from dtwin.run.recording import Log
-from dtwin.twin.effects import NO_EFFECTS
+from dtwin.twin.effects import Effects
 from dtwin.twin.machine import vector_of
 
 Grade = Literal["identified", "approximate", "unusable"]
@@ -41,6 +41,8 @@ POOR: Final = 0.9
 """Fits of held-out motion from which on a model is identified, and below which it is unusable."""
 TOLD: Final = 0.6
 """Standard deviation of a number, relative to that of the data sheet, below which the data tell it."""
+_START: Final = Effects(stribeck_velocity=(0.175, 0.175, 0.175))
+"""Effects whose numbers are not identified: the middle of the data sheet's range."""
 _UNEXPLAINED: Final = 2.0
 """Ratio of what is not explained to the noise of the encoders from which on an effect is missing."""
 
@@ -105,7 +107,7 @@ def identify_machine(log: Log, arm: ArmParameters, progress: Callable[[str], Non
             f" of {JUDGED:g} s to judge by, expected at least {FEWEST} and 1; record two minutes of work"
         )
     chosen = segments[:: -(-len(segments) // MOST)]
-    found = fit_machine(chosen, free_numbers(), vector_of(arm, NO_EFFECTS), sheet(arm), progress)
+    found = fit_machine(chosen, free_numbers(), vector_of(arm, _START), sheet(arm), progress)
     encoders = np.median([noise(segment.measured) for segment in chosen], axis=0)
     return Judged(found, judge(found, judging), np.maximum(encoders, 1e-6), what_is_left(found))
 
