@@ -185,14 +185,12 @@ class Identification:
 
     def _begin(self, request: IdentificationRequest) -> None:
         self._request, self._model, self._collector = request, None, None
-        self._measuring, self._due = True, False
-        if request.source == "motion":
-            self._deadline = time.monotonic() + MOTION_PATIENCE
-            self._look_at_motions()
-            return
+        self._measuring, self._due = True, request.source == "signal"
         self._deadline = time.monotonic() + MOTION_PATIENCE
-        self._due = True
-        self._enter(IdentificationState("measuring", "waits for an empty gripper"))
+        if self._due:
+            self._enter(IdentificationState("measuring", "waits for an empty gripper"))
+        else:
+            self._look_at_motions()
 
     def _excite(self, request: IdentificationRequest) -> None:
         """Asks the blocks for the signal."""

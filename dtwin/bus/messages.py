@@ -281,23 +281,27 @@ class SummaryRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA
 
 
 class Topic(NamedTuple):
-    """One line of the table: `message` is published, or sent with a query and answered by `reply`."""
+    """One line of the table: `message` is published, or sent with a query and answered by `reply`.
+
+    What is urgent belongs to one tick: it goes out before all else, message by message, and is worth nothing later.
+    """
 
     name: str
     kind: Literal["publication", "query", "token"]
     message: type | None
     reply: type | None
     sender: str
+    urgent: bool = False
 
 
-SENSORS: Final = Topic("sensors", "publication", Sensors, None, "emulator")
-VOLTAGES: Final = Topic("voltages", "publication", Voltages, None, "bridge")
-ACTED: Final = Topic("acted", "publication", Acted, None, "emulator")
-TRUTH: Final = Topic("truth", "publication", Truth, None, "emulator")
+SENSORS: Final = Topic("sensors", "publication", Sensors, None, "emulator", urgent=True)
+VOLTAGES: Final = Topic("voltages", "publication", Voltages, None, "bridge", urgent=True)
+ACTED: Final = Topic("acted", "publication", Acted, None, "emulator", urgent=True)
+TRUTH: Final = Topic("truth", "publication", Truth, None, "emulator", urgent=True)
 EVENTS: Final = Topic("events", "publication", Event, None, "any service")
 STATUS: Final = Topic("status/*", "publication", Status, None, "every service")
 ALIVE: Final = Topic("alive/*", "token", None, None, "every service")
-PATH: Final = Topic("path", "publication", Path, None, "bridge")
+PATH: Final = Topic("path", "publication", Path, None, "bridge", urgent=True)
 SETTINGS: Final = Topic("controller/settings", "query", SettingsRequest, SettingsInForce, "bridge")
 SIGNAL: Final = Topic("controller/signal", "query", SignalRequest, IdentificationSignal, "bridge")
 STOP: Final = Topic("controller/stop", "query", StopRequest, StopState, "bridge")

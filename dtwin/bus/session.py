@@ -129,7 +129,10 @@ class Bus:
         self._declared.append(self._session.liveliness().declare_token(self.key(ALIVE, service)))
 
     def publisher(self, topic: Topic, part: str = "*", *, lossless: bool = False) -> Publisher:
-        """A publisher of a topic, whose messages go out at once and before all other traffic.
+        """A publisher of a topic.
+
+        Messages of an urgent topic go out at once and before all other traffic. All others have a queue of their
+        own, in which many wait together for a busy receiver.
 
         Args:
             topic: topic to publish on.
@@ -141,8 +144,8 @@ class Bus:
             self.key(topic, part),
             encoding=_JSON,
             congestion_control=control.BLOCK if lossless else control.DROP,
-            priority=zenoh.Priority.REAL_TIME,
-            express=True,
+            priority=zenoh.Priority.REAL_TIME if topic.urgent else zenoh.Priority.INTERACTIVE_HIGH,
+            express=topic.urgent,
         )
         return Publisher(publisher, Signer(self._key, self.key(topic)) if self._key else None)
 

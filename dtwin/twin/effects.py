@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Final
+from typing import Any, Final
 
 from dtwin.errors import ParameterError, choices
 from dtwin.parameters import Triple
@@ -56,7 +56,7 @@ class Effects:
 
     def __post_init__(self) -> None:
         for name, value in self.values().items():
-            least = 1e-3 if name.startswith("stribeck") else -math.inf if name.startswith(_SIGNED) else 0.0
+            least = 1e-3 if name.startswith("stribeck") else -math.inf if name.startswith(SIGNED) else 0.0
             if not (math.isfinite(value) and value >= least):
                 bound = "" if math.isinf(least) else f" of at least {least:g}"
                 raise ParameterError(f"{name}: expected a finite number{bound}, got {value}")
@@ -81,17 +81,17 @@ class Effects:
         if strangers := [name for name in values if name not in EFFECT_NAMES]:
             raise ParameterError(f"unknown effect {strangers[0]!r}: expected {choices(EFFECT_NAMES)}")
         merged = {**self.values(), **{name: float(value) for name, value in values.items()}}
-        return Effects(
-            *(
-                (merged[f"{name}1"], merged[f"{name}2"], merged[f"{name}3"]) if name in _OF_JOINTS else merged[name]
-                for name in _FIELDS
-            )  # type: ignore[arg-type]
-        )
+        changed: dict[str, Any] = {
+            name: (merged[f"{name}1"], merged[f"{name}2"], merged[f"{name}3"]) if name in _OF_JOINTS else merged[name]
+            for name in _FIELDS
+        }
+        return Effects(**changed)
 
 
 _FIELDS: Final = tuple(field.name for field in fields(Effects))
 _OF_JOINTS: Final = tuple(field.name for field in fields(Effects) if isinstance(field.default, tuple))
-_SIGNED: Final = ("torque", "com_offset", "eccentric", "tilt")
+SIGNED: Final = ("torque", "com_offset", "eccentric", "tilt")
+"""How the names begin of the effects that may be below 0."""
 EFFECT_NAMES: Final = tuple(
     name for field in _FIELDS for name in ([f"{field}{j}" for j in (1, 2, 3)] if field in _OF_JOINTS else [field])
 )

@@ -9,13 +9,13 @@ import pytest
 import zenoh
 
 from dtwin.bus.codec import encode
-from dtwin.bus.messages import ALIVE, RESET, SENSORS, STATUS, TOPICS, Done, ResetRequest
+from dtwin.bus.messages import ALIVE, EVENTS, RESET, SENSORS, STATUS, TOPICS, Done, ResetRequest
 from dtwin.bus.opening import open_configured, open_peer
 from dtwin.bus.session import Bus, Publisher
 from dtwin.bus.signature import new_key
 from dtwin.errors import CommunicationError, ParameterError, UnansweredError
 from dtwin.parameters import ROOT
-from dtwin.signals import Sensors
+from dtwin.signals import Event, Sensors
 from tests.support.ports import free_port
 from tests.support.waiting import until
 
@@ -71,6 +71,27 @@ def test_messages_arrive_whole_and_in_order(join: Join) -> None:
     for sample in samples:
         publish(sample)
     assert [heard.messages.get(timeout=WAIT) for _ in samples] == samples
+
+
+def test_a_receiver_too_slow_for_samples_misses_no_event(join: Join) -> None:
+    sender, receiver = join(), join()
+    hold, samples, events = threading.Event(), list[Sensors](), list[Event]()
+
+    def wait(sample: Sensors) -> None:
+        samples.append(sample)
+        hold.wait(WAIT)
+
+    receiver.subscribe(SENSORS, Sensors, wait)
+    receiver.subscribe(EVENTS, Event, events.append)
+    sample, tell = sender.publisher(SENSORS), sender.publisher(EVENTS)
+    until(lambda: sample.wanted and tell.wanted, "both topics have a subscriber")
+    for _ in range(100_000):  # more than sockets hold
+        sample(SAMPLE)
+    for k in range(50):
+        tell(Event(0.01 * k, "test", "told while the receiver is busy"))
+    hold.set()
+    until(lambda: len(events) == 50, "all events arrive")
+    assert len(samples) < 100_000
 
 
 def test_nobody_wants_what_nobody_subscribes_to(join: Join) -> None:

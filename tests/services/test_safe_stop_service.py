@@ -24,6 +24,8 @@ from tests.support.ports import free_port
 from tests.support.waiting import until
 
 FOUND = Finding("K2", "voltage constant", 2, -0.9, 0.01, 0.9995, 45.0, 45.1, True)
+WEAKENED, REPAIRED = "K1*=0.6@0", "K1*=1.6666666666666667@0"
+"""A loss that the controller makes up for: it has no reason to stop the arm before the monitor does."""
 FROZEN = Finding("freeze1", "encoder freeze", 1, 0.0, 0.0, 1.0, 46.0, 46.1, True)
 
 
@@ -63,12 +65,11 @@ def test_a_fault_stops_the_arm_until_an_operator_releases_it(desk: Desk) -> None
         bus.subscribe(MONITORING, MonitoringVerdict, verdicts.append)
         until(lambda: len(verdicts) > 60, "a minute of watched work without a fault")
         assert watch.stop() == "none"
-        began = bus.ask(FAULT, FaultRequest(("K2*=0.1@0",)), Done).time
+        began = bus.ask(FAULT, FaultRequest((WEAKENED,)), Done).time
         until(lambda: watch.texts("monitor_stop"), "the monitor asks for a stop")
         # in lockstep nobody waits for the monitor: what it misses on a busy machine may spoil the cause that it names
         assert re.fullmatch(r"asked for a safe stop \(.*\): the blocks answer (braking|torque off)", watch.said())
         until(watch.stands, "the arm stands or has no torque")
-        # the controller may have stopped the arm by itself first, and then says why
         until(lambda: watch.texts("stop")[-1].startswith(f"safe stop: {watch.stop()}"), "the change is told")
         assert "(monitoring: " in watch.texts("stop")[0]
         assert min(event.time for event in watch.events if event.kind in ("stop", "monitor_stop")) > began
@@ -77,7 +78,7 @@ def test_a_fault_stops_the_arm_until_an_operator_releases_it(desk: Desk) -> None
         stood, reached = boxes(desk).delivered, watch.time
         until(lambda: watch.time > reached + 30.0, "the cell goes on")
         assert boxes(desk).delivered == stood
-        bus.ask(FAULT, FaultRequest(("K2*=10@0",)), Done)
+        bus.ask(FAULT, FaultRequest((REPAIRED,)), Done)
         assert desk.run("release", "--why", "repaired", "--who", "anna") == "none: the arm moves\n"
         until(lambda: "safe stop: released (anna: repaired)" in watch.texts("stop"), "the release is told")
         until(lambda: sorts_on(desk, watch, stood), "the arm sorts on")

@@ -31,7 +31,7 @@ class ExperimentStrangers(SeriesCommand[list[Stranger]]):
 
     name: ClassVar = "strangers"
 
-    first: int = 601
+    first: int = 801
     """Number of the first machine; the others have the next ones."""
     machines: int = 30
     """Number of machines."""

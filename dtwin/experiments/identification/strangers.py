@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 import msgspec
 import numpy as np
@@ -12,6 +12,7 @@ from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.sections import Machine
 from dtwin.errors import IdentificationError
 from dtwin.experiments.report import Report, page, table
+from dtwin.experiments.sorting import Work
 from dtwin.identification.machine.judged import Grade, identify_machine
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
 from dtwin.pool import Progress, Workers
@@ -26,14 +27,6 @@ GOOD: Final = 0.98
 COVERED: Final = (0.90, 0.98)
 """Range of the share of the 95 % intervals that shall hold the truth."""
 _WITHIN: Final = 1.959964
-
-
-class Work(NamedTuple):
-    """A machine to be identified: its number, number of the generators of boxes and noise, duration in s."""
-
-    number: int
-    seed: int
-    duration: float
 
 
 class Stranger(msgspec.Struct, frozen=True):

@@ -16,8 +16,8 @@ from dtwin.identification.estimation.solver import minimise
 from dtwin.identification.machine.fit import MachineFit, fit_machine
 from dtwin.identification.machine.left import Left, what_is_left
 from dtwin.identification.machine.problem import MachineProblem
-from dtwin.identification.machine.sheet import GROUPS, sheet
-from dtwin.parameters import PARAMETER_NAMES, ArmParameters, symbol_of
+from dtwin.identification.machine.sheet import IDENTIFIED, sheet
+from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log
 from dtwin.twin.effects import Effects
 from dtwin.twin.machine import vector_of
@@ -107,15 +107,9 @@ def identify_machine(log: Log, arm: ArmParameters, progress: Callable[[str], Non
             f" of {JUDGED:g} s to judge by, expected at least {FEWEST} and 1; record two minutes of work"
         )
     chosen = segments[:: -(-len(segments) // MOST)]
-    found = fit_machine(chosen, free_numbers(), vector_of(arm, _START), sheet(arm), progress)
+    found = fit_machine(chosen, IDENTIFIED, vector_of(arm, _START), sheet(arm), progress)
     encoders = np.median([noise(segment.measured) for segment in chosen], axis=0)
     return Judged(found, judge(found, judging), np.maximum(encoders, 1e-6), what_is_left(found))
-
-
-def free_numbers() -> tuple[str, ...]:
-    """Names of all that is identified: all effects and the parameters but the lengths, which the data sheet tells."""
-    parameters = [name for name in PARAMETER_NAMES if symbol_of(name) not in ("l", "mu")]
-    return (*parameters, *(name for group in GROUPS.values() for name in group))
 
 
 def judge(found: MachineFit, segments: Sequence[Experiment]) -> Array:

@@ -21,10 +21,9 @@ from dtwin.errors import DivergenceError, ParameterError, choices
 from dtwin.identification.data import Array, Experiment
 from dtwin.identification.estimation.problem import Prior, initial_speed
 from dtwin.identification.estimation.solver import NormalEquations
-from dtwin.twin.machine import MACHINE_NAMES, machine_rollout
+from dtwin.twin.effects import SIGNED
+from dtwin.twin.machine import MACHINE_NAMES, SHAPES, machine_rollout
 
-_SIGNED: Final = ("torque", "com_offset", "eccentric", "tilt", "sine", "cosine", "direction", "speed", "voltage")
-"""How the names begin of what may be below 0."""
 _LEAST: Final = {"K": 1e-3, "m": 1e-3, "I": 1e-6, "l": 1e-2, "stribeck_velocity": 0.02, "lag": 5e-4}
 """Lower bounds of what is above 0; a shorter lag than a fifth of the integration step shows nowhere."""
 _STEP: Final = 1e-4
@@ -76,7 +75,7 @@ class MachineProblem:
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the scaled unknowns."""
-        least = [-np.inf if n.startswith(_SIGNED) else _LEAST.get(n.rstrip("123"), 0.0) for n in self.free]
+        least = [-np.inf if n.startswith((*SIGNED, *SHAPES)) else _LEAST.get(n.rstrip("123"), 0.0) for n in self.free]
         states = np.full(6 * len(self.segments), np.inf)
         return np.concatenate((np.array(least) / self.scale, -states)), np.full(len(least) + len(states), np.inf)
 

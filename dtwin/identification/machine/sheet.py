@@ -43,19 +43,14 @@ _EFFECTS: Final = {
 """Ranges of the effects in their units; that of the delay is drive and encoders together."""
 _DOUBT: Final = 1.5
 
-GROUPS: Final = {
-    "timing": ("delay", "lag1", "lag2", "lag3"),
-    "dead_zone": ("dead_zone1", "dead_zone2", "dead_zone3"),
-    "friction": tuple(f"{name}{j}" for name in ("mu", "stiction") for j in (1, 2, 3)),
-    "rotor": ("rotor_inertia1", "rotor_inertia2", "rotor_inertia3"),
-    "structure": ("tilt", "com_offset1", "com_offset2", "com_offset3"),
-    "cables": tuple(f"{name}{j}" for name in ("cable", "torque") for j in (1, 2, 3)),
-    "encoders": tuple(f"{name}{j}" for name in ("eccentric_sin", "eccentric_cos") for j in (1, 2, 3)),
-    "supply": ("sag",),
-}
-"""Effects that are looked for together, by the name of the group.
+IDENTIFIED: Final = (
+    *(name for name in PARAMETER_NAMES if symbol_of(name) != "l"),
+    *(name for name in EFFECT_NAMES if not name.startswith("stribeck_velocity")),
+)
+"""Names of what is identified.
 
-The Stribeck velocity keeps the data sheet's value: motions of ordinary work hardly tell it from stiction.
+The lengths keep the values of the data sheet because it tells them well, the Stribeck velocities because motions of
+ordinary work hardly tell them from stiction.
 """
 
 
