@@ -78,6 +78,8 @@ class CellOptions(PlantOptions, ControlOptions):
     """Start the monitoring service too: it watches the arm and publishes verdicts under twin/monitoring."""
     model: Path | None = None
     """Identified model of the healthy arm, for monitoring and identification; the data sheet's arm if not given."""
+    commissioned: Path | None = None
+    """Record of the healthy arm that `dtwin commission` wrote, for monitoring, instead of a model."""
     safe_stop: bool = False
     """Let the monitoring service ask the function blocks to stop the arm when a failure is confirmed."""
     simulation: bool = False
@@ -106,6 +108,8 @@ class CellOptions(PlantOptions, ControlOptions):
                 ensure_writable(path)
         if self.safe_stop and not self.monitoring:
             raise ParameterError("--safe-stop: expected --monitoring too, whose verdicts stop the arm")
+        if self.commissioned is not None and (self.model is not None or not self.monitoring):
+            raise ParameterError("--commissioned: expected --monitoring too, and no --model beside it")
         scheme = self.controller.partition("://")[0]
         if scheme in ("forte", "tcp"):
             parse_address(self.controller, scheme)
@@ -166,7 +170,8 @@ class CellOptions(PlantOptions, ControlOptions):
             programs.append(_service("identification", [*link, *model, "--store", str(self.store.resolve())]))
         if self.monitoring:
             stop = ["--safe-stop"] if self.safe_stop else []
-            programs.append(_service("monitoring", [*link, *model, *stop]))
+            arm = ["--commissioned", str(self.commissioned.resolve())] if self.commissioned else model
+            programs.append(_service("monitoring", [*link, *arm, *stop]))
         if self.simulation:
             programs.append(_service("simulation", [*link, "--history", str(self.history.resolve())]))
         programs.append(_service("emulator", [*link, *emulator, "--wait-for", "bridge"], leading=True))

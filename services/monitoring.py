@@ -22,8 +22,9 @@ from dtwin.bus.messages import ACKNOWLEDGE, ACTED, EVENTS, MONITORING, RESIDUALS
 from dtwin.bus.ticks import Ticks
 from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringResiduals, MonitoringVerdict
 from dtwin.errors import CommunicationError, DtwinError
+from dtwin.identification.machine.record import read_record
 from dtwin.identification.model import read_model
-from dtwin.monitoring.belief import Belief, assumed, identified
+from dtwin.monitoring.estimation.belief import Belief, assumed, commissioned, identified
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
 from dtwin.parameters import ArmParameters, Triple
@@ -50,19 +51,26 @@ class Options(Link):
 
     model: Path | None = None
     """Identified model of the healthy arm; the data sheet's arm if not given."""
+    commissioned: Path | None = None
+    """Record of the healthy arm that `dtwin commission` wrote, instead of a model."""
     alarms_per_hour: float = ALARMS_PER_HOUR
     """False alarms to be expected of a healthy arm."""
     safe_stop: bool = False
     """Ask the function blocks to stop the arm when a failure is confirmed."""
 
     def run(self) -> int:
-        belief = assumed(ArmParameters(), UNHEARD) if self.model is None else identified(read_model(self.model))
+        belief = self._belief()
         settings = MonitorSettings(alarms_per_hour=self.alarms_per_hour)
         warm_up(belief)
         with Service(NAME, self) as service:
             demands = Demands(service.bus) if self.safe_stop else None
             Monitoring(service, Monitor(belief, settings), demands).run()
         return 0
+
+    def _belief(self) -> Belief:
+        if self.commissioned is not None:
+            return commissioned(read_record(self.commissioned))
+        return assumed(ArmParameters(), UNHEARD) if self.model is None else identified(read_model(self.model))
 
 
 class Monitoring:

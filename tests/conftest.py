@@ -8,7 +8,7 @@ from hypothesis import settings
 
 from dtwin.emulation.faults import parse_fault
 from dtwin.experiments.monitoring.trial import identified_belief
-from dtwin.monitoring.belief import Belief
+from dtwin.monitoring.estimation.belief import Belief
 from dtwin.run.cell import Cell
 from dtwin.run.recording import Log
 from dtwin.run.settings import CellSettings

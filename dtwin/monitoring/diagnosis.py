@@ -15,9 +15,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.estimator import Change
+from dtwin.monitoring.estimation.estimator import Change
+from dtwin.monitoring.estimation.layout import INDEX
 from dtwin.monitoring.kinds import FREE, KINDS, LOCK, UNKNOWN, FaultId, Hypothesis, faults
-from dtwin.monitoring.layout import INDEX
 from dtwin.monitoring.signatures import SPACING, Onset, Suspicion
 
 Array = NDArray[np.float64]

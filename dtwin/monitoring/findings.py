@@ -17,9 +17,9 @@ import numpy as np
 
 from dtwin.errors import ParameterError, choices
 from dtwin.monitoring.diagnosis import Candidate
-from dtwin.monitoring.estimator import Change, Estimator
+from dtwin.monitoring.estimation.estimator import Change, Estimator
+from dtwin.monitoring.estimation.layout import W
 from dtwin.monitoring.kinds import FREE, FREEZE, KINDS, LOCK, RELATIVE, UNKNOWN, FaultId, faults, parse_fault_id
-from dtwin.monitoring.layout import W
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.verdict import Finding, finding
 from dtwin.parameters import PERIOD

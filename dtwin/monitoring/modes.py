@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.monitoring.diagnosis import Diagnosis
-from dtwin.monitoring.estimator import Estimator
-from dtwin.monitoring.layout import ARM, W
+from dtwin.monitoring.estimation.estimator import Estimator
+from dtwin.monitoring.estimation.layout import ARM, W
 from dtwin.monitoring.verdict import Finding
 
 LOST: Final = 5

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.bus.twin_messages import UNITS, MonitoringVerdict, UnitState
-from dtwin.monitoring.belief import Belief
 from dtwin.monitoring.diagnosis import Candidate, Diagnosis, Moment
-from dtwin.monitoring.estimator import Estimator
+from dtwin.monitoring.estimation.belief import Belief
+from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.findings import Consequences, Findings
 from dtwin.monitoring.kinds import UNKNOWN, FaultId, parse_fault_id, plausible_sizes
 from dtwin.monitoring.modes import STARTING, Diagnosing, Lost, Mode, Probation, Settling, Turn, Turns, Unfit, Watching
@@ -63,8 +63,8 @@ class Monitor:
     def __init__(self, belief: Belief, settings: MonitorSettings | None = None) -> None:
         self.settings = settings or MonitorSettings()
         self._sizes = plausible_sizes(belief.arm)
-        self.threshold = threshold(self.settings.alarms_per_hour)
-        self._warning = threshold(self.settings.warnings_per_hour)
+        self.threshold = threshold(self.settings.alarms_per_hour, belief.tail)
+        self._warning = threshold(self.settings.warnings_per_hour, belief.tail)
         self._belief = belief
         self.estimator = Estimator(belief, self.settings.tuning)
         self._readings = Readings(belief.noise)

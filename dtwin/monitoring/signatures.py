@@ -6,6 +6,7 @@ leave and the likelihood ratio of its best size (see `kernels`). Onsets get spar
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -13,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from dtwin.monitoring import kernels
-from dtwin.monitoring.estimator import Estimator
+from dtwin.monitoring.estimation import kernels
+from dtwin.monitoring.estimation.belief import Tail
+from dtwin.monitoring.estimation.estimator import Estimator
+from dtwin.monitoring.estimation.layout import INDEX, PAYLOAD, SIZE
 from dtwin.monitoring.kinds import JUMPS, FaultId, parse_fault_id
-from dtwin.monitoring.layout import INDEX, PAYLOAD, SIZE
 from dtwin.parameters import PERIOD
 
 Array = NDArray[np.float64]
@@ -30,12 +32,16 @@ LONGEST: Final = 1000
 """samples: older onsets are forgotten"""
 
 
-def threshold(alarms_per_hour: float) -> float:
+def threshold(alarms_per_hour: float, tail: Tail) -> float:
     """The threshold of 2 log likelihood ratio that the innovations of a healthy arm pass as often as stated.
 
-    Under white Gaussian innovations each statistic is chi-squared of one degree of freedom.
+    Under white Gaussian innovations each statistic is chi-squared of one degree of freedom. What was seen of the arm
+    counts if it asks for more.
     """
-    return float(ndtri(0.5 * alarms_per_hour / (3600.0 * INDEPENDENT)) ** 2)
+    white = float(ndtri(0.5 * alarms_per_hour / (3600.0 * INDEPENDENT)) ** 2)
+    if tail.rate <= alarms_per_hour:
+        return max(white, tail.level)
+    return max(white, tail.level + tail.excess * math.log(tail.rate / alarms_per_hour))
 
 
 @dataclass(slots=True)
@@ -96,6 +102,7 @@ class SignatureBank:
             estimator.information,
             used,
             counts,
+            estimator.memory,
             PERIOD,
         )
         if sample % SPACING == 0:

@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.estimator import Estimator
+from dtwin.monitoring.estimation.estimator import Estimator
+from dtwin.monitoring.estimation.layout import INDEX
 from dtwin.monitoring.kinds import LIMITS, parse_fault_id
-from dtwin.monitoring.layout import INDEX
 from dtwin.monitoring.verdict import Forecast
 
 Array = NDArray[np.float64]

@@ -98,7 +98,8 @@ def machine_rollout(vector: Array, state0: ArrayLike, volts: Array, payload: Arr
     """
     states = np.empty((len(volts) + 1, 6))
     states[0] = state0
-    reached = integrate_machine(vector, volts, payload, PERIOD, SUBSTEP, WIDTH, states)
+    acting = np.full(3, np.nan)
+    reached = integrate_machine(vector, volts, payload, PERIOD, SUBSTEP, WIDTH, 0, acting, states)
     if reached < len(volts):
         raise DivergenceError("rollout of the twin with effects", reached * PERIOD, states[reached])
     q = states[:, :3]
@@ -223,17 +224,28 @@ def _dead(u: float, zone: float) -> float:
 
 @kernel
 def integrate_machine(
-    p: Array, volts: Array, payload: Array, period: float, substep: float, width: float, states: Array
+    p: Array,
+    volts: Array,
+    payload: Array,
+    period: float,
+    substep: float,
+    width: float,
+    first: int,
+    acting: Array,
+    states: Array,
 ) -> int:
     """Integrates from states[0] and writes states[1:].
 
     Args:
         p: (69,), see MACHINE_NAMES.
-        volts: (N, 3), V.
-        payload: (N,), kg.
+        volts: (first + N, 3), V.
+        payload: (first + N,), kg.
         period: time between samples, s.
         substep: largest integration step, s.
         width: velocity over which dry friction changes sign, rad/s.
+        first: number of rows of volts that belong to the time before the start; late commands come from there.
+        acting: (3,), voltages that act at the start, V; not a number if nobody knows, then those of the command. They
+            are replaced by those that act at the end.
         states: (N + 1, 6), angles in rad, then velocities in rad/s; row 0 is the start, the others are written.
 
     Returns:
@@ -245,10 +257,9 @@ def integrate_machine(
     first_part = p[_DELAY] - late * period
     c, x, y = np.empty(15), states[0].copy(), np.empty(6)
     k1, k2, k3, k4 = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
-    v1, v2, v3 = 0.0, 0.0, 0.0
-    begun = False
-    for k in range(volts.shape[0]):
-        if k == 0 or payload[k] != payload[k - 1]:
+    v1, v2, v3 = acting[0], acting[1], acting[2]
+    for k in range(first, volts.shape[0]):
+        if k == first or payload[k] != payload[k - 1]:
             _constants(p, payload[k], c)
         for part in range(2):
             span = period - first_part if part else first_part
@@ -257,8 +268,8 @@ def integrate_machine(
             u = volts[max(k - late - 1 + part, 0)]
             sag = 1.0 + p[_SAG] * (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]) / (VOLTAGE_LIMIT * VOLTAGE_LIMIT)
             u1, u2, u3 = _dead(u[0], p[_DEAD]) / sag, _dead(u[1], p[_DEAD + 1]) / sag, _dead(u[2], p[_DEAD + 2]) / sag
-            if not begun:
-                v1, v2, v3, begun = u1, u2, u3, True
+            if not math.isfinite(v1):
+                v1, v2, v3 = u1, u2, u3
             steps = math.ceil(span / substep - 1e-9)
             h = span / steps
             e1 = math.exp(-0.5 * h / p[_LAG]) if p[_LAG] > 0.0 else 0.0
@@ -284,7 +295,44 @@ def integrate_machine(
                     x[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
             if dry:
                 _rub(x, 0.5 * h, p, c, width)
-        states[k + 1] = x
+        states[k + 1 - first] = x
         if not np.isfinite(x).all():
-            return k
-    return volts.shape[0]
+            return k - first
+    acting[0], acting[1], acting[2] = v1, v2, v3
+    return volts.shape[0] - first
+
+
+@kernel
+def linearise_machine(
+    p: Array, volts: Array, payload: float, columns: Array, steps: Array, acting: Array, state: Array, slopes: Array
+) -> None:
+    """Carries a state over the last of some samples, and tells how what it comes to depends on where it started.
+
+    Args:
+        p: (69,), see MACHINE_NAMES.
+        volts: (n, 3), commands up to this sample, V.
+        payload: mass at the tip, kg.
+        columns: (m,), what to differentiate by: a number of the state, 6 and more a number of p, -1 the payload.
+        steps: (m,), steps of the difference quotients, in the unit of that number.
+        acting: (3,), as for `integrate_machine`.
+        state: (6,), state at the start, rad and rad/s; replaced by that at the end.
+        slopes: (6, m), receives the derivatives.
+    """
+    first, masses = volts.shape[0] - 1, np.full(volts.shape[0], payload)
+    states, other, moved, begun = np.empty((2, 6)), np.empty(3), p.copy(), acting.copy()
+    for m in range(len(columns) - 1, -2, -1):
+        states[0], moved[:], masses[first], other[:] = state, p, payload, begun
+        if m >= 0:
+            if columns[m] < 0:
+                masses[first] += steps[m]
+            elif columns[m] < 6:
+                states[0, columns[m]] += steps[m]
+            else:
+                moved[columns[m] - 6] += steps[m]
+        integrate_machine(moved, volts, masses, PERIOD, SUBSTEP, WIDTH, first, other, states)
+        if m >= 0:
+            slopes[:, m] = states[1]
+    for m in range(len(columns)):
+        for i in range(6):
+            slopes[i, m] = (slopes[i, m] - states[1, i]) / steps[m]
+    state[:], acting[:] = states[1], other

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dtwin.monitoring.belief import Belief, assumed
-from dtwin.monitoring.estimator import Estimator, Tuning
-from dtwin.monitoring.layout import ARM_NAMES, INDEX, NAMES, PAYLOAD
+from dtwin.monitoring.estimation.belief import Belief, assumed
+from dtwin.monitoring.estimation.estimator import Estimator, Tuning
+from dtwin.monitoring.estimation.layout import ARM_NAMES, BIAS, DRIFT, INDEX, MOVING, NAMES, PAYLOAD
 from dtwin.monitoring.offline import stream
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log
@@ -174,7 +174,7 @@ def test_friction_that_cannot_be_moves_the_arm_like_the_nearest_that_can() -> No
 def test_what_was_remembered_is_refined_as_an_augmented_filter_would(
     belief: Belief, run_cell: Callable[..., Log]
 ) -> None:
-    """A clone's mean, variance and covariance are those of one more constant in a filter of 29 states."""
+    """A clone's mean, variance and covariance are those of one more constant in a filter of one more state."""
     seen = stream(run_cell())
     estimator = Estimator(belief, Tuning())
     estimator.begin(seen.measured[0], False)
@@ -195,18 +195,18 @@ def test_what_was_remembered_is_refined_as_an_augmented_filter_would(
         estimator.predict(seen.volts[k - 1], bool(seen.gripped[k - 1]))
         A = np.eye(size + 1)
         A[:6] = 0.0
-        A[:6, :22] = estimator.F
+        A[:6, :MOVING] = estimator.F
         for i in range(3):
-            A[22 + i, 25 + i] = 0.01
+            A[BIAS + i, DRIFT + i] = 0.01
         P = A @ P @ A.T
         x = estimator.x.copy()
         P[:size, :size] = estimator.P  # what the process adds to the states themselves is not in question here
         for i in range(3):
             h = np.zeros(size + 1)
-            h[i] = h[22 + i] = 1.0
+            h[i] = h[BIAS + i] = 1.0
             s = h @ P @ h + belief.noise[i] ** 2
             gain = P @ h / s
-            innovation = seen.measured[k, i] - x[i] - x[22 + i]
+            innovation = seen.measured[k, i] - x[i] - x[BIAS + i]
             x += gain[:size] * innovation
             mean += gain[size] * innovation
             P = P - np.outer(gain, h @ P)

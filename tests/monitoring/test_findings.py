@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dtwin.errors import ParameterError
-from dtwin.monitoring.belief import Belief
+from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.findings import PUT_DOWN
 from dtwin.monitoring.modes import Diagnosing
 from dtwin.monitoring.monitor import Monitor

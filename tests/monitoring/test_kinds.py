@@ -7,8 +7,8 @@ import pytest
 from dtwin.emulation.faults import TARGETS
 from dtwin.errors import ParameterError
 from dtwin.monitoring import kinds
+from dtwin.monitoring.estimation.layout import INDEX
 from dtwin.monitoring.kinds import JUMPS, KINDS, LIMITS, FaultId, Kind, arm_state, faults, parse_fault_id
-from dtwin.monitoring.layout import INDEX
 from dtwin.monitoring.verdict import finding
 from dtwin.parameters import PARAMETER_NAMES, ROOT, symbol_of
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dtwin.emulation.machine.files import machine_of
-from dtwin.monitoring.belief import Belief, assumed
+from dtwin.monitoring.estimation.belief import Belief, assumed
 from dtwin.monitoring.modes import PROVEN, Probation
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream

@@ -8,7 +8,7 @@ import pytest
 
 from dtwin.errors import ModelError, ParameterError
 from dtwin.experiments.monitoring.trial import FaultTrial, run_trial
-from dtwin.monitoring.belief import Belief, assumed, identified
+from dtwin.monitoring.estimation.belief import Belief, assumed, identified
 from dtwin.monitoring.monitor import BRIDGED, Monitor
 from dtwin.monitoring.offline import Stream, stream, watch
 from dtwin.monitoring.settings import MonitorSettings

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from dtwin.monitoring import kernels
-from dtwin.monitoring.belief import assumed
+from dtwin.monitoring.estimation import kernels
+from dtwin.monitoring.estimation.belief import assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.monitoring.sensing.noise import judge

@@ -9,7 +9,7 @@ import pytest
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.faults import parse_fault
-from dtwin.monitoring.belief import assumed
+from dtwin.monitoring.estimation.belief import assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.sensing.readings import FROZEN, Readings
 from dtwin.parameters import PERIOD, ArmParameters

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.special import chdtrc
 
-from dtwin.monitoring import kernels
-from dtwin.monitoring.belief import Belief
-from dtwin.monitoring.estimator import Estimator, Tuning
+from dtwin.monitoring.estimation import kernels
+from dtwin.monitoring.estimation.belief import Belief, Tail
+from dtwin.monitoring.estimation.estimator import Estimator, Tuning
+from dtwin.monitoring.estimation.layout import INDEX, SIZE
 from dtwin.monitoring.kinds import JUMPS, plausible_sizes
-from dtwin.monitoring.layout import INDEX, SIZE
 from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.signatures import (
     INDEPENDENT,
@@ -28,8 +28,8 @@ ALL = np.ones(3, dtype=bool)
 
 def test_the_threshold_is_that_of_the_stated_rate() -> None:
     for rate in (1e-3, 0.01, 1.0, 60.0):
-        assert chdtrc(1, threshold(rate)) * 3600 * INDEPENDENT == pytest.approx(rate)
-    assert threshold(0.001) > threshold(0.01) > threshold(1.0)
+        assert chdtrc(1, threshold(rate, Tail())) * 3600 * INDEPENDENT == pytest.approx(rate)
+    assert threshold(0.001, Tail()) > threshold(0.01, Tail()) > threshold(1.0, Tail())
 
 
 @pytest.mark.parametrize("fault", ["K1", "D3", "payload", "bias2", "drift1"])
@@ -55,7 +55,19 @@ def test_a_trace_is_the_difference_of_the_innovations(
         for each in (estimator, jumped):
             each.predict(seen.volts[k - 1], True)
             each.correct(seen.measured[k], ALL)
-        kernels.trace(E, h, J, estimator.F, estimator.gains, estimator.score, estimator.information, ALL, True, 0.01)
+        kernels.trace(
+            E,
+            h,
+            J,
+            estimator.F,
+            estimator.gains,
+            estimator.score,
+            estimator.information,
+            ALL,
+            True,
+            estimator.memory,
+            0.01,
+        )
         g = (jumped.innovation - estimator.innovation) / size
         expected_h = float(np.sum(g * estimator.innovation / estimator.variance))
         expected_J = float(np.sum(g**2 / estimator.variance))
@@ -88,9 +100,9 @@ def test_healthy_innovations_stay_below_the_threshold_and_a_fault_passes_it(
     for k in range(100, 3980, 20):
         follow(bank, estimator, seen, k, k + 20)
         highest = max(highest, bank.worst())
-    assert highest < threshold(1.0)
+    assert highest < threshold(1.0, Tail())
     k = 3980
-    while bank.worst() < threshold(0.01):
+    while bank.worst() < threshold(0.01, Tail()):
         follow(bank, estimator, seen, k, k + 1)
         k += 1
     assert 4000 < k < 4020
@@ -131,7 +143,7 @@ def test_what_cannot_be_seen_is_not_visible(belief: Belief, run_cell: Callable[.
     bank.clear()
     follow(bank, estimator, seen, first, last)
     sizes = {fault: 0.3 * size for fault, size in plausible_sizes(belief.arm).items()}
-    visible = bank.visible(sizes, threshold(0.01))
+    visible = bank.visible(sizes, threshold(0.01, Tail()))
     assert visible["K1"]
     assert not visible["D1"]
     assert set(visible) == set(JUMPS)

@@ -6,9 +6,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from dtwin.monitoring.belief import Belief
-from dtwin.monitoring.estimator import Estimator, Tuning
-from dtwin.monitoring.layout import INDEX
+from dtwin.monitoring.estimation.belief import Belief
+from dtwin.monitoring.estimation.estimator import Estimator, Tuning
+from dtwin.monitoring.estimation.layout import INDEX
 from dtwin.monitoring.trend import FEWEST, INTERVAL, KEPT, Trend, line
 
 

@@ -13,7 +13,7 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.faults import parse_fault
 from dtwin.experiments.monitoring.trial import true_cause
-from dtwin.monitoring.belief import assumed
+from dtwin.monitoring.estimation.belief import assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, ArmParameters
 from dtwin.signals import EventKind, Sensors, Voltages

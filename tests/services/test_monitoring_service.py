@@ -10,7 +10,7 @@ import pytest
 
 from dtwin.bus.messages import EVENTS, FAULT, MONITORING, RESIDUALS, Done, FaultRequest
 from dtwin.bus.twin_messages import MonitoredUnit, MonitoringResiduals, MonitoringVerdict
-from dtwin.monitoring.belief import assumed
+from dtwin.monitoring.estimation.belief import assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.parameters import ArmParameters
 from dtwin.signals import Event

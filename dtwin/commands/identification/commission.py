@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -13,10 +14,13 @@ from rich.console import Console
 from rich.table import Table
 
 from dtwin.files import ensure_writable
-from dtwin.identification.machine.judged import identify_machine
-from dtwin.identification.machine.record import MachineRecord, record_of, write_record
-from dtwin.parameters import ArmParameters, load_arm
-from dtwin.run.recording import read_log
+from dtwin.identification.machine.judged import identify_machine, record_of
+from dtwin.identification.machine.record import Healthy, MachineRecord, write_record
+from dtwin.monitoring.calibration import calibrated
+from dtwin.monitoring.estimation.belief import commissioned
+from dtwin.monitoring.offline import stream
+from dtwin.parameters import PERIOD, ArmParameters, load_arm
+from dtwin.run.recording import Log, read_log
 from dtwin.terminal import as_text, print_json, print_table
 
 _NINETY_FIVE: Final = 1.959964
@@ -48,7 +52,7 @@ class Commission:
         began = time.perf_counter()
         with Console(stderr=True).status("fitting the motion") as status:
             judged = identify_machine(log, arm, status.update)
-        record = record_of(judged, arm, str(self.log))
+            record = watched(record_of(judged, arm, str(self.log)), log, status.update)
         if self.out is not None:
             write_record(record, self.out)
         if self.json:
@@ -56,6 +60,16 @@ class Commission:
         else:
             _print(record, time.perf_counter() - began, self.out)
         return 0 if record.grade == "identified" else 1
+
+
+def watched(record: MachineRecord, log: Log, progress: Callable[[str], None]) -> MachineRecord:
+    """A record with what the machine does at work that its numbers do not explain, from a log of healthy work."""
+    seen = stream(log)
+    error, tail = calibrated(commissioned(record), seen, progress)
+    healthy = Healthy(
+        error.slow, error.memory, error.grip, tail.level, tail.rate, tail.excess, round(len(seen) * PERIOD, 2)
+    )
+    return msgspec.structs.replace(record, healthy=healthy)
 
 
 def _print(record: MachineRecord, seconds: float, file: Path | None) -> None:

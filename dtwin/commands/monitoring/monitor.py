@@ -19,8 +19,9 @@ from dtwin.errors import ParameterError
 from dtwin.experiments.monitoring.trial import Method
 from dtwin.files import ensure_writable
 from dtwin.identification.estimation.quality import noise
+from dtwin.identification.machine.record import read_record
 from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.monitoring.belief import Belief, assumed, identified
+from dtwin.monitoring.estimation.belief import Belief, assumed, commissioned, identified
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import SECOND, Stream, Trace, stream, watch
 from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
@@ -55,6 +56,8 @@ class MonitorCommand:
     """Identified model of the healthy arm, a file or NAME[@REVISION]; the data sheet's arm if not given."""
     store: Path = STORE
     """Folder of identified models."""
+    commissioned: Path | None = None
+    """Record of the healthy arm that `dtwin commission` wrote, instead of a model (default method)."""
     alarms_per_hour: float = ALARMS_PER_HOUR
     """False alarms to be expected of a healthy arm (default method)."""
     sample_time: float = 0.5
@@ -69,6 +72,8 @@ class MonitorCommand:
     """Print one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
+        if self.commissioned is not None and (self.model is not None or self.method == "thesis"):
+            raise ParameterError("--commissioned: expected no --model beside it, and the default method")
         if self.record is not None:
             if self.method == "thesis":
                 raise ParameterError("--record: expected the default method, the thesis's has nothing to draw")
@@ -121,6 +126,8 @@ class MonitorCommand:
     def _belief(self, seen: Stream) -> Belief:
         if self.model is not None:
             return identified(open_model(self.model, ModelStore(self.store)))
+        if self.commissioned is not None:
+            return commissioned(read_record(self.commissioned))
         first, second, third = noise(seen.measured).tolist()
         return assumed(ArmParameters(), (first, second, third))
 

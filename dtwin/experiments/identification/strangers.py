@@ -13,7 +13,8 @@ from dtwin.emulation.machine.sections import Machine
 from dtwin.errors import IdentificationError
 from dtwin.experiments.report import Report, page, table
 from dtwin.experiments.sorting import Work
-from dtwin.identification.machine.judged import Grade, identify_machine
+from dtwin.identification.machine.judged import identify_machine
+from dtwin.identification.machine.record import Grade
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
 from dtwin.pool import Progress, Workers
 from dtwin.run.cell import Cell

@@ -18,7 +18,7 @@ from dtwin.errors import DivergenceError
 from dtwin.experiments.identification.standard import standard_estimate
 from dtwin.identification.excitation.rig import Rig
 from dtwin.identification.result import from_estimate
-from dtwin.monitoring.belief import Belief, identified
+from dtwin.monitoring.estimation.belief import Belief, identified
 from dtwin.monitoring.kinds import RELATIVE, parse_fault_id
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.settings import MonitorSettings

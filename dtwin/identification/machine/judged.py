@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
+from dtwin import __version__
 from dtwin.errors import IdentificationError
-from dtwin.identification.data import Array, Experiment, from_log
+from dtwin.identification.data import Array, Experiment, fingerprint, from_log
 from dtwin.identification.estimation.quality import noise
 from dtwin.identification.estimation.residuals import fit as fit_of
 from dtwin.identification.estimation.solver import minimise
 from dtwin.identification.machine.fit import MachineFit, fit_machine
 from dtwin.identification.machine.left import Left, what_is_left
 from dtwin.identification.machine.problem import MachineProblem
+from dtwin.identification.machine.record import SCHEMA, Grade, MachineRecord, Number
 from dtwin.identification.machine.sheet import IDENTIFIED, sheet
-from dtwin.parameters import ArmParameters
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
 from dtwin.run.recording import Log
-from dtwin.twin.effects import Effects
+from dtwin.twin.effects import EFFECT_NAMES, Effects
 from dtwin.twin.machine import vector_of
-
-Grade = Literal["identified", "approximate", "unusable"]
 
 SEGMENT: Final = 0.4
 """Length of the segments that are fitted, s."""
@@ -112,6 +113,37 @@ def identify_machine(log: Log, arm: ArmParameters, progress: Callable[[str], Non
     return Judged(found, judge(found, judging), np.maximum(encoders, 1e-6), what_is_left(found))
 
 
+def record_of(judged: Judged, arm: ArmParameters, source: str) -> MachineRecord:
+    """The record of an identification.
+
+    Args:
+        judged: the machine and how far to trust it.
+        arm: arm as it was designed.
+        source: description of the data.
+    """
+    found = judged.found
+    priors, deviations, told = found.problem.priors, found.deviations, judged.told
+    values = dict(zip((*PARAMETER_NAMES, *EFFECT_NAMES), found.vector.tolist(), strict=False))
+    numbers = {
+        name: Number(value, deviations.get(name, 0.0), priors[name].mean, priors[name].deviation, name in told)
+        for name, value in values.items()
+    }
+    return MachineRecord(
+        SCHEMA,
+        judged.grade,
+        numbers,
+        _triple(judged.fit),
+        _triple(found.noise),
+        _triple(judged.encoders),
+        found.converged,
+        judged.remarks(),
+        source,
+        fingerprint(found.problem.segments),
+        len(found.problem.segments),
+        {"dtwin": __version__, "numpy": np.__version__, "python": platform.python_version()},
+    )
+
+
 def judge(found: MachineFit, segments: Sequence[Experiment]) -> Array:
     """Fit of every joint, (3,), on segments of which only the initial states are estimated."""
     problem = MachineProblem(tuple(segments), (), found.vector, {})
@@ -129,3 +161,8 @@ def _moving(log: Log, length: float, moved: float) -> list[Experiment]:
         return []
     long_enough = (e for e in from_log(log, None, length) if len(e) * e.period >= 0.9 * length)
     return [e for e in long_enough if float(np.ptp(e.measured, axis=0).max()) > moved]
+
+
+def _triple(values: Array) -> Triple:
+    first, second, third = values.tolist()
+    return first, second, third

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import platform
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 import msgspec
-import numpy as np
 
-from dtwin import __version__
 from dtwin.errors import DtwinError, ModelError
 from dtwin.files import replacing
-from dtwin.identification.data import fingerprint
-from dtwin.identification.machine.judged import Grade, Judged
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
 from dtwin.twin.effects import EFFECT_NAMES, Effects
 
-SCHEMA: Final = "dtwin machine record 1"
+Grade = Literal["identified", "approximate", "unusable"]
+
+SCHEMA: Final = "dtwin machine record 2"
 
 
 class Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -38,6 +35,28 @@ class Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     told: bool
 
 
+class Healthy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the machine does at work, while it is healthy, that the numbers do not explain.
+
+    Attributes:
+        slow: standard deviation of torques that last, N m.
+        memory: time that they last, s.
+        grip: standard deviation of torques while a box is gripped or let go, N m.
+        level: a value that the monitor's statistic passes now and then.
+        rate: how often it does, 1/h.
+        excess: by how much it passes it on average.
+        duration: how long the machine was watched, s.
+    """
+
+    slow: Triple
+    memory: float
+    grip: float
+    level: float
+    rate: float
+    excess: float
+    duration: float
+
+
 class MachineRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """An identified machine.
 
@@ -54,6 +73,7 @@ class MachineRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         data: SHA-256 of the segments that were fitted.
         segments: number of these.
         versions: versions of the software that made the record.
+        healthy: what it does beside at work; None if nobody has watched it.
     """
 
     schema: str
@@ -68,6 +88,7 @@ class MachineRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     data: str
     segments: int
     versions: dict[str, str]
+    healthy: Healthy | None = None
 
     @property
     def arm(self) -> ArmParameters:
@@ -78,37 +99,6 @@ class MachineRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def effects(self) -> Effects:
         """What the arm has beside its equations of motion."""
         return Effects().with_values({name: self.numbers[name].value for name in EFFECT_NAMES})
-
-
-def record_of(judged: Judged, arm: ArmParameters, source: str) -> MachineRecord:
-    """The record of an identification.
-
-    Args:
-        judged: the machine and how far to trust it.
-        arm: arm as it was designed.
-        source: description of the data.
-    """
-    found = judged.found
-    priors, deviations, told = found.problem.priors, found.deviations, judged.told
-    values = dict(zip((*PARAMETER_NAMES, *EFFECT_NAMES), found.vector.tolist(), strict=False))
-    numbers = {
-        name: Number(value, deviations.get(name, 0.0), priors[name].mean, priors[name].deviation, name in told)
-        for name, value in values.items()
-    }
-    return MachineRecord(
-        SCHEMA,
-        judged.grade,
-        numbers,
-        _triple(judged.fit),
-        _triple(found.noise),
-        _triple(judged.encoders),
-        found.converged,
-        judged.remarks(),
-        source,
-        fingerprint(found.problem.segments),
-        len(found.problem.segments),
-        {"dtwin": __version__, "numpy": np.__version__, "python": platform.python_version()},
-    )
 
 
 def write_record(record: MachineRecord, path: Path) -> None:
@@ -142,8 +132,3 @@ def read_record(path: Path) -> MachineRecord:
     except DtwinError as error:
         raise ModelError(f"{path}: {error}") from None
     return record
-
-
-def _triple(values: np.ndarray) -> Triple:
-    first, second, third = values.tolist()
-    return first, second, third

@@ -14,10 +14,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.belief import Belief
 from dtwin.monitoring.diagnosis import Moment
-from dtwin.monitoring.estimator import Estimator, Tuning
-from dtwin.monitoring.layout import ARM, W
+from dtwin.monitoring.estimation.belief import Belief
+from dtwin.monitoring.estimation.estimator import Estimator, Tuning
+from dtwin.monitoring.estimation.layout import ARM, W
 from dtwin.monitoring.modes import STARTING
 from dtwin.monitoring.sensing.noise import Noise, judge
 from dtwin.monitoring.signatures import SignatureBank

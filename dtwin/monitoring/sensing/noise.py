@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.belief import NOISE_FLOOR
-from dtwin.monitoring.kernels import huber
+from dtwin.monitoring.estimation.belief import NOISE_FLOOR
+from dtwin.monitoring.estimation.kernels import huber
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.identification.estimation.quality import noise
-from dtwin.monitoring.belief import NOISE_FLOOR
+from dtwin.monitoring.estimation.belief import NOISE_FLOOR
 from dtwin.parameters import Triple
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ Quantization Noise, 2008)"""
 _CHANCE: Final = 2
 """times that such an encoder may repeat its reading by chance"""
 _RESOLUTIONS: Final = 3.0
-_DEVIATIONS: Final = 4.0
+_DEVIATIONS: Final = 8.0
 """resolutions and standard deviations of predicted motion that an encoder which works would have shown"""
 _FAR: Final = 8.0
 """standard deviations between reading and prediction, or as unlikely if the tails are heavy: a reading far off after
@@ -121,7 +121,8 @@ class Readings:
         """
         first = self.repeated == 0
         self._since = np.where(first | np.isnan(self._since), predicted, self._since)
-        moved = np.abs(predicted - self._since)
+        # A prediction that was wrong when the reading came first moves towards it, which is no motion.
+        moved = np.minimum(np.abs(predicted - self._since), np.abs(predicted - self.last))
         stopped = (self.repeated >= FROZEN - 1) & (moved > _RESOLUTIONS * self.resolution)
         self.frozen = ~first & (self.frozen | (stopped & (moved > _DEVIATIONS * deviation)))
         outside = np.abs(predicted - self.last) > 0.5 * self.resolution

@@ -11,9 +11,9 @@ from dtwin.cli import main
 from dtwin.errors import IdentificationError, ModelError
 from dtwin.identification.data import Array, Experiment
 from dtwin.identification.machine.fit import MachineFit, fit_machine
-from dtwin.identification.machine.judged import Judged, identify_machine, judge
+from dtwin.identification.machine.judged import Judged, identify_machine, judge, record_of
 from dtwin.identification.machine.left import what_is_left
-from dtwin.identification.machine.record import read_record, record_of, write_record
+from dtwin.identification.machine.record import read_record, write_record
 from dtwin.identification.machine.sheet import sheet
 from dtwin.parameters import ArmParameters
 from dtwin.run.cell import Cell
@@ -101,7 +101,7 @@ def test_grades_and_the_record(fitted: MachineFit, tmp_path: Path) -> None:
     content = json.loads((tmp_path / "arm.json").read_text())
     delay = content["numbers"]["delay"]
     for change, message in (
-        ({"schema": "2"}, "schema: expected 'dtwin machine record 1', got '2'"),
+        ({"schema": "2"}, "schema: expected 'dtwin machine record 2', got '2'"),
         ({"grade": "good"}, "expected the record of a machine: Invalid enum value 'good'"),
         ({"numbers": {}}, "numbers: K1 is missing"),
         ({"numbers": {**content["numbers"], "delay": {**delay, "value": -1.0}}}, "delay: expected"),

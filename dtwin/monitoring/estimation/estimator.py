@@ -2,37 +2,37 @@
 
 It estimates the motion together with what the model is not sure of - parameters of the arm, the mass of the box, the
 encoders' offsets - so that an error of the model within its stated uncertainty is learned instead of being reported.
-The mean is carried by the twin's own RK4 map and the covariance by that map's exact derivative; see `kernels`.
+The mean is carried by the twin's own map and the covariance by that map's derivative; see `motion` and `kernels`.
+
+What the model does not explain of a healthy arm lasts: ripple, friction that depends on the angle, gears that yield.
+A torque on each joint stands for it, a first-order Gauss-Markov process (Gelb, Applied Optimal Estimation, 1974).
 """
 
 from __future__ import annotations
 
 import copy
+import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring import kernels
-from dtwin.monitoring.belief import NOISE_FLOOR, Belief
-from dtwin.monitoring.layout import ARM, ARM_NAMES, BIAS, DRIFT, INDEX, MOVING, PAYLOAD, SIZE, W
-from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters, symbol_of
-from dtwin.twin.dynamics import coefficients
-from dtwin.twin.sensitivity import integrate_linearised
+from dtwin.monitoring.estimation import kernels
+from dtwin.monitoring.estimation.belief import NOISE_FLOOR, Belief
+from dtwin.monitoring.estimation.layout import ARM, ARM_NAMES, BIAS, DRIFT, INDEX, MOVING, PAYLOAD, SIZE, TORQUE, W
+from dtwin.monitoring.estimation.motion import motion_of
+from dtwin.parameters import PERIOD, ArmParameters, symbol_of
 
 Array = NDArray[np.float64]
 
-SUBSTEPS: Final = 4
-"""RK4 steps a sample, as in the emulation"""
-_COMPLEX_STEP: Final = 1e-30
-_LEAST_VOLTS: Final = 1e-6
-"""V: the kernels divide by the voltage; this little moves nothing"""
 _OWN: Final = (
-    *("x", "P", "gains", "innovation", "variance", "score", "information", "_walk", "_torque", "_states"),
-    *("_clones", "_C", "_B"),
+    *("x", "P", "gains", "innovation", "variance", "score", "information", "_walk", "_torque"),
+    *("_clones", "_C", "_B", "_motion"),
 )
-"""arrays that change in place, of which a copy needs its own"""
+"""what changes in place, of which a copy needs its own"""
+HANDLING: Final = 10
+"""samples in which the jaws push the arm and the weight of a box comes or goes, after the gripper has changed"""
 _JOLT: Final = 0.5
 """standard deviation of the joints' speeds after one of them was locked, relative to the speed it had"""
 _MARGIN: Final = {"D": 0.2, "mu": 0.02}
@@ -47,7 +47,6 @@ class Tuning:
     """How much the healthy arm may differ from moment to moment.
 
     Attributes:
-        torque: standard deviation of the torque on each joint that no model knows, new in every sample, N m.
         walk: relative standard deviation K, D, c and I may gain in one second.
         offset_walk: standard deviation an encoder's offset may gain in one second, rad.
         box_mass: expected, kg.
@@ -56,7 +55,6 @@ class Tuning:
         speed: standard deviation of the speeds at the first sample, rad/s.
     """
 
-    torque: float = 1e-4
     walk: float = 2e-4
     offset_walk: float = 1e-5
     box_mass: float = 0.2
@@ -80,14 +78,15 @@ class Estimator:
         tuning: how much the healthy arm may differ from moment to moment.
 
     Attributes:
-        x: (28,), mean; see `layout`.
-        P: (28, 28), covariance.
-        F: (6, 22), derivatives over the last sample.
-        gains: (3, 28), gains of the last correction.
+        x: (31,), mean; see `layout`.
+        P: (31, 31), covariance.
+        F: (6, 25), derivatives over the last sample.
+        gains: (3, 31), gains of the last correction.
         innovation: (3,), reading minus prediction, rad.
         variance: (3,), variance of the innovations, of the core of their distribution if its tails are heavy, rad^2.
         score: (3,), the innovations as they count, see `kernels.correct`, 1/rad.
         information: (3,), variance of the scores, 1/rad^2.
+        memory: share that is left after a sample of a torque that the model does not explain.
         gripped: whether a box is held since the last prediction.
         box_mass: mass that a box is expected to have when it is gripped, kg.
         payload_variance: variance of that mass, kg^2.
@@ -96,20 +95,17 @@ class Estimator:
     def __init__(self, belief: Belief, tuning: Tuning) -> None:
         self.belief, self.tuning = belief, tuning
         arm = belief.arm
-        self._empty, self._moved_empty = _coefficients(arm)
-        self._moved_loaded = self._moved_empty.copy()
-        self._moved_empty[0, :, PAYLOAD] = 0.0
-        self._level = np.zeros(1, dtype=np.int64)
-        self._states = np.empty((2, 6))
-        self._derivatives = np.zeros((2, 6, MOVING))
-        self._derivatives[0, :, :6] = np.eye(6)
+        self._motion = motion_of(belief)
         self._noise = np.maximum(np.square(belief.noise), NOISE_FLOOR**2)
         self._clip = np.array(belief.clip)
         self._walk = np.zeros(SIZE)
         self._walk[BIAS:DRIFT] = tuning.offset_walk**2 * PERIOD
         for name in ARM_NAMES:
             self._walk[INDEX[name]] = (tuning.walk * arm.get(name)) ** 2 * PERIOD
-        self._torque = np.full(3, tuning.torque**2)
+        error = belief.error
+        self.memory = math.exp(-PERIOD / error.memory)
+        self._walk[TORQUE:MOVING] = np.square(error.slow) * (1.0 - self.memory**2)
+        self._torque = np.square(error.white)
         self._locked = 0
         self._least, self._most = _bounds(arm)
         self._lower, self._upper = self._least.copy(), self._most.copy()
@@ -117,28 +113,29 @@ class Estimator:
             for joint in (1, 2, 3):
                 self._lower[INDEX[f"{name}{joint}"]] -= margin
                 self._upper[INDEX[f"{name}{joint}"]] += margin
-        self._nominal = np.zeros(SIZE)
-        self._nominal[ARM:PAYLOAD] = [arm.get(name) for name in ARM_NAMES]
         self.box_mass, self.payload_variance = tuning.box_mass, tuning.box_deviation**2
         self.x, self.P = np.zeros(SIZE), np.zeros((SIZE, SIZE))
-        self.x[:] = self._nominal
+        self.x[ARM:PAYLOAD] = [arm.get(name) for name in ARM_NAMES]
         self.P[ARM:PAYLOAD, ARM:PAYLOAD] = belief.covariance
         self.x[BIAS:DRIFT] = belief.offset
         self.P[BIAS:DRIFT, BIAS:DRIFT] = np.diag(np.square(belief.offset_deviation))
-        self.F = self._derivatives[1]
+        self.P[TORQUE:MOVING, TORQUE:MOVING] = np.diag(np.square(error.slow))
+        self.F = np.zeros((6, MOVING))
         self.gains = np.zeros((3, SIZE))
         self.innovation, self.variance = np.zeros(3), np.ones(3)
         self.score, self.information = np.zeros(3), np.zeros(3)
         self.gripped = False
+        self._handling = 0
         self._cloned: tuple[str, ...] = ()
         self._clones, self._C, self._B = np.zeros(0), np.zeros((SIZE, 0)), np.zeros(0)
 
     def begin(self, measured: Array, gripped: bool) -> None:
         """Starts at an arm about whose motion nothing is known but one sample; what was learned of the arm stays."""
         x, P = self.x, self.P
-        x[:W] = measured - x[BIAS:DRIFT]
+        x[:W] = measured - x[BIAS:DRIFT] - self._motion.eccentricity(measured)
         x[W:ARM] = 0.0
         P[:ARM], P[:, :ARM], self._C[:ARM] = 0.0, 0.0, 0.0
+        self._motion.begin()
         for i in range(3):
             P[i, i] = 1.0
             P[W + i, W + i] = self.tuning.speed**2
@@ -150,35 +147,24 @@ class Estimator:
         """Carries the estimate over one period with a command (3,) V held, its torques in doubt by so much (N m)."""
         if gripped != self.gripped:
             self._hold(gripped)
-        u = np.minimum(np.maximum(volts, -VOLTAGE_LIMIT), VOLTAGE_LIMIT)
-        u[np.abs(u) < _LEAST_VOLTS] = _LEAST_VOLTS
         x = self.x
-        moved = self._moved_loaded if gripped else self._moved_empty
         possible = np.minimum(np.maximum(x, self._least), self._most)
-        held = self._empty + moved[0, :, ARM:] @ (possible - self._nominal)[ARM:MOVING]
-        derivatives = np.empty_like(self._derivatives)
-        derivatives[0] = self._derivatives[0]
-        self._states[0] = x[:6]
-        for _ in range(3 if self._locked else 1):
-            integrate_linearised(
-                held[None], moved, self._level, u[None], PERIOD, SUBSTEPS, COULOMB_WIDTH, self._states, derivatives
-            )
-            if self._locked:
-                self._oppose(u, derivatives[1])
-        if self._locked:
-            self._constrain(u, derivatives[1])
-        x[:6] = self._states[1]
+        if not gripped:
+            possible[PAYLOAD] = 0.0
+        x[:6], self.F = self._motion.carry(possible, volts, gripped, self._locked)
         x[BIAS:DRIFT] += PERIOD * x[DRIFT:]
-        self.F = derivatives[1]
-        torque = self._torque + doubt**2
-        kernels.predict(self.P, self.F, torque, u, self._walk, PERIOD)
+        x[TORQUE:MOVING] *= self.memory
+        handling = self.belief.error.grip if self._handling else 0.0
+        self._handling = max(self._handling - 1, 0)
+        torque = self._torque + doubt**2 + handling**2
+        kernels.predict(self.P, self.F, torque, self._walk, self.memory, PERIOD)
 
     def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:
         """Takes in a sample, (3,) rad; returns the logarithm of the likelihood of the readings used."""
         likelihood: float = kernels.correct(
             self.x,
             self.P,
-            measured,
+            measured - self._motion.eccentricity(self.x[:W]),
             self._noise,
             self._clip,
             used,
@@ -192,7 +178,16 @@ class Estimator:
         )
         if self._cloned:
             kernels.follow_clones(
-                self._clones, self._C, self._B, self.F, self.gains, self.score, self.variance, used, PERIOD
+                self._clones,
+                self._C,
+                self._B,
+                self.F,
+                self.gains,
+                self.score,
+                self.variance,
+                used,
+                self.memory,
+                PERIOD,
             )
         return likelihood
 
@@ -200,7 +195,8 @@ class Estimator:
         """The readings as they are expected now, (3,), and their standard deviations about that, (3,), rad."""
         angle, bias = self.P[:3], self.P[BIAS:DRIFT]
         variance = angle.diagonal() + 2.0 * angle.diagonal(BIAS) + bias.diagonal(BIAS) + self._noise
-        return self.x[:W] + self.x[BIAS:DRIFT], np.sqrt(variance)
+        angles = self.x[:W]
+        return angles + self._motion.eccentricity(angles) + self.x[BIAS:DRIFT], np.sqrt(variance)
 
     def copy(self) -> Estimator:
         """An independent estimator in the same state."""
@@ -229,7 +225,7 @@ class Estimator:
 
     def disturb(self, joint: int, deviation: float = _FOREIGN) -> None:
         """Allows a torque of unknown cause (N m) on a joint (1 to 3), 0 for no joint."""
-        self._torque = np.full(3, self.tuning.torque**2)
+        self._torque = np.square(self.belief.error.white)
         if joint:
             self._torque[joint - 1] = deviation**2
 
@@ -286,33 +282,16 @@ class Estimator:
         self.x[index] = value
         self.P[index], self.P[:, index], self._C[index] = 0.0, 0.0, 0.0
 
-    def _oppose(self, u: Array, F: Array) -> None:
-        """Changes the voltage of a locked joint to one that holds it, by Newton's method."""
-        joint = self._locked - 1
-        slope = F[W + joint, ARM + joint] / u[joint] * self.x[ARM + joint]
-        if slope:
-            u[joint] -= self._states[1, W + joint] / slope
-            if abs(u[joint]) < _LEAST_VOLTS:
-                u[joint] = _LEAST_VOLTS
-
-    def _constrain(self, u: Array, F: Array) -> None:
-        """Eliminates the torque that holds the locked joint from the derivatives."""
-        joint = self._locked - 1
-        pushed = F[:, ARM + joint] / u[joint]
-        F -= np.outer(pushed / pushed[W + joint], F[W + joint].copy())
-        F[joint] = F[W + joint] = 0.0
-        F[joint, joint] = 1.0
-        self._states[1, joint], self._states[1, W + joint] = self._states[0, joint], 0.0
-
     def _hold(self, gripped: bool) -> None:
         """A box is gripped or let go: of what is held now, only the prior is known."""
         self.gripped = gripped
         self._make_certain(PAYLOAD, self.box_mass if gripped else 0.0)
         self.P[PAYLOAD, PAYLOAD] = self.payload_variance if gripped else 0.0
+        self._handling = HANDLING
 
 
 def _bounds(arm: ArmParameters) -> tuple[Array, Array]:
-    """(28,) each: what the states cannot be below and above.
+    """(31,) each: what the states cannot be below and above.
 
     More friction than this would make RK4 at 2.5 ms unstable; a joint that turns so heavily is as good as locked.
     """
@@ -325,19 +304,3 @@ def _bounds(arm: ArmParameters) -> tuple[Array, Array]:
         lower[index], upper[index] = min(least, value), max(most, value)
     lower[PAYLOAD], upper[PAYLOAD] = 0.0, 1.0
     return lower, upper
-
-
-def _coefficients(arm: ArmParameters) -> tuple[Array, Array]:
-    """The twin's coefficients (18,) of the empty arm and their derivatives (1, 18, 22) by the moving states.
-
-    They are linear in K, D, mu and the payload; c and I are known to a few percent at worst.
-    """
-    vector = np.array(arm.vector())
-    empty = np.array(coefficients(vector, 0.0, False))
-    derivatives = np.zeros((1, len(empty), MOVING))
-    for name in ARM_NAMES:
-        stepped = vector + 1j * _COMPLEX_STEP * (np.array(PARAMETER_NAMES) == name)
-        slope = np.imag(np.array(coefficients.py_func(stepped, 0.0, False))) / _COMPLEX_STEP
-        derivatives[0, :, INDEX[name]] = slope
-    derivatives[0, :, PAYLOAD] = np.array(coefficients(vector, 1.0, False)) - empty
-    return empty, derivatives

@@ -12,7 +12,7 @@ the detection and estimation of jumps in linear systems, 1976):
 
     J = sum g^2 / s,   h = sum g nu / s,   size = h / J +- 1 / sqrt(J),   2 log ratio = h^2 / J.
 
-Arguments of all kernels: x (28,) and P (28, 28), mean and covariance of the state (see `layout`); F (6, 22),
+Arguments of all kernels: x (31,) and P (31, 31), mean and covariance of the state (see `layout`); F (6, 25),
 derivatives of q and w after a sample by the moving states before it.
 """
 
@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.layout import BIAS, DRIFT, MOVING, SIZE
+from dtwin.monitoring.estimation.layout import BIAS, DRIFT, MOVING, SIZE, TORQUE
 from dtwin.twin.compiled import kernel
 
 Array = NDArray[np.float64]
@@ -47,24 +47,24 @@ def huber(clip: float) -> tuple[float, float]:
 
 
 @kernel
-def predict(P: Array, F: Array, torque: Array, volts: Array, walk: Array, period: float) -> None:
+def predict(P: Array, F: Array, torque: Array, walk: Array, memory: float, period: float) -> None:
     """Carries the covariance over one sample, in place.
 
     Args:
         P: covariance.
         F: derivatives over the sample.
         torque: (3,), variance of the torque that no model knows, held over the sample, (N m)^2.
-        volts: (3,), none zero, V: F's column of K_i is volts_i times that of a torque on joint i.
-        walk: (28,), variance that each state gains in the sample.
+        walk: (31,), variance that each state gains in the sample.
+        memory: share that is left after a sample of a torque that the model does not explain.
         period: s.
     """
     top = F @ np.ascontiguousarray(P[:MOVING])
     corner = np.ascontiguousarray(top[:, :MOVING]) @ F.T
     for joint in range(3):
         for i in range(6):
-            spread = F[i, 6 + joint] / volts[joint] * torque[joint]
+            spread = F[i, TORQUE + joint] * torque[joint]
             for j in range(6):
-                corner[i, j] += spread * F[j, 6 + joint] / volts[joint]
+                corner[i, j] += spread * F[j, TORQUE + joint]
     P[:6, 6:] = top[:, 6:]
     P[6:, :6] = top[:, 6:].T
     for i in range(6):
@@ -76,6 +76,11 @@ def predict(P: Array, F: Array, torque: Array, volts: Array, walk: Array, period
     for i in range(3):
         for j in range(SIZE):
             P[j, BIAS + i] += period * P[j, DRIFT + i]
+    for i in range(TORQUE, MOVING):
+        for j in range(SIZE):
+            P[i, j] *= memory
+        for j in range(SIZE):
+            P[j, i] *= memory
     for i in range(SIZE):
         P[i, i] += walk[i]
 
@@ -121,9 +126,9 @@ def correct(
         noise: (3,), variances, rad^2.
         clip: (3,), standard deviations of the noise beyond which its tails are exponential.
         used: (3,) bool, which readings to take in.
-        lower: (28,), least value of each state; the estimate is put there when it falls below.
-        upper: (28,), largest value.
-        gains: (3, 28), receives the gain of each reading, 0 beyond the clip.
+        lower: (31,), least value of each state; the estimate is put there when it falls below.
+        upper: (31,), largest value.
+        gains: (3, 31), receives the gain of each reading, 0 beyond the clip.
         innovation: (3,), receives reading minus prediction, rad.
         variance: (3,), receives the innovations' variance, that of the core if tails are heavy, rad^2.
         score: (3,), receives the scores, 1/rad.
@@ -174,23 +179,26 @@ def trace(
     information: Array,
     used: Any,
     counts: bool,
+    memory: float,
     period: float,
 ) -> None:
     """Carries the signatures of all hypothetical faults over one sample, in place.
 
     Args:
-        E: (28, n), error of the estimate after a unit jump, a column a fault and onset.
+        E: (31, n), error of the estimate after a unit jump, a column a fault and onset.
         h: (n,), see above.
         J: (n,), see above.
         F: derivatives over the sample.
-        gains: (3, 28), of the filter.
+        gains: (3, 31), of the filter.
         score: (3,), of the innovations, 1/rad.
         information: (3,), variance of the scores, 1/rad^2.
         used: (3,) bool, which readings the filter took in.
         counts: whether the sample is evidence.
+        memory: as for `predict`.
         period: s.
     """
     E[:6] = F @ E[:MOVING]
+    E[TORQUE:MOVING] *= memory
     for i in range(3):
         E[BIAS + i] += period * E[DRIFT + i]
     n = E.shape[1]
@@ -221,6 +229,7 @@ def follow_clones(
     score: Array,
     variance: Array,
     used: Any,
+    memory: float,
     period: float,
 ) -> None:
     """Carries what states were at earlier moments over one sample, in place (stochastic cloning, Roumeliotis and
@@ -228,16 +237,18 @@ def follow_clones(
 
     Args:
         clones: (n,), means.
-        C: (28, n), covariance of the state now with the clones.
+        C: (31, n), covariance of the state now with the clones.
         B: (n,), the clones' variances.
         F: derivatives over the sample.
-        gains: (3, 28), of the filter.
+        gains: (3, 31), of the filter.
         score: (3,), of the innovations, 1/rad.
         variance: (3,), of the innovations, rad^2.
         used: (3,) bool, which readings the filter took in.
+        memory: as for `predict`.
         period: s.
     """
     C[:6] = F @ C[:MOVING]
+    C[TORQUE:MOVING] *= memory
     for i in range(3):
         C[BIAS + i] += period * C[DRIFT + i]
     for i in range(3):

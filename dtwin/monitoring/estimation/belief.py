@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.errors import ModelError, ParameterError
+from dtwin.identification.machine.record import MachineRecord
 from dtwin.identification.model import IdentifiedModel
-from dtwin.monitoring.layout import ARM_NAMES
+from dtwin.monitoring.estimation.layout import ARM_NAMES
 from dtwin.parameters import ArmParameters, Triple, symbol_of
+from dtwin.twin.effects import NO_EFFECTS, Effects
 
 Array = NDArray[np.float64]
 
@@ -24,7 +26,51 @@ TOLERANCE: Final = {"K": 0.003, "D": 0.003, "mu": 0.0, "c": 0.0, "I": 0.0}
 """relative standard deviation of parameters given without covariance: what a good identification reaches"""
 WIDENED: Final = 2.0
 """factor on identified standard errors: they rest on one experiment"""
+_LEARNED: Final = ("K", "D", "mu")
 _BIAS: Final = ("offset1", "offset2", "offset3")
+
+
+@dataclass(frozen=True, slots=True)
+class Unmodelled:
+    """Torques on the joints that the model of a healthy arm does not explain.
+
+    Attributes:
+        white: standard deviation of those that are new in every sample, N m.
+        slow: standard deviation of those that last, N m.
+        memory: time after which a share of 1/e of the latter is left, s.
+        grip: standard deviation of those that are new in every sample while a box is gripped or let go, N m: the jaws
+            push the arm, and the weight does not come and go in one sample.
+
+    Raises:
+        ParameterError: a number is out of range.
+    """
+
+    white: Triple = (1e-4, 1e-4, 1e-4)
+    slow: Triple = (0.0, 0.0, 0.0)
+    memory: float = 0.1
+    grip: float = 0.0
+
+    def __post_init__(self) -> None:
+        torques = (*self.white, *self.slow, self.grip)
+        if not (min(torques) >= 0.0 and math.isfinite(sum(torques))):
+            raise ParameterError(f"white, slow, grip: expected finite torques of at least 0, got {torques}")
+        if not 0.0 < self.memory < math.inf:
+            raise ParameterError(f"memory: expected a time above 0 s, got {self.memory}")
+
+
+@dataclass(frozen=True, slots=True)
+class Tail:
+    """How far the monitor's largest statistic goes while the arm is healthy.
+
+    Attributes:
+        level: a value that it passes now and then.
+        rate: how often it does, 1/h; 0 if nobody has watched the arm.
+        excess: by how much it passes it on average; larger excesses get rarer exponentially.
+    """
+
+    level: float = 0.0
+    rate: float = 0.0
+    excess: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,6 +86,9 @@ class Belief:
             distribution; see `kernels.correct`.
         offset: mean of the encoders' noise, rad.
         offset_deviation: its standard deviation, rad.
+        effects: what the arm has beside its equations of motion.
+        error: what the model does not explain of the healthy arm.
+        tail: how far the monitor's statistic goes while the arm is healthy.
 
     Raises:
         ParameterError: a shape or a number is wrong.
@@ -51,6 +100,9 @@ class Belief:
     clip: Triple = (math.inf, math.inf, math.inf)
     offset: Triple = (0.0, 0.0, 0.0)
     offset_deviation: Triple = field(default=(UNKNOWN_OFFSET, UNKNOWN_OFFSET, UNKNOWN_OFFSET))
+    effects: Effects = NO_EFFECTS
+    error: Unmodelled = Unmodelled()
+    tail: Tail = Tail()
 
     def __post_init__(self) -> None:
         count = len(ARM_NAMES)
@@ -102,3 +154,17 @@ def identified(model: IdentifiedModel) -> Belief:
         offset=(first, second, third),
         offset_deviation=(spread[0], spread[1], spread[2]),
     )
+
+
+def commissioned(record: MachineRecord) -> Belief:
+    """The belief that a commissioning leads to.
+
+    Centres of mass and inertias count as known: what they leave unexplained is a torque that lasts.
+    """
+    deviations = [record.numbers[name].deviation if symbol_of(name) in _LEARNED else 0.0 for name in ARM_NAMES]
+    belief = Belief(record.arm, np.diag(np.square(deviations)), record.encoders, effects=record.effects)
+    if record.healthy is None:
+        return belief
+    known = record.healthy
+    error = Unmodelled(slow=known.slow, memory=known.memory, grip=known.grip)
+    return replace(belief, error=error, tail=Tail(known.level, known.rate, known.excess))

@@ -1,0 +1,115 @@
+"""What the model does not explain of a healthy arm, learned from a log of its work.
+
+The torques that last are found as the EM algorithm finds them (Shumway and Stoffer, J. Time Series Analysis 3, 1982),
+with the filter's estimates in place of the smoother's: the estimator follows the log with some standard deviation of
+these torques, and what it estimates them to be, and how surely, gives the next one. Of some times that they may last,
+the one is taken under which the readings are most likely.
+
+The statistic of the signature bank is then observed over the whole log. How often a healthy arm passes which value,
+and how fast that gets rarer, tells from where on it is an alarm: peaks over a threshold with exponential excesses
+(Davison and Smith, J. Royal Statistical Society B 52, 1990).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from dtwin.errors import ParameterError
+from dtwin.monitoring.estimation.belief import Array, Belief, Tail, Unmodelled
+from dtwin.monitoring.estimation.estimator import Estimator, Tuning
+from dtwin.monitoring.estimation.layout import MOVING, TORQUE
+from dtwin.monitoring.monitor import Monitor
+from dtwin.monitoring.offline import Stream
+from dtwin.parameters import GRAVITY, PERIOD, ArmParameters
+
+MEMORIES: Final = (0.03, 0.1, 0.3, 1.0)
+"""Times that the torques may last, s."""
+LEARNED: Final = 6000
+"""Samples that the torques are learned from."""
+LEAST: Final = 30.0
+"""Shortest log, s."""
+_FIRST: Final = 0.03
+_ROUNDS: Final = 3
+_CLIP: Final = 4.0
+"""Standard deviations beyond which a reading counts less: spikes."""
+_SETTLED: Final = 100
+"""Samples after a start that tell nothing."""
+_SETTLING: Final = 1000
+"""Samples after a start in which the statistic tells what is learned of the arm."""
+_BLOCK: Final = round(1.0 / PERIOD)
+"""Samples of which the largest statistic is one observation: a second."""
+_PEAKS: Final = 0.9
+"""Share of these observations that are no peaks."""
+
+
+def calibrated(
+    belief: Belief, seen: Stream, progress: Callable[[str], None] = lambda text: None
+) -> tuple[Unmodelled, Tail]:
+    """What the model of an arm does not explain, and how far the monitor's statistic goes while the arm is healthy.
+
+    Args:
+        belief: what is known of the arm.
+        seen: what sensors and commands said of the healthy arm at work.
+        progress: is told in words how far it is.
+
+    Raises:
+        ParameterError: the log is too short.
+    """
+    if len(seen) * PERIOD < LEAST:
+        raise ParameterError(f"the log has {len(seen) * PERIOD:g} s: expected at least {LEAST:g} s of healthy work")
+    found = []
+    for memory in MEMORIES:
+        slow = np.full(3, _FIRST)
+        for _ in range(_ROUNDS):
+            tried = _with(belief, slow, memory)
+            slow, likelihood = _pass(tried, seen)
+        progress(f"torques that last {memory:g} s: {1e3 * slow.max():.0f} mN m are not explained")
+        found.append((likelihood, memory, slow))
+    _, memory, slow = max(found, key=lambda each: each[0])
+    learned = _with(belief, slow, memory)
+    progress("watches the arm")
+    return learned.error, _tail(learned, seen)
+
+
+def _with(belief: Belief, slow: Array, memory: float) -> Belief:
+    first, second, third = slow.tolist()
+    return replace(belief, error=Unmodelled(belief.error.white, (first, second, third), memory, _grip(belief.arm)))
+
+
+def _grip(arm: ArmParameters) -> float:
+    """Torque of a box on the outstretched arm, N m: while it comes and goes, nobody knows how much of it acts."""
+    return Tuning().box_mass * GRAVITY * sum(arm.get(f"l{joint}") for joint in (1, 2, 3))
+
+
+def _pass(belief: Belief, seen: Stream) -> tuple[Array, float]:
+    """Root mean squares of the torques that last, (3,), N m, and the logarithm of the readings' likelihood."""
+    estimator = Estimator(replace(belief, clip=(_CLIP, _CLIP, _CLIP)), Tuning())
+    estimator.begin(seen.measured[0], bool(seen.gripped[0]))
+    squares, total, rows = np.zeros(3), 0.0, min(LEARNED, len(seen))
+    for row in range(1, rows):
+        estimator.predict(seen.volts[row - 1], bool(seen.gripped[row - 1]))
+        likelihood = estimator.correct(seen.measured[row], np.ones(3, dtype=bool))
+        if row >= _SETTLED:
+            squares += estimator.x[TORQUE:MOVING] ** 2 + estimator.P.diagonal()[TORQUE:MOVING]
+            total += likelihood
+    return np.sqrt(squares / (rows - _SETTLED)), total
+
+
+def _tail(belief: Belief, seen: Stream) -> Tail:
+    """How far the statistic of the signature bank goes while the arm is healthy."""
+    monitor = Monitor(belief)
+    monitor.threshold = math.inf
+    statistic = np.zeros(len(seen))
+    for row in range(len(seen)):
+        seen.feed(monitor, row, row + 1)
+        statistic[row] = monitor.statistic
+    blocks = statistic[_SETTLING : _SETTLING + (len(seen) - _SETTLING) // _BLOCK * _BLOCK].reshape(-1, _BLOCK)
+    highest = blocks.max(axis=1)
+    level = float(np.quantile(highest, _PEAKS))
+    excess = float(np.mean(highest[highest > level] - level))
+    return Tail(level, float(np.mean(highest > level)) * 3600.0 / (_BLOCK * PERIOD), excess)

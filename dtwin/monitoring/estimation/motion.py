@@ -1,0 +1,211 @@
+"""How the arm moves in one sample, and how that depends on the estimator's states.
+
+A motion carries the state over a sample and tells the derivatives F (6, 25) of what it comes to by the moving states
+(see `layout`). Of an arm that obeys the equations of motion it is the twin's RK4 map with its exact derivative; of
+one with `Effects` it is the map of `dtwin.twin.machine`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.monitoring.estimation.belief import Belief
+from dtwin.monitoring.estimation.layout import ARM, ARM_NAMES, INDEX, MOVING, PAYLOAD, SIZE, TORQUE, W
+from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters
+from dtwin.twin.dynamics import coefficients
+from dtwin.twin.effects import NO_EFFECTS, Effects
+from dtwin.twin.machine import MACHINE_NAMES, WIDTH, linearise_machine, vector_of
+from dtwin.twin.sensitivity import integrate_linearised
+
+Array = NDArray[np.float64]
+
+SUBSTEPS: Final = 4
+"""RK4 steps a sample, as in the emulation"""
+_COMPLEX_STEP: Final = 1e-30
+_LEAST_VOLTS: Final = 1e-6
+"""V: the derivative by a torque is that by the voltage constant divided by the voltage; this little moves nothing"""
+_TURNS: Final = 3
+"""steps of Newton's method that find the torque that holds a locked joint"""
+_NO_ECCENTRICITY: Final = np.zeros(3)
+
+
+class Motion(Protocol):
+    """The arm in one sample."""
+
+    def begin(self) -> None:
+        """Forgets the commands before: nothing is known of them."""
+
+    def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:
+        """The state after a sample, (6,), and its derivatives, (6, 25).
+
+        Args:
+            x: (31,), states before, all of them possible.
+            volts: (3,), command that is held over the sample, V.
+            gripped: whether a box is held.
+            locked: joint that is held where it is, 1 to 3, or 0.
+        """
+
+    def eccentricity(self, angles: Array) -> Array:
+        """What eccentric encoders add to angles, (3,), rad."""
+
+    def copy(self) -> Self:
+        """An independent motion in the same state."""
+
+
+class RigidMotion:
+    """The motion of an arm that obeys the equations of motion; it has no memory."""
+
+    def __init__(self, arm: ArmParameters) -> None:
+        self._empty, self._moved = _coefficients(arm)
+        self._nominal = np.zeros(SIZE)
+        self._nominal[ARM:PAYLOAD] = [arm.get(name) for name in ARM_NAMES]
+        self._level = np.zeros(1, dtype=np.int64)
+
+    def begin(self) -> None:
+        """Does nothing."""
+
+    def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:
+        """See `Motion.carry`."""
+        u = np.minimum(np.maximum(volts, -VOLTAGE_LIMIT), VOLTAGE_LIMIT)
+        u[np.abs(u) < _LEAST_VOLTS] = _LEAST_VOLTS
+        held = self._empty + self._moved[0, :, ARM:] @ (x - self._nominal)[ARM:MOVING]
+        states, derivatives = np.empty((2, 6)), np.zeros((2, 6, MOVING))
+        states[0], derivatives[0, :, :6] = x[:6], np.eye(6)
+        end, F = states[1], derivatives[1]
+        for _ in range(_TURNS if locked else 1):
+            integrate_linearised(
+                held[None], self._moved, self._level, u[None], PERIOD, SUBSTEPS, COULOMB_WIDTH, states, derivatives
+            )
+            if locked:
+                _oppose(u, x, end, F, locked - 1)
+        F[:, TORQUE:MOVING] = F[:, ARM : ARM + 3] / u
+        end += F[:, TORQUE:MOVING] @ x[TORQUE:MOVING]
+        if not gripped:
+            F[:, PAYLOAD] = 0.0
+        if locked:
+            _hold(x, end, F, locked - 1)
+        return end, F
+
+    def eccentricity(self, angles: Array) -> Array:
+        """None."""
+        return _NO_ECCENTRICITY
+
+    def copy(self) -> RigidMotion:
+        """Itself: nothing of it changes."""
+        return self
+
+
+class MachineMotion:
+    """The motion of an arm with effects, which remembers late commands and voltages that lag.
+
+    The derivatives by the state and by torques are difference quotients. Voltage constants and friction act as the
+    torques that they make with the mean voltages and velocities of the sample. Centres of mass and inertias count as
+    known: what they leave unexplained is a torque that lasts.
+    """
+
+    def __init__(self, arm: ArmParameters, effects: Effects) -> None:
+        self._vector = vector_of(arm, effects)
+        self._commands = np.zeros((math.floor(effects.delay / PERIOD) + 2, 3))
+        self._sin, self._cos = np.array(effects.eccentric_sin), np.array(effects.eccentric_cos)
+        self._acting = np.full(3, np.nan)
+
+    def begin(self) -> None:
+        """Takes commands and voltages before to be like the next ones."""
+        self._acting[:] = np.nan
+
+    def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:
+        """See `Motion.carry`."""
+        if not np.isfinite(self._acting).all():
+            self._commands[:] = volts
+        self._commands[:-1] = self._commands[1:]
+        self._commands[-1] = volts
+        p = self._vector.copy()
+        p[_OF_ARM] = x[ARM:PAYLOAD]
+        p[_OF_TORQUE] += x[TORQUE:MOVING]
+        columns, steps = (_COLUMNS, _STEPS) if gripped else (_COLUMNS[:-1], _STEPS[:-1])
+        before, end, slopes = self._acting.copy(), x[:6].copy(), np.empty((6, len(columns)))
+        for turn in range(_TURNS if locked else 1):
+            end[:], self._acting[:] = x[:6], before
+            linearise_machine(p, self._commands, x[PAYLOAD], columns, steps, self._acting, end, slopes)
+            slope = slopes[W + locked - 1, 6 + locked - 1]
+            if locked and slope and turn < _TURNS - 1:
+                p[_OF_TORQUE[locked - 1]] -= end[W + locked - 1] / slope
+        F = np.zeros((6, MOVING))
+        F[:, :6], F[:, TORQUE:MOVING] = slopes[:, :6], slopes[:, 6:9]
+        if gripped:
+            F[:, PAYLOAD] = slopes[:, 9]
+        acting = self._acting if np.isnan(before[0]) else 0.5 * (before + self._acting)
+        speed = 0.5 * (x[W:ARM] + end[W:])
+        for first, torque in ((_K, acting), (_D, -speed), (_MU, -np.tanh(speed / WIDTH))):
+            F[:, first : first + 3] = F[:, TORQUE:MOVING] * torque
+        if locked:
+            _hold(x, end, F, locked - 1)
+        return end, F
+
+    def eccentricity(self, angles: Array) -> Array:
+        """See `Motion.eccentricity`."""
+        return self._sin * np.sin(angles) + self._cos * np.cos(angles)
+
+    def copy(self) -> MachineMotion:
+        """See `Motion.copy`."""
+        other = object.__new__(MachineMotion)
+        other._vector, other._sin, other._cos = self._vector, self._sin, self._cos
+        other._commands, other._acting = self._commands.copy(), self._acting.copy()
+        return other
+
+
+def motion_of(belief: Belief) -> Motion:
+    """The motion of the arm as it is believed."""
+    if belief.effects == NO_EFFECTS:
+        return RigidMotion(belief.arm)
+    return MachineMotion(belief.arm, belief.effects)
+
+
+def _oppose(u: Array, x: Array, end: Array, F: Array, joint: int) -> None:
+    """Changes the voltage of a locked joint to one that holds it, by Newton's method."""
+    slope = F[W + joint, ARM + joint] / u[joint] * x[ARM + joint]
+    if slope:
+        u[joint] -= end[W + joint] / slope
+        if abs(u[joint]) < _LEAST_VOLTS:
+            u[joint] = _LEAST_VOLTS
+
+
+def _hold(x: Array, end: Array, F: Array, joint: int) -> None:
+    """Eliminates the torque that holds a locked joint from the derivatives, and what it has moved."""
+    pushed = F[:, TORQUE + joint].copy()
+    if pushed[W + joint]:
+        F -= np.outer(pushed / pushed[W + joint], F[W + joint].copy())
+    F[joint] = F[W + joint] = 0.0
+    F[joint, joint] = 1.0
+    end[joint], end[W + joint] = x[joint], 0.0
+
+
+def _coefficients(arm: ArmParameters) -> tuple[Array, Array]:
+    """The twin's coefficients (18,) of the empty arm and their derivatives (1, 18, 25) by the moving states.
+
+    They are linear in K, D, mu and the payload; c and I are known to a few percent at worst.
+    """
+    vector = np.array(arm.vector())
+    empty = np.array(coefficients(vector, 0.0, False))
+    derivatives = np.zeros((1, len(empty), MOVING))
+    for name in ARM_NAMES:
+        stepped = vector + 1j * _COMPLEX_STEP * (np.array(PARAMETER_NAMES) == name)
+        slope = np.imag(np.array(coefficients.py_func(stepped, 0.0, False))) / _COMPLEX_STEP
+        derivatives[0, :, INDEX[name]] = slope
+    derivatives[0, :, PAYLOAD] = np.array(coefficients(vector, 1.0, False)) - empty
+    return empty, derivatives
+
+
+_K: Final = INDEX["K1"]
+_D: Final = INDEX["D1"]
+_MU: Final = INDEX["mu1"]
+_OF_ARM: Final = np.array([MACHINE_NAMES.index(name) for name in ARM_NAMES])
+_OF_TORQUE: Final = np.array([MACHINE_NAMES.index(f"torque{joint}") for joint in (1, 2, 3)])
+_COLUMNS: Final = np.array([*range(6), *(6 + _OF_TORQUE), -1])
+"""What `linearise_machine` differentiates by: the state, torques on the joints, and the mass held."""
+_STEPS: Final = np.array([1e-6] * 6 + [1e-5] * 4)
+"""Steps of these difference quotients, SI units."""

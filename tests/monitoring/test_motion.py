@@ -1,0 +1,115 @@
+"""The motion of an arm with effects against the twin with effects, and against the motion of one without."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dtwin.monitoring.estimation.belief import Unmodelled, assumed
+from dtwin.monitoring.estimation.estimator import HANDLING, Estimator, Tuning
+from dtwin.monitoring.estimation.layout import ARM, ARM_NAMES, INDEX, MOVING, PAYLOAD, SIZE, TORQUE
+from dtwin.monitoring.estimation.motion import Array, MachineMotion, Motion, RigidMotion
+from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.twin.effects import Effects
+from dtwin.twin.machine import machine_rollout, vector_of
+
+ARM_HERE = ArmParameters(coulomb=(0.01, 0.01, 0.01))
+EFFECTS = Effects((1e-3,) * 3, (0.004,) * 3, (0.1,) * 3, (0.008,) * 3, delay=0.013, eccentric_sin=(0.003, 0.0, 0.0))
+STATE = np.array([-0.6, -1.5, 2.2, 0.8, -1.1, 0.6])
+VOLTS = np.random.default_rng(0).normal(0.0, 2.0, (12, 3))
+SLIPPERY = Effects(rotor_inertia=(1e-9, 0.0, 0.0))
+
+
+def states(arm: ArmParameters = ARM_HERE) -> Array:
+    x = np.zeros(SIZE)
+    x[:6], x[ARM:PAYLOAD], x[PAYLOAD] = STATE, [arm.get(name) for name in ARM_NAMES], 0.2
+    return x
+
+
+def carried(motion: Motion, x: Array, locked: int = 0) -> Array:
+    """The state after all of VOLTS."""
+    motion.begin()
+    for volts in VOLTS:
+        x[:6], _ = motion.carry(x, volts, True, locked)
+    return x
+
+
+def test_late_and_lagging_voltages_act_as_they_do_in_the_twin() -> None:
+    expected = machine_rollout(vector_of(ARM_HERE, EFFECTS), STATE, VOLTS, np.full(len(VOLTS), 0.2))[0][-1]
+    np.testing.assert_allclose(carried(MachineMotion(ARM_HERE, EFFECTS), states())[:6], expected, rtol=0, atol=1e-12)
+
+
+def test_a_copy_goes_on_by_itself() -> None:
+    motion, x = MachineMotion(ARM_HERE, EFFECTS), states()
+    carried(motion, x)
+    other = motion.copy()
+    expected = motion.copy().carry(x, VOLTS[0], True, 0)[0]
+    other.carry(x, VOLTS[3], True, 0)
+    np.testing.assert_array_equal(motion.carry(x, VOLTS[0], True, 0)[0], expected)
+
+
+@pytest.mark.parametrize("name", ["theta", "omega", "torque", "payload"])
+def test_derivatives_are_those_of_the_map(name: str) -> None:
+    index = {"theta": 1, "omega": 4, "torque": TORQUE + 1, "payload": PAYLOAD}[name]
+    motion, x = MachineMotion(ARM_HERE, EFFECTS), states()
+    begun, F = motion.copy().carry(x, VOLTS[0], True, 0)
+    x[index] += 1e-4
+    np.testing.assert_allclose((motion.carry(x, VOLTS[0], True, 0)[0] - begun) / 1e-4, F[:, index], rtol=2e-3)
+
+
+@pytest.mark.parametrize("name", ["K1", "K2", "D2", "D3", "torque2", "payload"])
+def test_without_effects_derivatives_are_those_of_the_equations_of_motion(name: str) -> None:
+    arm, index = ArmParameters(), INDEX[name]
+    ours = MachineMotion(arm, SLIPPERY).carry(states(arm), VOLTS[0], True, 0)[1][3:, index]
+    exact = RigidMotion(arm).carry(states(arm), VOLTS[0], True, 0)[1][3:, index]
+    np.testing.assert_allclose(ours, exact, rtol=0, atol=0.1 * np.abs(exact).max())
+
+
+def test_a_box_that_is_not_held_moves_nothing() -> None:
+    x = states()
+    x[PAYLOAD] = 0.0
+    for motion in (MachineMotion(ARM_HERE, EFFECTS), RigidMotion(ARM_HERE)):
+        assert not motion.carry(x, VOLTS[0], False, 0)[1][:, PAYLOAD].any()
+
+
+@pytest.mark.parametrize("joint", [1, 2, 3])
+def test_a_locked_joint_stays_where_it_is(joint: int) -> None:
+    x = carried(MachineMotion(ARM_HERE, EFFECTS), states(), joint)
+    assert x[joint - 1] == STATE[joint - 1]
+    assert x[2 + joint] == 0.0
+    assert np.all(np.abs(np.delete(x[:3] - STATE[:3], joint - 1)) > 1e-3)
+
+
+def test_eccentric_encoders_are_expected() -> None:
+    belief = replace(assumed(ARM_HERE, (1e-3, 1e-3, 1e-3)), effects=EFFECTS)
+    estimator = Estimator(belief, Tuning())
+    readings = STATE[:3] + np.array([0.003 * np.sin(STATE[0]), 0.0, 0.0])
+    estimator.begin(readings, False)
+    np.testing.assert_allclose(estimator.x[:3], STATE[:3], rtol=0, atol=1e-5)
+    np.testing.assert_allclose(estimator.expected()[0], readings, rtol=0, atol=1e-5)
+
+
+def test_torques_that_last_fade_and_come_back_as_often_as_stated() -> None:
+    """The variance of a Gauss-Markov process that nobody measures stays what it is; a known torque fades."""
+    error = Unmodelled(slow=(0.02, 0.01, 0.03), memory=0.2)
+    estimator = Estimator(replace(assumed(ArmParameters(), (1e-3, 1e-3, 1e-3)), error=error), Tuning())
+    estimator.begin(STATE[:3], False)
+    estimator.x[TORQUE] = 0.05
+    for _ in range(20):
+        estimator.predict(VOLTS[0], False)
+    assert estimator.x[TORQUE] == pytest.approx(0.05 * np.exp(-20 * PERIOD / error.memory))
+    np.testing.assert_allclose(estimator.P.diagonal()[TORQUE:MOVING], np.square(error.slow), rtol=0.01)
+
+
+def test_the_motion_is_in_doubt_while_a_box_comes_or_goes() -> None:
+    """A torque of 1 N m more or less for a sample changes speeds by its derivative, in as many samples as stated."""
+    belief = replace(assumed(ArmParameters(), (1e-3, 1e-3, 1e-3)), error=Unmodelled(grip=1.0))
+    estimator = Estimator(belief, Tuning())
+    estimator.begin(STATE[:3], False)
+    grown = []
+    for _ in range(HANDLING + 2):
+        estimator.P[:] = 0.0
+        estimator.predict(VOLTS[0], True)
+        grown.append(estimator.deviation("w2") / np.linalg.norm(estimator.F[4, TORQUE:MOVING]))
+    np.testing.assert_allclose(grown[:HANDLING], 1.0, rtol=1e-3)
+    assert max(grown[HANDLING:]) < 0.01
