@@ -123,6 +123,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "experiment faults": Subcommand(
             "monitoring.experiment", "ExperimentFaults", "score the monitor on faults; report"
         ),
+        "experiment alarms": Subcommand(
+            "monitoring.alarms", "ExperimentAlarms", "commission drawn machines, watch them with faults; report"
+        ),
         "experiment sampling": Subcommand(
             "monitoring.experiment", "ExperimentSampling", "find the limits of the monitors; report"
         ),

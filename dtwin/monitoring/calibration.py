@@ -17,24 +17,26 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
+import msgspec
 import numpy as np
 
 from dtwin.errors import ParameterError
-from dtwin.monitoring.estimation.belief import Array, Belief, Tail, Unmodelled
+from dtwin.identification.machine.record import Healthy, MachineRecord
+from dtwin.monitoring.estimation.belief import Array, Belief, Tail, Unmodelled, commissioned
 from dtwin.monitoring.estimation.estimator import Estimator, Tuning
 from dtwin.monitoring.estimation.layout import MOVING, TORQUE
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream
 from dtwin.parameters import GRAVITY, PERIOD, ArmParameters
 
-MEMORIES: Final = (0.03, 0.1, 0.3, 1.0)
+MEMORIES: Final = (0.1, 0.3, 1.0)
 """Times that the torques may last, s."""
 LEARNED: Final = 6000
 """Samples that the torques are learned from."""
 LEAST: Final = 30.0
 """Shortest log, s."""
 _FIRST: Final = 0.03
-_ROUNDS: Final = 3
+_ROUNDS: Final = 2
 _CLIP: Final = 4.0
 """Standard deviations beyond which a reading counts less: spikes."""
 _SETTLED: Final = 100
@@ -62,9 +64,8 @@ def calibrated(
     """
     if len(seen) * PERIOD < LEAST:
         raise ParameterError(f"the log has {len(seen) * PERIOD:g} s: expected at least {LEAST:g} s of healthy work")
-    found = []
+    found, slow = [], np.full(3, _FIRST)
     for memory in MEMORIES:
-        slow = np.full(3, _FIRST)
         for _ in range(_ROUNDS):
             tried = _with(belief, slow, memory)
             slow, likelihood = _pass(tried, seen)
@@ -74,6 +75,16 @@ def calibrated(
     learned = _with(belief, slow, memory)
     progress("watches the arm")
     return learned.error, _tail(learned, seen)
+
+
+def watched(
+    record: MachineRecord, seen: Stream, progress: Callable[[str], None] = lambda text: None
+) -> MachineRecord:
+    """A record with what the arm does at work that its numbers do not explain; arguments as for `calibrated`."""
+    error, tail = calibrated(commissioned(record), seen, progress)
+    duration = round(len(seen) * PERIOD, 2)
+    healthy = Healthy(error.slow, error.memory, error.grip, tail.level, tail.rate, tail.excess, duration)
+    return msgspec.structs.replace(record, healthy=healthy)
 
 
 def _with(belief: Belief, slow: Array, memory: float) -> Belief:

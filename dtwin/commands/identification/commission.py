@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -15,12 +14,11 @@ from rich.table import Table
 
 from dtwin.files import ensure_writable
 from dtwin.identification.machine.judged import identify_machine, record_of
-from dtwin.identification.machine.record import Healthy, MachineRecord, write_record
-from dtwin.monitoring.calibration import calibrated
-from dtwin.monitoring.estimation.belief import commissioned
+from dtwin.identification.machine.record import MachineRecord, write_record
+from dtwin.monitoring.calibration import watched
 from dtwin.monitoring.offline import stream
-from dtwin.parameters import PERIOD, ArmParameters, load_arm
-from dtwin.run.recording import Log, read_log
+from dtwin.parameters import ArmParameters, load_arm
+from dtwin.run.recording import read_log
 from dtwin.terminal import as_text, print_json, print_table
 
 _NINETY_FIVE: Final = 1.959964
@@ -28,7 +26,10 @@ _NINETY_FIVE: Final = 1.959964
 
 @dataclass(frozen=True)
 class Commission:
-    """Identify a real arm from a log of its work: parameters, drives, friction, structure and encoders.
+    """Identify a real arm from a log of its healthy work: parameters, drives, friction, structure and encoders.
+
+    The monitor is calibrated on the same log, the longer the better: `dtwin monitor` and `dtwin up --monitoring` take
+    the record with `--commissioned`.
 
     The log needs two minutes of work with encoder readings, voltages and box_gripped; truth is not looked at. What
     the data do not tell keeps the value and the tolerance of the data sheet. The exit status is 1 unless the fit of
@@ -52,7 +53,7 @@ class Commission:
         began = time.perf_counter()
         with Console(stderr=True).status("fitting the motion") as status:
             judged = identify_machine(log, arm, status.update)
-            record = watched(record_of(judged, arm, str(self.log)), log, status.update)
+            record = watched(record_of(judged, arm, str(self.log)), stream(log), status.update)
         if self.out is not None:
             write_record(record, self.out)
         if self.json:
@@ -60,16 +61,6 @@ class Commission:
         else:
             _print(record, time.perf_counter() - began, self.out)
         return 0 if record.grade == "identified" else 1
-
-
-def watched(record: MachineRecord, log: Log, progress: Callable[[str], None]) -> MachineRecord:
-    """A record with what the machine does at work that its numbers do not explain, from a log of healthy work."""
-    seen = stream(log)
-    error, tail = calibrated(commissioned(record), seen, progress)
-    healthy = Healthy(
-        error.slow, error.memory, error.grip, tail.level, tail.rate, tail.excess, round(len(seen) * PERIOD, 2)
-    )
-    return msgspec.structs.replace(record, healthy=healthy)
 
 
 def _print(record: MachineRecord, seconds: float, file: Path | None) -> None:

@@ -1,0 +1,49 @@
+"""`dtwin experiment alarms`: drawn machines commissioned, then watched healthy and with faults."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import msgspec
+
+from dtwin.commands.frame import SeriesCommand, at_least
+from dtwin.errors import ParameterError
+from dtwin.experiments.monitoring.alarms import TUNED, WatchedMachine, alarms_report, good, watch_machines
+from dtwin.experiments.report import Report
+from dtwin.pool import Progress
+
+
+@dataclass(frozen=True)
+class ExperimentAlarms(SeriesCommand[list[WatchedMachine]]):
+    """Commission drawn machines from logs of their work, and watch other work of them, healthy and with faults.
+
+    Fails when a healthy machine raises an alarm, when fewer than 95 % of the faults are noticed within 2 s of motion,
+    when fewer than 85 % are named right, or when more than 1 % are named wrong with more than 95 % confidence.
+    """
+
+    name: ClassVar = "alarms"
+
+    first: int = 801
+    """Number of the first machine; the others have the next ones."""
+    machines: int = 4
+    """Number of machines."""
+    duration: float = 600.0
+    """Plant time of the log that calibrates the monitor, and of the other work that it watches, s."""
+
+    def measure(self, progress: Progress) -> list[WatchedMachine]:
+        at_least("--first", self.first, 0)
+        at_least("--machines", self.machines, 1)
+        at_least("--duration", self.duration, 180.0)
+        if tuned := [number for number in TUNED if self.first <= number < self.first + self.machines]:
+            raise ParameterError(f"--first {self.first}: expected machines that nobody tuned to, got {tuned[0]}")
+        return watch_machines(self.first, self.machines, self.seed, self.duration, self.workers, progress)
+
+    def report(self, result: list[WatchedMachine]) -> Report:
+        return alarms_report(result, self.duration)
+
+    def figures(self, result: list[WatchedMachine]) -> dict[str, Any]:
+        return {"machines": msgspec.to_builtins(result)}
+
+    def passed(self, result: list[WatchedMachine]) -> bool:
+        return good(result)

@@ -1,0 +1,62 @@
+"""What is learned of a healthy arm that its model does not explain, and what the monitor makes of it."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dtwin.errors import ParameterError
+from dtwin.monitoring.calibration import LEAST, calibrated
+from dtwin.monitoring.estimation.belief import Belief, Tail, Unmodelled
+from dtwin.monitoring.monitor import Monitor
+from dtwin.monitoring.offline import Stream, stream
+from dtwin.monitoring.signatures import threshold
+from dtwin.run.recording import Log
+
+
+@pytest.fixture(scope="module")
+def pushed(belief: Belief, run_cell: Callable[..., Log]) -> tuple[Stream, Belief]:
+    """A run whose model lacks what its arm has: half as much friction again at joint 2, and a gentler motor 3."""
+    return stream(run_cell(30.0, 3, "D2*=1.5@0", "K3*=0.97@0")), belief
+
+
+def test_an_arm_that_the_model_lacks_is_no_alarm_once_it_is_calibrated(pushed: tuple[Stream, Belief]) -> None:
+    seen, belief = pushed
+    error, tail = calibrated(belief, seen)
+    stern, calm = Monitor(belief), Monitor(replace(belief, error=error, tail=tail))
+    for monitor in (stern, calm):
+        seen.feed(monitor, 0, len(seen))
+    assert {event.kind for event in stern.events} & {"misfit", "suspected"}
+    assert not calm.events
+    assert max(error.slow[1:]) > 2.0 * error.slow[0]
+
+
+def test_an_arm_that_the_model_explains_needs_no_torques(belief: Belief, run_cell: Callable[..., Log]) -> None:
+    error, tail = calibrated(belief, stream(run_cell(30.0, 3)))
+    assert max(error.slow) < 0.005
+    assert threshold(0.01, tail) < 2.0 * threshold(0.01, Tail())
+
+
+def test_a_short_log_is_refused(pushed: tuple[Stream, Belief]) -> None:
+    seen, belief = pushed
+    rows = round(LEAST / 0.01) - 1
+    short = Stream(*(getattr(seen, name)[:rows] for name in ("sample", "measured", "volts", "gripped", "colour")))
+    with pytest.raises(ParameterError, match=r"the log has 29\.99 s: expected at least 30 s of healthy work"):
+        calibrated(belief, short)
+
+
+def test_what_a_healthy_arm_passes_more_often_asks_for_a_higher_threshold() -> None:
+    """With exponential excesses a value e times as rare is one mean excess farther up."""
+    tail = Tail(20.0, 36.0, 5.0)
+    assert threshold(0.01, tail) == pytest.approx(20.0 + 5.0 * math.log(3600.0))
+    assert threshold(0.01 / math.e, tail) == pytest.approx(threshold(0.01, tail) + 5.0)
+    assert threshold(0.01, Tail(2.0, 36.0, 0.1)) == threshold(0.01, Tail())
+    assert threshold(100.0, tail) == max(20.0, threshold(100.0, Tail()))
+
+
+@pytest.mark.parametrize("wrong", [{"slow": (0.1, -0.1, 0.1)}, {"grip": np.inf}, {"memory": 0.0}])
+def test_impossible_torques_are_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ParameterError, match="expected"):
+        Unmodelled(**wrong)  # type: ignore[arg-type]  # the values are wrong, not their types
