@@ -198,12 +198,18 @@ class CellOptions(PlantOptions, ControlOptions):
             parse_address(address), self.zenoh is not None and has_certificates(self.zenoh, OPERATOR)
         )
 
+    @property
+    def marked(self) -> Path | None:
+        """The file beside which recorders leave marks for those that follow them."""
+        return self.log or self.record
+
     def _recorder_options(self, ports: Ports) -> list[str]:
         notes = msgspec.json.encode(metadata(self.settings())).decode()
         options = ["--viewer", self.viewer, "--notes", notes]
         options += ["--ports.page", str(ports.page), "--ports.data", str(ports.data)]
-        options += ["--log", str(self.log.resolve()), "--resumable"] if self.log else []
+        options += ["--log", str(self.log.resolve())] if self.log else []
         options += ["--record", str(self.record.resolve())] if self.record else []
+        options += ["--resumable"] if self.marked else []
         options += ["--monitored"] if self.monitoring else []
         return options + arguments(self, ArmOptions)
 
@@ -260,8 +266,8 @@ def launched(options: CellOptions) -> Iterator[Launched]:
         journal, state = journal_of(file.path), state_of(file.path)
         carry_over(journal, options.seed)
         state.unlink(missing_ok=True)
-        if options.log is not None:
-            discard_parts(options.log)
+        if options.marked is not None:
+            discard_parts(options.marked)
         ports = free_ports()
         supervisor = Supervisor(bus, options.programs(meet, file.path, ports), key)
         zenoh = None if options.zenoh is None else str(options.zenoh.resolve())
@@ -277,8 +283,8 @@ def launched(options: CellOptions) -> Iterator[Launched]:
                 yield Launched(bus, supervisor, stop, up, file)
             finally:
                 supervisor.stop()
-                if options.log is not None:
-                    discard_markers(options.log)
+                if options.marked is not None:
+                    discard_markers(options.marked)
         journal.unlink(missing_ok=True)
         state.unlink(missing_ok=True)
 
