@@ -13,10 +13,11 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import FrameType
 from typing import Final
 
 import msgspec
@@ -262,7 +263,12 @@ def launched(options: CellOptions) -> Iterator[Launched]:
     warning = options.warning()
     meet = f"tcp/127.0.0.1:{free_port()}"
     key = new_key()
-    with RunFile(options.cell) as file, _own_folder(sockets_of(file.path)), options.bus(meet, key) as bus:
+    with (
+        options.bus(meet, key) as bus,
+        _signals(signal.default_int_handler),
+        RunFile(options.cell) as file,
+        _own_folder(sockets_of(file.path)),
+    ):
         journal, state = journal_of(file.path), state_of(file.path)
         carry_over(journal, options.seed)
         state.unlink(missing_ok=True)
@@ -277,7 +283,7 @@ def launched(options: CellOptions) -> Iterator[Launched]:
         )
         file.write(up)
         stop = threading.Event()
-        with _signals(stop):
+        with _signals(lambda *_: stop.set()):
             supervisor.start()
             try:
                 yield Launched(bus, supervisor, stop, up, file)
@@ -320,12 +326,12 @@ def _service(name: str, options: list[str], leading: bool = False) -> Program:
 
 
 @contextmanager
-def _signals(stop: threading.Event) -> Iterator[None]:
-    """Lets Ctrl-C and a polite kill set the event."""
+def _signals(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
+    """Lets Ctrl-C and a polite kill call a function, which may raise what ends all that is inside."""
     numbers = (signal.SIGINT, signal.SIGTERM)
-    previous = {number: signal.signal(number, lambda *_: stop.set()) for number in numbers}
+    previous = {number: signal.signal(number, handler) for number in numbers}
     try:
         yield
     finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
+        for number, before in previous.items():
+            signal.signal(number, before)

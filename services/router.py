@@ -26,11 +26,11 @@ class Options(Link):
     zenoh: Path | None = ROOT / "config" / "routed"
 
     def run(self) -> int:
+        watch_lifeline()
+        session = open_configured(self.zenoh or ROOT / "config" / "routed", NAME)
         stop = threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: stop.set())
-        watch_lifeline()
-        session = open_configured(self.zenoh or ROOT / "config" / "routed", NAME)
         log.info("routing")
         while not stop.wait(1.0):
             pass
