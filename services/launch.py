@@ -156,7 +156,9 @@ class CellOptions(PlantOptions, ControlOptions):
 
             deploy_cell(parse_address(self.controller, "forte"), self.control())
         if self.controller == "embedded":
-            programs.append(_service("controller", [*link, "--listen", management, *arguments(self, ControlOptions)]))
+            # It answers every sample as the bridge does, and would be the one that waits for a busy processor.
+            listen = ["--listen", management, *urgent]
+            programs.append(_service("controller", [*link, *listen, *arguments(self, ControlOptions)]))
         bridge = ["--controller", management, "--state", str(state_of(file)), *urgent]
         bridge += ["--sequence", sequence_name(self.settings())]
         bridge += ["--lossless"] if self.pace != "realtime" else []

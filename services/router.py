@@ -12,7 +12,7 @@ from typing import Final
 
 from dtwin.bus.opening import open_configured
 from dtwin.parameters import ROOT
-from services.service import Link, main, watch_lifeline
+from services.service import Link, hurry, main, watch_lifeline
 
 log = logging.getLogger(__name__)
 
@@ -27,6 +27,8 @@ class Options(Link):
 
     def run(self) -> int:
         watch_lifeline()
+        if self.urgent:
+            hurry()
         session = open_configured(self.zenoh or ROOT / "config" / "routed", NAME)
         stop = threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -155,7 +155,7 @@ class TroubledCell:
             raise CommunicationError(lines[-1].removeprefix("dtwin: ") if lines else "the cell does not come up")
 
     def _start_router(self) -> None:
-        command = [sys.executable, "-m", "services.router", "--zenoh", str(self.folder)]
+        command = [sys.executable, "-m", "services.router", "--zenoh", str(self.folder), "--urgent"]
         with (self.folder / "router.log").open("ab") as output:
             self._router = subprocess.Popen(command, cwd=ROOT, stdout=output, stderr=output)
 
