@@ -13,6 +13,8 @@ CAUGHT: Final = 5.0
 """Largest mean speed of a joint with which a path begins anew, rad/s; no path of the cell is faster."""
 FALL: Final = 3.0
 """Longest time for which an arm is let fall until it is slower, s."""
+_APART: Final = 100
+"""Number of ticks without a question after which another fall begins."""
 
 
 class Recent:
@@ -37,16 +39,17 @@ class Recent:
         samples.append(sensors)
 
     def falls(self) -> bool:
-        """Whether the arm is so fast that no path can catch it yet: without voltage its friction makes it slower.
+        """Whether the arm is so fast that no path can catch it yet, or its velocity is not known yet.
 
-        It is asked once for every sample that might be answered. The second time for the same sample the answer is
-        no, because its arm waits for a command.
+        Without voltage its friction makes it slower. The function is asked once for every sample that might be
+        answered. The second time for the same sample the answer is no, because its arm waits for a command.
         """
         first, last = self.samples[0], self.samples[-1]
         farthest = max(abs(b - a) for a, b in zip(first.theta, last.theta, strict=True))
-        if last.sequence == self._let_fall or farthest <= CAUGHT * PERIOD * (last.sequence - first.sequence):
+        slow = len(self.samples) > SETTLING and farthest <= CAUGHT * PERIOD * SETTLING
+        if last.sequence == self._let_fall or slow:
             return False
-        if not first.sequence <= self._let_fall < last.sequence:
+        if not 0 < last.sequence - self._let_fall <= _APART:
             self._since = last.time
         self._let_fall = last.sequence
         return last.time - self._since < FALL
