@@ -2,8 +2,8 @@
 
 The controller is a 4diac FORTE or the embedded device; both tell over their management port where their blocks
 listen. A backlog is skipped: only the newest sample is answered. After a gap, and while the arm has no voltage though
-nobody has stopped it, the application plans its path anew from where the arm is. A controller that comes back, or
-another one in its place, gets the settings that were in force, and the stop, before it answers a sample.
+nobody has stopped it, the application plans its path anew from where the arm is, once it is slow enough. A controller
+that comes back, or another one in its place, gets the settings that were in force, and the stop, before it answers.
 """
 
 from __future__ import annotations
@@ -47,6 +47,7 @@ from dtwin.iec61499.net.address import StreamAddress, parse_stream_address
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event, EventKind, Sensors, Voltages
 from services.parts.gate import STALE
+from services.parts.recent import Recent
 from services.parts.state_file import StateFile, to_message
 from services.parts.strides import strides
 from services.service import Link, Service, main
@@ -107,6 +108,7 @@ class Bridge:
         self._trouble = ""
         self._last: Voltages | None = None
         self._before: Sensors | None = None
+        self._recent = Recent()
         self._heard = 0.0
         self._limp = 0
         self._limp_at = -1
@@ -144,9 +146,11 @@ class Bridge:
 
     def _newest(self, sensors: Sensors) -> Sensors:
         inbox = self._service.inbox
+        self._recent.take(sensors)
         while not inbox.empty() and (later := inbox.get()) is not None:
             self._skipped += 1
             sensors = later
+            self._recent.take(sensors)
         return sensors
 
     def _serve(self, sensors: Sensors) -> None:
@@ -168,13 +172,15 @@ class Bridge:
                 self._restart = True
             if self._before is None and sensors.sequence > GAP:
                 self._take_over(controller, sensors)
-            way = self._way(sensors)
             if self._restart or self._has_fallen(sensors):
-                controller.restart([*way, sensors])
+                if self._recent.falls():
+                    return
+                recent = list(self._recent.samples)
+                controller.restart(self._way(sensors, recent[0]), recent)
                 self._restart, self._limp = False, 0
                 log.warning("path planned anew at %.2f s after a gap", sensors.time)
             else:
-                for step in way:
+                for step in self._way(sensors, sensors):
                     controller.answer(step)
             command = controller.answer(sensors)
             self._publish(command)
@@ -206,14 +212,14 @@ class Bridge:
             self._before = msgspec.structs.replace(sensors, sequence=0, theta=theta)
             self._restart = True
 
-    def _way(self, sensors: Sensors) -> list[Sensors]:
-        """Samples that lead the application over those that had no answer to where the same arm is now.
+    def _way(self, sensors: Sensors, to: Sensors) -> list[Sensors]:
+        """Samples that lead the application from the last answer to a sample of the same arm.
 
         All at once it would let go of its box, even after a few ticks if the arm was thrown about. A sample with a
         lower number is another arm's, or that of one that started anew.
         """
         before = self._before
-        return strides(before, sensors) if before is not None and sensors.sequence > before.sequence + 1 else []
+        return strides(before, to) if before is not None and sensors.sequence > before.sequence + 1 else []
 
     def _connect(self) -> ControlLoop | None:
         now = time.monotonic()

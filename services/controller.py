@@ -40,26 +40,31 @@ class Options(ControlOptions, Link):
     def run(self) -> int:
         address = parse_listening_address(self.listen)
         settings = self.control()
-        with Reactor() as reactor, Service(NAME, self, wake=reactor.stop) as service:
-            library = Library([self.blocks])
-            system = configured(library.load_system(self.blocks / SYSTEM), settings.inputs())
+        library = Library([self.blocks])
+        system = configured(library.load_system(self.blocks / SYSTEM), settings.inputs())
+        with Reactor() as reactor:
             device = EmbeddedDevice(reactor, library, address)
             try:
                 device.load_system(system)
-                server = ManagementServer(reactor, address, device.handle)
-
-                def report() -> None:
-                    service.report("running")
-                    reactor.call_at(reactor.now() + REPORT_PERIOD, report)
-
-                report()
-                service.ready()
-                if not service.stopping:
-                    reactor.run()
-                server.close()
+                with Service(NAME, self, wake=reactor.stop) as service:
+                    _serve(service, reactor, ManagementServer(reactor, address, device.handle))
             finally:
                 device.close()
         return 0
+
+
+def _serve(service: Service, reactor: Reactor, server: ManagementServer) -> None:
+    """Works until the service is asked to end."""
+
+    def report() -> None:
+        service.report("running")
+        reactor.call_at(reactor.now() + REPORT_PERIOD, report)
+
+    report()
+    service.ready()
+    if not service.stopping:
+        reactor.run()
+    server.close()
 
 
 def deploy_cell(address: Address, settings: ControlSettings) -> None:

@@ -3,6 +3,8 @@
 The data are a signal that the blocks excite the empty arm with, or the motions that pass anyway, where all but some
 parameters are known. The signal never waits for this service: the bridge passes the request on, samples and commands
 come off the bus. Only an accepted model is kept, and uploaded if the operator wants that, too.
+
+What a fit needs is loaded when one is asked for: until then the service remembers ticks and takes little memory.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import msgspec
 
@@ -40,19 +42,17 @@ from dtwin.bus.twin_messages import (
     UploadRequest,
 )
 from dtwin.errors import CommunicationError, DtwinError, IdentificationError
-from dtwin.identification.collector import SignalCollector, divided
-from dtwin.identification.data import Experiment
-from dtwin.identification.estimation.estimate import Estimate, EstimationSettings, identify, load_kernels
-from dtwin.identification.excitation.plan import Excitation
-from dtwin.identification.held_out import compare
 from dtwin.identification.model import IdentifiedModel, read_model
-from dtwin.identification.operating_data import PIECES, OperatingData, estimate_from, renewed
-from dtwin.identification.parsing import free_names, settings_for
-from dtwin.identification.result import from_estimate
+from dtwin.identification.operating_data import PIECES, OperatingData
 from dtwin.identification.store import STORE, ModelStore
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.signals import Event, EventKind, Sensors, Voltages
 from services.service import Link, Service, main
+
+if TYPE_CHECKING:
+    from dtwin.identification.collector import SignalCollector
+    from dtwin.identification.data import Experiment
+    from dtwin.identification.estimation.estimate import Estimate, EstimationSettings
 
 log = logging.getLogger(__name__)
 
@@ -76,7 +76,6 @@ class Options(Link):
 
     def run(self) -> int:
         known = None if self.model is None else read_model(self.model)
-        load_kernels()
         with Service(NAME, self) as service:
             Identification(service, ModelStore(self.store), known).run()
         return 0
@@ -128,7 +127,7 @@ class Identification:
         if self._state.phase in ("measuring", "estimating"):
             raise IdentificationError(f"an identification is {self._state.phase}; wait for it")
         if request.source == "signal":
-            settings_for(request.free)
+            _settings(request)
         else:
             self._renewed(request)
         self._state = IdentificationState("measuring", f"waits for the {request.source}")
@@ -194,6 +193,9 @@ class Identification:
 
     def _excite(self, request: IdentificationRequest) -> None:
         """Asks the blocks for the signal."""
+        from dtwin.identification.collector import SignalCollector
+        from dtwin.identification.excitation.plan import Excitation
+
         self._due = False
         bus = self._service.bus
         signal = bus.ask(SIGNAL, None, IdentificationSignal)
@@ -222,20 +224,24 @@ class Identification:
                 text = f"{seen} of {PIECES} pieces of empty motion since {self._request.since:.2f} s"
                 self._enter(IdentificationState("measuring", text, seen, PIECES))
             return
+        from dtwin.identification.running import estimate_from
+
         self._enter(IdentificationState("estimating", "the model is fitted", seen, PIECES))
         self._propose(*estimate_from(pieces, self._renewed(self._request), "motions of the running cell"))
 
     def _renewed(self, request: IdentificationRequest) -> EstimationSettings:
+        from dtwin.identification.parsing import free_names
+        from dtwin.identification.running import renewed
+
         anew = free_names(request.anew) if request.anew else ()
         return renewed(self._known, self._errors, free_names(request.free), anew)
 
     def _estimate(self, experiment: Experiment) -> None:
+        from dtwin.identification.running import estimate_excited
+
         count = len(experiment)
         self._enter(IdentificationState("estimating", "the model is fitted", count, count))
-        part, rest = divided(experiment)
-        estimate = identify([part], settings_for(self._request.free))
-        fit = compare([rest], estimate.parameters, estimate.problem.offset(estimate.x)).fit
-        self._propose(estimate, from_estimate(estimate, fit, "the running cell"), self._warning(experiment))
+        self._propose(*estimate_excited(experiment, _settings(self._request)), self._warning(experiment))
 
     def _propose(self, estimate: Estimate, model: IdentifiedModel, warning: str = "") -> None:
         self._model, self._measuring = model, False
@@ -269,6 +275,13 @@ class Identification:
         self._state, self._phase = state, state.phase
         self._publish(state)
         log.info("%s: %s", state.phase, state.text)
+
+
+def _settings(request: IdentificationRequest) -> EstimationSettings:
+    """What a fit to a signal estimates; the first call loads what fits need."""
+    from dtwin.identification.parsing import settings_for
+
+    return settings_for(request.free)
 
 
 if __name__ == "__main__":

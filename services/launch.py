@@ -13,10 +13,11 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import FrameType
 from typing import Final
 
 import msgspec
@@ -155,7 +156,9 @@ class CellOptions(PlantOptions, ControlOptions):
 
             deploy_cell(parse_address(self.controller, "forte"), self.control())
         if self.controller == "embedded":
-            programs.append(_service("controller", [*link, "--listen", management, *arguments(self, ControlOptions)]))
+            # It answers every sample as the bridge does, and would be the one that waits for a busy processor.
+            listen = ["--listen", management, *urgent]
+            programs.append(_service("controller", [*link, *listen, *arguments(self, ControlOptions)]))
         bridge = ["--controller", management, "--state", str(state_of(file)), *urgent]
         bridge += ["--sequence", sequence_name(self.settings())]
         bridge += ["--lossless"] if self.pace != "realtime" else []
@@ -198,12 +201,18 @@ class CellOptions(PlantOptions, ControlOptions):
             parse_address(address), self.zenoh is not None and has_certificates(self.zenoh, OPERATOR)
         )
 
+    @property
+    def marked(self) -> Path | None:
+        """The file beside which recorders leave marks for those that follow them."""
+        return self.log or self.record
+
     def _recorder_options(self, ports: Ports) -> list[str]:
         notes = msgspec.json.encode(metadata(self.settings())).decode()
         options = ["--viewer", self.viewer, "--notes", notes]
         options += ["--ports.page", str(ports.page), "--ports.data", str(ports.data)]
-        options += ["--log", str(self.log.resolve()), "--resumable"] if self.log else []
+        options += ["--log", str(self.log.resolve())] if self.log else []
         options += ["--record", str(self.record.resolve())] if self.record else []
+        options += ["--resumable"] if self.marked else []
         options += ["--monitored"] if self.monitoring else []
         return options + arguments(self, ArmOptions)
 
@@ -256,12 +265,17 @@ def launched(options: CellOptions) -> Iterator[Launched]:
     warning = options.warning()
     meet = f"tcp/127.0.0.1:{free_port()}"
     key = new_key()
-    with RunFile(options.cell) as file, _own_folder(sockets_of(file.path)), options.bus(meet, key) as bus:
+    with (
+        options.bus(meet, key) as bus,
+        _signals(signal.default_int_handler),
+        RunFile(options.cell) as file,
+        _own_folder(sockets_of(file.path)),
+    ):
         journal, state = journal_of(file.path), state_of(file.path)
         carry_over(journal, options.seed)
         state.unlink(missing_ok=True)
-        if options.log is not None:
-            discard_parts(options.log)
+        if options.marked is not None:
+            discard_parts(options.marked)
         ports = free_ports()
         supervisor = Supervisor(bus, options.programs(meet, file.path, ports), key)
         zenoh = None if options.zenoh is None else str(options.zenoh.resolve())
@@ -271,14 +285,14 @@ def launched(options: CellOptions) -> Iterator[Launched]:
         )
         file.write(up)
         stop = threading.Event()
-        with _signals(stop):
+        with _signals(lambda *_: stop.set()):
             supervisor.start()
             try:
                 yield Launched(bus, supervisor, stop, up, file)
             finally:
                 supervisor.stop()
-                if options.log is not None:
-                    discard_markers(options.log)
+                if options.marked is not None:
+                    discard_markers(options.marked)
         journal.unlink(missing_ok=True)
         state.unlink(missing_ok=True)
 
@@ -314,12 +328,12 @@ def _service(name: str, options: list[str], leading: bool = False) -> Program:
 
 
 @contextmanager
-def _signals(stop: threading.Event) -> Iterator[None]:
-    """Lets Ctrl-C and a polite kill set the event."""
+def _signals(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
+    """Lets Ctrl-C and a polite kill call a function, which may raise what ends all that is inside."""
     numbers = (signal.SIGINT, signal.SIGTERM)
-    previous = {number: signal.signal(number, lambda *_: stop.set()) for number in numbers}
+    previous = {number: signal.signal(number, handler) for number in numbers}
     try:
         yield
     finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
+        for number, before in previous.items():
+            signal.signal(number, before)

@@ -59,7 +59,8 @@ class Options(ArmOptions, Link):
     log: Path | None = None
     """Parquet log to write."""
     resumable: bool = False
-    """Go on with what an earlier recorder of the same run has left, and leave such marks for the next one."""
+    """Go on with the log that an earlier recorder of the same run has left, or begin another recording where there is
+    no log, and leave marks for the next recorder."""
     record: Path | None = None
     """Recording for the Rerun viewer to write."""
     viewer: Viewer = "none"
@@ -110,7 +111,7 @@ class Recorder:
         self._options = options
         self._notes = notes
         self._arm = arm
-        self._runs = 1 if options.log is None or not options.resumable else begun(options.log)
+        self._runs = _first_recording(options)
         self._ticks = 0
         self._over = False
         self._run_log = RunLog()
@@ -219,8 +220,12 @@ class Recorder:
     def _joined_to(self, part: Log) -> Log:
         """The first part, or what of it follows the rows that an earlier recorder left.
 
-        Rows of an earlier time are those of another recording, which the cell has begun while nobody recorded.
+        Rows of an earlier time are those of another recording, which the cell has begun while nobody recorded. Where
+        there is no log, the recording that these rows begin is marked, so that no later recorder writes over it.
         """
+        options = self._options
+        if options.log is None and options.record is not None and options.resumable:
+            begin(options.record, self._runs)
         last, first = -math.inf if self._parts is None else self._parts.last, part.columns["t"][0]
         if first < last:
             self._begin_another()
@@ -280,7 +285,7 @@ class Recorder:
 
     def _begin_another(self) -> bool:
         """Whether another recording could begin."""
-        if self._runs == RECORDINGS:
+        if self._runs >= RECORDINGS:
             self._over = True
             text = f"the cell has started anew: nothing is recorded any more after {RECORDINGS} recordings"
             log.error("%s", text)
@@ -330,6 +335,15 @@ class Recorder:
 
     def _report(self, service: Service, state: State) -> None:
         service.report(state, self._ticks, time=self._time, late_ticks=self.rows.late)
+
+
+def _first_recording(options: Options) -> int:
+    """Number of the recording that a new recorder goes on with, or begins because no log holds the rows before."""
+    if options.resumable and options.log is not None:
+        return max(begun(options.log), 1)
+    if options.resumable and options.record is not None:
+        return begun(options.record) + 1
+    return 1
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from typing import Final
 
 from dtwin.bus.opening import open_configured
 from dtwin.parameters import ROOT
-from services.service import Link, main, watch_lifeline
+from services.service import Link, hurry, main, watch_lifeline
 
 log = logging.getLogger(__name__)
 
@@ -26,11 +26,13 @@ class Options(Link):
     zenoh: Path | None = ROOT / "config" / "routed"
 
     def run(self) -> int:
+        watch_lifeline()
+        if self.urgent:
+            hurry()
+        session = open_configured(self.zenoh or ROOT / "config" / "routed", NAME)
         stop = threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: stop.set())
-        watch_lifeline()
-        session = open_configured(self.zenoh or ROOT / "config" / "routed", NAME)
         log.info("routing")
         while not stop.wait(1.0):
             pass

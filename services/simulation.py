@@ -66,9 +66,8 @@ class Options(Link):
     """File for the history of the settings; it says what was in force when the service starts again."""
 
     def run(self) -> int:
-        checker = Checker()
         with Service(NAME, self) as service:
-            Simulation(service, History(self.history), checker).run()
+            Simulation(service, History(self.history), Checker()).run()
         return 0
 
 
@@ -131,6 +130,7 @@ class Simulation:
                 service.report("waiting")
         self._follow()
         service.ready()
+        threading.Thread(target=self._load, name="load").start()
         while not service.stopping:
             item = service.next(RETRY)
             pair = None
@@ -145,6 +145,14 @@ class Simulation:
                 self._judge(*pair)
             if service.report_due():
                 service.report("running", self._done, time=self._time)
+
+    def _load(self) -> None:
+        """Loads what uploads are checked with, which takes longer than all the rest; uploads wait for it."""
+        with self._lock:
+            try:
+                self._checker.load()
+            except DtwinError as error:
+                log.error("%s", error)
 
     def _judge(self, sensors: Sensors, path: PathAngles) -> None:
         uploader = self._uploader

@@ -44,7 +44,7 @@ def test_what_only_waits_or_asks_loads_no_library_of_numbers(module: str) -> Non
         ("controller", {"lark"}),
         ("emulator", {"numpy", "mujoco"}),
         ("recorder", {"numpy", "pyarrow"}),
-        ("identification", {"numpy", "scipy", "numba"}),
+        ("identification", set()),
         ("monitoring", {"numpy", "scipy", "numba"}),
         ("simulation", {"numpy", "scipy", "numba", "lark"}),
     ],

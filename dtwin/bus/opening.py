@@ -12,11 +12,9 @@ import errno
 import json
 import logging
 import re
-import signal
 import socket
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Final
 
@@ -86,7 +84,7 @@ def open_configured(path: Path, name: str) -> zenoh.Session:
     """Opens a session with a Zenoh configuration file.
 
     In a folder the file is `NAME.json5`, or `service.json5` where that is missing. Paths of certificates and keys are
-    relative to the file. While the session joins, which may take for ever, SIGINT and SIGTERM end the process.
+    relative to the file. While the session joins, which may take for ever, signals are handled as at any other time.
 
     Raises:
         CommunicationError: the file is missing or is no Zenoh configuration, or the session cannot be opened.
@@ -108,25 +106,23 @@ def open_configured(path: Path, name: str) -> zenoh.Session:
     configuration = _configuration(file)
     threading.Thread(target=explain, name="explain", daemon=True).start()
     try:
-        with _ended_by_signals():
-            return _open(configuration)
+        return _open_apart(configuration)
     finally:
         opened.set()
 
 
-@contextmanager
-def _ended_by_signals() -> Iterator[None]:
-    """Lets SIGINT and SIGTERM end the process: Zenoh may wait for ever, and handlers of Python would wait with it."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    previous = [signal.signal(number, signal.SIG_DFL) for number in numbers]
-    try:
-        yield
-    finally:
-        for number, handler in zip(numbers, previous, strict=True):
-            signal.signal(number, handler)
+def _open_apart(configuration: zenoh.Config) -> zenoh.Session:
+    """Opens a session on another thread: Zenoh may wait for ever, and a handler of Python would wait with it."""
+    opened: Future[zenoh.Session] = Future()
+
+    def open_it() -> None:
+        try:
+            opened.set_result(_open(configuration))
+        except CommunicationError as error:
+            opened.set_exception(error)
+
+    threading.Thread(target=open_it, name="open", daemon=True).start()
+    return opened.result()
 
 
 def has_certificates(path: Path, name: str) -> bool:

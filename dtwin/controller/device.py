@@ -33,8 +33,8 @@ from dtwin.iec61499.net.client import BlockingClient
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.signals import ARM_STATES, STOPS, ArmState, Sensors, Stop, Voltages
 
-_SETTLING: Final = 15
-"""Number of equal samples after which an observer with its usual bandwidth of 100 rad/s has forgotten a motion."""
+SETTLING: Final = 16
+"""Number of samples after which an observer with its usual bandwidth of 100 rad/s has forgotten another motion."""
 _OUTCOME: Final = (*PATH, HELP, STOPPED)
 """What an answer comes with, beside the command."""
 _READ_BACK: Final = 0.2
@@ -111,19 +111,22 @@ class ControlLoop:
         """
         return received_voltages(sensors, self._cell.exchange(sensor_values(sensors)), self._cell.address)
 
-    def restart(self, samples: Sequence[Sensors]) -> None:
-        """Makes the application plan its path anew from the last sample, for an arm at rest and with empty integrals.
+    def restart(self, way: Sequence[Sensors], recent: Sequence[Sensors]) -> None:
+        """Makes the application plan its path anew from the last sample and the velocity it has there.
 
         It requests the identification signal and takes the request back at once: meanwhile the path planner starts
-        from the measured state, and an arm that is led away from its path trips nothing. The last sample is repeated
-        until the blocks see an arm at rest. The next `answer` to it comes from the control law again.
+        from the measured state, and an arm that is led away from its path trips nothing. The next `answer`, to the
+        last sample, comes from the control law again.
 
         Args:
-            samples: at least one sample; the earlier ones lead the application to the last.
+            way: samples that lead the application to the first of the recent ones.
+            recent: at least one sample, each a tick after the one before, so that they show the velocity; where
+                there are few, the arm is taken to have rested before them.
         """
+        rest = [recent[0]] * (SETTLING + 1 - len(recent))
         with self._requests() as request:
             request.exchange([True])
-            for sensors in (*samples, *[samples[-1]] * _SETTLING):
+            for sensors in (*way, *rest, *recent[:-1]):
                 self.answer(sensors)
             request.exchange([False])
 

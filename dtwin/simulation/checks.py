@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -72,18 +73,25 @@ class ExpectedTracking:
 
 
 class Checker:
-    """Checks settings on the twin with the real function blocks.
+    """Checks settings on the twin with the real function blocks, which the first check loads.
 
     Args:
         blocks: folder of the function-block library.
-
-    Raises:
-        FunctionBlockError: the library cannot be used.
     """
 
     def __init__(self, blocks: Path = BLOCKS) -> None:
-        self._simulator = Simulator(blocks)
-        # The compiled twin is loaded now, so that no upload has to wait for it.
+        self._blocks = blocks
+
+    @cached_property
+    def _simulator(self) -> Simulator:
+        return Simulator(self._blocks)
+
+    def load(self) -> None:
+        """Loads the function blocks and the compiled twin, so that no check has to wait for them.
+
+        Raises:
+            FunctionBlockError: the library cannot be used.
+        """
         self.check(ControlSettings(), ArmParameters(), MOTIONS[:1])
 
     def check(

@@ -26,8 +26,9 @@ class TrialRules:
     The bound of a joint's distance from the path is factor times the predicted distance plus the allowance.
 
     Attributes:
-        duration: least duration of the trial, s; it also lasts until a whole motion has been judged.
-        longest: duration after which the trial ends without a whole motion, s.
+        duration: least duration of the trial, s; it also lasts until a whole motion has been judged, and until the
+            distance counts again after late commands.
+        longest: duration after which the trial ends in any case, s.
         factor: factor of the predicted distance from the path.
         allowance: distance added for noise and for what the twin does not know, rad.
         samples: number of consecutive samples beyond the bound that make a failure, since one may be an outlier.
@@ -101,7 +102,7 @@ class Trial:
                 self.offender = over.index(max(over)) + 1
                 return "failed"
         rules = self._rules
-        enough = rules.duration if self.judged_motion else rules.longest
+        enough = rules.duration if self.judged_motion and not self._disturbed else rules.longest
         if time < self.began + enough:
             return "running"
         return "failed" if self._disturbed else "passed"

@@ -13,7 +13,7 @@ SUFFIX: Final = ".parts"
 WHOLE: Final = "whole"
 """Name of the file in that folder which says that the log itself holds all rows so far."""
 _BEGUN: Final = re.compile(r"recording-(\d+)")
-"""Names of the files in the first recording's folder which say that further recordings of the run have begun."""
+"""Names of the files in the first recording's folder which say which recordings of the run have begun."""
 
 
 def folder_of(path: Path) -> Path:
@@ -27,13 +27,17 @@ def numbered(path: Path, number: int) -> Path:
 
 
 def begun(path: Path) -> int:
-    """Number of recordings that the run with the log `path` has begun."""
+    """Number of the last recording of a run that is marked as begun, 0 for none.
+
+    Args:
+        path: the first log of the run, or its first recording where there is no log.
+    """
     names = map(_BEGUN.fullmatch, _names(folder_of(path)))
-    return max((int(match[1]) for match in names if match), default=1)
+    return max((int(match[1]) for match in names if match), default=0)
 
 
 def begin(path: Path, number: int) -> None:
-    """Notes that a further recording of the run with the log `path` begins, if there is room for that."""
+    """Marks a recording of the run with the first log or recording `path` as begun, if there is room for that."""
     folder = folder_of(path)
     with contextlib.suppress(OSError):
         folder.mkdir(exist_ok=True)
@@ -41,13 +45,13 @@ def begin(path: Path, number: int) -> None:
 
 
 def discard_parts(path: Path) -> None:
-    """Forgets what an earlier run left unfinished of the log `path`."""
+    """Forgets what an earlier run left unfinished of the log `path`, and the marks beside it."""
     shutil.rmtree(folder_of(path), ignore_errors=True)
 
 
 def discard_markers(path: Path) -> None:
-    """Forgets the folders of parts of a run with the log `path` that hold nothing but marks."""
-    for file in {numbered(path, begun(path)), path}:
+    """Forgets the folders of parts of a run with the first log or recording `path` that hold nothing but marks."""
+    for file in {numbered(path, max(begun(path), 1)), path}:
         if all(name == WHOLE or _BEGUN.fullmatch(name) for name in _names(folder_of(file))):
             discard_parts(file)
 

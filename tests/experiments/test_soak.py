@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 import socket
+import subprocess
+import sys
 import threading
 from pathlib import Path
 from typing import cast
@@ -17,6 +20,9 @@ from dtwin.experiments.soak.latency import LatencyRun
 from dtwin.experiments.soak.proxy import Proxy
 from dtwin.experiments.soak.troubles import TROUBLES, Aftermath
 from dtwin.signals import BoxCounts, Event
+from services.runfile import find, folder
+from tests.support.desk import new_desk
+from tests.support.waiting import until
 
 
 def counts(arrived: int, picked: int, delivered: int, misplaced: int = 0, held: int = 0) -> BoxCounts:
@@ -97,6 +103,32 @@ def test_nothing_passes_a_cut_network_and_nothing_is_lost() -> None:
 def test_what_a_command_complains_of_is_told() -> None:
     with pytest.raises(CommunicationError, match="'no such cell' is not up"):
         dtwin("down", "--cell", "no such cell")
+
+
+@pytest.mark.parametrize("ready", [False, True])
+def test_a_storm_that_is_asked_to_end_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ready: bool
+) -> None:
+    made = tmp_path / "made"
+    made.mkdir()
+    monkeypatch.setenv("TMPDIR", str(made))
+    command = [sys.executable, "-m", "dtwin", "experiment", "soak", "storm", "--out", str(tmp_path / "out")]
+    with (
+        new_desk() as desk,
+        subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as storm,
+    ):
+
+        def has_come_so_far() -> bool:
+            up = find(f"soak-{storm.pid}")
+            return up is not None and (up.ready or not ready)
+
+        until(has_come_so_far, "the cell is there", 120.0)
+        storm.send_signal(signal.SIGTERM)
+        _, said = storm.communicate(timeout=120)
+        assert (storm.returncode, said) == (128 + signal.SIGTERM, b"")
+        assert not desk.processes()
+        assert not list(folder().iterdir())
+    assert not list(made.iterdir())
 
 
 def test_the_script_starts_the_experiment() -> None:

@@ -10,7 +10,8 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.faults import parse_fault
 from dtwin.errors import IdentificationError
-from dtwin.identification.operating_data import MEMORY, PIECE, PIECES, OperatingData, estimate_from, renewed
+from dtwin.identification.operating_data import MEMORY, PIECE, PIECES, OperatingData
+from dtwin.identification.running import estimate_from, renewed
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.signals import Sensors, Voltages
 

@@ -134,6 +134,31 @@ def test_a_recorder_that_goes_on_after_a_reset_keeps_the_first_recording(tmp_pat
     assert sorted(file.name for file in tmp_path.iterdir()) == ["run-2.parquet", "run.parquet"]
 
 
+@pytest.mark.parametrize("reset", [True, False])
+def test_a_recorder_without_a_log_writes_over_no_recording_of_an_earlier_one(tmp_path: Path, reset: bool) -> None:
+    """Nothing but a log lets a recorder go on with a recording, so each one without a log begins another."""
+    record = tmp_path / "run.rrd"
+    record.write_text("of an earlier run")
+
+    def recorder() -> Recorder:
+        return Recorder(Options(record=record, resumable=True), {}, ArmParameters(), lambda event: None)
+
+    killed = recorder()
+    feed(killed, 0, 100)
+    if reset:
+        feed(killed, 0, 50)
+    kept = {file: file.read_bytes() for file in sorted(tmp_path.glob("*.rrd"))}
+    assert [file.name for file in kept] == (["run-2.rrd", "run.rrd"] if reset else ["run.rrd"])
+    recorder()  # dies before the first row
+    working = recorder()
+    feed(working, 60, 70)
+    working.close()
+    discard_markers(record)
+    assert all(file.read_bytes().startswith(content) for file, content in kept.items())
+    new = {file.name for file in tmp_path.iterdir()} - {file.name for file in kept}
+    assert new == {"run-3.rrd" if reset else "run-2.rrd"}
+
+
 def test_a_recorder_that_is_asked_to_end_alone_loses_nothing(desk: Desk, tmp_path: Path) -> None:
     (tmp_path / "run.parquet").write_text("of an earlier run")
     desk.detach("--pace", "lockstep", "--log", str(tmp_path / "run.parquet"))

@@ -95,8 +95,9 @@ class Loop:
     def outcome(self) -> Outcome:
         return Outcome((0.0, 0.0, 0.0), self._alive().help, "none")
 
-    def restart(self, samples: Sequence[Sensors]) -> None:
+    def restart(self, way: Sequence[Sensors], recent: Sequence[Sensors]) -> None:
         self._alive()
+        assert recent
 
     def last_angles(self) -> Triple | None:
         self._alive()

@@ -50,6 +50,8 @@ def test_a_cell_is_started_watched_set_and_stopped(desk: Desk, tmp_path: Path) -
     assert "is up already" in desk.up(status=2)
     assert "is up already" in desk.up("--detach", status=2)
     until(lambda: desk.summary()["ticks"] > 100, "the cell runs in real time")
+    lines = [desk.processes()[desk.find(f"services.{name}")] for name in ("emulator", "bridge", "controller")]
+    assert all("--urgent" in line for line in lines), "no sample waits for a busy processor on its way"
     summary = json.loads(desk.run("status", "--json"))
     assert summary.keys() == desk.summary().keys()
     assert {service["state"] for service in summary["services"].values()} == {"running"}

@@ -314,6 +314,19 @@ def swinging_trial(late: int) -> tuple[Trial, list[str]]:
     return trial, found
 
 
+def test_commands_that_are_late_when_a_trial_could_end_make_it_longer() -> None:
+    trial = Trial(TrialRules(), 10.0, (0.1, 0.1, 0.1))
+    verdicts = {}
+    for tick in range(1600):
+        time, still = 10.0 + tick / 100, (1.0, 0.0, 0.0)
+        if 990 <= tick < 1010:
+            trial.miss(time)
+        verdicts[tick] = trial.observe(time, still, still)
+    assert trial.judged_motion
+    assert verdicts[1005] == "running", "60 s have not passed"
+    assert verdicts[1100] == "passed"
+
+
 def test_late_commands_are_no_fault_of_the_settings() -> None:
     assert "failed" in swinging_trial(2)[1]
     trial, found = swinging_trial(3)

@@ -11,6 +11,7 @@ from dtwin.commands.frame import ExperimentCommand, OnMachine
 from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import ParameterError
 from dtwin.experiments.report import Report
+from dtwin.experiments.soak.cell import clearing_away
 from dtwin.experiments.soak.chaos import ChaosRun, chaos_run
 from dtwin.experiments.soak.latency import SECONDS, LatencyRun, latency_run
 from dtwin.experiments.soak.memory import HOURS, MemoryRun, memory_run
@@ -40,6 +41,10 @@ class ExperimentSoak(ExperimentCommand[Outcome], OnMachine):
     plant time of the memory run, s, 36000 if not given."""
 
     def measure(self, progress: Progress) -> Outcome:
+        with clearing_away():
+            return self._measure(progress)
+
+    def _measure(self, progress: Progress) -> Outcome:
         machine = machine_of(self.machine)
         if self.run == "latency":
             seconds = SECONDS if self.amount is None else self.amount

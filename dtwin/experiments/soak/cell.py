@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Final
@@ -18,6 +20,7 @@ from dtwin.experiments.soak.proxy import Proxy
 from dtwin.experiments.soak.small_disk import SmallDisk
 from dtwin.parameters import ROOT
 from dtwin.signals import Event
+from services.launch import READY_TIMEOUT
 from services.runfile import find, join
 from services.service import free_port
 
@@ -58,32 +61,20 @@ class TroubledCell:
 
     def __init__(self, folder: Path, name: str, seed: int = 0, machine: str = IDEAL.name) -> None:
         self.folder = folder
+        self.name = name
+        self.events: list[Event] = []
+        self._router: subprocess.Popen[bytes] | None = None
+        self._up: subprocess.Popen[bytes] | None = None
         self.disk = SmallDisk(folder / "disk")
         self.log = self.disk.folder / "run.parquet"
-        self.events: list[Event] = []
-        self.name = name
         port = free_port()
         self.proxy = Proxy(port)
-        self._configure("router", "router", _LISTENED, port)
-        self._configure("service", "service", _ADDRESS, port)
-        self._configure("bridge", "service", _ADDRESS, self.proxy.port)
-        self._start_router()
         try:
-            dtwin(
-                *(
-                    "up",
-                    "--detach",
-                    "--cell",
-                    name,
-                    "--seed",
-                    str(seed),
-                    "--zenoh",
-                    str(folder),
-                    "--machine",
-                    machine,
-                ),
-                *("--log", str(self.log), "--monitoring", "--simulation", "--history", str(folder / "history.jsonl")),
-            )
+            self._configure("router", "router", _LISTENED, port)
+            self._configure("service", "service", _ADDRESS, port)
+            self._configure("bridge", "service", _ADDRESS, self.proxy.port)
+            self._start_router()
+            self._start("--cell", name, "--seed", str(seed), "--zenoh", str(folder), "--machine", machine)
             self.bus = join(name)
         except BaseException:
             self._clear()
@@ -132,8 +123,9 @@ class TroubledCell:
 
     def restart_router(self, pause: float) -> None:
         """Kills the router, and starts another one after a pause, s."""
-        self._router.kill()
-        self._router.wait()
+        if self._router is not None:
+            self._router.kill()
+            self._router.wait()
         time.sleep(pause)
         self._start_router()
 
@@ -141,16 +133,37 @@ class TroubledCell:
         text = (_ROUTED / f"{source}.json5").read_text()
         (self.folder / f"{name}.json5").write_text(text.replace(address, f"127.0.0.1:{port}"))
 
+    def _start(self, *options: str) -> None:
+        """Starts the cell as a child, which ends it when it is asked to end, and waits until it is ready.
+
+        Raises:
+            CommunicationError: the cell does not come up; the message is what it says of that.
+        """
+        services = ["--log", str(self.log), "--monitoring", "--simulation"]
+        services += ["--history", str(self.folder / "history.jsonl")]
+        command = [sys.executable, "-m", "dtwin", "up", "--json", *options, *services]
+        said = self.folder / "up.log"
+        with said.open("wb") as output:
+            self._up = up = subprocess.Popen(command, cwd=ROOT, stdout=output, stderr=output)
+
+        def is_ready() -> bool:
+            found = find(self.name)
+            return found is not None and found.ready
+
+        if not wait(lambda: up.poll() is not None or is_ready(), READY_TIMEOUT) or up.poll() is not None:
+            lines = said.read_text(errors="replace").strip().splitlines()
+            raise CommunicationError(lines[-1].removeprefix("dtwin: ") if lines else "the cell does not come up")
+
     def _start_router(self) -> None:
-        command = [sys.executable, "-m", "services.router", "--zenoh", str(self.folder)]
+        command = [sys.executable, "-m", "services.router", "--zenoh", str(self.folder), "--urgent"]
         with (self.folder / "router.log").open("ab") as output:
             self._router = subprocess.Popen(command, cwd=ROOT, stdout=output, stderr=output)
 
     def _clear(self) -> None:
-        if find(self.name) is not None:
-            dtwin("down", "--cell", self.name)
-        self._router.terminate()
-        self._router.wait()
+        for process in (self._up, self._router):
+            if process is not None:
+                process.terminate()
+                process.wait()
         self.proxy.close()
         self.disk.close(keep=self.folder)
         self.log = self.folder / self.log.name
@@ -163,11 +176,31 @@ def dtwin(*words: str) -> str:
         CommunicationError: its exit status is not 0; the message is what it says of that.
     """
     command = [sys.executable, "-m", "dtwin", *words]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    if done.returncode:
-        said = done.stderr.strip().splitlines()
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            printed, complained = process.communicate()
+        except BaseException:
+            process.terminate()  # A cell that is killed cannot clear away what it has made.
+            raise
+    if process.returncode:
+        said = complained.strip().splitlines()
         raise CommunicationError(said[-1].removeprefix("dtwin: ") if said else f"dtwin {words[0]} failed")
-    return done.stdout
+    return printed
+
+
+@contextmanager
+def clearing_away() -> Iterator[None]:
+    """Lets SIGTERM end what is inside as an exception does, so that it leaves no process and no file."""
+
+    def end(number: int, frame: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # Nothing shall interrupt the clearing.
+        sys.exit(128 + number)
+
+    previous = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)
 
 
 def cell_name() -> str:

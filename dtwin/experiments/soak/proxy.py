@@ -7,6 +7,8 @@ import threading
 import time
 from typing import Final
 
+from services.service import hurry
+
 _LOOK: Final = 0.01
 """s between two looks at a cut network"""
 
@@ -34,6 +36,7 @@ class Proxy:
         self._listener.close()
 
     def _accept(self) -> None:
+        hurry()  # A network waits for no processor.
         while True:
             try:
                 near, _ = self._listener.accept()

@@ -54,7 +54,7 @@ class StormRun:
     """What came of a run.
 
     Attributes:
-        hits: the signals, in order.
+        hits: the signals, in order; the cell recovered from all of them but perhaps the last.
         left: process ids of services that outlived the cell, by name.
     """
 
@@ -109,10 +109,10 @@ def storm_run(
     machine: str = IDEAL.name,
     progress: Progress = lambda done, of: None,
 ) -> StormRun:
-    """Starts a cell, sends signals to its services, and stops it.
+    """Starts a cell, sends signals to its services until it does not recover from one, and stops it.
 
     Args:
-        events: number of signals.
+        events: number of signals at most.
         seed: number of the random generators of signals and boxes.
         machine: name, file or number of the machine that the arm is.
         progress: told the numbers of signals sent and in all.
@@ -125,7 +125,7 @@ def storm_run(
         with TroubledCell(Path(folder), cell_name(), seed, machine) as cell, _busy():
             names = sorted(set(cell.services()) - {"router"})
             hits: list[Hit] = []
-            while len(hits) < events:
+            while len(hits) < events and all(hit.recovered for hit in hits[-1:]):
                 hits.append(_hit(cell, str(generator.choice(names)), SIGNALS[generator.integers(3)], generator))
                 progress(len(hits), events)
         return StormRun(tuple(hits), cell.services())

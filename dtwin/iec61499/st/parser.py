@@ -14,6 +14,10 @@ from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import types
 from dtwin.iec61499.st import ast
 
+GRAMMAR: Final = Path(__file__).with_name("grammar.lark")
+"""Grammar of Structured Text."""
+TABLES: Final = GRAMMAR.parent / "__pycache__" / "grammar.tables"
+"""File of the parser's tables, which take longer to make than all algorithms of a cell to parse."""
 _TERMINALS: Final = {
     "NAME": "a name",
     "INTEGER": "an integer",
@@ -46,9 +50,19 @@ _OPERATORS: Final = {"OR", "XOR", "AND", "MOD", "EQUALITY", "COMPARISON", "SIGN"
 
 @cache
 def lark_parser() -> Lark:
-    """The LALR(1) parser, built on first use. With the basic lexer keywords are reserved everywhere."""
-    grammar = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
-    return Lark(grammar, parser="lalr", lexer="basic", start=["algorithm", "expression"], propagate_positions=True)
+    """The LALR(1) parser, built on first use. With the basic lexer keywords are reserved everywhere.
+
+    Its tables are kept beside compiled Python, where that folder can be written, and built anew when the grammar or
+    Lark has changed, or when the file cannot be read.
+    """
+    return Lark(
+        GRAMMAR.read_text(encoding="utf-8"),
+        parser="lalr",
+        lexer="basic",
+        start=["algorithm", "expression"],
+        propagate_positions=True,
+        cache=str(TABLES),
+    )
 
 
 @lru_cache(maxsize=1024)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.st import ast
+from dtwin.iec61499.st import ast, parser
 from dtwin.iec61499.st.parser import TreeBuilder, lark_parser, parse_algorithm, parse_expression
 from dtwin.iec61499.st.printer import print_algorithm, print_expression
 
@@ -174,3 +176,22 @@ def test_parentheses_alone_make_no_deep_tree() -> None:
 def test_too_deep_a_tree_is_an_error() -> None:
     with pytest.raises(FunctionBlockError, match="nested"):
         parse_algorithm("x := " + "-" * 5_000 + "1;", "f.fbt")
+
+
+def test_tables_that_are_kept_damaged_or_nowhere_make_the_same_parser(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tables = tmp_path / "grammar.tables"
+
+    def parsed(kept: Path) -> object:
+        monkeypatch.setattr(parser, "TABLES", kept)
+        return lark_parser.__wrapped__().parse("x := -a ** 2; IF b THEN y[1] := 2.5; END_IF;", start="algorithm")
+
+    built = parsed(tables)
+    whole = tables.read_bytes()
+    assert parsed(tables) == built
+    for content in (b"", whole[: len(whole) // 2], b"0\n" + whole, whole):
+        tables.write_bytes(content)
+        assert parsed(tables) == built
+        assert tables.read_bytes().splitlines()[0] == whole.splitlines()[0]
+    assert parsed(tmp_path / "no folder" / "grammar.tables") == built
