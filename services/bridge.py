@@ -219,7 +219,9 @@ class Bridge:
         lower number is another arm's, or that of one that started anew.
         """
         before = self._before
-        return strides(before, to) if before is not None and sensors.sequence > before.sequence + 1 else []
+        if before is None or sensors.sequence <= before.sequence or to.sequence == before.sequence + 1:
+            return []
+        return strides(before, to)
 
     def _connect(self) -> ControlLoop | None:
         now = time.monotonic()

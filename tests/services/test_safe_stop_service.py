@@ -63,7 +63,7 @@ def test_a_fault_stops_the_arm_until_an_operator_releases_it(desk: Desk) -> None
         watch = Watch(bus)
         verdicts: list[MonitoringVerdict] = []
         bus.subscribe(MONITORING, MonitoringVerdict, verdicts.append)
-        until(lambda: len(verdicts) > 60, "a minute of watched work without a fault")
+        until(lambda: len(verdicts) > 60, "a minute of watched work without a fault", 90.0)
         assert watch.stop() == "none"
         began = bus.ask(FAULT, FaultRequest((WEAKENED,)), Done).time
         until(lambda: watch.texts("monitor_stop"), "the monitor asks for a stop")
