@@ -105,6 +105,10 @@ def test_a_safe_stop_needs_the_monitor(desk: Desk) -> None:
     assert "expected --monitoring" in desk.up("--safe-stop", status=2)
 
 
+def test_a_record_of_the_arm_needs_the_monitor(desk: Desk) -> None:
+    assert "--commissioned: expected --monitoring" in desk.up("--commissioned", "arm.json", status=2)
+
+
 @pytest.fixture(scope="module")
 def started() -> Iterator[Desk]:
     """A cell shared by those who leave it running, since starting it takes longer than what they do."""
