@@ -4,16 +4,21 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
 from dtwin.errors import ParameterError
+from dtwin.identification.machine.record import SCHEMA, Healthy, MachineRecord, Number
 from dtwin.monitoring.calibration import LEAST, calibrated
-from dtwin.monitoring.estimation.belief import Belief, Tail, Unmodelled
+from dtwin.monitoring.estimation.belief import Belief, Tail, Unmodelled, commissioned
+from dtwin.monitoring.estimation.layout import ARM_NAMES
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.signatures import threshold
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters
 from dtwin.run.recording import Log
+from dtwin.twin.effects import Effects
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +59,25 @@ def test_what_a_healthy_arm_passes_more_often_asks_for_a_higher_threshold() -> N
     assert threshold(0.01 / math.e, tail) == pytest.approx(threshold(0.01, tail) + 5.0)
     assert threshold(0.01, Tail(2.0, 36.0, 0.1)) == threshold(0.01, Tail())
     assert threshold(100.0, tail) == max(20.0, threshold(100.0, Tail()))
+
+
+def test_a_record_says_what_is_believed() -> None:
+    arm, effects = ArmParameters(), Effects(lag=(0.004, 0.004, 0.004), delay=0.013)
+    values = {**dict(zip(PARAMETER_NAMES, arm.vector(), strict=True)), **effects.values()}
+    numbers = {name: Number(value, 0.01 * abs(value), value, 0.1, True) for name, value in values.items()}
+    healthy = Healthy((0.02, 0.01, 0.03), 0.3, 0.9, 20.0, 36.0, 5.0, 600.0)
+    three = (1e-3, 2e-3, 3e-3)
+    record = MachineRecord(
+        SCHEMA, "identified", numbers, three, three, three, True, [], "a log", "", 60, {}, healthy=healthy
+    )
+    found = commissioned(record)
+    assert (found.arm, found.effects, found.noise) == (arm, effects, three)
+    assert (found.error.slow, found.error.memory, found.error.grip) == (healthy.slow, 0.3, 0.9)
+    assert found.tail == Tail(20.0, 36.0, 5.0)
+    deviations = dict(zip(ARM_NAMES, np.sqrt(np.diag(found.covariance)), strict=True))
+    assert deviations["K2"] == pytest.approx(0.01 * arm.get("K2"))
+    assert deviations["c2"] == 0.0
+    assert commissioned(msgspec.structs.replace(record, healthy=None)).tail == Tail()
 
 
 @pytest.mark.parametrize("wrong", [{"slow": (0.1, -0.1, 0.1)}, {"grip": np.inf}, {"memory": 0.0}])
