@@ -24,7 +24,7 @@ from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.emulation.plant import PlantState
 from dtwin.errors import FaultError, ParameterError
 from dtwin.parameters import HANGING, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
-from dtwin.signals import NO_COLOUR, BoxCounts, Event, EventKind, Sensors, Truth, Voltages
+from dtwin.signals import NO_COLOUR, BoxCounts, Event, EventKind, Quad, Sensors, Truth, Voltages
 
 _NEVER = 2**62
 _ROUNDING = 1e-6
@@ -42,6 +42,7 @@ class EmulationState(msgspec.Struct, frozen=True):
         encoders: state of the encoders.
         boxes: state of the boxes.
         bodies: state of their bodies, None without contact.
+        commanded: voltages of the last command, V.
     """
 
     sensors: Sensors
@@ -51,6 +52,7 @@ class EmulationState(msgspec.Struct, frozen=True):
     encoders: EncodersState
     boxes: BoxesState
     bodies: BodiesState | None = None
+    commanded: Quad = (0.0, 0.0, 0.0, 0.0)
 
 
 class Emulation:
@@ -110,6 +112,7 @@ class Emulation:
         self._plant.reset(theta)
         self._events: list[Event] = []
         self._gripped = False
+        self._commanded: Quad = (0.0, 0.0, 0.0, 0.0)
         self._sequence = 0
         self._due = _NEVER
         self._change_due()
@@ -143,11 +146,10 @@ class Emulation:
         Raises:
             DivergenceError: a voltage is not finite or far beyond all limits.
         """
-        volts = voltages.volts
-        if self._condition.cut:
-            v1, v2, v3, v4 = (0.0 if i in self._condition.cut else volts[i - 1] for i in (1, 2, 3, 4))
-            volts = (v1, v2, v3, v4)
-        self._plant.apply(volts)
+        self._plant.check(voltages.volts)
+        volts = self._commanded if self._condition.late else voltages.volts
+        self._commanded = voltages.volts
+        self._plant.apply(self._condition.arriving(volts))
         if voltages.box_gripped != self._gripped:
             self._gripped = voltages.box_gripped
             self._change_grip()
@@ -212,6 +214,7 @@ class Emulation:
             self._encoders.state(),
             self._boxes.state(),
             self._boxes.bodies() if isinstance(self._boxes, ContactBoxes) else None,
+            self._commanded,
         )
 
     def restore(self, state: EmulationState) -> None:
@@ -238,6 +241,7 @@ class Emulation:
         self._encoders.restore(state.encoders)
         # Last, because a lock stops its joint, which moves by a rounding error once it is locked.
         self._plant.restore(state.plant)
+        self._commanded = state.commanded
         self._gripped, self._sensors, self._sequence = state.gripped, state.sensors, state.sensors.sequence
         self._events = []
         self._find_due()
@@ -292,6 +296,7 @@ class Emulation:
     def _enter(self, condition: Condition) -> None:
         self._plant.set_parameters(condition.parameters)
         self._plant.set_locked(condition.locked)
+        self._plant.set_push(condition.push)
         self._encoders.set_faults(condition.encoders)
         if isinstance(self._boxes, ContactBoxes):
             self._boxes.set_pad_friction(condition.pad_friction(self._contact.pad_friction))

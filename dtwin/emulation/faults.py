@@ -7,6 +7,9 @@
            | ("bias" | "drift") joint "+=" number             error added to the encoder's reading, rad or rad/s
            | ("freeze" | "lock" | "cut") joint                encoder stops; joint is held; voltage does not arrive
            | "cutgripper"                                     voltage does not arrive at the gripper's motor
+           | "supply" ("*=" | "+=" | "=") number              share of the commanded voltages that reaches the joints
+           | "late"                                           commands act one period later than they did
+           | "push" joint "+=" number                         torque on the joint from outside, N m
            | "slip"                                           the held box is lost
 
 Faults that overlap apply in the order of their starts; at its end a fault is undone and the others stay.
@@ -22,13 +25,13 @@ from typing import Final
 
 from dtwin.emulation.encoders import HEALTHY, EncoderFaults
 from dtwin.errors import FaultError, ParameterError, choices
-from dtwin.parameters import PARAMETER_NAMES, ArmParameters
-from dtwin.signals import LATEST
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
+from dtwin.signals import LATEST, Quad
 
 GRAMMAR: Final = "TARGET [*=|+=|= NUMBER] @ START [- END], as in K2*=0.1@45, D1+=0.05@30-60, freeze2@30 or slip@30"
 
 _JOINTS: Final = (1, 2, 3)
-_ADDITIVE: Final = tuple(f"{kind}{joint}" for kind in ("bias", "drift") for joint in _JOINTS)
+_ADDITIVE: Final = tuple(f"{kind}{joint}" for kind in ("bias", "drift", "push") for joint in _JOINTS)
 _SWITCH_KINDS: Final = ("freeze", "lock", "cut")
 _SWITCHES: Final = tuple(f"{kind}{joint}" for kind in _SWITCH_KINDS for joint in _JOINTS)
 _SLIP: Final = "slip"
@@ -36,12 +39,15 @@ _CUT_GRIPPER: Final = "cutgripper"
 _GRIPPER: Final = 4
 _PAYLOAD: Final = "payload"
 PADS: Final = "pads"
-TARGETS: Final = (*PARAMETER_NAMES, _PAYLOAD, PADS, *_ADDITIVE, *_SWITCHES, _CUT_GRIPPER, _SLIP)
+_SUPPLY: Final = "supply"
+_LATE: Final = "late"
+_FACTORS: Final = (_PAYLOAD, PADS, _SUPPLY)
+TARGETS: Final = (*PARAMETER_NAMES, *_FACTORS, *_ADDITIVE, *_SWITCHES, _CUT_GRIPPER, _LATE, _SLIP)
 
 _OPERATIONS: Final[dict[str, tuple[str, ...]]] = {
-    **dict.fromkeys((*PARAMETER_NAMES, _PAYLOAD, PADS), ("*=", "+=", "=")),
+    **dict.fromkeys((*PARAMETER_NAMES, *_FACTORS), ("*=", "+=", "=")),
     **dict.fromkeys(_ADDITIVE, ("+=",)),
-    **dict.fromkeys((*_SWITCHES, _CUT_GRIPPER, _SLIP), ()),
+    **dict.fromkeys((*_SWITCHES, _CUT_GRIPPER, _SLIP, _LATE), ()),
 }
 _NUMBER: Final = r"\d+(?:\.\d*)?(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?"
 _PATTERN: Final = re.compile(
@@ -130,6 +136,9 @@ class Condition:
         cut: joints (1 to 3, and 4 for the gripper) without voltage.
         pad_factor: factor of the friction between pads and boxes.
         pad_offset: friction added after the factor.
+        supply: share of the commanded voltages that reaches joints 1 to 3.
+        late: whether commands act one period later than they did.
+        push: torques on joints 1 to 3 from outside, N m.
     """
 
     parameters: ArmParameters
@@ -140,10 +149,20 @@ class Condition:
     cut: frozenset[int] = frozenset()
     pad_factor: float = 1.0
     pad_offset: float = 0.0
+    supply: float = 1.0
+    late: bool = False
+    push: Triple = (0.0, 0.0, 0.0)
 
     def pad_friction(self, healthy: float) -> float:
         """Coefficient of friction of the pads whose healthy one is given."""
         return self.pad_factor * healthy + self.pad_offset
+
+    def arriving(self, volts: Quad) -> Quad:
+        """Voltages that reach the motors of commanded ones, V."""
+        if not self.cut and self.supply == 1.0:
+            return volts
+        v1, v2, v3 = (0.0 if i in self.cut else self.supply * volts[i - 1] for i in (1, 2, 3))
+        return v1, v2, v3, 0.0 if _GRIPPER in self.cut else volts[3]
 
     def payload(self, mass: float) -> float:
         """Mass at the tip while a box of a mass (kg) is held, kg."""
@@ -188,49 +207,58 @@ def schedule(parameters: ArmParameters, faults: Iterable[Fault]) -> list[Conditi
 
 
 def _compose(parameters: ArmParameters, active: Sequence[Fault]) -> Condition:
-    factor, extra = 1.0, 0.0
-    pad_factor, pad_offset = 1.0, 0.0
-    offset, rate = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+    shares = dict.fromkeys(_FACTORS, (1.0, 0.0))
+    offset, rate, push = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
     switched: dict[str, set[int]] = {kind: set() for kind in _SWITCH_KINDS}
+    late = False
     for fault in active:
         if fault.target in PARAMETER_NAMES:
             parameters = _changed(parameters, fault)
-            continue
-        if fault.target == _PAYLOAD:
-            factor, extra = _operate(fault, factor, extra)
-            if not 0 <= factor * _LIGHTEST_BOX + extra <= GREATEST:
-                raise FaultError(
-                    f"fault {fault}: expected a payload from 0 to {GREATEST:g} kg with a box of {_LIGHTEST_BOX} kg"
-                )
-            continue
-        if fault.target == PADS:
-            pad_factor, pad_offset = _operate(fault, pad_factor, pad_offset)
-            if not (pad_factor >= 0 and pad_offset >= 0 and pad_factor + pad_offset <= GREATEST):
-                raise FaultError(f"fault {fault}: expected a friction of the pads of at least 0")
-            continue
-        if fault.target == _CUT_GRIPPER:
+        elif fault.target in _FACTORS:
+            shares[fault.target] = _operate(fault, *shares[fault.target])
+            _check_share(fault, *shares[fault.target])
+        elif fault.target == _CUT_GRIPPER:
             switched["cut"].add(_GRIPPER)
-            continue
-        if fault.target == _SLIP:
-            continue
-        kind, joint = fault.target[:-1], int(fault.target[-1])
-        if kind == "bias":
-            offset[joint - 1] += fault.value
-        elif kind == "drift":
-            offset[joint - 1] -= fault.value * fault.start
-            rate[joint - 1] += fault.value
-        else:
-            switched[kind].add(joint)
+        elif fault.target == _LATE:
+            late = True
+        elif fault.target != _SLIP:
+            kind, i = fault.target[:-1], int(fault.target[-1]) - 1
+            if kind == "bias":
+                offset[i] += fault.value
+            elif kind == "drift":
+                offset[i] -= fault.value * fault.start
+                rate[i] += fault.value
+            elif kind == "push":
+                push[i] += fault.value
+            else:
+                switched[kind].add(i + 1)
     return Condition(
         parameters,
-        factor,
-        extra,
+        *shares[_PAYLOAD],
         EncoderFaults((offset[0], offset[1], offset[2]), (rate[0], rate[1], rate[2]), frozenset(switched["freeze"])),
         frozenset(switched["lock"]),
         frozenset(switched["cut"]),
-        pad_factor,
-        pad_offset,
+        *shares[PADS],
+        sum(shares[_SUPPLY]),
+        late,
+        (push[0], push[1], push[2]),
     )
+
+
+def _check_share(fault: Fault, factor: float, extra: float) -> None:
+    """Checks what a fault makes of a quantity; see `_operate`.
+
+    Raises:
+        FaultError: nothing can be like that.
+    """
+    if fault.target == _PAYLOAD and not 0 <= factor * _LIGHTEST_BOX + extra <= GREATEST:
+        raise FaultError(
+            f"fault {fault}: expected a payload from 0 to {GREATEST:g} kg with a box of {_LIGHTEST_BOX} kg"
+        )
+    if fault.target == PADS and not (factor >= 0 and extra >= 0 and factor + extra <= GREATEST):
+        raise FaultError(f"fault {fault}: expected a friction of the pads of at least 0")
+    if fault.target == _SUPPLY and not 0 <= factor + extra <= 1:
+        raise FaultError(f"fault {fault}: expected a share from 0 to 1, got {factor + extra:g}")
 
 
 def _operate(fault: Fault, factor: float, extra: float) -> tuple[float, float]:

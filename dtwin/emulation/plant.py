@@ -175,6 +175,10 @@ class Plant:
                 self._qvel[i] = 0.0
         mujoco.mj_setConst(self.model, self._scratch)
 
+    def set_push(self, torques: Triple) -> None:
+        """Pushes joints 1 to 3 with torques (N m) from outside; `reset` ends that."""
+        self.data.qfrc_applied[:3] = torques
+
     def reset(self, theta: Triple, omega: Triple = (0.0, 0.0, 0.0)) -> None:
         """Starts again at time 0 from angles (rad) and velocities (rad/s), gripper open, all voltages 0."""
         mujoco.mj_resetData(self.model, self.data)

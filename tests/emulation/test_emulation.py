@@ -9,7 +9,7 @@ from dtwin.emulation.encoders import NoiseKind
 from dtwin.emulation.faults import parse_fault
 from dtwin.emulation.plant import Plant
 from dtwin.errors import DivergenceError, FaultError, ParameterError
-from dtwin.parameters import HANGING, HOME, PERIOD, PICKUP, PLACES, ArmParameters, GripperParameters, Triple
+from dtwin.parameters import GRAVITY, HANGING, HOME, PERIOD, PICKUP, PLACES, ArmParameters, GripperParameters, Triple
 from dtwin.signals import Event, Quad, Sensors, Truth, Voltages
 
 GRIPPER = GripperParameters()
@@ -193,6 +193,30 @@ def test_cut_motor_gets_no_voltage() -> None:
     for _, truth in run(cell, 50, (2.0, 3.0, 1.0, 0.0)):
         assert truth.theta == plant.theta
         plant.advance(PERIOD)
+
+
+def test_late_commands_act_one_period_later() -> None:
+    late, cell = Emulation(faults=[parse_fault("late@0.1-0.2")]), Emulation()
+    volts = [(0.1 * k, -0.05 * k, 0.02 * k, 0.0) for k in range(30)]
+    shifted = [volts[k - 1] if 10 <= k < 20 else volts[k] for k in range(30)]
+    for sent, acting in zip(volts, shifted, strict=True):
+        late.apply(command(late.read(), sent))
+        cell.apply(command(cell.read(), acting))
+        late.advance(PERIOD)
+        cell.advance(PERIOD)
+        assert late.truth() == cell.truth()
+
+
+def test_a_push_is_a_torque_on_its_joint() -> None:
+    """A torque that balances the weight of a stretched arm holds its first joint, and the arm falls without it."""
+    arm = ArmParameters()
+    reach = (arm.get("c1"), arm.get("l1") + arm.get("c2"), arm.get("l1") + arm.get("l2") + arm.get("c3"))
+    weight = GRAVITY * sum(mass * x for mass, x in zip(arm.mass, reach, strict=True))
+    locks = [parse_fault(f"lock{joint}@0") for joint in (2, 3)]
+    cell = Emulation(theta=(0.0, 0.0, 0.0), faults=[*locks, parse_fault(f"push1+={weight}@0-0.5")])
+    held = run(cell, 50)[-1][1]
+    assert held.theta == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+    assert run(cell, 10)[-1][1].theta[0] < -0.01
 
 
 def test_locked_joint_is_released_at_the_end() -> None:

@@ -13,8 +13,8 @@ from dtwin.errors import FaultError
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
 
 ARM = ArmParameters()
-SCALED = (*PARAMETER_NAMES, "payload")
-ADDED = tuple(f"{kind}{joint}" for kind in ("bias", "drift") for joint in (1, 2, 3))
+SCALED = (*PARAMETER_NAMES, "payload", "pads", "supply")
+ADDED = tuple(f"{kind}{joint}" for kind in ("bias", "drift", "push") for joint in (1, 2, 3))
 times = st.floats(0.0, 1e6)
 numbers = st.floats(-GREATEST, GREATEST)
 
@@ -127,6 +127,17 @@ def test_joints_are_locked_and_cut_between_start_and_end() -> None:
     assert [at[t].cut for t in (1, 2, 3)] == [set(), {3}, set()]
 
 
+def test_the_supply_feeds_the_joints_and_a_cut_motor_gets_nothing() -> None:
+    at = conditions("supply*=0.5@1", "supply+=0.25@2-3", "cut2@2")
+    volts = (4.0, -8.0, 2.0, 1.0)
+    assert [at[t].arriving(volts) for t in (1, 2, 3)] == [(2, -4, 1, 1), (3, 0, 1.5, 1), (2, 0, 1, 1)]
+
+
+def test_pushes_add_up() -> None:
+    at = conditions("push2+=0.3@1-3", "push2+=-0.1@2", "push3+=1@2-3")
+    assert [at[t].push for t in (1, 2, 3)] == [(0, 0.3, 0), (0, pytest.approx(0.2), 1), (0, -0.1, 0)]
+
+
 def test_changes_are_told() -> None:
     changes = schedule(ARM, [parse_fault("K2*=0.1@1-2"), parse_fault("slip@2")])
     assert [(change.texts, change.slips) for change in changes] == [
@@ -156,7 +167,7 @@ def test_faults_that_grow_without_bound_together_are_refused() -> None:
             schedule(ARM, [parse_fault(f"{target}*=1e6@{k}") for k in range(60)])
 
 
-@pytest.mark.parametrize("text", ["m3+=-1@20", "K1=0@5", "I2*=-1@5", "payload+=-0.3@5"])
+@pytest.mark.parametrize("text", ["m3+=-1@20", "K1=0@5", "I2*=-1@5", "payload+=-0.3@5", "supply*=1.1@2", "pads=-1@3"])
 def test_impossible_faults_are_refused_before_the_run(text: str) -> None:
     with pytest.raises(FaultError, match=f"fault {text[:2]}"):
         schedule(ARM, [parse_fault(text)])

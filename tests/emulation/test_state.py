@@ -11,7 +11,16 @@ from dtwin.signals import BoxCounts, Event, Sensors, Truth, Voltages
 
 COURSE = 1500
 """Number of ticks for which a cell is followed: two fetched boxes."""
-FAULTS = ("K2*=0.9@3-12", "lock3@5-6", "drift1+=0.001@4", "freeze2@5.5-7", "payload*=1.1@2", "mu1=0.02@6")
+FAULTS = (
+    "K2*=0.9@3-12",
+    "lock3@5-6",
+    "drift1+=0.001@4",
+    "freeze2@5.5-7",
+    "payload*=1.1@2",
+    "mu1=0.02@6",
+    "late@4.9-6",
+    "push1+=0.1@5-5.3",
+)
 
 
 def cell(noise_kind: str) -> Emulation:
