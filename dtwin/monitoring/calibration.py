@@ -60,7 +60,7 @@ def calibrated(
         progress: is told in words how far it is.
 
     Raises:
-        ParameterError: the log is too short.
+        ParameterError: the log is too short, or has too many gaps.
     """
     if len(seen) * PERIOD < LEAST:
         raise ParameterError(f"the log has {len(seen) * PERIOD:g} s: expected at least {LEAST:g} s of healthy work")
@@ -74,7 +74,7 @@ def calibrated(
     _, memory, slow = max(found, key=lambda each: each[0])
     learned = _with(belief, slow, memory)
     progress("watches the arm")
-    return learned.error, _tail(learned, seen)
+    return learned.error, tail_of(_statistic(learned, seen))
 
 
 def watched(
@@ -100,27 +100,43 @@ def _grip(arm: ArmParameters) -> float:
 def _pass(belief: Belief, seen: Stream) -> tuple[Array, float]:
     """Root mean squares of the torques that last, (3,), N m, and the logarithm of the readings' likelihood."""
     estimator = Estimator(replace(belief, clip=(_CLIP, _CLIP, _CLIP)), Tuning())
-    estimator.begin(seen.measured[0], bool(seen.gripped[0]))
-    squares, total, rows = np.zeros(3), 0.0, min(LEARNED, len(seen))
-    for row in range(1, rows):
-        estimator.predict(seen.volts[row - 1], bool(seen.gripped[row - 1]))
-        likelihood = estimator.correct(seen.measured[row], np.ones(3, dtype=bool))
-        if row >= _SETTLED:
-            squares += estimator.x[TORQUE:MOVING] ** 2 + estimator.P.diagonal()[TORQUE:MOVING]
-            total += likelihood
-    return np.sqrt(squares / (rows - _SETTLED)), total
+    squares, total, counted, followed = np.zeros(3), 0.0, 0, -1
+    finite = np.isfinite(seen.measured.sum(axis=1) + seen.volts.sum(axis=1))
+    for row in range(min(LEARNED, len(seen))):
+        if row == 0 or seen.sample[row] != seen.sample[row - 1] + 1 or not finite[row - 1 : row + 1].all():
+            followed = -1
+        if followed < 0 and finite[row]:
+            estimator.begin(seen.measured[row], bool(seen.gripped[row]))
+            followed = 0
+        elif followed >= 0:
+            estimator.predict(seen.volts[row - 1], bool(seen.gripped[row - 1]))
+            likelihood = estimator.correct(seen.measured[row], np.ones(3, dtype=bool))
+            followed += 1
+            if followed >= _SETTLED:
+                squares += estimator.x[TORQUE:MOVING] ** 2 + estimator.P.diagonal()[TORQUE:MOVING]
+                total += likelihood
+                counted += 1
+    if not counted:
+        raise ParameterError(f"the log has gaps all the time: expected {_SETTLED * PERIOD:g} s without one")
+    return np.sqrt(squares / counted), total
 
 
-def _tail(belief: Belief, seen: Stream) -> Tail:
-    """How far the statistic of the signature bank goes while the arm is healthy."""
+def _statistic(belief: Belief, seen: Stream) -> Array:
+    """The strongest evidence of a change at every sample of a healthy arm, (N,)."""
     monitor = Monitor(belief)
     monitor.threshold = math.inf
     statistic = np.zeros(len(seen))
     for row in range(len(seen)):
         seen.feed(monitor, row, row + 1)
         statistic[row] = monitor.statistic
-    blocks = statistic[_SETTLING : _SETTLING + (len(seen) - _SETTLING) // _BLOCK * _BLOCK].reshape(-1, _BLOCK)
-    highest = blocks.max(axis=1)
+    return statistic[_SETTLING:]
+
+
+def tail_of(statistic: Array) -> Tail:
+    """How far a statistic goes while the arm is healthy; of a value at every sample, (N,), at least 10 s of them."""
+    highest = statistic[: len(statistic) // _BLOCK * _BLOCK].reshape(-1, _BLOCK).max(axis=1)
     level = float(np.quantile(highest, _PEAKS))
-    excess = float(np.mean(highest[highest > level] - level))
-    return Tail(level, float(np.mean(highest > level)) * 3600.0 / (_BLOCK * PERIOD), excess)
+    above = highest > level
+    if not above.any():
+        return Tail(level)
+    return Tail(level, float(np.mean(above)) * 3600.0 / (_BLOCK * PERIOD), float(np.mean(highest[above] - level)))

@@ -320,6 +320,7 @@ def linearise_machine(
     """
     first, masses = volts.shape[0] - 1, np.full(volts.shape[0], payload)
     states, other, moved, begun = np.empty((2, 6)), np.empty(3), p.copy(), acting.copy()
+    # The undisturbed motion comes last, so that what it leaves in `states` and `other` is what is handed back.
     for m in range(len(columns) - 1, -2, -1):
         states[0], moved[:], masses[first], other[:] = state, p, payload, begun
         if m >= 0:

@@ -3,14 +3,15 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 
-from dtwin.errors import ParameterError
-from dtwin.identification.machine.record import SCHEMA, Healthy, MachineRecord, Number
-from dtwin.monitoring.calibration import LEAST, calibrated
+from dtwin.errors import ModelError, ParameterError
+from dtwin.identification.machine.record import SCHEMA, Healthy, MachineRecord, Number, read_record, write_record
+from dtwin.monitoring.calibration import LEAST, calibrated, tail_of
 from dtwin.monitoring.estimation.belief import Belief, Tail, Unmodelled, commissioned
 from dtwin.monitoring.estimation.layout import ARM_NAMES
 from dtwin.monitoring.monitor import Monitor
@@ -19,6 +20,18 @@ from dtwin.monitoring.signatures import threshold
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
 from dtwin.run.recording import Log
 from dtwin.twin.effects import Effects
+
+EFFECTS = Effects(lag=(0.004, 0.004, 0.004), delay=0.013)
+HEALTHY = Healthy((0.02, 0.01, 0.03), 0.3, 0.9, 20.0, 36.0, 5.0, 600.0)
+
+
+def recorded() -> MachineRecord:
+    values = {**dict(zip(PARAMETER_NAMES, ArmParameters().vector(), strict=True)), **EFFECTS.values()}
+    numbers = {name: Number(value, 0.01 * abs(value), value, 0.1, True) for name, value in values.items()}
+    three = (1e-3, 2e-3, 3e-3)
+    return MachineRecord(
+        SCHEMA, "identified", numbers, three, three, three, True, [], "a log", "", 60, {}, healthy=HEALTHY
+    )
 
 
 @pytest.fixture(scope="module")
@@ -62,20 +75,13 @@ def test_what_a_healthy_arm_passes_more_often_asks_for_a_higher_threshold() -> N
 
 
 def test_a_record_says_what_is_believed() -> None:
-    arm, effects = ArmParameters(), Effects(lag=(0.004, 0.004, 0.004), delay=0.013)
-    values = {**dict(zip(PARAMETER_NAMES, arm.vector(), strict=True)), **effects.values()}
-    numbers = {name: Number(value, 0.01 * abs(value), value, 0.1, True) for name, value in values.items()}
-    healthy = Healthy((0.02, 0.01, 0.03), 0.3, 0.9, 20.0, 36.0, 5.0, 600.0)
-    three = (1e-3, 2e-3, 3e-3)
-    record = MachineRecord(
-        SCHEMA, "identified", numbers, three, three, three, True, [], "a log", "", 60, {}, healthy=healthy
-    )
+    record = recorded()
     found = commissioned(record)
-    assert (found.arm, found.effects, found.noise) == (arm, effects, three)
-    assert (found.error.slow, found.error.memory, found.error.grip) == (healthy.slow, 0.3, 0.9)
+    assert (found.arm, found.effects, found.noise) == (record.arm, EFFECTS, record.encoders)
+    assert (found.error.slow, found.error.memory, found.error.grip) == (HEALTHY.slow, 0.3, 0.9)
     assert found.tail == Tail(20.0, 36.0, 5.0)
     deviations = dict(zip(ARM_NAMES, np.sqrt(np.diag(found.covariance)), strict=True))
-    assert deviations["K2"] == pytest.approx(0.01 * arm.get("K2"))
+    assert deviations["K2"] == pytest.approx(0.01 * record.arm.get("K2"))
     assert deviations["c2"] == 0.0
     assert commissioned(msgspec.structs.replace(record, healthy=None)).tail == Tail()
 
@@ -84,3 +90,35 @@ def test_a_record_says_what_is_believed() -> None:
 def test_impossible_torques_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(ParameterError, match="expected"):
         Unmodelled(**wrong)  # type: ignore[arg-type]  # the values are wrong, not their types
+
+
+def test_gaps_and_readings_that_say_nothing_are_no_torques(pushed: tuple[Stream, Belief]) -> None:
+    seen, belief = pushed
+    sample, measured = seen.sample.copy(), seen.measured.copy()
+    sample[900:] += 50
+    measured[1500] = math.nan
+    torn = replace(seen, sample=sample, measured=measured)
+    error, _ = calibrated(belief, torn)
+    whole, _ = calibrated(belief, seen)
+    assert error.slow == pytest.approx(whole.slow, rel=0.3)
+
+
+def test_a_statistic_that_never_passes_its_level_has_a_tail_of_nothing() -> None:
+    assert tail_of(np.full(2000, 7.0)) == Tail(7.0)
+
+
+def test_the_tail_of_exponential_peaks_is_theirs() -> None:
+    """Of exponential peaks a tenth is above the level, which they pass by their mean."""
+    peaks = np.random.default_rng(1).exponential(5.0, 4000)
+    tail = tail_of(np.repeat(peaks, 100))
+    assert tail.rate == pytest.approx(360.0, rel=0.01)
+    assert tail.excess == pytest.approx(5.0, rel=0.1)
+
+
+@pytest.mark.parametrize(("name", "value"), [("memory", 0.0), ("excess", -1.0), ("rate", -0.1)])
+def test_a_record_of_impossible_health_is_refused(name: str, value: float, tmp_path: Path) -> None:
+    record = msgspec.structs.replace(recorded(), healthy=HEALTHY)
+    path = tmp_path / "record.json"
+    write_record(msgspec.structs.replace(record, healthy=msgspec.structs.replace(HEALTHY, **{name: value})), path)
+    with pytest.raises(ModelError, match=rf"record\.json: .*\$\.healthy\.{name}"):
+        read_record(path)

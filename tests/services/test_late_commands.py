@@ -15,7 +15,7 @@ from dtwin.emulation.faults import parse_fault
 from dtwin.experiments.monitoring.trial import true_cause
 from dtwin.monitoring.estimation.belief import assumed
 from dtwin.monitoring.monitor import Monitor
-from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, ArmParameters
+from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, ArmParameters, Triple
 from dtwin.signals import EventKind, Sensors, Voltages
 from services.bridge import LISTEN
 from services.monitoring import UNHEARD
@@ -116,11 +116,20 @@ class Driven:
         self.latched = LatchState(0.0, 1, asked.stop)
         return self.latched
 
-    def fall(self, sequence: int, voltage: float) -> None:
-        """Answers samples of an arm that falls from the pickup, and of which is told what voltage it has."""
+    def grip(self) -> int:
+        """Answers samples until a box is gripped; returns the number of that sample."""
+        return next(k for k in range(1000) if self.answer(k, PICKUP).box_gripped)
+
+    def fall(self, voltage: float, where: Triple) -> None:
+        """Answers samples of an arm that falls from the pickup, of which is told what voltage it has, and which then
+        stands somewhere."""
+        for k in range(10):
+            self.answer(k, PICKUP)
         for k in range(20):
-            self.answer(sequence + k, (PICKUP[0], PICKUP[1] + k / 19 * FALL, PICKUP[2]))
-            self._tell(Acted(sequence + k, PERIOD * (sequence + k), (voltage,) * 4, True))
+            self.answer(10 + k, (PICKUP[0], PICKUP[1] + k / 19 * FALL, PICKUP[2]))
+            self._tell(Acted(10 + k, PERIOD * (10 + k), (voltage,) * 4, True))
+        for k in range(30, 31 + LISTEN):
+            self.answer(k, where)
 
     def start_bridge(self) -> None:
         self._by_hand.start("bridge", "--controller", self._management)
@@ -140,7 +149,7 @@ class Driven:
 
 def test_an_arm_that_is_thrown_about_between_late_commands_keeps_its_box(by_hand: ByHand, sockets: str) -> None:
     driven = Driven(by_hand, sockets)
-    gripped = next(k for k in range(1000) if driven.answer(k, PICKUP).box_gripped)
+    gripped = driven.grip()
     assert driven.answer(gripped + 4, THROWN).box_gripped, "two joints have moved by 0.6 rad in 40 ms"
     assert driven.answer(gripped + 5, THROWN).box_gripped
     assert not driven.answer(gripped + 6, PICKUP).box_gripped, "in 10 ms it would be another arm"
@@ -148,7 +157,7 @@ def test_an_arm_that_is_thrown_about_between_late_commands_keeps_its_box(by_hand
 
 def test_a_bridge_that_begins_anew_lets_go_of_no_box(by_hand: ByHand, sockets: str) -> None:
     driven = Driven(by_hand, sockets)
-    gripped = next(k for k in range(1000) if driven.answer(k, PICKUP).box_gripped)
+    gripped = driven.grip()
     by_hand.kill("bridge")
     driven.start_bridge()
     first = driven.answer(gripped + 200, THROWN)
@@ -159,20 +168,12 @@ def test_a_bridge_that_begins_anew_lets_go_of_no_box(by_hand: ByHand, sockets: s
 
 def test_an_arm_that_falls_because_its_commands_are_late_is_not_stopped(by_hand: ByHand, sockets: str) -> None:
     driven = Driven(by_hand, sockets)
-    for k in range(10):
-        driven.answer(k, PICKUP)
-    driven.fall(10, 0.0)
-    for k in range(30, 31 + LISTEN):
-        driven.answer(k, FALLEN)
+    driven.fall(0.0, FALLEN)
     assert driven.latched.stop == "none"
 
 
 def test_a_stop_of_the_controllers_own_is_latched_and_told(by_hand: ByHand, sockets: str) -> None:
     driven = Driven(by_hand, sockets)
-    for k in range(10):
-        driven.answer(k, PICKUP)
-    driven.fall(10, 1.0)
-    for k in range(30, 31 + LISTEN):
-        driven.answer(k, PICKUP)
+    driven.fall(1.0, PICKUP)
     until(lambda: driven.latched.stop != "none", "the stop is latched", PATIENCE)
     until(lambda: any(event.kind == EventKind.STOP for event in by_hand.events), "the stop is told", PATIENCE)

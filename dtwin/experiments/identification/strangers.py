@@ -13,6 +13,7 @@ from dtwin.emulation.machine.sections import Machine
 from dtwin.errors import IdentificationError
 from dtwin.experiments.report import Report, page, table
 from dtwin.experiments.sorting import Work
+from dtwin.experiments.untouched import untouched
 from dtwin.identification.machine.judged import identify_machine
 from dtwin.identification.machine.record import Grade
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
@@ -21,8 +22,6 @@ from dtwin.run.cell import Cell
 from dtwin.run.options import ControlOptions
 from dtwin.run.settings import CellSettings
 
-TUNED: Final = (*range(501, 507), *range(620, 626))
-"""Numbers of the machines that the method was tuned on; they count for nothing here."""
 GOOD: Final = 0.98
 """Least fit of every joint on held-out motion."""
 COVERED: Final = (0.90, 0.98)
@@ -98,9 +97,15 @@ def meet(item: Work) -> Stranger:
 def strangers(
     first: int, count: int, seed: int, duration: float, workers: int | None, progress: Progress
 ) -> list[Stranger]:
-    """Identifies the machines of consecutive numbers; each has the seed plus its number as that of its generators."""
+    """Identifies the machines of consecutive numbers; each has the seed plus its number as that of its generators.
+
+    Raises:
+        ParameterError: somebody tuned to one of them.
+        DtwinError: a run failed.
+    """
+    items = [Work(number, seed + number, duration) for number in untouched(first, count)]
     with Workers(workers) as pool:
-        return pool.map(meet, [Work(n, seed + n, duration) for n in range(first, first + count)], progress)
+        return pool.map(meet, items, progress)
 
 
 def covered(found: Sequence[Stranger]) -> float:

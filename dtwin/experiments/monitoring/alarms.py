@@ -26,8 +26,6 @@ from dtwin.run.options import ControlOptions
 from dtwin.run.recording import Log
 from dtwin.run.settings import CellSettings
 
-TUNED: Final = (501, 502, 503, 504)
-"""Numbers of the machines that the method was tuned on; they count for nothing here."""
 FAULTS: Final = {
     "K2*=0.8": ("K2",),
     "D1*=2": ("D1", "mu1"),

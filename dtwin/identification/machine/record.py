@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 import msgspec
 
@@ -13,6 +13,8 @@ from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
 from dtwin.twin.effects import EFFECT_NAMES, Effects
 
 Grade = Literal["identified", "approximate", "unusable"]
+
+NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 
 SCHEMA: Final = "dtwin machine record 2"
 
@@ -48,13 +50,13 @@ class Healthy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         duration: how long the machine was watched, s.
     """
 
-    slow: Triple
-    memory: float
-    grip: float
-    level: float
-    rate: float
-    excess: float
-    duration: float
+    slow: tuple[NotNegative, NotNegative, NotNegative]
+    memory: Annotated[float, msgspec.Meta(gt=0.0)]
+    grip: NotNegative
+    level: NotNegative
+    rate: NotNegative
+    excess: NotNegative
+    duration: NotNegative
 
 
 class MachineRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

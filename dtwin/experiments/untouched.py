@@ -1,0 +1,22 @@
+"""Which drawn machines were looked at while methods were made, and count for nothing in what these are judged by."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from dtwin.errors import ParameterError
+
+TUNED: Final = (*range(501, 507), *range(620, 626))
+"""Numbers of the machines that identification and monitoring were tuned on."""
+
+
+def untouched(first: int, count: int) -> range:
+    """The consecutive numbers of machines that nobody tuned to.
+
+    Raises:
+        ParameterError: somebody tuned to one of them.
+    """
+    numbers = range(first, first + count)
+    if tuned := [number for number in TUNED if number in numbers]:
+        raise ParameterError(f"--first {first}: expected machines that nobody tuned to, got {tuned[0]}")
+    return numbers
