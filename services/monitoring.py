@@ -127,7 +127,7 @@ class Monitoring:
 
     def _watch(self, sensors: Sensors, acted: Voltages | Acted) -> None:
         monitor = self._monitor
-        volts = np.array(acted.volts[:3])
+        volts = np.array(acted.volts)
         monitor.update(sensors.sequence, np.array(sensors.theta), volts, acted.box_gripped)
         if sensors.sequence % RESIDUAL_EVERY == 0:
             self._tell_residuals(residuals(sensors.sequence, sensors.theta, monitor))

@@ -21,22 +21,23 @@ import msgspec
 import numpy as np
 
 from dtwin.errors import ParameterError
-from dtwin.identification.machine.record import Healthy, MachineRecord
+from dtwin.identification.machine.record import LEARNED, Healthy, Learned, MachineRecord
+from dtwin.monitoring.candidate import misfit_after
 from dtwin.monitoring.estimation.belief import Array, Belief, Tail, Unmodelled, commissioned
-from dtwin.monitoring.estimation.estimator import Estimator, Tuning
-from dtwin.monitoring.estimation.layout import MOVING, TORQUE
+from dtwin.monitoring.estimation.estimator import Estimator, Tuning, closes
+from dtwin.monitoring.estimation.layout import ARM_NAMES, INDEX, MOVING, TORQUE
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream
 from dtwin.parameters import GRAVITY, PERIOD, ArmParameters
 
 MEMORIES: Final = (0.1, 0.3, 1.0)
 """Times that the torques may last, s."""
-LEARNED: Final = 6000
+FIRST: Final = 6000
 """Samples that the torques are learned from."""
 LEAST: Final = 30.0
 """Shortest log, s."""
-_FIRST: Final = 0.03
-_ROUNDS: Final = 2
+_FIRST: Final = 0.01
+_ROUNDS: Final = 3
 _CLIP: Final = 4.0
 """Standard deviations beyond which a reading counts less: spikes."""
 _SETTLED: Final = 100
@@ -45,14 +46,16 @@ _SETTLING: Final = 1000
 """Samples after a start in which the statistic tells what is learned of the arm."""
 _BLOCK: Final = round(1.0 / PERIOD)
 """Samples of which the largest statistic is one observation: a second."""
+_BIASES: Final = ("bias1", "bias2", "bias3")
 _PEAKS: Final = 0.9
 """Share of these observations that are no peaks."""
 
 
-def calibrated(
-    belief: Belief, seen: Stream, progress: Callable[[str], None] = lambda text: None
-) -> tuple[Unmodelled, Tail]:
-    """What the model of an arm does not explain, and how far the monitor's statistic goes while the arm is healthy.
+def calibrated(belief: Belief, seen: Stream, progress: Callable[[str], None] = lambda text: None) -> Belief:
+    """What there is to believe of an arm after its work was watched.
+
+    Beside what the model does not explain and how far the monitor's statistic goes while the arm is healthy these are
+    the parameters and offsets that the monitor came to, so that it need not learn them again at every start.
 
     Args:
         belief: what is known of the arm.
@@ -64,26 +67,42 @@ def calibrated(
     """
     if len(seen) * PERIOD < LEAST:
         raise ParameterError(f"the log has {len(seen) * PERIOD:g} s: expected at least {LEAST:g} s of healthy work")
-    found, slow = [], np.full(3, _FIRST)
+    found = []
     for memory in MEMORIES:
+        slow = np.full(3, _FIRST)
         for _ in range(_ROUNDS):
             tried = _with(belief, slow, memory)
             slow, likelihood = _pass(tried, seen)
         progress(f"torques that last {memory:g} s: {1e3 * slow.max():.0f} mN m are not explained")
         found.append((likelihood, memory, slow))
     _, memory, slow = max(found, key=lambda each: each[0])
-    learned = _with(belief, slow, memory)
-    progress("watches the arm")
-    return learned.error, tail_of(_statistic(learned, seen))
+    progress("watches the arm to learn it")
+    learned = _after(_with(belief, slow, memory), seen)
+    progress("watches the arm as it has learned it")
+    statistic, misfit = _watched(learned, seen)
+    return replace(learned, tail=replace(tail_of(statistic), misfit=max(Tail().misfit, misfit)))
 
 
 def watched(
     record: MachineRecord, seen: Stream, progress: Callable[[str], None] = lambda text: None
 ) -> MachineRecord:
     """A record with what the arm does at work that its numbers do not explain; arguments as for `calibrated`."""
-    error, tail = calibrated(commissioned(record), seen, progress)
-    duration = round(len(seen) * PERIOD, 2)
-    healthy = Healthy(error.slow, error.memory, error.grip, tail.level, tail.rate, tail.excess, duration)
+    belief = calibrated(commissioned(msgspec.structs.replace(record, healthy=None)), seen, progress)
+    values = {name: belief.arm.get(name) for name in ARM_NAMES} | dict(zip(_BIASES, belief.offset, strict=True))
+    spread = dict(zip(ARM_NAMES, np.sqrt(belief.covariance.diagonal()).tolist(), strict=True))
+    spread |= dict(zip(_BIASES, belief.offset_deviation, strict=True))
+    error, tail = belief.error, belief.tail
+    healthy = Healthy(
+        slow=error.slow,
+        memory=error.memory,
+        grip=error.grip,
+        level=tail.level,
+        rate=tail.rate,
+        excess=tail.excess,
+        misfit=tail.misfit,
+        learned={name: Learned(values[name], spread[name]) for name in LEARNED},
+        duration=round(len(seen) * PERIOD, 2),
+    )
     return msgspec.structs.replace(record, healthy=healthy)
 
 
@@ -102,14 +121,16 @@ def _pass(belief: Belief, seen: Stream) -> tuple[Array, float]:
     estimator = Estimator(replace(belief, clip=(_CLIP, _CLIP, _CLIP)), Tuning())
     squares, total, counted, followed = np.zeros(3), 0.0, 0, -1
     finite = np.isfinite(seen.measured.sum(axis=1) + seen.volts.sum(axis=1))
-    for row in range(min(LEARNED, len(seen))):
+    for row in range(min(FIRST, len(seen))):
         if row == 0 or seen.sample[row] != seen.sample[row - 1] + 1 or not finite[row - 1 : row + 1].all():
             followed = -1
         if followed < 0 and finite[row]:
             estimator.begin(seen.measured[row], bool(seen.gripped[row]))
             followed = 0
         elif followed >= 0:
-            estimator.predict(seen.volts[row - 1], bool(seen.gripped[row - 1]))
+            volts, gripped = seen.volts[row - 1], bool(seen.gripped[row - 1])
+            doubt = belief.error.grip if closes(volts, gripped) else 0.0
+            estimator.predict(volts[:3], gripped, doubt)
             likelihood = estimator.correct(seen.measured[row], np.ones(3, dtype=bool))
             followed += 1
             if followed >= _SETTLED:
@@ -121,15 +142,41 @@ def _pass(belief: Belief, seen: Stream) -> tuple[Array, float]:
     return np.sqrt(squares / counted), total
 
 
-def _statistic(belief: Belief, seen: Stream) -> Array:
-    """The strongest evidence of a change at every sample of a healthy arm, (N,)."""
-    monitor = Monitor(belief)
-    monitor.threshold = math.inf
-    statistic = np.zeros(len(seen))
+def _after(belief: Belief, seen: Stream) -> Belief:
+    """What is believed of an arm after its log, each number by itself."""
+    monitor = _calm(belief)
+    seen.feed(monitor, 0, len(seen))
+    estimator = monitor.estimator
+    names = [name for name in LEARNED if name in ARM_NAMES]
+    variances = [estimator.deviation(name) ** 2 if name in names else 0.0 for name in ARM_NAMES]
+    bias1, bias2, bias3 = (float(estimator.x[INDEX[name]]) for name in _BIASES)
+    spread1, spread2, spread3 = (estimator.deviation(name) for name in _BIASES)
+    return replace(
+        belief,
+        arm=belief.arm.with_values({name: float(estimator.x[INDEX[name]]) for name in names}),
+        covariance=np.diag(variances),
+        offset=(bias1, bias2, bias3),
+        offset_deviation=(spread1, spread2, spread3),
+    )
+
+
+def _watched(belief: Belief, seen: Stream) -> tuple[Array, float]:
+    """The strongest evidence of a change at every sample of a healthy arm, (N,), and its largest misfit."""
+    monitor = _calm(belief)
+    statistic, misfit = np.zeros(len(seen)), np.ones(len(seen))
+    now = 1.0
     for row in range(len(seen)):
         seen.feed(monitor, row, row + 1)
         statistic[row] = monitor.statistic
-    return statistic[_SETTLING:]
+        misfit[row] = now = misfit_after(now, monitor.estimator, monitor.used)
+    return statistic[_SETTLING:], float(misfit[_SETTLING:].max())
+
+
+def _calm(belief: Belief) -> Monitor:
+    """A monitor that takes the arm to be healthy whatever it does."""
+    monitor = Monitor(belief)
+    monitor.threshold = math.inf
+    return monitor
 
 
 def tail_of(statistic: Array) -> Tail:

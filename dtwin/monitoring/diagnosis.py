@@ -1,29 +1,40 @@
 """Isolation: once something is wrong, one estimator a hypothesis tells what.
 
-Each candidate goes back to the estimate before the suspected onset, is allowed one change - a wide prior on one
-parameter, a joint that stands still, a torque of unknown cause - and follows the samples since. The likelihoods of
-the readings under the candidates, which charge for width by themselves, give the probability of each cause, and the
-winner's state the size of the change: no linearisation in the size is left.
+The likelihoods of the readings under the candidates give the probability of each cause. Where the model is known to
+be wrong by more than noise, neighbouring samples share their errors, and evidence counts for less: a likelihood is
+raised to a power below one (Grunwald and van Ommen, Bayesian Analysis 12, 2017).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dtwin.monitoring.estimation.estimator import Change
-from dtwin.monitoring.estimation.layout import INDEX
-from dtwin.monitoring.kinds import FREE, KINDS, LOCK, UNKNOWN, FaultId, Hypothesis, faults
+from dtwin.monitoring.candidate import Candidate, Moment
+from dtwin.monitoring.kinds import (
+    FREE,
+    FREEZE,
+    JUMPS,
+    KINDS,
+    LATE,
+    LOCK,
+    PUSH,
+    SUPPLY,
+    UNKNOWN,
+    FaultId,
+    Hypothesis,
+    faults,
+    parse_fault_id,
+)
 from dtwin.monitoring.signatures import SPACING, Onset, Suspicion
-
-Array = NDArray[np.float64]
 
 CONSIDERED: Final = 10
 """most likely suspicions that become candidates"""
+PAIRED: Final = 5
+"""most likely changes to which a second one is added if none explains the motion alone"""
+PUSHES: Final = (5, 10, 20, 40)
+"""samples that a push may last"""
 DECIDED: Final = 0.999
 """probability at which a cause is settled"""
 LEAST: Final = 20
@@ -40,123 +51,23 @@ _HOPELESS: Final = 25.0
 """log-likelihood behind the best at which a candidate is given up"""
 
 
-class Moment(NamedTuple):
-    """One sample as the monitor took it.
-
-    Attributes:
-        volts: (3,), the command that led to it, V.
-        gripped: whether a box was held.
-        doubt: standard deviation of the torques that the command leaves in doubt, N m.
-        measured: (3,), rad.
-        used: (3,), which readings were taken in.
-        counts: whether it is evidence.
-        likelihood: logarithm of the likelihood of the readings under the arm as believed so far.
-    """
-
-    volts: Array
-    gripped: bool
-    doubt: float
-    measured: Array
-    used: NDArray[np.bool_]
-    counts: bool
-    likelihood: float
-
-
-class Candidate:
-    """A hypothesis and its estimator.
-
-    Args:
-        fault: what changed.
-        onset: the sample after which it changed, with the estimate of before.
-        sizes: plausible sizes of changes by state.
-        expected: changes to start from by state.
-        delay: samples from the onset to the loss, for faults by which something is lost.
-
-    Attributes:
-        estimator: the arm under the hypothesis.
-        gain: log-likelihood over the arm as believed, since the onset.
-    """
-
-    def __init__(
-        self,
-        fault: FaultId,
-        onset: Onset,
-        sizes: dict[str, float],
-        expected: dict[str, float] | None = None,
-        delay: int = 0,
-    ) -> None:
-        self.fault, self.onset = fault, onset
-        self.gain = 0.0
-        self._opening = onset.gap
-        hypothesis = fault.about.hypothesis
-        self._lost = fault.states[0] if hypothesis == "loss" else ""
-        self._delay = self._first_delay = delay
-        opened = {"jump": (str(fault),), "jumps": fault.states}.get(hypothesis, ())
-        self._variance = {name: sizes[name] ** 2 / onset.gap for name in opened}
-        self.estimator = estimator = onset.estimator.copy()
-        self._states = (self._lost,) if self._lost else opened
-        for name in self._states:
-            estimator.remember(name)
-        self._box: Change | None = None
-        for name, change in (expected or {}).items():
-            estimator.x[INDEX[name]] += change
-            if name == "payload":
-                estimator.box_mass += change
-        if hypothesis == "hold":
-            estimator.lock(fault.joint)
-        elif hypothesis == "torque":
-            estimator.disturb(fault.joint)
-
-    def follow(self, moment: Moment) -> None:
-        """Takes in a sample."""
-        if self._lost and self._delay == 0:
-            self.estimator.lose(self._lost)
-        self._delay -= 1
-        if self._opening:
-            for name, variance in self._variance.items():
-                self.estimator.spread(name, variance)
-            self._opening -= 1
-        if "payload" in self._states and self.estimator.gripped and not moment.gripped:
-            self._box = self.estimator.change("payload")
-        self.estimator.predict(moment.volts, moment.gripped, moment.doubt)
-        gain = self.estimator.correct(moment.measured, moment.used) - moment.likelihood
-        if not math.isfinite(gain):
-            self.gain = -math.inf
-        elif moment.counts:
-            self.gain += gain
-
-    def catch_up(self, history: Sequence[Moment], sample: int) -> None:
-        """Takes in all samples since the onset; the last one in the history has the given number."""
-        for moment in history[len(history) - (sample - self.onset.sample) :]:
-            self.follow(moment)
-
-    def changes(self) -> dict[str, Change]:
-        """The change of each state; for a box that has been put down, what was known of it then."""
-        changes = {name: self.estimator.change(name) for name in self._states}
-        if self._box is not None and not self.estimator.gripped:
-            changes["payload"] = self._box
-        return {name: change for name, change in changes.items() if change is not None}
-
-    def again(self, sizes: dict[str, float]) -> Candidate:
-        """The same hypothesis from the same onset, linearised at the changes found: the second pass of an iterated
-        filter."""
-        begun = self.onset.estimator
-        start = {name: float(begun.x[INDEX[name]]) for name in self._states}
-        if not begun.gripped:
-            start["payload"] = begun.box_mass
-        found = {name: change.value - start[name] for name, change in self.changes().items() if not self._lost}
-        return Candidate(self.fault, self.onset, sizes, found, self._first_delay)
-
-
 class Diagnosis:
     """The candidates and what speaks for them.
 
     Args:
         suspicions: suspicions of the signature bank, most likely first.
-        history: samples up to the alarm, the last one last.
+        history: the last samples, to which those after the alarm are added.
         sample: number of the last sample.
         sizes: plausible sizes of the changes.
         locked: whether the estimator believes a joint to be locked.
+        stopped: joints that are locked, or whose encoders have stopped, each with an onset before that.
+        temper: by how much less than its likelihood says evidence counts, at least 1.
+        misfit: misfit of a candidate from which on it does not explain the motion.
+
+    Attributes:
+        alarm: number of the sample at which it began.
+        candidates: those that are not given up.
+        certain: whether something is wrong, whatever the likelihoods are.
     """
 
     def __init__(
@@ -166,62 +77,127 @@ class Diagnosis:
         sample: int,
         sizes: dict[str, float],
         locked: bool,
+        stopped: Sequence[tuple[int, Onset]] = (),
+        temper: float = 1.0,
+        misfit: float = 2.0,
     ) -> None:
         self._sizes = sizes
         self.alarm = sample
+        self._temper, self._misfit = temper, misfit
         likely = suspicions[:CONSIDERED]
-        serious = [s.onset for s in likely if s.statistic > _SERIOUS * likely[0].statistic]
-        onsets = list({onset.sample: onset for onset in serious}.values())
-        hypotheses = [(suspicion.fault, suspicion.onset) for suspicion in likely]
-        hypotheses += [(fault, s.onset) for s in likely for fault in _told_by(s.fault, "jumps")]
-        hypotheses += [(fault, onset) for fault in faults(LOCK) for onset in onsets]
-        hypotheses += [(fault, onsets[0]) for fault in faults(UNKNOWN)]
-        hypotheses += [(FaultId(FREE), onset) for onset in onsets if locked]
-        self.candidates = [Candidate(fault, onset, sizes) for fault, onset in hypotheses]
-        for fault, onset, *_ in likely:
-            for lost in _told_by(fault, "loss"):
-                delays = range(min(onset.gap, SPACING))
-                self.candidates += [Candidate(lost, onset, sizes, delay=delay) for delay in delays]
-            starts = fault.about.starts
-            self.candidates += [Candidate(fault, onset, sizes, {str(fault): change}) for change in starts]
+        self._likely = likely[:PAIRED]
+        self.candidates = _stops(stopped, sizes) if stopped else _changes(likely, sizes, locked)
+        self.certain = bool(stopped)
+        self._history, self._sample, self._paired = history, sample, False
         for candidate in self.candidates:
             candidate.catch_up(history, sample)
         self._prune()
 
     def update(self, moment: Moment) -> None:
-        """Takes in a sample."""
+        """Takes in a sample, which is the last one of the history by now."""
+        self._sample += 1
         for candidate in self.candidates:
             candidate.follow(moment)
         self._prune()
+        if (
+            self._sample - self.alarm >= LEAST
+            and not (self._paired or self.certain)
+            and self.best()[0].misfit > self._misfit
+        ):
+            self._pair()
 
     def best(self) -> tuple[Candidate, float]:
         """The most likely candidate, and the probability of its cause among all."""
         top = max(self.candidates, key=lambda candidate: candidate.gain)
         if not math.isfinite(top.gain):
             return top, 0.0
-        weights: dict[tuple[str, int], float] = {}
+        weights: dict[tuple[str, ...], float] = {}
         for candidate in self.candidates:
-            cause = _cause(candidate)
-            weights[cause] = max(weights.get(cause, 0.0), math.exp(candidate.gain - top.gain))
+            weight = math.exp((candidate.gain - top.gain) / self._temper)
+            weights[candidate.cause] = max(weights.get(candidate.cause, 0.0), weight)
         return top, 1.0 / sum(weights.values())
+
+    def winner(self) -> Candidate:
+        """The candidate to believe.
+
+        The most likely one, or an unknown cause if that does not explain the motion; of an encoder that may have
+        stopped, that it has, unless the joint is certainly locked.
+        """
+        top, probability = self.best()
+        if self.certain:
+            stops = [each for each in self.candidates if each.fault.kind == FREEZE]
+            return top if probability >= DECIDED or not stops else max(stops, key=lambda each: each.gain)
+        if top.misfit > self._misfit:
+            unknown = [self._caught_up(Candidate(fault, top.onset, self._sizes)) for fault in faults(UNKNOWN)]
+            return max(unknown, key=lambda each: each.gain)
+        if not top.changes():
+            return top
+        return max(top, self._caught_up(top.again(self._sizes)), key=lambda either: either.gain)
 
     def settled(self, sample: int) -> bool:
         """Whether the cause and its size are known as well as they will be."""
         age = sample - self.alarm
         top, probability = self.best()
+        if top.misfit > self._misfit or self.certain:
+            return age >= ENOUGH or (self.certain and age >= LEAST and probability >= DECIDED)
         if age < LEAST or probability < DECIDED:
             return age >= MOST
+        if top.other or top.waits:
+            return age >= ENOUGH
         return age >= ENOUGH or all(
-            top.estimator.deviation(name) <= _PRECISE * self._sizes[name] for name in top.changes()
+            top.estimator.deviation(name) <= _PRECISE * self._sizes[name]
+            for name in top.changes()
+            if name in self._sizes
         )
+
+    def _pair(self) -> None:
+        """Since no single change explains the motion, adds to each of the most likely ones a second."""
+        self._paired = True
+        pairs: dict[frozenset[FaultId], Candidate] = {}
+        for first, onset, *_ in self._likely:
+            for second in map(parse_fault_id, JUMPS):
+                if second != first and frozenset((first, second)) not in pairs:
+                    pair = Candidate(first, onset, self._sizes, other=second)
+                    pairs[frozenset((first, second))] = self._caught_up(pair)
+        self.candidates += pairs.values()
+        self._prune()
+
+    def _caught_up(self, candidate: Candidate) -> Candidate:
+        candidate.catch_up(self._history, self._sample)
+        return candidate
 
     def _prune(self) -> None:
         top = max(candidate.gain for candidate in self.candidates)
-        self.candidates = [c for c in self.candidates if c.gain >= top - _HOPELESS]
+        self.candidates = [c for c in self.candidates if c.gain >= top - _HOPELESS * self._temper]
 
 
-def _cause(candidate: Candidate) -> tuple[str, int]:
-    return candidate.fault.about.cause, candidate.fault.joint
+def _stops(stopped: Sequence[tuple[int, Onset]], sizes: dict[str, float]) -> list[Candidate]:
+    """Of each joint, that its encoder has stopped and that it is locked, each after some delays."""
+    found = []
+    for joint, onset in stopped:
+        delays = range(min(onset.gap, SPACING))
+        kinds = [FaultId(FREEZE, joint), FaultId(LOCK, joint)]
+        found += [Candidate(fault, onset, sizes, delay=delay) for fault in kinds for delay in delays]
+    return found
+
+
+def _changes(likely: Sequence[Suspicion], sizes: dict[str, float], locked: bool) -> list[Candidate]:
+    """What the most likely suspicions may be, and what leaves no traces of its own to suspect."""
+    serious = [s.onset for s in likely if s.statistic > _SERIOUS * likely[0].statistic]
+    onsets = list({onset.sample: onset for onset in serious}.values())
+    hypotheses = [(suspicion.fault, suspicion.onset) for suspicion in likely]
+    hypotheses += [(s.fault, s.earlier) for s in likely[:PAIRED] if s.earlier is not s.onset]
+    hypotheses += [(fault, s.onset) for s in likely for fault in _told_by(s.fault, "jumps")]
+    hypotheses += [(fault, onset) for kind in (LOCK, SUPPLY, LATE) for fault in faults(kind) for onset in onsets]
+    hypotheses += [(fault, onsets[0]) for fault in faults(UNKNOWN)]
+    hypotheses += [(FaultId(FREE), onset) for onset in onsets if locked]
+    found = [Candidate(fault, onset, sizes) for fault, onset in hypotheses]
+    for fault, onset, *_ in likely:
+        delays = range(min(onset.gap, SPACING))
+        found += [Candidate(f, onset, sizes, delay=delay) for f in _told_by(fault, "loss") for delay in delays]
+        found += [Candidate(fault, onset, sizes, {str(fault): change}) for change in fault.about.starts]
+    pushes = [(fault, onset) for fault in faults(PUSH) for onset in onsets]
+    return found + [Candidate(fault, onset, sizes, delay=delay) for fault, onset in pushes for delay in PUSHES]
 
 
 def _told_by(suspected: FaultId, hypothesis: Hypothesis) -> list[FaultId]:

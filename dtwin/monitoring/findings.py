@@ -16,10 +16,10 @@ import msgspec
 import numpy as np
 
 from dtwin.errors import ParameterError, choices
-from dtwin.monitoring.diagnosis import Candidate
+from dtwin.monitoring.candidate import Candidate
 from dtwin.monitoring.estimation.estimator import Change, Estimator
 from dtwin.monitoring.estimation.layout import W
-from dtwin.monitoring.kinds import FREE, FREEZE, KINDS, LOCK, RELATIVE, UNKNOWN, FaultId, faults, parse_fault_id
+from dtwin.monitoring.kinds import FREE, FREEZE, KINDS, LATE, LOCK, RELATIVE, UNKNOWN, FaultId, faults, parse_fault_id
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.verdict import Finding, finding
 from dtwin.parameters import PERIOD
@@ -82,17 +82,34 @@ class Findings:
         self.events.append(Event(time, kind, text))
 
     def assess(self, candidate: Candidate, probability: float, detected: float) -> Finding:
-        """What a candidate amounts to so far, noticed at a plant time (s)."""
+        """What a candidate amounts to so far, noticed at a plant time (s); of two changes, the larger one."""
         changes = candidate.changes()
+        state = max(changes, key=lambda name: self._relative(name, changes[name]), default="")
+        return self._told(candidate, state, probability, detected)
+
+    def settle(self, time: float, candidate: Candidate, pending: Finding) -> Consequences:
+        """Enters a diagnosis that is complete, or strikes out what it undoes; plant time in s."""
+        if candidate.other is None:
+            settled = [self.assess(candidate, pending.confidence, pending.detected)]
+        else:
+            states = sorted(changes := candidate.changes(), key=lambda name: -self._relative(name, changes[name]))
+            settled = [self._told(candidate, name, pending.confidence, pending.detected) for name in states]
+        after = [self._settle(time, candidate, found) for found in settled]
+        jumped = [each.jumped for each in after if each.jumped]
+        forget = tuple(name for each in after for name in each.forget)
+        return Consequences(forget, any(each.boxes for each in after), jumped[0] if jumped else "")
+
+    def _told(self, candidate: Candidate, state: str, probability: float, detected: float) -> Finding:
+        """What a candidate amounts to by the change of one state, "" for none."""
         fault, size, deviation = candidate.fault, 0.0, 0.0
-        if changes:
-            state = max(changes, key=lambda name: abs(changes[name].value - changes[name].before) / self._sizes[name])
-            changed = parse_fault_id(state)
-            size, deviation = _size(changed, changes[state], candidate.estimator)
-            if changed.about.none and _is_none(state, changes[state].value, candidate.estimator):
-                fault = FaultId(changed.about.none, changed.joint)
-            elif fault.about.hypothesis != "loss":
-                fault = changed
+        if state:
+            change, changed = candidate.changes()[state], parse_fault_id(state)
+            size, deviation = _size(changed, change, candidate.estimator)
+            if fault.about.hypothesis != "share":
+                if changed.about.none and _is_none(state, change.value, candidate.estimator):
+                    fault = FaultId(changed.about.none, changed.joint)
+                elif fault.about.hypothesis != "loss":
+                    fault = changed
         if fault.kind == FREE:
             fault = FaultId(LOCK, candidate.onset.estimator.locked)
         since = (candidate.onset.sample + 1) * PERIOD
@@ -100,28 +117,32 @@ class Findings:
             since = max(since, self._gripped)
         return finding(fault, since, detected, size, deviation, probability, settled=False)
 
-    def settle(self, time: float, candidate: Candidate, pending: Finding) -> Consequences:
-        """Enters a diagnosis that is complete, or strikes out what it undoes; plant time in s."""
-        changes = candidate.changes()
-        known = [entry for entry in self.current.values() if entry.fault.same_matter(pending.fault)]
-        undone = candidate.fault.kind == FREE
+    def _settle(self, time: float, candidate: Candidate, settled: Finding) -> Consequences:
+        """Enters one finding of a diagnosis that is complete, or strikes out what it undoes; plant time in s."""
+        states = settled.fault.states
+        changes = {name: change for name, change in candidate.changes().items() if name in states}
+        known = [entry for entry in self.current.values() if entry.fault.same_matter(settled.fault)]
+        undone = candidate.fault.kind == FREE or bool(known and settled.fault.kind == LATE)
         if known and changes:
             undone = all(self._is_nothing(name, change) for name, change in changes.items())
         for entry in known:
             del self.current[entry.parameter]
         if undone:
-            self.note(time, "recovered", pending.text())
+            self.note(time, "recovered", settled.text())
             return Consequences(tuple(changes))
-        since = min([pending.since, *(entry.since for entry in known)])
-        settled = self.assess(candidate, pending.confidence, pending.detected)
+        since = min([settled.since, *(entry.since for entry in known)])
         self.enter(time, msgspec.structs.replace(settled, since=since, settled=True))
         if settled.fault.about.on_box and since <= self._released:
             return self.put_down(self._released)._replace(jumped=settled.parameter)
         return Consequences(jumped=settled.parameter)
 
     def enter(self, time: float, found: Finding) -> None:
-        """Enters a finding at a plant time (s), unless it is tolerated."""
+        """Enters a finding at a plant time (s), unless it is tolerated; what is over already is told alone."""
         if found.parameter in self._tolerated:
+            return
+        if found.fault.about.passing:
+            self.history.append(found)
+            self.note(time, found.fault.kind, found.text())
             return
         self.current[found.parameter] = found
         self.history.append(found)
@@ -140,7 +161,7 @@ class Findings:
             self.note(time - PERIOD, "spike", f"one reading of joint {i + 1} was far off and is left out")
         for i, name, fault in _FREEZES:
             count = int(readings.repeated[i])
-            if readings.frozen[i] and trusted and name not in self.current:
+            if readings.proven[i] and trusted and not self.blind:
                 self.enter(time, finding(fault, time - count * PERIOD, time))
             elif count == 0:
                 self.end(time, name)
@@ -156,7 +177,7 @@ class Findings:
         """
         recent = [last, *(found for found in self.history if found.detected >= since)]
         for found in recent:
-            if found.fault.about.hypothesis != "none":
+            if found.fault.kind != FREEZE:
                 self.current.pop(found.parameter, None)
         for name, found in sound.items():
             if not found.fault.about.on_box or found.since > self._released:
@@ -207,6 +228,16 @@ class Findings:
         return Consequences(tuple(forget))
 
     @property
+    def known(self) -> set[str]:
+        """Names of what is wrong now, and of what an operator tolerates."""
+        return {*self.current, *self._tolerated}
+
+    @property
+    def blind(self) -> bool:
+        """Whether an encoder has stopped: how the arm moves is not known."""
+        return any(found.fault.kind == FREEZE for found in self.current.values())
+
+    @property
     def unexplained(self) -> bool:
         """Whether something unknown goes on."""
         return any(found.fault.kind == UNKNOWN for found in self.current.values())
@@ -244,11 +275,15 @@ class Findings:
         for fault in accepted:
             name = str(fault)
             found = self.current.pop(name, None)
-            if fault.about.hypothesis == "none":
+            if fault.kind == FREEZE:
                 self._tolerated.add(name)
             text = self.refined(found, estimator).text() if found else f"the trend of {name}"
             self.note(time, "acknowledged", text)
         return accepted
+
+    def _relative(self, name: str, change: Change) -> float:
+        """A change relative to a plausible one."""
+        return abs(change.value - change.before) / self._sizes[name]
 
     def _least(self, name: str) -> float:
         return parse_fault_id(name).about.nothing * self._sizes[name]

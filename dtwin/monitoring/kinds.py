@@ -15,10 +15,13 @@ from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters
 from dtwin.signals import ArmState
 
-Hypothesis = Literal["jump", "jumps", "loss", "hold", "torque", "none"]
-"""What an arm with the fault is taken to do in the diagnosis: the state named like the kind jumps; all states that it
-is about jump; the state that it is about becomes zero; a joint is held where it is; an unknown torque acts; or
-nothing, because the fault is seen in the readings themselves."""
+Hypothesis = Literal["jump", "jumps", "share", "loss", "hold", "torque", "push", "late", "stop"]
+"""What an arm with the fault is taken to do in the diagnosis.
+
+The state named like the kind jumps; all states that it is about jump; they all change by the same share; the state
+that it is about becomes zero; a joint is held where it is; an unknown torque acts, from then on or for a short time;
+commands act a period later, or no later than they should; or the reading of a joint's encoder stays what it is.
+"""
 
 RELATIVE: Final = ""
 """unit of a change that is told relative to the value of the model"""
@@ -27,7 +30,10 @@ FREE: Final = "free"
 UNKNOWN: Final = "unknown"
 """Kinds that the diagnosis tries whatever is suspected."""
 FREEZE: Final = "freeze"
-"""The kind that is seen in the readings themselves."""
+"""The kind that is seen in the readings themselves, unless a joint at rest would give the same ones."""
+PUSH: Final = "push"
+LATE: Final = "late"
+SUPPLY: Final = "supply"
 _JOINTS: Final = (1, 2, 3)
 _TEXT: Final = re.compile(r"([A-Za-z]+)([123]?)")
 
@@ -56,7 +62,8 @@ class Kind:
         hypothesis: what the diagnosis tries, see `Hypothesis`.
         angles_known: whether the encoders still tell where the arm is. Only then may a stopped arm be held by its
             motors; a kind of which nobody has said so takes the torque off.
-        on_joint: whether it befalls one of the joints; the gripper otherwise.
+        on_joint: whether it befalls one of the joints.
+        on_arm: whether it befalls all joints together; the gripper if neither.
         on_box: whether it goes with the box that is held.
         states: symbols of the estimator's states that a finding is about, see `layout`. Findings on equal states tell
             of the same matter, and their cause could be seen wherever a change of the last state could.
@@ -65,20 +72,23 @@ class Kind:
             signature bank does not look for one.
         nothing: share of `plausible` below which a change counts as undone.
         starts: changes, in the unit, that the diagnosis starts from besides none.
+        passing: whether it is over before it is named, so that nothing is wrong any more.
         none: the kind that a change to zero is called, "" if that has no name of its own.
         limit: the slow change that is forecast; None if it is not watched.
     """
 
     cause: str
-    hypothesis: Hypothesis = "none"
+    hypothesis: Hypothesis
     angles_known: bool = False
     on_joint: bool = True
+    on_arm: bool = False
     on_box: bool = False
     states: tuple[str, ...] = ()
     unit: str | None = None
     plausible: float | None = None
     nothing: float = 0.0
     starts: tuple[float, ...] = ()
+    passing: bool = False
     none: str = ""
     limit: Limit | None = None
 
@@ -132,20 +142,32 @@ KINDS: Final[dict[str, Kind]] = {
         limit=Limit(0.01, relative=False, either_way=True),
     ),
     "drift": Kind("encoder drift", "jump", states=("drift",), unit="rad/s", plausible=0.02, nothing=0.02),
-    FREEZE: Kind("encoder freeze"),
+    FREEZE: Kind("encoder freeze", "stop"),
     LOCK: Kind("locked joint", "hold", angles_known=True),
     FREE: Kind("joint locked no more", "hold", angles_known=True, on_joint=False),
     "cut": Kind("voltage not arriving", "loss", angles_known=True, states=("K",)),
+    SUPPLY: Kind(
+        "supply voltage",
+        "share",
+        angles_known=True,
+        on_joint=False,
+        on_arm=True,
+        states=("K1", "K2", "K3"),
+        unit=RELATIVE,
+        nothing=0.02,
+    ),
+    LATE: Kind("late commands", "late", angles_known=True, on_joint=False, on_arm=True),
+    PUSH: Kind("push", "push", angles_known=True, passing=True),
     UNKNOWN: Kind("unknown", "torque", angles_known=True),
 }
 """By name, in the order in which equally likely ones are preferred."""
-UNCLASSIFIED: Final = Kind("unknown")
+UNCLASSIFIED: Final = Kind("unknown", "torque")
 """What is known of a kind that is not in the table."""
 
 
 @dataclass(frozen=True, slots=True)
 class FaultId:
-    """Which fault: its kind, and its joint, 1 to 3, or 0 for the gripper; `str` gives `K2`, `freeze1`, `payload`."""
+    """Which fault: its kind, and its joint, 1 to 3, or 0 for arm and gripper; `str` gives `K2` or `payload`."""
 
     kind: str
     joint: int = 0
@@ -199,7 +221,7 @@ def arm_state(fault: FaultId) -> ArmState:
 
 
 def faults(kind: str) -> tuple[FaultId, ...]:
-    """All faults of a kind: one a joint, or the gripper's."""
+    """All faults of a kind: one a joint, or that of the arm or the gripper."""
     return tuple(FaultId(kind, joint) for joint in _JOINTS) if KINDS[kind].on_joint else (FaultId(kind),)
 
 

@@ -10,18 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.bus.twin_messages import UNITS, MonitoringVerdict, UnitState
-from dtwin.monitoring.diagnosis import Candidate, Diagnosis, Moment
-from dtwin.monitoring.estimation.belief import Belief
-from dtwin.monitoring.estimation.estimator import Estimator
+from dtwin.monitoring.candidate import Candidate, Moment
+from dtwin.monitoring.diagnosis import MOST, Diagnosis
+from dtwin.monitoring.estimation.belief import Belief, Tail
+from dtwin.monitoring.estimation.estimator import Estimator, closes
 from dtwin.monitoring.findings import Consequences, Findings
-from dtwin.monitoring.kinds import UNKNOWN, FaultId, parse_fault_id, plausible_sizes
+from dtwin.monitoring.kinds import PUSH, UNKNOWN, FaultId, parse_fault_id, plausible_sizes
 from dtwin.monitoring.modes import STARTING, Diagnosing, Lost, Mode, Probation, Settling, Turn, Turns, Unfit, Watching
 from dtwin.monitoring.sensing.listening import Listening, hear, replay
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.settings import MonitorSettings
 from dtwin.monitoring.signatures import LONGEST, SPACING, SignatureBank, threshold
+from dtwin.monitoring.stopped import Stopped
 from dtwin.monitoring.trend import WATCHED, Trend
-from dtwin.monitoring.verdict import Finding, Forecast, monitored_units, unfit_units, unit_of
+from dtwin.monitoring.verdict import Finding, Forecast, monitored_units, unfit_units, units_of
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event
 
@@ -58,20 +60,23 @@ class Monitor:
         restarts: how often the estimate of the motion had to start anew.
         sample: number of the last sample, -1 before the first.
         threshold: value of `statistic` from which on a change is diagnosed.
+        used: (3,), which readings of the last sample were taken in.
     """
 
     def __init__(self, belief: Belief, settings: MonitorSettings | None = None) -> None:
         self.settings = settings or MonitorSettings()
         self._sizes = plausible_sizes(belief.arm)
         self.threshold = threshold(self.settings.alarms_per_hour, belief.tail)
+        self._temper = self.threshold / threshold(self.settings.alarms_per_hour, Tail())
         self._warning = threshold(self.settings.warnings_per_hour, belief.tail)
         self._belief = belief
         self.estimator = Estimator(belief, self.settings.tuning)
         self._readings = Readings(belief.noise)
+        self._stopped = Stopped()
         self._listening: Listening | None = Listening()
         self.trend = Trend(self.estimator)
         self._bank = SignatureBank(self._sizes)
-        self._moments: deque[Moment] = deque(maxlen=LONGEST + 2 * SPACING)
+        self._moments: deque[Moment] = deque(maxlen=LONGEST + MOST + 2 * SPACING)
         self._mode: Mode = Watching()
         self._turns = Turns()
         self._probation = Probation()
@@ -79,9 +84,10 @@ class Monitor:
         self.findings = Findings(self._sizes)
         self.missed = self.restarts = 0
         self.sample = -1
-        self._command = np.zeros(3)
+        self._command = np.zeros(4)
         self._gripped = False
         self._doubted = 0
+        self.used = np.zeros(3, dtype=bool)
 
     @property
     def time(self) -> float:
@@ -94,7 +100,7 @@ class Monitor:
         Args:
             sample: its number; missing ones are bridged or lead to a new start, and counted.
             measured: (3,), encoder readings, rad.
-            volts: (3,), V.
+            volts: (4,), that of the gripper last, V.
             gripped: whether the command holds a box.
         """
         if not (np.isfinite(measured).all() and np.isfinite(volts).all()):
@@ -108,9 +114,11 @@ class Monitor:
             self.missed += gap - 1
             for step in range(1, gap + 1):
                 command = self._command + (step - 1) / gap * (volts - self._command)
-                doubt = 0.0 if gap == 1 else _BLIND + _DOUBT * float(np.abs(volts - self._command).max())
+                doubt = 0.0 if gap == 1 else _BLIND + _DOUBT * float(np.abs(volts - self._command)[:3].max())
+                if closes(command, self._gripped):
+                    doubt += self._belief.error.grip
                 self.sample += 1
-                self._step(angles, step == gap, command, doubt)
+                self._step(angles, step == gap, command[:3], doubt)
         self._command, self._gripped = volts, gripped
         louder = self._readings.listen(measured)
         if louder is not None:
@@ -182,12 +190,12 @@ class Monitor:
         states: dict[str, UnitState] = dict.fromkeys(UNITS, "nominal")
         suspected = self._suspected()
         if suspected is not None:
-            states[unit_of(suspected.joint)] = "may be degrading"
+            states.update(dict.fromkeys(units_of(suspected), "may be degrading"))
         for forecast in self.forecasts:
-            states[unit_of(forecast.joint)] = "may be degrading" if forecast.hours else "failed"
+            states[UNITS[forecast.joint - 1]] = "may be degrading" if forecast.hours else "failed"
         found = self.standing()
         for each in found:
-            states[unit_of(each.joint)] = "failed"
+            states.update(dict.fromkeys(units_of(each.fault), "failed"))
         units = monitored_units(states, found) if not self._misfit else unfit_units(self._misfit)
         forecasts = tuple(forecast.text() for forecast in self.forecasts)
         return MonitoringVerdict(self.time, units, forecasts, self.unobservable(), self.missed, self.restarts)
@@ -250,7 +258,7 @@ class Monitor:
         estimator, gripped = self.estimator, self._gripped
         regripped = gripped != estimator.gripped
         estimator.predict(command, gripped, doubt)
-        used = self._judge() if arrived else np.zeros(3, dtype=bool)
+        self.used = used = self._judge() if arrived else np.zeros(3, dtype=bool)
         likelihood = estimator.correct(measured, used)
         if not likelihood > _LEAST_LIKELY:
             likelihood = _LEAST_LIKELY
@@ -308,7 +316,8 @@ class Monitor:
         self._bank.update(self.estimator, used, self.sample, counts)
         if isinstance(mode, Lost) and not self.findings.unexplained:
             self._mode = mode = Watching()
-        if not self._bank.worst() > self.threshold:
+        stopped = self._stopped.open(self._readings, self.findings.known) if self._probation.passed else []
+        if self.findings.blind or not (self._bank.worst() > self.threshold or stopped):
             return
         if isinstance(mode, Lost):
             self._try_again(mode)
@@ -318,9 +327,11 @@ class Monitor:
             self.findings.note(self.time, "misfit", "; ".join(self._misfit.values()))
             self._doubt_model(Unfit())
             return
-        suspicions = self._bank.suspicions()
-        locked = bool(self.estimator.locked)
-        self._decide(Diagnosis(suspicions, list(self._moments), self.sample, self._sizes, locked), None)
+        self._stopped.ask(stopped)
+        since = [(i, self._bank.before(self.sample - int(self._readings.repeated[i - 1]))) for i in stopped]
+        suspicions, locked = self._bank.suspicions(), bool(self.estimator.locked)
+        how = (self._sizes, locked, since, self._temper, self._belief.tail.misfit)
+        self._decide(Diagnosis(suspicions, self._moments, self.sample, *how), None)
 
     def _doubt_model(self, unfit: Unfit) -> None:
         """Starts anew from a model that does not fit when it fails again, and believes it after a while."""
@@ -352,7 +363,7 @@ class Monitor:
         """Updates the finding under diagnosis, and adopts the winner once it is settled."""
         candidate, probability = diagnosis.best()
         settled = diagnosis.settled(self.sample)
-        if candidate.gain > CERTAIN:
+        if diagnosis.certain or candidate.gain > CERTAIN * self._temper:
             found = self.findings.assess(candidate, probability, pending.detected if pending else self.time)
             if pending is None:
                 self.findings.note(self.time, "suspected", found.text())
@@ -365,25 +376,23 @@ class Monitor:
         if pending is None or not np.isfinite(candidate.estimator.x).all():
             self.findings.note(self.time, "dismissed", "a suspicion was not confirmed")
             return
-        self._adopt(candidate, pending)
+        self._adopt(diagnosis.winner(), pending)
 
     def _adopt(self, candidate: Candidate, pending: Finding) -> None:
         """Takes the arm to be as the winner of a diagnosis says."""
-        if candidate.changes():
-            second = candidate.again(self._sizes)
-            second.catch_up(list(self._moments), self.sample)
-            candidate = max(candidate, second, key=lambda either: either.gain)
-        self.estimator = candidate.estimator
-        if pending.fault.kind == UNKNOWN:
-            self.estimator.disturb(0)
-            self._begin(self._readings.last, self._gripped)
         before = candidate.onset.estimator
+        self.estimator = candidate.estimator
+        if candidate.fault.kind == PUSH:
+            self.estimator = before.copy()
+            self._begin(self._readings.last, self._gripped)
         self._turns.enter(Turn(self.sample, pending.detected, before, dict(self.findings.current)))
         self._apply(self.findings.settle(self.time, candidate, pending))
         first = self._turns.astray(self.sample)
         if first is not None:
             self.findings.give_up(self.time, first.detected, pending, first.findings)
             self._try_again(Lost(first.estimator))
+        elif candidate.fault.kind == UNKNOWN:
+            self._try_again(Lost(before))
 
     def _judge(self) -> NDArray[np.bool_]:
         """Which readings of the sample that has arrived are measurements."""

@@ -30,7 +30,7 @@ class Stream:
     Attributes:
         sample: (N,), tick numbers.
         measured: (N, 3), rad.
-        volts: (N, 3), V.
+        volts: (N, 4), that of the gripper last, V.
         gripped: (N,) bool.
         colour: (N,), colour of the box that waits, "" for none.
     """
@@ -76,7 +76,7 @@ def stream(log: Log) -> Stream:
     return Stream(
         sample,
         log.stack("measured"),
-        log.stack("volts")[:, :3].copy(),
+        log.stack("volts"),
         log.columns["box_gripped"],
         log.columns["box_colour"],
     )

@@ -54,13 +54,15 @@ class Onset:
 
 
 class Suspicion(NamedTuple):
-    """A fault, the best onset for it, 2 log likelihood ratio, its size and the size's standard deviation."""
+    """A fault, the best onset for it, 2 log likelihood ratio, its size, the size's standard deviation, and the onset
+    before, which is the better one if the best was noted when the fault had just come."""
 
     fault: FaultId
     onset: Onset
     statistic: float
     size: float
     deviation: float
+    earlier: Onset
 
 
 class SignatureBank:
@@ -121,6 +123,11 @@ class SignatureBank:
         block[:] = 0.0
         block[self._rows, np.arange(len(JUMPS))] = 1.0
 
+    def before(self, sample: int) -> Onset:
+        """The last onset up to a sample, or the first one if all came later."""
+        onsets = sorted(self._place.values(), key=lambda onset: onset.sample)
+        return next((onset for onset in reversed(onsets) if onset.sample <= sample), onsets[0])
+
     def statistics(self) -> Array:
         """2 log likelihood ratio of every onset and fault, (16, 16); 0 where there is no onset yet."""
         result: Array = (self._h**2 / (self._J + self._precision)).reshape(ONSETS, -1)
@@ -148,6 +155,7 @@ class SignatureBank:
                     float(statistics[place, column]),
                     float(self._h[index] / information),
                     float(information**-0.5),
+                    self.before(onset.sample - 1),
                 )
             )
         return sorted(found, key=lambda suspicion: -suspicion.statistic)

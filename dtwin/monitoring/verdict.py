@@ -103,16 +103,15 @@ class Forecast(msgspec.Struct, frozen=True):
         return f"{self.cause} of joint {self.joint} is {amount} and changes by {slope}: limit {limit} {end}"
 
 
-def unit_of(joint: int) -> str:
-    """The name in UNITS of a joint (1 to 3) or the gripper (0)."""
-    return UNITS[joint - 1]
+def units_of(fault: FaultId) -> tuple[str, ...]:
+    """The names in UNITS of what a fault befalls: a joint, all of them, or the gripper."""
+    return UNITS[:-1] if fault.about.on_arm else (UNITS[fault.joint - 1],)
 
 
 def monitored_units(states: Mapping[str, UnitState], findings: Iterable[Finding]) -> dict[str, MonitoredUnit]:
     """The units as they are published: states by UNITS, and of several findings on a unit the last."""
     units = {unit: MonitoredUnit(state) for unit, state in states.items()}
-    for found in findings:
-        unit = unit_of(found.joint)
+    for unit, found in ((unit, each) for each in findings for unit in units_of(each.fault)):
         units[unit] = MonitoredUnit(
             states[unit],
             found.cause,

@@ -10,7 +10,16 @@ import numpy as np
 import pytest
 
 from dtwin.errors import ModelError, ParameterError
-from dtwin.identification.machine.record import SCHEMA, Healthy, MachineRecord, Number, read_record, write_record
+from dtwin.identification.machine.record import (
+    LEARNED,
+    SCHEMA,
+    Healthy,
+    Learned,
+    MachineRecord,
+    Number,
+    read_record,
+    write_record,
+)
 from dtwin.monitoring.calibration import LEAST, calibrated, tail_of
 from dtwin.monitoring.estimation.belief import Belief, Tail, Unmodelled, commissioned
 from dtwin.monitoring.estimation.layout import ARM_NAMES
@@ -22,7 +31,17 @@ from dtwin.run.recording import Log
 from dtwin.twin.effects import Effects
 
 EFFECTS = Effects(lag=(0.004, 0.004, 0.004), delay=0.013)
-HEALTHY = Healthy((0.02, 0.01, 0.03), 0.3, 0.9, 20.0, 36.0, 5.0, 600.0)
+HEALTHY = Healthy(
+    slow=(0.02, 0.01, 0.03),
+    memory=0.3,
+    grip=0.9,
+    level=20.0,
+    rate=36.0,
+    excess=5.0,
+    misfit=3.0,
+    learned={name: Learned(0.2 + 0.01 * k, 0.001 * (k + 1)) for k, name in enumerate(LEARNED)},
+    duration=600.0,
+)
 
 
 def recorded() -> MachineRecord:
@@ -42,19 +61,28 @@ def pushed(belief: Belief, run_cell: Callable[..., Log]) -> tuple[Stream, Belief
 
 def test_an_arm_that_the_model_lacks_is_no_alarm_once_it_is_calibrated(pushed: tuple[Stream, Belief]) -> None:
     seen, belief = pushed
-    error, tail = calibrated(belief, seen)
-    stern, calm = Monitor(belief), Monitor(replace(belief, error=error, tail=tail))
+    learned = calibrated(belief, seen)
+    stern, calm = Monitor(belief), Monitor(learned)
     for monitor in (stern, calm):
         seen.feed(monitor, 0, len(seen))
     assert {event.kind for event in stern.events} & {"misfit", "suspected"}
     assert not calm.events
-    assert max(error.slow[1:]) > 2.0 * error.slow[0]
+    assert max(learned.error.slow[1:]) > 2.0 * learned.error.slow[0]
+
+
+def test_what_is_learned_of_an_arm_is_what_is_begun_with(pushed: tuple[Stream, Belief]) -> None:
+    seen, belief = pushed
+    unsure = np.diag([(0.3 * belief.arm.get(name)) ** 2 if name in LEARNED else 0.0 for name in ARM_NAMES])
+    learned = calibrated(replace(belief, covariance=unsure), seen)
+    assert learned.arm.get("D2") == pytest.approx(1.5 * belief.arm.get("D2"), rel=0.1)
+    assert learned.arm.get("K3") == pytest.approx(0.97 * belief.arm.get("K3"), rel=0.03)
+    assert np.diag(learned.covariance).max() < 0.01 * unsure.max()
 
 
 def test_an_arm_that_the_model_explains_needs_no_torques(belief: Belief, run_cell: Callable[..., Log]) -> None:
-    error, tail = calibrated(belief, stream(run_cell(30.0, 3)))
-    assert max(error.slow) < 0.005
-    assert threshold(0.01, tail) < 2.0 * threshold(0.01, Tail())
+    learned = calibrated(belief, stream(run_cell(30.0, 3)))
+    assert max(learned.error.slow) < 0.005
+    assert threshold(0.01, learned.tail) < 2.0 * threshold(0.01, Tail())
 
 
 def test_a_short_log_is_refused(pushed: tuple[Stream, Belief]) -> None:
@@ -77,13 +105,34 @@ def test_what_a_healthy_arm_passes_more_often_asks_for_a_higher_threshold() -> N
 def test_a_record_says_what_is_believed() -> None:
     record = recorded()
     found = commissioned(record)
-    assert (found.arm, found.effects, found.noise) == (record.arm, EFFECTS, record.encoders)
+    assert (found.effects, found.noise) == (EFFECTS, record.encoders)
     assert (found.error.slow, found.error.memory, found.error.grip) == (HEALTHY.slow, 0.3, 0.9)
-    assert found.tail == Tail(20.0, 36.0, 5.0)
+    assert found.tail == Tail(20.0, 36.0, 5.0, 3.0)
     deviations = dict(zip(ARM_NAMES, np.sqrt(np.diag(found.covariance)), strict=True))
-    assert deviations["K2"] == pytest.approx(0.01 * record.arm.get("K2"))
+    for name in LEARNED[:9]:
+        learned = HEALTHY.learned[name]
+        assert (found.arm.get(name), deviations[name]) == pytest.approx((learned.value, learned.deviation))
+    assert found.offset == tuple(HEALTHY.learned[name].value for name in LEARNED[9:])
+    assert found.offset_deviation == tuple(HEALTHY.learned[name].deviation for name in LEARNED[9:])
+    assert found.arm.get("l2") == record.arm.get("l2")
     assert deviations["c2"] == 0.0
-    assert commissioned(msgspec.structs.replace(record, healthy=None)).tail == Tail()
+
+
+def test_a_record_of_an_arm_that_nobody_watched_says_what_was_identified() -> None:
+    record = msgspec.structs.replace(recorded(), healthy=None)
+    found = commissioned(record)
+    deviations = dict(zip(ARM_NAMES, np.sqrt(np.diag(found.covariance)), strict=True))
+    assert (found.arm, found.tail) == (record.arm, Tail())
+    assert deviations["K2"] == pytest.approx(0.01 * record.arm.get("K2"))
+
+
+def test_a_record_that_lacks_what_was_learned_is_refused(tmp_path: Path) -> None:
+    learned = {name: number for name, number in HEALTHY.learned.items() if name != "mu2"}
+    path = tmp_path / "record.json"
+    healthy = msgspec.structs.replace(HEALTHY, learned=learned)
+    write_record(msgspec.structs.replace(recorded(), healthy=healthy), path)
+    with pytest.raises(ModelError, match=r"record\.json: healthy\.learned: mu2 is missing"):
+        read_record(path)
 
 
 @pytest.mark.parametrize("wrong", [{"slow": (0.1, -0.1, 0.1)}, {"grip": np.inf}, {"memory": 0.0}])
@@ -98,9 +147,7 @@ def test_gaps_and_readings_that_say_nothing_are_no_torques(pushed: tuple[Stream,
     sample[900:] += 50
     measured[1500] = math.nan
     torn = replace(seen, sample=sample, measured=measured)
-    error, _ = calibrated(belief, torn)
-    whole, _ = calibrated(belief, seen)
-    assert error.slow == pytest.approx(whole.slow, rel=0.3)
+    assert calibrated(belief, torn).error.slow == pytest.approx(calibrated(belief, seen).error.slow, rel=0.3)
 
 
 def test_a_statistic_that_never_passes_its_level_has_a_tail_of_nothing() -> None:

@@ -114,10 +114,10 @@ def test_copies_are_independent(belief: Belief, run_cell: Callable[..., Log]) ->
     estimator.begin(seen.measured[0], False)
     twin = estimator.copy()
     for k in range(1, 50):
-        twin.predict(seen.volts[k - 1], False)
+        twin.predict(seen.volts[k - 1, :3], False)
         twin.correct(seen.measured[k], ALL)
     for k in range(1, 50):
-        estimator.predict(seen.volts[k - 1], False)
+        estimator.predict(seen.volts[k - 1, :3], False)
         estimator.correct(seen.measured[k], ALL)
     np.testing.assert_array_equal(estimator.x, twin.x)
     np.testing.assert_array_equal(estimator.P, twin.P)
@@ -132,7 +132,7 @@ def test_innovations_of_a_healthy_arm_are_white_and_the_truth_is_within_its_erro
     estimator.begin(seen.measured[0], bool(seen.gripped[0]))
     whitened, misses = [], []
     for k in range(1, len(seen)):
-        estimator.predict(seen.volts[k - 1], bool(seen.gripped[k - 1]))
+        estimator.predict(seen.volts[k - 1, :3], bool(seen.gripped[k - 1]))
         estimator.correct(seen.measured[k], ALL)
         whitened.append(estimator.innovation / np.sqrt(estimator.variance))
         deviation = np.sqrt(np.diag(estimator.P)[3:6])
@@ -179,7 +179,7 @@ def test_what_was_remembered_is_refined_as_an_augmented_filter_would(
     estimator = Estimator(belief, Tuning())
     estimator.begin(seen.measured[0], False)
     for k in range(1, 500):
-        estimator.predict(seen.volts[k - 1], bool(seen.gripped[k - 1]))
+        estimator.predict(seen.volts[k - 1, :3], bool(seen.gripped[k - 1]))
         estimator.correct(seen.measured[k], ALL)
     name, size = "K1", len(NAMES)
     index = INDEX[name]
@@ -189,10 +189,10 @@ def test_what_was_remembered_is_refined_as_an_augmented_filter_would(
     P = np.pad(estimator.P, ((0, 1), (0, 1)))
     P[size], P[:, size] = P[index], P[:, index]
     P[size, size] = estimator.P[index, index]
-    estimator.spread(name, 0.03**2)
+    estimator.spread({name: 0.03})
     P[index, index] += 0.03**2
     for k in range(500, 600):
-        estimator.predict(seen.volts[k - 1], bool(seen.gripped[k - 1]))
+        estimator.predict(seen.volts[k - 1, :3], bool(seen.gripped[k - 1]))
         A = np.eye(size + 1)
         A[:6] = 0.0
         A[:6, :MOVING] = estimator.F

@@ -152,3 +152,35 @@ def test_an_acknowledged_trend_counts_from_now(belief: Belief) -> None:
     for k in range(360, 720):
         monitor.trend.enter(10.0 * k, monitor.estimator)
     assert monitor.trend.forecasts() == []
+
+
+@pytest.mark.parametrize(
+    ("faults", "names"),
+    [
+        (("late@31",), ["late"]),
+        (("supply*=0.8@31",), ["supply"]),
+        (("bias1+=0.01@32", "K3*=0.7@32"), ["K3", "bias1"]),
+    ],
+)
+def test_what_befalls_several_joints_is_named(
+    faults: tuple[str, ...], names: list[str], belief: Belief, run_cell: Callable[..., Log]
+) -> None:
+    monitor = watched(belief, run_cell(36.0, 3, *faults))
+    assert sorted(found.parameter for found in monitor.history) == names
+    assert all(0.0 < found.detected - float(faults[0].partition("@")[2]) < 0.5 for found in monitor.history)
+    failed = {unit for unit, state in monitor.verdict().units.items() if state.state == "failed"}
+    assert failed == ({"joint 1", "joint 3"} if len(names) == 2 else {"joint 1", "joint 2", "joint 3"})
+
+
+def test_commands_that_come_in_time_again_end_the_finding(belief: Belief, run_cell: Callable[..., Log]) -> None:
+    monitor = watched(belief, run_cell(50.0, 3, "late@31-38"))
+    assert [found.parameter for found in monitor.history] == ["late"]
+    assert monitor.findings.current == {}
+
+
+def test_a_push_is_told_and_nothing_is_wrong_afterwards(belief: Belief, run_cell: Callable[..., Log]) -> None:
+    monitor = watched(belief, run_cell(50.0, 3, "push2+=0.3@31.5-31.6"))
+    assert [found.parameter for found in monitor.history] == ["push2"]
+    assert kinds(monitor) == ["suspected", "push"]
+    assert monitor.findings.current == {}
+    assert {unit.state for unit in monitor.verdict().units.values()} == {"nominal"}

@@ -47,7 +47,7 @@ def monitored(
             wrong[generator.integers(3)] = SPIKE * generator.choice((-1.0, 1.0))
         sensors = read(plant.read(), bits, (wrong[0], wrong[1], wrong[2]))
         command = controller.step(sensors)
-        monitor.update(tick, np.array(sensors.theta), np.array(command.volts[:3]), command.box_gripped)
+        monitor.update(tick, np.array(sensors.theta), np.array(command.volts), command.box_gripped)
         plant.apply(command)
         plant.advance(PERIOD)
     return monitor
@@ -70,10 +70,27 @@ def test_single_wrong_readings_are_left_out_and_told(bits: int) -> None:
 @pytest.mark.parametrize("bits", [12, 14, 16])
 def test_an_encoder_that_stops_in_motion_is_found_at_once(bits: int) -> None:
     monitor = monitored(bits, 3, 32.0, fault="freeze2@31")
-    assert [event.kind for event in monitor.events] == ["failed"]
+    assert [event.kind for event in monitor.events] == ["suspected", "failed"]
     (found,) = monitor.history
     assert found.parameter == "freeze2"
     assert found.detected <= 31.2
+    assert monitor.events[-1].time < 31.5
+
+
+@pytest.mark.parametrize(("fault", "bits"), [("lock2@31", 12), ("lock3@31.5", 12), ("lock2@31", 14)])
+def test_a_joint_that_is_locked_is_no_stopped_encoder_though_its_readings_repeat(fault: str, bits: int) -> None:
+    monitor = monitored(bits, 3, 32.5, fault=fault)
+    assert [found.parameter for found in monitor.history] == [fault.partition("@")[0]]
+
+
+def test_a_lost_sample_of_a_noisy_encoder_is_no_measurement() -> None:
+    readings, q = Readings((1e-3, 1e-3, 1e-3)), resolution(14)
+    generator = np.random.default_rng(0)
+    for k in range(30):
+        angle = q * round((0.01 * k + 1e-3 * generator.standard_normal()) / q)
+        assert taken(readings, angle, 0.01 * k, 1e-3)
+    assert not taken(readings, angle, 0.30, 1e-3), "the joint has moved by ten standard deviations"
+    assert taken(readings, q * round(0.31 / q), 0.31, 1e-3)
 
 
 @pytest.mark.parametrize("fault", ["K2*=0.5", "bias3+=0.05"])

@@ -42,7 +42,7 @@ def test_a_trace_is_the_difference_of_the_innovations(
     estimator = Estimator(belief, Tuning())
     estimator.begin(seen.measured[0], False)
     for k in range(1, first + 2):
-        estimator.predict(seen.volts[k - 1], bool(seen.gripped[k - 1]))
+        estimator.predict(seen.volts[k - 1, :3], bool(seen.gripped[k - 1]))
         estimator.correct(seen.measured[k], ALL)
     size = 1e-6
     jumped = estimator.copy()
@@ -53,7 +53,7 @@ def test_a_trace_is_the_difference_of_the_innovations(
     total = np.zeros(2)
     for k in range(first + 2, first + 60):
         for each in (estimator, jumped):
-            each.predict(seen.volts[k - 1], True)
+            each.predict(seen.volts[k - 1, :3], True)
             each.correct(seen.measured[k], ALL)
         kernels.trace(
             E,
@@ -81,7 +81,7 @@ def follow(bank: SignatureBank, estimator: Estimator, seen: Stream, start: int, 
     for k in range(start, stop):
         gripped = bool(seen.gripped[k - 1])
         new = gripped != estimator.gripped
-        estimator.predict(seen.volts[k - 1], gripped)
+        estimator.predict(seen.volts[k - 1, :3], gripped)
         if new:
             bank.regrip()
         estimator.correct(seen.measured[k], ALL)

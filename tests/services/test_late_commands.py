@@ -63,7 +63,7 @@ def monitored(messages: Traffic) -> Monitor:
     monitor, ticks = Monitor(assumed(ArmParameters(), UNHEARD)), Ticks()
     for message in messages:
         for sensors, acted in ticks.take(message):
-            volts = np.array(acted.volts[:3])
+            volts = np.array(acted.volts)
             monitor.update(sensors.sequence, np.array(sensors.theta), volts, acted.box_gripped)
     return monitor
 

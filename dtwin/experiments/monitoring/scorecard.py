@@ -176,7 +176,7 @@ def run_healthy(work: Healthy) -> Quiet:
 
     def record(step: StepRecord) -> None:
         command = step.voltages
-        volts = np.array(command.volts[:3])
+        volts = np.array(command.volts)
         monitor.update(step.sensors.sequence, np.array(step.sensors.theta), volts, command.box_gripped)
 
     plant = Emulation(machine=work.machine, noise=work.noise, seed=work.seed)

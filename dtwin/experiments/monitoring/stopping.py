@@ -167,7 +167,7 @@ class _StopRun:
             monitor.update(
                 record.sensors.sequence,
                 np.array(record.sensors.theta),
-                np.array(command.volts[:3]),
+                np.array(command.volts),
                 command.box_gripped,
             )
             found = next((f for f in monitor.history if f.detected >= self._start), None)

@@ -199,7 +199,7 @@ class _FaultRun:
         measured = np.array(sensors.theta)
         events = len(self.monitor.events)
         if isinstance(self.monitor, Monitor):
-            self.monitor.update(sensors.sequence, measured, np.array(command.volts[:3]), command.box_gripped)
+            self.monitor.update(sensors.sequence, measured, np.array(command.volts), command.box_gripped)
         else:
             self.monitor.update(sensors.sequence, measured, command.box_gripped, sensors.box_colour)
         moving = max(map(abs, truth.omega)) > MOVING

@@ -16,7 +16,9 @@ Grade = Literal["identified", "approximate", "unusable"]
 
 NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 
-SCHEMA: Final = "dtwin machine record 2"
+SCHEMA: Final = "dtwin machine record 3"
+LEARNED: Final = tuple(f"{symbol}{joint}" for symbol in ("K", "D", "mu", "bias") for joint in (1, 2, 3))
+"""Names of what is learned of a machine while it is watched: parameters, and offsets of encoders, rad."""
 
 
 class Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -37,6 +39,18 @@ class Number(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     told: bool
 
 
+class Learned(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A number of the machine as the monitor learned it, SI units.
+
+    Attributes:
+        value: its value.
+        deviation: its standard deviation.
+    """
+
+    value: float
+    deviation: NotNegative
+
+
 class Healthy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the machine does at work, while it is healthy, that the numbers do not explain.
 
@@ -47,6 +61,8 @@ class Healthy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         level: a value that the monitor's statistic passes now and then.
         rate: how often it does, 1/h.
         excess: by how much it passes it on average.
+        misfit: mean square of some innovations in standard deviations that it has not passed.
+        learned: what parameters and offsets of encoders came to be while it was watched.
         duration: how long the machine was watched, s.
     """
 
@@ -56,6 +72,8 @@ class Healthy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     level: NotNegative
     rate: NotNegative
     excess: NotNegative
+    misfit: NotNegative
+    learned: dict[str, Learned]
     duration: NotNegative
 
 
@@ -129,6 +147,8 @@ def read_record(path: Path) -> MachineRecord:
         raise ModelError(f"{path}: schema: expected {SCHEMA!r}, got {record.schema!r}")
     if missing := [name for name in (*PARAMETER_NAMES, *EFFECT_NAMES) if name not in record.numbers]:
         raise ModelError(f"{path}: numbers: {missing[0]} is missing")
+    if record.healthy and (absent := [name for name in LEARNED if name not in record.healthy.learned]):
+        raise ModelError(f"{path}: healthy.learned: {absent[0]} is missing")
     try:
         _ = record.arm, record.effects
     except DtwinError as error:

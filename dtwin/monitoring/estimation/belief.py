@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.errors import ModelError, ParameterError
-from dtwin.identification.machine.record import MachineRecord
+from dtwin.identification.machine.record import LEARNED, MachineRecord
 from dtwin.identification.model import IdentifiedModel
 from dtwin.monitoring.estimation.layout import ARM_NAMES
 from dtwin.parameters import ArmParameters, Triple, symbol_of
@@ -26,7 +27,6 @@ TOLERANCE: Final = {"K": 0.003, "D": 0.003, "mu": 0.0, "c": 0.0, "I": 0.0}
 """relative standard deviation of parameters given without covariance: what a good identification reaches"""
 WIDENED: Final = 2.0
 """factor on identified standard errors: they rest on one experiment"""
-_LEARNED: Final = ("K", "D", "mu")
 _BIAS: Final = ("offset1", "offset2", "offset3")
 
 
@@ -66,11 +66,13 @@ class Tail:
         level: a value that it passes now and then.
         rate: how often it does, 1/h; 0 if nobody has watched the arm.
         excess: by how much it passes it on average; larger excesses get rarer exponentially.
+        misfit: mean square of some innovations in standard deviations that it does not pass.
     """
 
     level: float = 0.0
     rate: float = 0.0
     excess: float = 0.0
+    misfit: float = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,12 +161,27 @@ def identified(model: IdentifiedModel) -> Belief:
 def commissioned(record: MachineRecord) -> Belief:
     """The belief that a commissioning leads to.
 
-    Centres of mass and inertias count as known: what they leave unexplained is a torque that lasts.
+    Centres of mass and inertias count as known: what they leave unexplained is a torque that lasts. The rest is what
+    the monitor has learned, if the arm was watched at work.
     """
-    deviations = [record.numbers[name].deviation if symbol_of(name) in _LEARNED else 0.0 for name in ARM_NAMES]
-    belief = Belief(record.arm, np.diag(np.square(deviations)), record.encoders, effects=record.effects)
-    if record.healthy is None:
-        return belief
+    names = [name for name in LEARNED if name in ARM_NAMES]
     known = record.healthy
-    error = Unmodelled(slow=known.slow, memory=known.memory, grip=known.grip)
-    return replace(belief, error=error, tail=Tail(known.level, known.rate, known.excess))
+    if known is None:
+        deviations = {name: record.numbers[name].deviation for name in names}
+        return Belief(record.arm, _uncertain(deviations), record.encoders, effects=record.effects)
+    bias1, bias2, bias3 = (known.learned[f"bias{joint}"] for joint in (1, 2, 3))
+    return Belief(
+        record.arm.with_values({name: known.learned[name].value for name in names}),
+        _uncertain({name: known.learned[name].deviation for name in names}),
+        record.encoders,
+        offset=(bias1.value, bias2.value, bias3.value),
+        offset_deviation=(bias1.deviation, bias2.deviation, bias3.deviation),
+        effects=record.effects,
+        error=Unmodelled(slow=known.slow, memory=known.memory, grip=known.grip),
+        tail=Tail(known.level, known.rate, known.excess, known.misfit),
+    )
+
+
+def _uncertain(deviations: Mapping[str, float]) -> Array:
+    """The covariance of the parameters called ARM_NAMES, (15, 15), of which those without a deviation are certain."""
+    return np.diag([deviations.get(name, 0.0) ** 2 for name in ARM_NAMES])

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -88,6 +89,7 @@ class Estimator:
         information: (3,), variance of the scores, 1/rad^2.
         memory: share that is left after a sample of a torque that the model does not explain.
         gripped: whether a box is held since the last prediction.
+        late: whether commands act one period later than those of the arm that was believed in.
         box_mass: mass that a box is expected to have when it is gripped, kg.
         payload_variance: variance of that mass, kg^2.
     """
@@ -124,7 +126,8 @@ class Estimator:
         self.gains = np.zeros((3, SIZE))
         self.innovation, self.variance = np.zeros(3), np.ones(3)
         self.score, self.information = np.zeros(3), np.zeros(3)
-        self.gripped = False
+        self.gripped = self.late = False
+        self._command: Array | None = None
         self._handling = 0
         self._cloned: tuple[str, ...] = ()
         self._clones, self._C, self._B = np.zeros(0), np.zeros((SIZE, 0)), np.zeros(0)
@@ -136,6 +139,7 @@ class Estimator:
         x[W:ARM] = 0.0
         P[:ARM], P[:, :ARM], self._C[:ARM] = 0.0, 0.0, 0.0
         self._motion.begin()
+        self._command = None
         for i in range(3):
             P[i, i] = 1.0
             P[W + i, W + i] = self.tuning.speed**2
@@ -147,6 +151,9 @@ class Estimator:
         """Carries the estimate over one period with a command (3,) V held, its torques in doubt by so much (N m)."""
         if gripped != self.gripped:
             self._hold(gripped)
+        last, self._command = self._command, volts
+        if self.late and last is not None:
+            volts = last
         x = self.x
         possible = np.minimum(np.maximum(x, self._least), self._most)
         if not gripped:
@@ -198,6 +205,11 @@ class Estimator:
         angles = self.x[:W]
         return angles + self._motion.eccentricity(angles) + self.x[BIAS:DRIFT], np.sqrt(variance)
 
+    def chance(self, joint: int, away: float) -> float:
+        """Logarithm of the likelihood that noise alone moves the reading of a joint (0 to 2) so far, rad."""
+        noise = self._noise[joint]
+        return float(-0.5 * (away * away / noise + math.log(2.0 * math.pi * noise)))
+
     def copy(self) -> Estimator:
         """An independent estimator in the same state."""
         other = copy.copy(self)
@@ -205,12 +217,18 @@ class Estimator:
             setattr(other, name, getattr(self, name).copy())
         return other
 
-    def spread(self, name: str, variance: float) -> None:
-        """Lets one state be off by more, its unit squared, from now on."""
-        index = INDEX[name]
-        self.P[index, index] += variance
-        if name == "payload":
-            self.payload_variance = max(self.payload_variance, variance)
+    def spread(self, deviations: Mapping[str, float], together: bool = False) -> None:
+        """Lets states be off by more from now on, each by itself or all by the same number of deviations.
+
+        Args:
+            deviations: further standard deviations by state, in its unit.
+            together: whether what is known of one is known of all.
+        """
+        rows = [INDEX[name] for name in deviations]
+        sizes = np.array(list(deviations.values()))
+        self.P[np.ix_(rows, rows)] += np.outer(sizes, sizes) if together else np.diag(sizes**2)
+        if "payload" in deviations:
+            self.payload_variance = max(self.payload_variance, deviations["payload"] ** 2)
 
     def lock(self, joint: int) -> None:
         """Takes a joint (1 to 3) to be held where it is now, 0 to be free again."""
@@ -288,6 +306,11 @@ class Estimator:
         self._make_certain(PAYLOAD, self.box_mass if gripped else 0.0)
         self.P[PAYLOAD, PAYLOAD] = self.payload_variance if gripped else 0.0
         self._handling = HANDLING
+
+
+def closes(volts: Array, gripped: bool) -> bool:
+    """Whether the jaws close under a command, (4,) V, that holds no box yet: what they close on pushes the arm."""
+    return bool(volts[3] < 0.0) and not gripped
 
 
 def _bounds(arm: ArmParameters) -> tuple[Array, Array]:

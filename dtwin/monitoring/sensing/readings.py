@@ -40,6 +40,8 @@ _LOOK: Final = 25
 _DITHER: Final = 0.5
 """resolutions: noise of this standard deviation makes the errors of rounding independent (Widrow and Kollar,
 Quantization Noise, 2008)"""
+_NOISY: Final = 2.0
+"""resolutions: an encoder of such noise repeats a reading by chance once in seven samples, and FROZEN times never"""
 _CHANCE: Final = 2
 """times that such an encoder may repeat its reading by chance"""
 _RESOLUTIONS: Final = 3.0
@@ -62,7 +64,7 @@ class Readings:
         last: (3,), the last reading, rad; NaN before the first.
         repeated: (3,), how often each encoder has repeated its reading in a row.
         resolution: (3,), resolution of the encoders, rad; 0 if it does not matter, COARSEST while it is not known.
-        frozen: (3,), which encoders repeat their readings although the joint moves.
+        frozen: (3,), which encoders repeat their readings although the joint is expected to move.
         spikes: (3,), which encoders have just shown that their last reading but one was a single one far off.
     """
 
@@ -83,6 +85,7 @@ class Readings:
         self.repeated = np.zeros(3, dtype=int)
         self.resolution = np.full(3, COARSEST)
         self.frozen = np.zeros(3, dtype=bool)
+        self._dithered = np.zeros(3, dtype=bool)
         self.spikes = np.zeros(3, dtype=bool)
 
     @property
@@ -97,6 +100,7 @@ class Readings:
         known = self._steps >= _TELLING
         self._learn(np.abs(step))
         dithered = known & (self.resolution > 0.0) & (self._deviation > _DITHER * self.resolution)
+        self._dithered = dithered | (self.resolution == 0.0)
         held = np.where(np.abs(step) > 1.5 * self.resolution, 1, self.repeated + 1)
         beyond = np.where(known & ~equal & ~dithered, 0.5 * self.resolution * (1.0 - 1.0 / held), 0.0)
         self._angles = measured - np.copysign(beyond, step)
@@ -107,6 +111,11 @@ class Readings:
         self._new = np.where(equal, exact | by_chance, known | ~self._has_repeated)
         self.last = measured
         return self._angles
+
+    @property
+    def proven(self) -> Flags:
+        """Which encoders have stopped, (3,): even at a joint that stands still they would not repeat a reading."""
+        return self.frozen & ((self.resolution == 0.0) | (self._deviation > _NOISY * self.resolution))
 
     def judge(self, predicted: Array, deviation: Array, trusted: bool) -> Flags:
         """Compares the last sample with its prediction.
@@ -127,7 +136,9 @@ class Readings:
         self.frozen = ~first & (self.frozen | (stopped & (moved > _DEVIATIONS * deviation)))
         outside = np.abs(predicted - self.last) > 0.5 * self.resolution
         again = ~first & (self.repeated % _LOOK == 0) & (self.resolution > 0.0) & outside
-        used = (self._new | again) & ~self.frozen
+        # Where neighbouring readings differ by noise, one that repeats the last is more often a sample that was lost.
+        lost = ~first & self._dithered & (np.abs(predicted - self.last) > deviation)
+        used = (self._new | again) & ~self.frozen & ~lost
         away = np.abs(self._angles - predicted) / deviation
         near = away < _NEAR * self._far
         self.spikes = used & self._left_out & near

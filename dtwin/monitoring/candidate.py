@@ -1,0 +1,200 @@
+"""A hypothesis: what changed, from when on, and the arm as it would be since.
+
+A candidate goes back to the estimate before the suspected onset, is allowed its change - a wide prior on one or a few
+parameters, a joint that stands still, a torque of unknown cause, commands that come late, an encoder that has
+stopped - and follows the samples since. The likelihood of the readings, which charges for width by itself, is what
+speaks for it, and its state tells the size of the change: no linearisation in the size is left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import islice
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.monitoring.estimation.estimator import Change, Estimator
+from dtwin.monitoring.estimation.layout import INDEX
+from dtwin.monitoring.kinds import FaultId
+from dtwin.monitoring.signatures import Onset
+
+Array = NDArray[np.float64]
+
+RARER: Final = math.log(1000.0)
+"""Logarithm of how much rarer two changes at once are than one."""
+_RECENT: Final = 0.04
+"""Weight of the last sample in the mean of the innovations."""
+_FARTHEST: Final = 25.0
+"""Largest square of an innovation in standard deviations that counts: single readings may be far off."""
+_SEEN: Final = 20
+"""Samples in which it shows that a push has ended."""
+_PUSH: Final = 0.3
+"""Standard deviation of the torque of a push, N m."""
+_SHARE: Final = 0.5
+"""Plausible relative change of what changes by a share."""
+
+
+class Moment(NamedTuple):
+    """One sample as the monitor took it.
+
+    Attributes:
+        volts: (3,), the command that led to it, V.
+        gripped: whether a box was held.
+        doubt: standard deviation of the torques that the command leaves in doubt, N m.
+        measured: (3,), rad.
+        used: (3,), which readings were taken in.
+        counts: whether it is evidence.
+        likelihood: logarithm of the likelihood of the readings under the arm as believed so far.
+    """
+
+    volts: Array
+    gripped: bool
+    doubt: float
+    measured: Array
+    used: NDArray[np.bool_]
+    counts: bool
+    likelihood: float
+
+
+def misfit_after(before: float, estimator: Estimator, used: NDArray[np.bool_]) -> float:
+    """The mean square of the last innovations in standard deviations after another sample; 1 of a true model.
+
+    Innovations count as they count for the estimate: of noise with heavy tails, up to where the tails begin.
+    """
+    squares = np.minimum(estimator.score[used] ** 2 / estimator.information[used], _FARTHEST)
+    return before + _RECENT * (float(squares.mean()) - before) if squares.size else before
+
+
+class Candidate:
+    """A hypothesis and its estimator.
+
+    Args:
+        fault: what changed.
+        onset: the sample after which it changed, with the estimate of before.
+        sizes: plausible sizes of changes by state.
+        expected: changes to start from by state.
+        delay: samples from the onset until something is lost, an encoder stops, a joint is locked, or a push ends.
+        other: what else changed at the same time; both are jumps.
+
+    Attributes:
+        estimator: the arm under the hypothesis.
+        gain: log-likelihood over the arm as believed, since the onset, and the logarithm of how rare it is.
+        misfit: how badly it explains the last samples, see `misfit_after`.
+    """
+
+    def __init__(
+        self,
+        fault: FaultId,
+        onset: Onset,
+        sizes: dict[str, float],
+        expected: dict[str, float] | None = None,
+        delay: int = 0,
+        other: FaultId | None = None,
+    ) -> None:
+        self.fault, self.other, self.onset = fault, other, onset
+        self.gain = -RARER if other else 0.0
+        self.misfit = 1.0
+        self._opening = onset.gap
+        hypothesis = fault.about.hypothesis
+        self._lost = fault.states[0] if hypothesis == "loss" else ""
+        self._stopping = fault.joint - 1 if hypothesis == "stop" else -1
+        self._stopped: float | None = None
+        self._delay = self._first_delay = delay
+        opened = {"jump": (str(fault),), "jumps": fault.states}.get(hypothesis, ())
+        if other:
+            opened = (*opened, str(other))
+        self.estimator = estimator = onset.estimator.copy()
+        spreads = {name: sizes[name] for name in opened}
+        if hypothesis == "share":
+            spreads = {name: _SHARE * estimator.x[INDEX[name]] for name in fault.states}
+        self._together = hypothesis == "share"
+        self._spreads = {name: size * onset.gap**-0.5 for name, size in spreads.items()}
+        self._states = (self._lost,) if self._lost else tuple(spreads)
+        for name in self._states:
+            estimator.remember(name)
+        self._box: Change | None = None
+        for name, change in (expected or {}).items():
+            estimator.x[INDEX[name]] += change
+            if name == "payload":
+                estimator.box_mass += change
+        match hypothesis:
+            case "hold" if not delay:
+                estimator.lock(fault.joint)
+            case "torque":
+                estimator.disturb(fault.joint)
+            case "push":
+                estimator.disturb(fault.joint, _PUSH)
+            case "late":
+                estimator.late = not estimator.late
+
+    def follow(self, moment: Moment) -> None:
+        """Takes in a sample."""
+        estimator = self.estimator
+        if self._delay == 0 and (self._first_delay or self._lost or self._stopping >= 0):
+            self._turn(moment)
+        self._delay -= 1
+        if self._opening:
+            estimator.spread(self._spreads, self._together)
+            self._opening -= 1
+        if "payload" in self._states and estimator.gripped and not moment.gripped:
+            self._box = estimator.change("payload")
+        estimator.predict(moment.volts, moment.gripped, moment.doubt)
+        used = moment.used
+        if self._stopped is not None:
+            used = used.copy()
+            used[self._stopping] = False
+        gain = estimator.correct(moment.measured, used) - moment.likelihood
+        if self._stopped is not None and moment.used[self._stopping]:
+            gain += estimator.chance(self._stopping, float(moment.measured[self._stopping]) - self._stopped)
+        if not math.isfinite(gain):
+            self.gain = -math.inf
+        elif moment.counts:
+            self.gain += gain
+            self.misfit = misfit_after(self.misfit, estimator, used)
+
+    def catch_up(self, history: Sequence[Moment], sample: int) -> None:
+        """Takes in all samples since the onset; the last one in the history has the given number."""
+        for moment in islice(history, len(history) - (sample - self.onset.sample), None):
+            self.follow(moment)
+
+    @property
+    def cause(self) -> tuple[str, ...]:
+        """What tells it from candidates of other causes."""
+        faults = (self.fault, self.other) if self.other else (self.fault,)
+        return tuple(sorted(f"{fault.about.cause} {fault.joint}" for fault in faults))
+
+    @property
+    def waits(self) -> bool:
+        """Whether it has not been seen what comes after the delay: of a push, that it has ended for a while."""
+        return self.fault.about.passing and self._delay > -_SEEN
+
+    def changes(self) -> dict[str, Change]:
+        """The change of each state; for a box that has been put down, what was known of it then."""
+        changes = {name: self.estimator.change(name) for name in self._states}
+        if self._box is not None and not self.estimator.gripped:
+            changes["payload"] = self._box
+        return {name: change for name, change in changes.items() if change is not None}
+
+    def again(self, sizes: dict[str, float]) -> Candidate:
+        """The same hypothesis from the same onset, linearised at the changes found: the second pass of an iterated
+        filter."""
+        begun = self.onset.estimator
+        start = {name: float(begun.x[INDEX[name]]) for name in self._states}
+        if not begun.gripped:
+            start["payload"] = begun.box_mass
+        found = {name: change.value - start[name] for name, change in self.changes().items() if not self._lost}
+        return Candidate(self.fault, self.onset, sizes, found, self._first_delay, self.other)
+
+    def _turn(self, moment: Moment) -> None:
+        """What happens after the delay."""
+        if self._lost:
+            self.estimator.lose(self._lost)
+        elif self._stopping >= 0:
+            self._stopped = float(moment.measured[self._stopping])
+        elif self.fault.about.hypothesis == "push":
+            self.estimator.disturb(0)
+        elif self.fault.about.hypothesis == "hold":
+            self.estimator.lock(self.fault.joint)
