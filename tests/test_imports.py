@@ -6,19 +6,23 @@ import sys
 import pytest
 
 from dtwin.parameters import ROOT
+from dtwin.twin.compiled import BLAS
 
 HEAVY = frozenset({"numpy", "scipy", "numba", "mujoco", "rerun", "pyarrow", "lark", "matplotlib"})
 DEAREST = frozenset({"scipy.stats", "scipy.optimize", "rerun", "matplotlib"})
 """no service loads them to start"""
 
 
+def after(code: str) -> set[str]:
+    """What a new process has loaded once it has run the code."""
+    command = [sys.executable, "-c", f"{code}; import sys; print(*sys.modules)"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=120)
+    return set(done.stdout.split())
+
+
 def loaded(*modules: str) -> set[str]:
     """What a new process has loaded once it has imported the modules."""
-    code = f"import sys, {', '.join(modules)}; print(*sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60
-    )
-    return set(done.stdout.split())
+    return after(f"import {', '.join(modules)}")
 
 
 @pytest.mark.parametrize(
@@ -53,3 +57,16 @@ def test_services_load_what_they_need(name: str, needed: set[str]) -> None:
     found = loaded(f"services.{name}")
     assert found & HEAVY == needed
     assert not found & DEAREST
+
+
+def test_the_monitor_at_work_has_loaded_of_scipy_only_the_products_of_matrices() -> None:
+    found = after("import services.monitoring as service; service.warm_up(service.Options()._belief())")
+    assert {name for name in found if name.startswith(("scipy.linalg", "scipy.special"))} == {BLAS}
+    assert not found & {"numpy.f2py", "unittest"}
+
+
+def test_what_is_loaded_alone_is_part_of_its_package_later() -> None:
+    code = (
+        f"import dtwin.twin.compiled, sys; alone = sys.modules['{BLAS}']; from scipy.linalg import cython_blas, inv"
+    )
+    assert BLAS in after(f"{code}; assert cython_blas is alone; assert inv([[2.0]]) == 0.5")

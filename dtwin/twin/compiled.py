@@ -10,7 +10,10 @@ from __future__ import annotations
 
 import hashlib
 import logging
+import sys
 from collections.abc import Callable
+from importlib.machinery import PathFinder
+from importlib.util import find_spec, module_from_spec
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,6 +23,8 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 log = logging.getLogger(__name__)
 
 _CHECKSUM: Final = hashlib.sha256().digest_size
+BLAS: Final = "scipy.linalg.cython_blas"
+"""Module in which Numba finds the functions for products of matrices."""
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -30,6 +35,25 @@ def kernel(function: Callable[..., Any]) -> Any:
     except RuntimeError as error:  # no folder can be written
         log.info("%s", error)
     return dispatcher
+
+
+def _load_blas() -> None:
+    """Loads the one module of SciPy that Numba needs, without the package around it, which takes as long as Numba.
+
+    Whoever imports the package later finds the module in it. Where SciPy has no such file Numba imports the package.
+    """
+    package = find_spec("scipy")
+    if BLAS in sys.modules or package is None:
+        return
+    folders = [str(Path(folder) / "linalg") for folder in package.submodule_search_locations or ()]
+    spec = PathFinder.find_spec(BLAS, folders)
+    if spec is not None and spec.loader is not None:
+        module = module_from_spec(spec)
+        sys.modules[BLAS] = module
+        spec.loader.exec_module(module)
+
+
+_load_blas()
 
 
 class _Cache(FunctionCache):
