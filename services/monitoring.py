@@ -180,7 +180,7 @@ def warm_up(belief: Belief) -> None:
     """Loads all that is compiled, so that the first samples need not wait for it; three samples call it."""
     monitor = Monitor(belief)
     for sample in range(3):
-        monitor.update(sample, np.zeros(3), np.zeros(3), False)
+        monitor.update(sample, np.zeros(3), np.zeros(4), False)
 
 
 if __name__ == "__main__":

@@ -21,14 +21,14 @@ from dtwin.run.recording import Log
 @pytest.fixture(scope="module")
 def faulty(run_cell: Callable[..., Log], tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("logs") / "faulty.parquet"
-    run_cell(45.0, 3, "K1*=0.6@31").write_parquet(path)
+    run_cell(25.0, 3, "K1*=0.6@12.5").write_parquet(path)
     return path
 
 
 @pytest.fixture(scope="module")
 def collapsed(run_cell: Callable[..., Log], tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("logs") / "collapsed.parquet"
-    run_cell(45.0, 3, "K2*=0.1@31").write_parquet(path)
+    run_cell(25.0, 3, "K2*=0.1@12.5").write_parquet(path)
     return path
 
 
@@ -67,7 +67,7 @@ def test_a_healthy_log_passes(
     run_cell: Callable[..., Log], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "healthy.parquet"
-    run_cell().write_parquet(path)
+    run_cell(30.0).write_parquet(path)
     status, out, _ = run(["monitor", str(path)], capsys)
     assert status == 0
     assert "failed" not in out
@@ -186,13 +186,13 @@ def test_equal_trials_have_equal_outcomes() -> None:
 
 def test_a_fault_is_found_on_a_machine_that_was_identified() -> None:
     heavier = Machine("heavier", structure=Structure(inertia=(1.1, 1.1, 1.1), com=(1.01, 1.01, 1.01)))
-    seen = run_trial(FaultTrial(3, "cut1", noise=0.002, start=31.0, machine=heavier))
+    seen = run_trial(FaultTrial(3, "cut1", noise=0.002, start=12.5, machine=heavier))
     assert (seen.detected, seen.cause, seen.joint) == (True, *true_cause("cut1"))
-    assert seen != run_trial(FaultTrial(3, "cut1", noise=0.002, start=31.0))
+    assert seen != run_trial(FaultTrial(3, "cut1", noise=0.002, start=12.5))
 
 
 def test_the_thesis_monitor_watches_the_same_trials() -> None:
-    seen = run_trial(FaultTrial(3, "K2*=0.1", "thesis", noise=0.003, start=31.0, patience=12.0, motion=math.inf))
+    seen = run_trial(FaultTrial(3, "K2*=0.1", "thesis", noise=0.003, start=12.5, patience=12.0, motion=math.inf))
     assert seen.detected
     assert seen.latency_s is not None
     assert 4.5 < seen.latency_s < 12.0
