@@ -4,10 +4,18 @@ import msgspec
 import pytest
 
 from dtwin.cli import main
-from dtwin.experiments.monitoring.alarms import FAULTS, Outcome, WatchedMachine, alarms_report, good
+from dtwin.experiments.monitoring.alarms import alarms_report, calibration, false_alarms, good
+from dtwin.experiments.monitoring.watching import SCENARIOS, Outcome, WatchedMachine
+from dtwin.monitoring.kinds import parse_fault_id
 
-RIGHT = [Outcome(fault, [], 1.0, names[0], 0.999) for fault, names in FAULTS.items()]
-FINE = WatchedMachine(7, "identified", 0.2, [], RIGHT)
+
+def names_of(number: int) -> list[str]:
+    """Findings that name all faults of a scenario right."""
+    return [change.partition("*")[0].partition("+")[0] for change in SCENARIOS[number].changes]
+
+
+RIGHT = [Outcome(number, 30.0, [], 1.0, names_of(number), 0.999) for number in range(len(SCENARIOS))]
+FINE = WatchedMachine(7, "identified", "", 0.2, [], RIGHT)
 
 
 def changed(**values: object) -> WatchedMachine:
@@ -15,24 +23,58 @@ def changed(**values: object) -> WatchedMachine:
     return msgspec.structs.replace(FINE, outcomes=[msgspec.structs.replace(RIGHT[0], **values), *RIGHT[1:]])
 
 
+def test_the_faults_of_a_scenario_are_their_own_names() -> None:
+    assert all(outcome.right and not outcome.wrong for outcome in RIGHT)
+    assert {parse_fault_id(name).kind for outcome in RIGHT for name in outcome.named} >= {"late", "supply", "push"}
+
+
+def test_viscous_and_dry_friction_are_one_cause_and_unknown_is_not_wrong() -> None:
+    (damping,) = [number for number, scenario in enumerate(SCENARIOS) if scenario.changes == ("D1*=2",)]
+    assert Outcome(damping, 30.0, [], 1.0, ["mu1"], 1.0).right
+    for name, wrong in (("D2", True), ("unknown1", False)):
+        outcome = Outcome(damping, 30.0, [], 1.0, [name], 1.0)
+        assert (outcome.right, outcome.wrong) == (False, wrong)
+
+
+def test_of_two_faults_both_have_to_be_named() -> None:
+    (both,) = [number for number, scenario in enumerate(SCENARIOS) if len(scenario.changes) == 2]
+    assert Outcome(both, 30.0, [], 1.0, ["D3", "K2"], 1.0).right
+    for names in (["K2"], ["K2", "D1", "D3"], ["K1", "D3"]):
+        assert not Outcome(both, 30.0, [], 1.0, names, 1.0).right
+
+
 def test_what_counts_against_the_monitor() -> None:
     assert good([FINE])
     assert not good([])
     for one in (
         msgspec.structs.replace(FINE, alarms=["voltage constant of joint 1"]),
+        msgspec.structs.replace(FINE, remark="the log is of no use"),
+        changed(early=["misfit"]),
         changed(after=2.5),
-        changed(after=None, named=""),
-        changed(named="K1", confidence=0.96),
+        changed(after=None, named=[]),
+        changed(named=["K1"], confidence=0.96),
     ):
         assert not good([one])
-    assert good([changed(named="K1", confidence=0.9)])
+    assert good([changed(named=["K1"], confidence=0.9)])
 
 
 def test_the_report_counts_every_fault_and_false_alarm() -> None:
-    text = str(alarms_report([FINE, changed(after=None, named="K1")], 600.0))
-    assert "0 false alarms in 0.40 h" in text
+    one = changed(after=None, named=["K1"], early=["friction of joint 1"])
+    text = str(alarms_report([FINE, one], 600.0))
+    assert false_alarms([FINE, one]) == 1
+    assert "1 false alarms in 0.40 h, 1800 a month" in text
     assert "1 of 2" in text
-    assert all(f"`{fault}`" in text for fault in FAULTS)
+    assert "K2 1, K1 1" in text
+    assert all(f"`{scenario.name}`" in text for scenario in SCENARIOS)
+
+
+def test_a_confidence_of_nine_tenths_is_right_nine_times_of_ten() -> None:
+    told = [Outcome(0, 30.0, [], 1.0, ["K2"], 0.9)] * 9 + [Outcome(0, 30.0, [], 1.0, ["K1"], 0.9)]
+    classes, error = calibration(told)
+    assert classes == [(pytest.approx(0.9), pytest.approx(0.9), 10)]
+    assert error == pytest.approx(0.0, abs=1e-9)
+    _, error = calibration([msgspec.structs.replace(outcome, confidence=1.0) for outcome in told])
+    assert error == pytest.approx(0.1)
 
 
 def test_machines_that_the_method_was_tuned_on_are_refused(capsys: pytest.CaptureFixture[str]) -> None:

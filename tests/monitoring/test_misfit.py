@@ -78,6 +78,6 @@ def test_frozen_encoders_of_an_arm_that_is_not_the_models_are_not_told() -> None
     monitor = watched("17", 15.0)
     sample = monitor.sample
     for k in range(1, 300):
-        monitor.update(sample + k, np.array([0.1, 0.2, 0.3]), np.full(3, 4.0), False)
+        monitor.update(sample + k, np.array([0.1, 0.2, 0.3]), np.full(4, 4.0), False)
     assert [event.kind for event in monitor.events if event.kind not in ("spike", "restart")] == ["misfit"]
     assert monitor.time == pytest.approx((sample + 299) * PERIOD)

@@ -64,7 +64,7 @@ def test_a_fault_of_the_running_cell_is_published(desk: Desk) -> None:
 
 def test_a_nominal_verdict_as_it_is_published() -> None:
     monitor = Monitor(assumed(ArmParameters(), (1e-3, 1e-3, 1e-3)))
-    monitor.update(0, np.zeros(3), np.zeros(3), False)
+    monitor.update(0, np.zeros(3), np.zeros(4), False)
     message = monitor.verdict()
     assert list(message.units) == ["joint 1", "joint 2", "joint 3", "gripper"]
     assert all(unit.cause == "" for unit in message.units.values())

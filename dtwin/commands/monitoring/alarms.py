@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 import msgspec
 
 from dtwin.commands.frame import SeriesCommand, at_least
-from dtwin.experiments.monitoring.alarms import WatchedMachine, alarms_report, good, watch_machines
+from dtwin.experiments.monitoring.alarms import alarms_report, calibration, false_alarms, good
+from dtwin.experiments.monitoring.watching import WatchedMachine, watch_machines
 from dtwin.experiments.report import Report
 from dtwin.pool import Progress
 
@@ -40,7 +41,10 @@ class ExperimentAlarms(SeriesCommand[list[WatchedMachine]]):
         return alarms_report(result, self.duration)
 
     def figures(self, result: list[WatchedMachine]) -> dict[str, Any]:
-        return {"machines": msgspec.to_builtins(result)}
+        outcomes = [outcome for one in result for outcome in one.outcomes]
+        _, error = calibration(outcomes)
+        alarms = {"false_alarms": false_alarms(result), "hours": sum(one.hours for one in result)}
+        return {**alarms, "calibration_error": error, "machines": msgspec.to_builtins(result)}
 
     def passed(self, result: list[WatchedMachine]) -> bool:
         return good(result)

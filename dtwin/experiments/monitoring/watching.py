@@ -1,0 +1,233 @@
+"""Drawn machines commissioned from a log of their work and then watched, healthy and with faults."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.emulation.faults import parse_fault
+from dtwin.emulation.machine.files import machine_of
+from dtwin.emulation.machine.sections import Contact
+from dtwin.errors import IdentificationError
+from dtwin.experiments.sorting import Work
+from dtwin.experiments.untouched import untouched
+from dtwin.identification.machine.judged import identify_machine, record_of
+from dtwin.identification.machine.record import Grade
+from dtwin.monitoring.calibration import watched
+from dtwin.monitoring.estimation.belief import Belief, commissioned
+from dtwin.monitoring.kinds import KINDS, parse_fault_id
+from dtwin.monitoring.monitor import Monitor
+from dtwin.monitoring.offline import stream
+from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.pool import Progress, Workers
+from dtwin.run.cell import Cell
+from dtwin.run.options import ControlOptions
+from dtwin.run.recording import Log
+from dtwin.run.settings import CellSettings
+
+IDENTIFIED_FROM: Final = 120.0
+"""Plant time of the log that the machine is identified from, the first part of the one that it is watched in, s."""
+FOLLOWED: Final = 20.0
+"""Plant time for which a fault is followed, s."""
+_BETWEEN: Final = (25.0, 55.0)
+"""Plant times between which faults come, s."""
+_MOVES: Final = 0.1
+"""Velocity of a joint that moves, rad/s."""
+_NOTICED: Final = ("suspected", "failed", "misfit", "push")
+"""Kinds of the events by which the monitor notices something."""
+_FALSE: Final = ("failed", "misfit", "push")
+"""Kinds of the events that are alarms."""
+
+
+class Scenario(NamedTuple):
+    """What happens to a machine.
+
+    Attributes:
+        changes: faults without their times, which come at the same moment.
+        lasts: how long they last, s; 0 if they stay.
+        held: whether they come while a box is held.
+    """
+
+    changes: tuple[str, ...]
+    lasts: float = 0.0
+    held: bool = False
+
+    @property
+    def name(self) -> str:
+        """The faults in one line."""
+        return " ".join(self.changes)
+
+    def right(self, names: list[str]) -> bool:
+        """Whether the first findings, one for each fault, name all of them."""
+        told = names[: len(self.changes)]
+        return all(any(name in _names(change) for name in told) for change in self.changes)
+
+    def wrong(self, name: str) -> bool:
+        """Whether a finding names something that did not happen."""
+        return parse_fault_id(name).kind != "unknown" and not any(name in _names(change) for change in self.changes)
+
+
+SCENARIOS: Final = (
+    Scenario(("K2*=0.8",)),
+    Scenario(("K1*=0.7",)),
+    Scenario(("D1*=2",)),
+    Scenario(("mu3*=2",)),
+    Scenario(("payload+=0.02",), held=True),
+    Scenario(("payload+=-0.02",), held=True),
+    Scenario(("bias1+=-0.01",)),
+    Scenario(("bias2+=0.01",)),
+    Scenario(("freeze2",)),
+    Scenario(("lock3",)),
+    Scenario(("cut1",)),
+    Scenario(("slip",), held=True),
+    Scenario(("late",)),
+    Scenario(("supply*=0.8",)),
+    Scenario(("push2+=0.3",), lasts=0.1),
+    Scenario(("K2*=0.8", "D3*=2")),
+)
+"""What is tried on every machine."""
+
+
+class Outcome(msgspec.Struct, frozen=True):
+    """What the monitor made of a scenario.
+
+    Attributes:
+        scenario: number in SCENARIOS.
+        onset: plant time at which it began, s.
+        early: alarms before that.
+        after: motion from its onset until it was noticed, s, with a box in the gripper if it is about the box; None
+            if it was not.
+        named: names of the findings that were settled, in order.
+        confidence: probability that the monitor gave the first of them.
+    """
+
+    scenario: int
+    onset: float
+    early: list[str]
+    after: float | None
+    named: list[str]
+    confidence: float
+
+    @property
+    def right(self) -> bool:
+        """Whether the first findings name what happened."""
+        return SCENARIOS[self.scenario].right(self.named)
+
+    @property
+    def wrong(self) -> bool:
+        """Whether the first finding names something that did not happen."""
+        return bool(self.named) and SCENARIOS[self.scenario].wrong(self.named[0])
+
+
+class WatchedMachine(msgspec.Struct, frozen=True):
+    """What came of a machine.
+
+    Attributes:
+        number: number that the machine was drawn by.
+        grade: grade of its record.
+        remark: why it cannot be watched, "" if it can.
+        hours: plant time that it was watched for while healthy, h.
+        alarms: what was found then.
+        outcomes: what was made of what happened to it.
+    """
+
+    number: int
+    grade: Grade
+    remark: str
+    hours: float
+    alarms: list[str]
+    outcomes: list[Outcome]
+
+
+def watch_machine(item: Work) -> WatchedMachine:
+    """Commissions a drawn machine from its work, and watches other work of it, healthy and in each of SCENARIOS.
+
+    Raises:
+        DtwinError: a run failed.
+    """
+    log, arm = _worked(item, item.duration), ArmParameters()
+    try:
+        judged = identify_machine(log.part(0, round(IDENTIFIED_FROM / PERIOD)), arm)
+    except IdentificationError as error:
+        return WatchedMachine(item.number, "unusable", str(error), 0.0, [], [])
+    belief = commissioned(watched(record_of(judged, arm, f"machine {item.number}"), stream(log)))
+    other = item._replace(seed=item.seed + 1)
+    healthy = _worked(other, item.duration)
+    alarms = _alarms(_followed(belief, healthy))
+    generator = np.random.default_rng(other.seed)
+    moments = [_moment(generator, healthy, scenario) for scenario in SCENARIOS]
+    outcomes = [_outcome(belief, other, number, moment) for number, moment in enumerate(moments)]
+    hours = (item.duration + sum(outcome.onset for outcome in outcomes)) / 3600.0
+    return WatchedMachine(item.number, judged.grade, "", hours, alarms, outcomes)
+
+
+def watch_machines(
+    first: int, count: int, seed: int, duration: float, workers: int | None, progress: Progress
+) -> list[WatchedMachine]:
+    """Watches the machines of consecutive numbers, each with generators of its own.
+
+    Raises:
+        ParameterError: somebody tuned to one of them.
+        DtwinError: a run failed.
+    """
+    items = [Work(number, seed + 2 * number, duration) for number in untouched(first, count)]
+    with Workers(workers) as pool:
+        return pool.map(watch_machine, items, progress)
+
+
+def _names(change: str) -> tuple[str, ...]:
+    """The findings that name a fault right: viscous and dry friction are one cause."""
+    fault = parse_fault_id(parse_fault(f"{change}@0").target)
+    return tuple(fault.named(kind) for kind, row in KINDS.items() if row.cause == fault.about.cause)
+
+
+def _worked(item: Work, duration: float, *faults: str) -> Log:
+    machine = replace(machine_of(str(item.number)), contact=Contact(enabled=True))
+    control = ControlOptions().control()
+    parsed = tuple(map(parse_fault, faults))
+    cell = Cell(CellSettings(duration, item.seed, machine=machine, control=control, faults=parsed))
+    cell.run()
+    return cell.log.freeze()
+
+
+def _moving(log: Log, held: bool) -> NDArray[np.bool_]:
+    """When the arm moves, with a box if that is asked, (N,)."""
+    moves: NDArray[np.bool_] = np.abs(log.stack("omega")).max(axis=1) > _MOVES
+    return moves & log.columns["box_gripped"] if held else moves
+
+
+def _moment(generator: np.random.Generator, healthy: Log, scenario: Scenario) -> float:
+    """A plant time (s) at which the healthy arm moves, with a box if the scenario is about it."""
+    times, (first, last) = healthy.columns["t"], _BETWEEN
+    possible = _moving(healthy, scenario.held) & (times > first) & (times < last)
+    return round(float(generator.choice(times[possible])), 2)
+
+
+def _followed(belief: Belief, log: Log) -> Monitor:
+    monitor, seen = Monitor(belief), stream(log)
+    seen.feed(monitor, 0, len(seen))
+    return monitor
+
+
+def _alarms(monitor: Monitor, until: float = np.inf) -> list[str]:
+    return [event.text for event in monitor.events if event.kind in _FALSE and event.time < until]
+
+
+def _outcome(belief: Belief, item: Work, number: int, onset: float) -> Outcome:
+    scenario = SCENARIOS[number]
+    end = f"-{onset + scenario.lasts:.2f}" if scenario.lasts else ""
+    log = _worked(item, onset + FOLLOWED, *(f"{change}@{onset:.2f}{end}" for change in scenario.changes))
+    monitor = _followed(belief, log)
+    times = [event.time for event in monitor.events if event.kind in _NOTICED and event.time >= onset]
+    settled = [finding for finding in monitor.history if finding.detected >= onset]
+    after = None
+    if times:
+        between = slice(round(onset / PERIOD), round(times[0] / PERIOD))
+        about_box = any(change.startswith("payload") for change in scenario.changes)
+        after = round(float(np.sum(_moving(log, about_box)[between])) * PERIOD, 2)
+    names, confidence = [finding.parameter for finding in settled], settled[0].confidence if settled else 0.0
+    return Outcome(number, onset, _alarms(monitor, onset), after, names, confidence)
