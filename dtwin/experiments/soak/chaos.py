@@ -36,7 +36,7 @@ class Borne:
         trouble: the entry of the table.
         seen: what was seen of the cell.
         count_kept: whether the count of boxes went on.
-        broken: names of the promises that were not kept.
+        broken: names of the promises that were not kept, and what was found wrong where nothing was.
     """
 
     trouble: Trouble
@@ -156,7 +156,8 @@ def _bear(cell: TroubledCell, trouble: Trouble) -> Borne:
     time.sleep(LATER)
     seen = Aftermath(before, _boxes(cell), tuple(cell.events[told:]), recovered, seconds)
     broken = tuple(promise.name for promise in trouble.promises if not promise.kept(cell, seen))
-    return Borne(trouble, seen, count_kept(cell, seen), (*((said,) if said else ()), *broken))
+    found = seen.findings if "no_finding" in broken else ()
+    return Borne(trouble, seen, count_kept(cell, seen), (*((said,) if said else ()), *broken, *found))
 
 
 def _boxes(cell: TroubledCell) -> BoxCounts:

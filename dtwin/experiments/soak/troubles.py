@@ -52,6 +52,11 @@ class Aftermath:
         return any(event.kind in (EventKind.SAFE, EventKind.RESUMED) for event in self.events)
 
     @property
+    def findings(self) -> tuple[str, ...]:
+        """What was said to be wrong with the arm meanwhile, and of its stops."""
+        return tuple(e.text for e in self.events if e.kind in (f"{MONITOR}failed", EventKind.STOP))
+
+    @property
     def misplaced(self) -> int:
         """Number of boxes misplaced meanwhile."""
         return self.after.misplaced - self.before.misplaced
@@ -94,7 +99,7 @@ def count_kept(cell: TroubledCell, seen: Aftermath) -> bool:
 
 def no_finding(cell: TroubledCell, seen: Aftermath) -> bool:
     """The monitor has found nothing wrong with the arm, and nobody has stopped it."""
-    return not any(event.kind in (f"{MONITOR}failed", EventKind.STOP) for event in seen.events)
+    return not seen.findings
 
 
 def end(number: signal.Signals, service: str, cell: TroubledCell) -> str:
