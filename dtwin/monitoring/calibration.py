@@ -24,10 +24,11 @@ from dtwin.errors import ParameterError
 from dtwin.identification.machine.record import LEARNED, Healthy, Learned, MachineRecord
 from dtwin.monitoring.candidate import misfit_after
 from dtwin.monitoring.estimation.belief import Array, Belief, Tail, Unmodelled, commissioned
-from dtwin.monitoring.estimation.estimator import Estimator, Tuning, closes
+from dtwin.monitoring.estimation.estimator import Estimator, Tuning
 from dtwin.monitoring.estimation.layout import ARM_NAMES, INDEX, MOVING, TORQUE
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream
+from dtwin.monitoring.sensing.commands import closes
 from dtwin.parameters import GRAVITY, PERIOD, ArmParameters
 
 MEMORIES: Final = (0.1, 0.3, 1.0)

@@ -13,10 +13,11 @@ from dtwin.bus.twin_messages import UNITS, MonitoringVerdict, UnitState
 from dtwin.monitoring.candidate import Candidate, Moment
 from dtwin.monitoring.diagnosis import MOST, Diagnosis
 from dtwin.monitoring.estimation.belief import Belief, Tail
-from dtwin.monitoring.estimation.estimator import Estimator, closes
+from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.findings import Consequences, Findings
 from dtwin.monitoring.kinds import PUSH, UNKNOWN, FaultId, parse_fault_id, plausible_sizes
 from dtwin.monitoring.modes import STARTING, Diagnosing, Lost, Mode, Probation, Settling, Turn, Turns, Unfit, Watching
+from dtwin.monitoring.sensing.commands import commands_between
 from dtwin.monitoring.sensing.listening import Listening, hear, replay
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.settings import MonitorSettings
@@ -35,10 +36,6 @@ BRIDGED: Final = 10
 """samples that may be missing in a row, with the gripper unchanged, before the motion is estimated anew"""
 SETTLING: Final = 50
 """samples after a start before anything is suspected"""
-_BLIND: Final = 0.1
-"""N m, doubt about the torques in a sample whose command was not received"""
-_DOUBT: Final = 0.1
-"""N m/V, further doubt where the commands before and after differ"""
 _UNSETTLED: Final = 10
 """samples after one that did not arrive that are no evidence: how wrong the guess was is not known well"""
 _LEAST_LIKELY: Final = -1e4
@@ -82,8 +79,7 @@ class Monitor:
         self._probation = Probation()
         self._misfit: dict[int, str] = {}
         self.findings = Findings(self._sizes)
-        self.missed = self.restarts = 0
-        self.sample = -1
+        self.missed, self.restarts, self.sample = 0, 0, -1
         self._command = np.zeros(4)
         self._gripped = False
         self._doubted = 0
@@ -112,20 +108,15 @@ class Monitor:
             self._restart(sample, measured, gripped, gap)
         else:
             self.missed += gap - 1
-            for step in range(1, gap + 1):
-                command = self._command + (step - 1) / gap * (volts - self._command)
-                doubt = 0.0 if gap == 1 else _BLIND + _DOUBT * float(np.abs(volts - self._command)[:3].max())
-                if closes(command, self._gripped):
-                    doubt += self._belief.error.grip
+            commands = commands_between(self._command, volts, gap, self._gripped, self._belief.error.grip)
+            for step, (command, doubt) in enumerate(commands, 1):
                 self.sample += 1
-                self._step(angles, step == gap, command[:3], doubt)
+                self._step(angles, step == gap, command, doubt)
         self._command, self._gripped = volts, gripped
         louder = self._readings.listen(measured)
         if louder is not None:
             self._belief = replace(self._belief, noise=louder)
-            self.estimator = Estimator(self._belief, self.settings.tuning)
-            self._moments.clear()
-            self._begin(measured, gripped)
+            self._start_over()
 
     @property
     def statistic(self) -> float:
@@ -263,7 +254,9 @@ class Monitor:
         if not likelihood > _LEAST_LIKELY:
             likelihood = _LEAST_LIKELY
             if not isinstance(self._mode, Diagnosing) and not np.isfinite(estimator.x).all():
-                self._forget()
+                self._start_over()
+                self.restarts += 1
+                self.findings.note(self.time, "restart", "the estimate diverged and starts anew from the model")
                 return
         self._doubted = _UNSETTLED if doubt else max(self._doubted - 1, 0)
         counts = not self._doubted
@@ -285,8 +278,11 @@ class Monitor:
                 self._mode = Settling(left, known, begun, then) if left else then
                 self._listen(used)
             case Diagnosing(diagnosis, pending):
-                diagnosis.update(moment)
-                self._decide(diagnosis, pending)
+                if not diagnosis.certain and (stopped := self._stopped.open(self._readings, self.findings.known)):
+                    self._diagnose(stopped, pending)
+                else:
+                    diagnosis.update(moment)
+                    self._decide(diagnosis, pending)
             case Unfit() as mode:
                 self._bank.update(estimator, used, self.sample, counts)
                 self._doubt_model(mode.after(estimator))
@@ -319,7 +315,7 @@ class Monitor:
         stopped = self._stopped.open(self._readings, self.findings.known) if self._probation.passed else []
         if self.findings.blind or not (self._bank.worst() > self.threshold or stopped):
             return
-        if isinstance(mode, Lost):
+        if isinstance(mode, Lost) and not stopped:
             self._try_again(mode)
             return
         if not self._probation.passed:
@@ -327,19 +323,22 @@ class Monitor:
             self.findings.note(self.time, "misfit", "; ".join(self._misfit.values()))
             self._doubt_model(Unfit())
             return
+        self._diagnose(stopped, None)
+
+    def _diagnose(self, stopped: list[int], pending: Finding | None) -> None:
+        """Begins a diagnosis, of joints (1 to 3) that do not move as expected if there are any."""
         self._stopped.ask(stopped)
         since = [(i, self._bank.before(self.sample - int(self._readings.repeated[i - 1]))) for i in stopped]
         suspicions, locked = self._bank.suspicions(), bool(self.estimator.locked)
         how = (self._sizes, locked, since, self._temper, self._belief.tail.misfit)
-        self._decide(Diagnosis(suspicions, self._moments, self.sample, *how), None)
+        self._decide(Diagnosis(suspicions, self._moments, self.sample, *how), pending)
 
     def _doubt_model(self, unfit: Unfit) -> None:
         """Starts anew from a model that does not fit when it fails again, and believes it after a while."""
         self._mode = unfit
         if self._bank.worst() > self.threshold:
             self._mode, self._probation = Unfit(), Probation()
-            self.estimator = Estimator(self._belief, self.settings.tuning)
-            self._begin(self._readings.last, self._gripped)
+            self._start_over()
         elif unfit.over:
             self._mode, self._misfit = Watching(), {}
             self.findings.note(self.time, "fits", "the model explains the motion of this arm after all")
@@ -351,13 +350,11 @@ class Monitor:
         self._mode = lost
         self._begin(self._readings.last, self._gripped)
 
-    def _forget(self) -> None:
-        """The estimate has left the finite numbers: starts anew from the model."""
+    def _start_over(self) -> None:
+        """Knows nothing but the model again."""
         self.estimator = Estimator(self._belief, self.settings.tuning)
-        self._begin(self._readings.last, self._gripped)
         self._moments.clear()
-        self.restarts += 1
-        self.findings.note(self.time, "restart", "the estimate diverged and starts anew from the model")
+        self._begin(self._readings.last, self._gripped)
 
     def _decide(self, diagnosis: Diagnosis, pending: Finding | None) -> None:
         """Updates the finding under diagnosis, and adopts the winner once it is settled."""

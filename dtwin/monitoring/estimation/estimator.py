@@ -308,11 +308,6 @@ class Estimator:
         self._handling = HANDLING
 
 
-def closes(volts: Array, gripped: bool) -> bool:
-    """Whether the jaws close under a command, (4,) V, that holds no box yet: what they close on pushes the arm."""
-    return bool(volts[3] < 0.0) and not gripped
-
-
 def _bounds(arm: ArmParameters) -> tuple[Array, Array]:
     """(31,) each: what the states cannot be below and above.
 
