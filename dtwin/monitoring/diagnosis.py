@@ -33,6 +33,10 @@ CONSIDERED: Final = 10
 """most likely suspicions that become candidates"""
 PAIRED: Final = 5
 """most likely changes to which a second one is added if none explains the motion alone"""
+_FEW: Final = 2
+"""onsets of which the rarer causes are tried"""
+_RECENT: Final = 100
+"""samples since an onset up to which a push is noticed, or two changes at once"""
 PUSHES: Final = (5, 10, 20, 40)
 """samples that a push may last"""
 DECIDED: Final = 0.999
@@ -86,9 +90,10 @@ class Diagnosis:
         self._temper, self._misfit = temper, misfit
         likely = suspicions[:CONSIDERED]
         self._likely = likely[:PAIRED]
-        self.candidates = _stops(stopped, sizes) if stopped else _changes(likely, sizes, locked)
+        self.candidates = _stops(stopped, sizes) if stopped else _changes(likely, sizes, locked, sample)
         self.certain = bool(stopped)
-        self._history, self._sample, self._paired = history, sample, False
+        self._history, self._sample = history, sample
+        self._pairs: list[Candidate] | None = None
         for candidate in self.candidates:
             candidate.catch_up(history, sample)
         self._prune()
@@ -99,12 +104,12 @@ class Diagnosis:
         for candidate in self.candidates:
             candidate.follow(moment)
         self._prune()
-        if (
-            self._sample - self.alarm >= LEAST
-            and not (self._paired or self.certain)
-            and self.best()[0].misfit > self._misfit
-        ):
-            self._pair()
+        if self._pairs is None:
+            if self._sample - self.alarm >= LEAST and not self.certain and self.best()[0].misfit > self._misfit:
+                self._pairs = _pairs(self._likely, self._sizes, self.alarm)
+        elif self._pairs:
+            # One a sample, because each has to catch up, and the next sample does not wait.
+            self.candidates.append(self._caught_up(self._pairs.pop()))
 
     def best(self) -> tuple[Candidate, float]:
         """The most likely candidate, and the probability of its cause among all."""
@@ -138,6 +143,8 @@ class Diagnosis:
         """Whether the cause and its size are known as well as they will be."""
         age = sample - self.alarm
         top, probability = self.best()
+        if self._pairs and age < MOST:
+            return False
         if top.misfit > self._misfit or self.certain:
             return age >= ENOUGH or (self.certain and age >= LEAST and probability >= DECIDED)
         if age < LEAST or probability < DECIDED:
@@ -150,18 +157,6 @@ class Diagnosis:
             if name in self._sizes
         )
 
-    def _pair(self) -> None:
-        """Since no single change explains the motion, adds to each of the most likely ones a second."""
-        self._paired = True
-        pairs: dict[frozenset[FaultId], Candidate] = {}
-        for first, onset, *_ in self._likely:
-            for second in map(parse_fault_id, JUMPS):
-                if second != first and frozenset((first, second)) not in pairs:
-                    pair = Candidate(first, onset, self._sizes, other=second)
-                    pairs[frozenset((first, second))] = self._caught_up(pair)
-        self.candidates += pairs.values()
-        self._prune()
-
     def _caught_up(self, candidate: Candidate) -> Candidate:
         candidate.catch_up(self._history, self._sample)
         return candidate
@@ -169,6 +164,16 @@ class Diagnosis:
     def _prune(self) -> None:
         top = max(candidate.gain for candidate in self.candidates)
         self.candidates = [c for c in self.candidates if c.gain >= top - _HOPELESS * self._temper]
+
+
+def _pairs(likely: Sequence[Suspicion], sizes: dict[str, float], alarm: int) -> list[Candidate]:
+    """The most likely changes that came lately, each with a second one; the likeliest last."""
+    found: dict[frozenset[FaultId], Candidate] = {}
+    for first, onset, *_ in likely:
+        for second in map(parse_fault_id, JUMPS) if alarm - onset.sample <= _RECENT else ():
+            if second != first and frozenset((first, second)) not in found:
+                found[frozenset((first, second))] = Candidate(first, onset, sizes, other=second)
+    return list(found.values())[::-1]
 
 
 def _stops(stopped: Sequence[tuple[int, Onset]], sizes: dict[str, float]) -> list[Candidate]:
@@ -181,14 +186,15 @@ def _stops(stopped: Sequence[tuple[int, Onset]], sizes: dict[str, float]) -> lis
     return found
 
 
-def _changes(likely: Sequence[Suspicion], sizes: dict[str, float], locked: bool) -> list[Candidate]:
+def _changes(likely: Sequence[Suspicion], sizes: dict[str, float], locked: bool, sample: int) -> list[Candidate]:
     """What the most likely suspicions may be, and what leaves no traces of its own to suspect."""
     serious = [s.onset for s in likely if s.statistic > _SERIOUS * likely[0].statistic]
     onsets = list({onset.sample: onset for onset in serious}.values())
     hypotheses = [(suspicion.fault, suspicion.onset) for suspicion in likely]
     hypotheses += [(s.fault, s.earlier) for s in likely[:PAIRED] if s.earlier is not s.onset]
     hypotheses += [(fault, s.onset) for s in likely for fault in _told_by(s.fault, "jumps")]
-    hypotheses += [(fault, onset) for kind in (LOCK, SUPPLY, LATE) for fault in faults(kind) for onset in onsets]
+    hypotheses += [(fault, onset) for fault in faults(LOCK) for onset in onsets]
+    hypotheses += [(fault, onset) for kind in (SUPPLY, LATE) for fault in faults(kind) for onset in onsets[:_FEW]]
     hypotheses += [(fault, onsets[0]) for fault in faults(UNKNOWN)]
     hypotheses += [(FaultId(FREE), onset) for onset in onsets if locked]
     found = [Candidate(fault, onset, sizes) for fault, onset in hypotheses]
@@ -196,7 +202,8 @@ def _changes(likely: Sequence[Suspicion], sizes: dict[str, float], locked: bool)
         delays = range(min(onset.gap, SPACING))
         found += [Candidate(f, onset, sizes, delay=delay) for f in _told_by(fault, "loss") for delay in delays]
         found += [Candidate(fault, onset, sizes, {str(fault): change}) for change in fault.about.starts]
-    pushes = [(fault, onset) for fault in faults(PUSH) for onset in onsets]
+    recent = [onset for onset in onsets if sample - onset.sample <= _RECENT][:_FEW]
+    pushes = [(fault, onset) for fault in faults(PUSH) for onset in recent]
     return found + [Candidate(fault, onset, sizes, delay=delay) for fault, onset in pushes for delay in PUSHES]
 
 
