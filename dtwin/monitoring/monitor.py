@@ -312,7 +312,8 @@ class Monitor:
         self._bank.update(self.estimator, used, self.sample, counts)
         if isinstance(mode, Lost) and not self.findings.unexplained:
             self._mode = mode = Watching()
-        stopped = self._stopped.open(self._readings, self.findings.known) if self._probation.passed else []
+        possible = self._probation.passed and self._bank.began
+        stopped = self._stopped.open(self._readings, self.findings.known) if possible else []
         if self.findings.blind or not (self._bank.worst() > self.threshold or stopped):
             return
         if isinstance(mode, Lost) and not stopped:
@@ -329,9 +330,8 @@ class Monitor:
         """Begins a diagnosis, of joints (1 to 3) that do not move as expected if there are any."""
         self._stopped.ask(stopped)
         since = [(i, self._bank.before(self.sample - int(self._readings.repeated[i - 1]))) for i in stopped]
-        suspicions, locked = self._bank.suspicions(), bool(self.estimator.locked)
-        how = (self._sizes, locked, since, self._temper, self._belief.tail.misfit)
-        self._decide(Diagnosis(suspicions, self._moments, self.sample, *how), pending)
+        how = (self._sizes, bool(self.estimator.locked), since, self._temper, self._belief.tail.misfit)
+        self._decide(Diagnosis(self._bank.suspicions(), self._moments, self.sample, *how), pending)
 
     def _doubt_model(self, unfit: Unfit) -> None:
         """Starts anew from a model that does not fit when it fails again, and believes it after a while."""

@@ -132,8 +132,13 @@ class SignatureBank:
         block[:] = 0.0
         block[self._rows, np.arange(len(JUMPS))] = 1.0
 
+    @property
+    def began(self) -> bool:
+        """Whether there is an onset since all were forgotten."""
+        return bool(self._place)
+
     def before(self, sample: int) -> Onset:
-        """The last onset up to a sample, or the first one if all came later."""
+        """The last onset up to a sample, or the first one if all came later; there has to be one."""
         onsets = sorted(self._place.values(), key=lambda onset: onset.sample)
         return next((onset for onset in reversed(onsets) if onset.sample <= sample), onsets[0])
 

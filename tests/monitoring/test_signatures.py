@@ -147,3 +147,14 @@ def test_what_cannot_be_seen_is_not_visible(belief: Belief, run_cell: Callable[.
     assert visible["K1"]
     assert not visible["D1"]
     assert set(visible) == set(JUMPS)
+
+
+def test_the_onset_before_a_sample_is_the_last_one_up_to_it(belief: Belief) -> None:
+    bank, estimator = SignatureBank(plausible_sizes(ARM)), Estimator(belief, Tuning())
+    assert not bank.began
+    for sample in (8, 12, 16):
+        bank.note(estimator, sample)
+    assert bank.began
+    assert [bank.before(sample).sample for sample in (3, 8, 15, 16, 40)] == [8, 8, 12, 16, 16]
+    bank.clear()
+    assert not bank.began
