@@ -150,11 +150,11 @@ def test_what_cannot_be_seen_is_not_visible(belief: Belief, run_cell: Callable[.
 
 
 def test_the_onset_before_a_sample_is_the_last_one_up_to_it(belief: Belief) -> None:
-    bank, estimator = SignatureBank(plausible_sizes(ARM)), Estimator(belief, Tuning())
-    assert not bank.began
+    bank, estimator = SignatureBank(plausible_sizes(belief.arm)), Estimator(belief, Tuning())
+    began = [bank.began]
     for sample in (8, 12, 16):
         bank.note(estimator, sample)
-    assert bank.began
+    began.append(bank.began)
     assert [bank.before(sample).sample for sample in (3, 8, 15, 16, 40)] == [8, 8, 12, 16, 16]
     bank.clear()
-    assert not bank.began
+    assert [*began, bank.began] == [False, True, False]
