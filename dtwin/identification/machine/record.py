@@ -121,6 +121,12 @@ class MachineRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return Effects().with_values({name: self.numbers[name].value for name in EFFECT_NAMES})
 
 
+class _Schema(msgspec.Struct):
+    """What every version of a record has."""
+
+    schema: str
+
+
 def write_record(record: MachineRecord, path: Path) -> None:
     """Writes a record; the file appears complete or not at all, and equal records give equal bytes.
 
@@ -138,13 +144,15 @@ def read_record(path: Path) -> MachineRecord:
         ModelError: the file is missing or no record, or a value in it is impossible; the message names the value.
     """
     try:
-        record = msgspec.json.decode(path.read_bytes(), type=MachineRecord)
+        data = path.read_bytes()
+        schema = msgspec.json.decode(data, type=_Schema).schema
+        if schema != SCHEMA:
+            raise ModelError(f"{path}: schema: expected {SCHEMA!r}, got {schema!r}; commission the machine anew")
+        record = msgspec.json.decode(data, type=MachineRecord)
     except OSError as error:
         raise ModelError(f"{path}: {error.strerror}") from None
     except msgspec.MsgspecError as error:
         raise ModelError(f"{path}: expected the record of a machine: {error}") from None
-    if record.schema != SCHEMA:
-        raise ModelError(f"{path}: schema: expected {SCHEMA!r}, got {record.schema!r}")
     if missing := [name for name in (*PARAMETER_NAMES, *EFFECT_NAMES) if name not in record.numbers]:
         raise ModelError(f"{path}: numbers: {missing[0]} is missing")
     if record.healthy and (absent := [name for name in LEARNED if name not in record.healthy.learned]):
