@@ -67,7 +67,7 @@ def test_a_healthy_log_passes(
     run_cell: Callable[..., Log], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "healthy.parquet"
-    run_cell(30.0).write_parquet(path)
+    run_cell().write_parquet(path)
     status, out, _ = run(["monitor", str(path)], capsys)
     assert status == 0
     assert "failed" not in out

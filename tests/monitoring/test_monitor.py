@@ -55,7 +55,7 @@ def test_faults_are_found_named_and_sized(fault: str, largest_error: float | Non
 def test_normal_work_raises_no_alarm_however_finely_it_is_emulated(
     step: float, belief: Belief, run_cell: Callable[..., Log]
 ) -> None:
-    monitor = followed(belief, stream(run_cell(40.0, 8, step=step)))
+    monitor = followed(belief, stream(run_cell(60.0, 8, step=step)))
     assert monitor.events == []
     verdict = monitor.verdict()
     assert {unit.state for unit in verdict.units.values()} == {"nominal"}
@@ -94,7 +94,7 @@ def test_a_frozen_encoder_that_works_again_is_used_again(belief: Belief, run_cel
 
 
 def test_the_size_is_refined_after_the_diagnosis(belief: Belief, run_cell: Callable[..., Log]) -> None:
-    seen = stream(run_cell(40.0, 3, "D2*=2@12.5"))
+    seen = stream(run_cell(60.0, 3, "D2*=2@12.5"))
     monitor = followed(belief, seen)
     (finding,) = monitor.standing()
     (first,) = monitor.history
@@ -120,7 +120,7 @@ def test_equal_streams_give_equal_verdicts(belief: Belief, weak: Log, watching: 
 def test_missing_samples_are_counted_and_are_no_fault(
     share: float, belief: Belief, run_cell: Callable[..., Log]
 ) -> None:
-    seen = stream(run_cell(40.0))
+    seen = stream(run_cell())
     monitor, lost = losing(belief, seen, share)
     assert monitor.missed == np.count_nonzero(lost[: monitor.sample])
     assert {event.kind for event in monitor.events} <= {"restart"}
@@ -144,7 +144,7 @@ def losing(belief: Belief, seen: Stream, share: float) -> tuple[Monitor, np.ndar
 def test_long_gaps_start_the_motion_anew_and_keep_what_was_learned(
     belief: Belief, run_cell: Callable[..., Log]
 ) -> None:
-    seen = stream(run_cell(40.0))
+    seen = stream(run_cell())
     monitor = followed(belief, seen, 2000)
     learned = monitor.estimator.deviation("K1")
     seen.feed(monitor, 2000 + BRIDGED + 1, 3000)
@@ -166,7 +166,7 @@ def test_a_fault_during_a_gap_is_found_after_it(belief: Belief, weak: Log) -> No
 
 
 def test_friction_of_an_arm_at_rest_is_said_to_be_unobservable(belief: Belief, run_cell: Callable[..., Log]) -> None:
-    log = run_cell(40.0)
+    log = run_cell()
     seen = stream(log)
     monitor = Monitor(belief)
     hidden = set()
@@ -180,13 +180,13 @@ def test_friction_of_an_arm_at_rest_is_said_to_be_unobservable(belief: Belief, r
 
 
 def test_noise_that_the_model_does_not_tell_of_is_heard(run_cell: Callable[..., Log]) -> None:
-    seen = stream(run_cell(40.0))
+    seen = stream(run_cell())
     monitor = followed(assumed(ArmParameters(), (0.0, 0.0, 0.0)), seen)
     assert monitor.events == []
 
 
 def test_impossible_readings_do_not_leave_the_monitor_blind(belief: Belief, run_cell: Callable[..., Log]) -> None:
-    seen = stream(run_cell(40.0))
+    seen = stream(run_cell())
     measured = seen.measured.copy()
     measured[2000:2050] = np.nan
     monitor = Monitor(belief)
