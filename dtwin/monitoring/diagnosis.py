@@ -37,7 +37,7 @@ _FEW: Final = 2
 """onsets of which the rarer causes are tried"""
 _RECENT: Final = 100
 """samples since an onset up to which a push is noticed, or two changes at once"""
-PUSHES: Final = (5, 10, 20, 40)
+PUSHES: Final = (2, 5, 10, 20, 40)
 """samples that a push may last"""
 DECIDED: Final = 0.999
 """probability at which a cause is settled"""

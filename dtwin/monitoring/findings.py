@@ -93,7 +93,8 @@ class Findings:
             settled = [self.assess(candidate, pending.confidence, pending.detected)]
         else:
             states = sorted(changes := candidate.changes(), key=lambda name: -self._relative(name, changes[name]))
-            settled = [self._told(candidate, name, pending.confidence, pending.detected) for name in states]
+            sure = [name for name in states if _is_sure(changes[name])] or states[:1]
+            settled = [self._told(candidate, name, pending.confidence, pending.detected) for name in sure]
         after = [self._settle(time, candidate, found) for found in settled]
         jumped = [each.jumped for each in after if each.jumped]
         forget = tuple(name for each in after for name in each.forget)
@@ -161,7 +162,7 @@ class Findings:
             self.note(time - PERIOD, "spike", f"one reading of joint {i + 1} was far off and is left out")
         for i, name, fault in _FREEZES:
             count = int(readings.repeated[i])
-            if readings.proven[i] and trusted and not self.blind:
+            if readings.frozen[i] and trusted and not self.blind and readings.proven[i]:
                 self.enter(time, finding(fault, time - count * PERIOD, time))
             elif count == 0:
                 self.end(time, name)
@@ -296,6 +297,11 @@ def _size(state: FaultId, change: Change, estimator: Estimator) -> tuple[float, 
     """The size of a change of a state, and its standard deviation, in the unit of a finding."""
     unit = estimator.belief.arm.get(str(state)) if state.about.unit == RELATIVE else 1.0
     return (change.value - change.before) / unit, change.deviation / unit
+
+
+def _is_sure(change: Change) -> bool:
+    """Whether something has changed at all."""
+    return abs(change.value - change.before) >= _SURE * change.deviation
 
 
 def _is_none(name: str, value: float, estimator: Estimator) -> bool:

@@ -22,6 +22,9 @@ class Stopped:
 
     def open(self, readings: Readings, findings: Collection[str]) -> list[int]:
         """The joints that a diagnosis has to look into, given the names of what is known to be wrong."""
+        if not readings.frozen.any():
+            self._asked.clear()
+            return []
         joints = [int(i) + 1 for i in np.flatnonzero(readings.frozen & ~readings.proven)]
         self._asked.intersection_update(joints)
         told = {joint for joint in joints if {f"{FREEZE}{joint}", f"{LOCK}{joint}"} & set(findings)}

@@ -178,8 +178,11 @@ def test_commands_that_come_in_time_again_end_the_finding(belief: Belief, run_ce
     assert monitor.findings.current == {}
 
 
-def test_a_push_is_told_and_nothing_is_wrong_afterwards(belief: Belief, run_cell: Callable[..., Log]) -> None:
-    monitor = watched(belief, run_cell(50.0, 3, "push2+=0.3@31.5-31.6"))
+@pytest.mark.parametrize("push", ["push2+=0.3@31.5-31.6", "push2+=0.12@31.5-31.57", "push2+=-0.5@31.5-31.52"])
+def test_a_push_is_told_and_nothing_is_wrong_afterwards(
+    push: str, belief: Belief, run_cell: Callable[..., Log]
+) -> None:
+    monitor = watched(belief, run_cell(50.0, 3, push))
     assert [found.parameter for found in monitor.history] == ["push2"]
     assert kinds(monitor) == ["suspected", "push"]
     assert monitor.findings.current == {}
