@@ -44,7 +44,7 @@ from services.parts.journal import carry_over
 from services.parts.pace import Pace
 from services.parts.part_files import discard_markers, discard_parts
 from services.runfile import OPERATOR, RunFile
-from services.service import free_port
+from services.service import current_processor, free_port
 from services.supervisor import Program, Supervisor
 
 MANAGEMENT: Final = 61499
@@ -148,7 +148,7 @@ class CellOptions(PlantOptions, ControlOptions):
         """The services in the order to be started; each waits for those it needs."""
         link = ["--cell", self.cell, "--arm", self.arm]
         link += ["--zenoh", str(self.zenoh.resolve())] if self.zenoh else ["--meet", meet]
-        urgent = ["--urgent"] if self.pace == "realtime" else []
+        turns = self._turns()
         programs = []
         management = self.management(file)
         if self.controller.startswith("forte://"):
@@ -157,12 +157,12 @@ class CellOptions(PlantOptions, ControlOptions):
             deploy_cell(parse_address(self.controller, "forte"), self.control())
         if self.controller == "embedded":
             # It answers every sample as the bridge does, and would be the one that waits for a busy processor.
-            listen = ["--listen", management, *urgent]
+            listen = ["--listen", management, *turns]
             programs.append(_service("controller", [*link, *listen, *arguments(self, ControlOptions)]))
-        bridge = ["--controller", management, "--state", str(state_of(file)), *urgent]
+        bridge = ["--controller", management, "--state", str(state_of(file)), *turns]
         bridge += ["--sequence", sequence_name(self.settings())]
         bridge += ["--lossless"] if self.pace != "realtime" else []
-        emulator = ["--pace", self.pace, *urgent, "--journal", str(journal_of(file)), *arguments(self, PlantOptions)]
+        emulator = ["--pace", self.pace, *turns, "--journal", str(journal_of(file)), *arguments(self, PlantOptions)]
         emulator += [] if self.duration is None else ["--duration", str(self.duration)]
         if self.log or self.record or self.viewer != "none":
             programs.append(_service("recorder", [*link, *self._recorder_options(ports)]))
@@ -179,6 +179,17 @@ class CellOptions(PlantOptions, ControlOptions):
             programs.append(_service("simulation", [*link, "--history", str(self.history.resolve())]))
         programs.append(_service("emulator", [*link, *emulator, "--wait-for", "bridge"], leading=True))
         return programs
+
+    def _turns(self) -> list[str]:
+        """Options of the services that hand every tick on to each other.
+
+        In lockstep only one of them works at a time, so they share a processor: on several, each of them would find
+        another one asleep and its caches cold.
+        """
+        if self.pace == "realtime":
+            return ["--urgent"]
+        processor = current_processor() if self.pace == "lockstep" else None
+        return [] if processor is None else ["--processor", str(processor)]
 
     def management(self, file: Path) -> str:
         """Address of the controller's device management, for a cell with this run file.

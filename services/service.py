@@ -58,6 +58,8 @@ class Link:
     """Where the peers of this machine meet when there is no configuration file."""
     urgent: bool = False
     """Ask the system for real-time priority; do without where it is not granted."""
+    processor: int | None = None
+    """Processor to work on, as the system counts them; all of them if not given, or where none can be chosen."""
     wait_for: tuple[str, ...] = ()
     """A service that must be there before this one says it is; repeatable."""
 
@@ -99,6 +101,8 @@ class Service:
         watch_lifeline()
         if link.urgent:
             hurry()
+        if link.processor is not None:
+            stay(link.processor)
         self.bus = self._join(link)
         self._awaited = set(link.wait_for)
         self._publish: Callable[[Status], None] = self.bus.publisher(STATUS, name)
@@ -207,6 +211,21 @@ def hurry() -> None:
     if hasattr(os, "sched_setscheduler"):
         with contextlib.suppress(PermissionError):
             os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(_PRIORITY))
+
+
+def stay(processor: int) -> None:
+    """Keeps this thread and those it starts on one processor, if the system has it and grants it."""
+    if hasattr(os, "sched_setaffinity"):
+        with contextlib.suppress(OSError, ValueError):
+            os.sched_setaffinity(0, {processor})
+
+
+def current_processor() -> int | None:
+    """The processor that this process works on now, None where the system does not tell."""
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        # Field 39 of proc(5); the second one, the name, is in brackets and may hold blanks.
+        return int(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[36])
+    return None
 
 
 def free_port() -> int:

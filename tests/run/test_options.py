@@ -87,7 +87,7 @@ def test_the_arm_of_the_options_is_made_with_the_tolerances_of_its_machine() -> 
 PLAIN = {
     "controller": "--cell c --listen unix:/x/61499 --target-time 3 --law cascade",
     "recorder": "--notes {} --ports.page 4000 --ports.data 5000 --log /a --resumable --set m1=0.2 --set m2=0",
-    "bridge": "--state /s --urgent --sequence straight --wait-for recorder --wait-for emulator",
+    "bridge": "--state /s --urgent --processor 1 --sequence straight --wait-for recorder --wait-for emulator",
     "emulator": "--pace lockstep --seed 5 --noise 3e-3 --fault K2*=0.1@45 --duration 20",
 }
 

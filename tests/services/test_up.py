@@ -65,6 +65,15 @@ def test_a_cell_is_started_watched_set_and_stopped(desk: Desk, tmp_path: Path) -
     assert "not up" in desk.run("status", status=2)
 
 
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="this system does not choose processors")
+def test_services_that_take_turns_share_a_processor(desk: Desk) -> None:
+    desk.up("--detach", "--pace", "lockstep")
+    allowed = [os.sched_getaffinity(desk.find(f"services.{name}")) for name in ("emulator", "bridge", "controller")]
+    assert len(allowed[0]) == 1
+    assert allowed.count(allowed[0]) == 3
+    desk.run("down")
+
+
 def kill_and_wait(desk: Desk, name: str, number: signal.Signals = signal.SIGKILL) -> int:
     """Kills a service, waits until it is back and the cell goes on, and returns the tick of the kill."""
     restarts = desk.summary()["services"][name]["restarts"]
