@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from dtwin.emulation.faults import parse_fault
 from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.sections import Contact
 from dtwin.experiments.report import Report, page, table
@@ -56,16 +57,26 @@ class MachineAtWork(msgspec.Struct, frozen=True):
     saturated: float
 
 
+def worked(item: Work, *faults: str) -> Cell:
+    """Lets a drawn machine with contact work under the cell's usual controller, with faults such as `K2*=0.8@30`.
+
+    Raises:
+        DtwinError: the run failed.
+    """
+    machine = replace(machine_of(str(item.number)), contact=Contact(enabled=True))
+    parsed, control = tuple(map(parse_fault, faults)), ControlOptions().control()
+    cell = Cell(CellSettings(item.duration, item.seed, machine=machine, control=control, faults=parsed))
+    cell.run()
+    return cell
+
+
 def work(item: Work) -> MachineAtWork:
     """Runs a drawn machine with contact under the cell's usual controller.
 
     Raises:
         DtwinError: the run failed.
     """
-    machine = replace(machine_of(str(item.number)), contact=Contact(enabled=True))
-    settings = CellSettings(item.duration, item.seed, machine=machine, control=ControlOptions().control())
-    cell = Cell(settings)
-    cell.run()
+    cell = worked(item)
     log = cell.log.freeze()
     summary = cell.summary(log)
     at_limit = np.abs(log.stack("volts")[:, :3]) >= VOLTAGE_LIMIT

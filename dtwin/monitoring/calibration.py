@@ -43,7 +43,7 @@ _CLIP: Final = 4.0
 """Standard deviations beyond which a reading counts less: spikes."""
 _SETTLED: Final = 100
 """Samples after a start that tell nothing."""
-_SETTLING: Final = 1000
+SETTLING: Final = 1000
 """Samples after a start in which the statistic tells what is learned of the arm."""
 _BLOCK: Final = round(1.0 / PERIOD)
 """Samples of which the largest statistic is one observation: a second."""
@@ -170,7 +170,7 @@ def _watched(belief: Belief, seen: Stream) -> tuple[Array, float]:
         seen.feed(monitor, row, row + 1)
         statistic[row] = monitor.statistic
         misfit[row] = now = misfit_after(now, monitor.estimator, monitor.used)
-    return statistic[_SETTLING:], float(misfit[_SETTLING:].max())
+    return statistic[SETTLING:], float(misfit[SETTLING:].max())
 
 
 def _calm(belief: Belief) -> Monitor:

@@ -4,9 +4,16 @@ import msgspec
 import pytest
 
 from dtwin.cli import main
+from dtwin.emulation.faults import parse_fault
 from dtwin.experiments.monitoring.alarms import alarms_report, calibration, false_alarms, good
-from dtwin.experiments.monitoring.watching import SCENARIOS, Outcome, WatchedMachine
+from dtwin.experiments.monitoring.baselines import METHODS, Method, baseline
+from dtwin.experiments.monitoring.watching import SCENARIOS, Noticed, Outcome, WatchedMachine
 from dtwin.monitoring.kinds import parse_fault_id
+from dtwin.monitoring.offline import stream
+from dtwin.parameters import ArmParameters
+from dtwin.run.cell import Cell
+from dtwin.run.options import ControlOptions
+from dtwin.run.settings import CellSettings
 
 
 def names_of(number: int) -> list[str]:
@@ -14,8 +21,9 @@ def names_of(number: int) -> list[str]:
     return [change.partition("*")[0].partition("+")[0] for change in SCENARIOS[number].changes]
 
 
-RIGHT = [Outcome(number, 30.0, [], 1.0, names_of(number), 0.999) for number in range(len(SCENARIOS))]
-FINE = WatchedMachine(7, "identified", "", 0.2, [], RIGHT)
+LATER: dict[Method, Noticed] = {"momentum observer": Noticed(2.1, 0), "CUSUM": Noticed(None, 1)}
+RIGHT = [Outcome(number, 30.0, [], 1.0, names_of(number), 0.999, LATER) for number in range(len(SCENARIOS))]
+FINE = WatchedMachine(7, "identified", "", 0.2, [], RIGHT, {"momentum observer": 2, "CUSUM": 0})
 
 
 def changed(**values: object) -> WatchedMachine:
@@ -30,17 +38,17 @@ def test_the_faults_of_a_scenario_are_their_own_names() -> None:
 
 def test_viscous_and_dry_friction_are_one_cause_and_unknown_is_not_wrong() -> None:
     (damping,) = [number for number, scenario in enumerate(SCENARIOS) if scenario.changes == ("D1*=2",)]
-    assert Outcome(damping, 30.0, [], 1.0, ["mu1"], 1.0).right
+    assert Outcome(damping, 30.0, [], 1.0, ["mu1"], 1.0, LATER).right
     for name, wrong in (("D2", True), ("unknown1", False)):
-        outcome = Outcome(damping, 30.0, [], 1.0, [name], 1.0)
+        outcome = Outcome(damping, 30.0, [], 1.0, [name], 1.0, LATER)
         assert (outcome.right, outcome.wrong) == (False, wrong)
 
 
 def test_of_two_faults_both_have_to_be_named() -> None:
     (both,) = [number for number, scenario in enumerate(SCENARIOS) if len(scenario.changes) == 2]
-    assert Outcome(both, 30.0, [], 1.0, ["D3", "K2"], 1.0).right
+    assert Outcome(both, 30.0, [], 1.0, ["D3", "K2"], 1.0, LATER).right
     for names in (["K2"], ["K2", "D1", "D3"], ["K1", "D3"]):
-        assert not Outcome(both, 30.0, [], 1.0, names, 1.0).right
+        assert not Outcome(both, 30.0, [], 1.0, names, 1.0, LATER).right
 
 
 def test_what_counts_against_the_monitor() -> None:
@@ -58,6 +66,27 @@ def test_what_counts_against_the_monitor() -> None:
     assert good([changed(named=["K1"], confidence=0.9)])
 
 
+def test_a_baseline_may_not_notice_more_of_any_fault() -> None:
+    quicker: dict[Method, Noticed] = {**LATER, "CUSUM": Noticed(0.5, 0)}
+    one, late = changed(others=quicker), changed(others=quicker, after=2.5)
+    assert good([FINE, one])
+    assert good([*[FINE] * 30, late])
+    assert not good([*[one] * 30, late])
+
+
+def test_baselines_notice_a_push_that_a_healthy_arm_never_feels() -> None:
+    control = ControlOptions().control()
+    healthy = Cell(CellSettings(60.0, 1, 0.002, control=control))
+    pushed = Cell(CellSettings(31.0, 2, 0.002, control=control, faults=(parse_fault("push2+=3@30-30.2"),)))
+    for cell in (healthy, pushed):
+        cell.run()
+    for method in METHODS:
+        found = baseline(method, ArmParameters(), stream(healthy.log.freeze()))
+        assert not len(found.alarms(stream(healthy.log.freeze())))
+        first, *_ = found.alarms(stream(pushed.log.freeze()))
+        assert 30.0 < first < 30.3, method
+
+
 def test_the_report_counts_every_fault_and_false_alarm() -> None:
     one = changed(after=None, named=["K1"], early=["friction of joint 1"])
     text = str(alarms_report([FINE, one], 600.0))
@@ -65,11 +94,12 @@ def test_the_report_counts_every_fault_and_false_alarm() -> None:
     assert "1 false alarms in 0.40 h, 1800 a month" in text
     assert "1 of 2" in text
     assert "K2 1, K1 1" in text
+    assert f"On the same data 4 by momentum observer and {2 * len(SCENARIOS)} by CUSUM." in text
     assert all(f"`{scenario.name}`" in text for scenario in SCENARIOS)
 
 
 def test_a_confidence_of_nine_tenths_is_right_nine_times_of_ten() -> None:
-    told = [Outcome(0, 30.0, [], 1.0, ["K2"], 0.9)] * 9 + [Outcome(0, 30.0, [], 1.0, ["K1"], 0.9)]
+    told = [Outcome(0, 30.0, [], 1.0, ["K2"], 0.9, LATER)] * 9 + [Outcome(0, 30.0, [], 1.0, ["K1"], 0.9, LATER)]
     classes, error = calibration(told)
     assert classes == [(pytest.approx(0.9), pytest.approx(0.9), 10)]
     assert error == pytest.approx(0.0, abs=1e-9)

@@ -12,15 +12,12 @@ from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.sections import Machine
 from dtwin.errors import IdentificationError
 from dtwin.experiments.report import Report, page, table
-from dtwin.experiments.sorting import Work
+from dtwin.experiments.sorting import Work, worked
 from dtwin.experiments.untouched import untouched
 from dtwin.identification.machine.judged import identify_machine
 from dtwin.identification.machine.record import Grade
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
 from dtwin.pool import Progress, Workers
-from dtwin.run.cell import Cell
-from dtwin.run.options import ControlOptions
-from dtwin.run.settings import CellSettings
 
 GOOD: Final = 0.98
 """Least fit of every joint on held-out motion."""
@@ -80,12 +77,9 @@ def meet(item: Work) -> Stranger:
     Raises:
         DtwinError: the run failed.
     """
-    machine = machine_of(str(item.number))
-    cell = Cell(CellSettings(item.duration, item.seed, machine=machine, control=ControlOptions().control()))
-    cell.run()
-    nominal = ArmParameters()
+    machine, nominal = machine_of(str(item.number)), ArmParameters()
     try:
-        judged = identify_machine(cell.log.freeze(), nominal)
+        judged = identify_machine(worked(item).log.freeze(), nominal)
     except IdentificationError as error:
         return Stranger(item.number, "unusable", (0.0, 0.0, 0.0), {}, [str(error)])
     truth, found = truth_of(machine, nominal), judged.found
@@ -135,8 +129,8 @@ def strangers_report(found: Sequence[Stranger], duration: float) -> Report:
     ]
     return page(
         "Strangers",
-        f"{len(found)} drawn machines, each at work for {duration:g} s under the usual controller, identified from "
-        "readings and commands alone with the data sheet's tolerances as prior. They have elastic gears, play and "
+        f"{len(found)} drawn machines whose bodies touch, each at work for {duration:g} s under the usual controller, "
+        "identified from readings and commands alone with the data sheet's tolerances as prior. They have elastic gears, play and "
         "ripple, which no model here has.",
         table(["machine", "grade", "least fit", "numbers told", "intervals that hold the truth", "remarks"], rows),
         f"Of the 95 % intervals of what the data tell {covered(found):.1%} hold the truth.",

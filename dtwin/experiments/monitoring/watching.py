@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import msgspec
@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.emulation.faults import parse_fault
-from dtwin.emulation.machine.files import machine_of
-from dtwin.emulation.machine.sections import Contact
 from dtwin.errors import IdentificationError
-from dtwin.experiments.sorting import Work
+from dtwin.experiments.monitoring.baselines import METHODS, Baseline, Method, baseline
+from dtwin.experiments.sorting import Work, worked
 from dtwin.experiments.untouched import untouched
 from dtwin.identification.machine.judged import identify_machine, record_of
 from dtwin.identification.machine.record import Grade
@@ -24,10 +23,7 @@ from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.pool import Progress, Workers
-from dtwin.run.cell import Cell
-from dtwin.run.options import ControlOptions
 from dtwin.run.recording import Log
-from dtwin.run.settings import CellSettings
 
 IDENTIFIED_FROM: Final = 120.0
 """Plant time of the log that the machine is identified from, the first part of the one that it is watched in, s."""
@@ -92,6 +88,18 @@ SCENARIOS: Final = (
 """What is tried on every machine."""
 
 
+class Noticed(msgspec.Struct, frozen=True):
+    """What one of METHODS made of a scenario.
+
+    Attributes:
+        after: as that of an outcome.
+        early: number of alarms before the onset.
+    """
+
+    after: float | None
+    early: int
+
+
 class Outcome(msgspec.Struct, frozen=True):
     """What the monitor made of a scenario.
 
@@ -103,6 +111,7 @@ class Outcome(msgspec.Struct, frozen=True):
             if it was not.
         named: names of the findings that were settled, in order.
         confidence: probability that the monitor gave the first of them.
+        others: what each of METHODS made of it.
     """
 
     scenario: int
@@ -111,6 +120,7 @@ class Outcome(msgspec.Struct, frozen=True):
     after: float | None
     named: list[str]
     confidence: float
+    others: dict[Method, Noticed]
 
     @property
     def right(self) -> bool:
@@ -133,6 +143,7 @@ class WatchedMachine(msgspec.Struct, frozen=True):
         hours: plant time that it was watched for while healthy, h.
         alarms: what was found then.
         outcomes: what was made of what happened to it.
+        others: number of alarms of each of METHODS while it was healthy.
     """
 
     number: int
@@ -141,6 +152,7 @@ class WatchedMachine(msgspec.Struct, frozen=True):
     hours: float
     alarms: list[str]
     outcomes: list[Outcome]
+    others: dict[Method, int]
 
 
 def watch_machine(item: Work) -> WatchedMachine:
@@ -149,20 +161,23 @@ def watch_machine(item: Work) -> WatchedMachine:
     Raises:
         DtwinError: a run failed.
     """
-    log, arm = _worked(item, item.duration), ArmParameters()
+    log, arm = worked(item).log.freeze(), ArmParameters()
     try:
         judged = identify_machine(log.part(0, round(IDENTIFIED_FROM / PERIOD)), arm)
     except IdentificationError as error:
-        return WatchedMachine(item.number, "unusable", str(error), 0.0, [], [])
-    belief = commissioned(watched(record_of(judged, arm, f"machine {item.number}"), stream(log)))
+        return WatchedMachine(item.number, "unusable", str(error), 0.0, [], [], {})
+    seen = stream(log)
+    record = watched(record_of(judged, arm, f"machine {item.number}"), seen)
+    belief, baselines = commissioned(record), [baseline(method, record.arm, seen) for method in METHODS]
     other = item._replace(seed=item.seed + 1)
-    healthy = _worked(other, item.duration)
+    healthy = worked(other).log.freeze()
     alarms = _alarms(_followed(belief, healthy))
+    others = {each.method: len(each.alarms(stream(healthy))) for each in baselines}
     generator = np.random.default_rng(other.seed)
     moments = [_moment(generator, healthy, scenario) for scenario in SCENARIOS]
-    outcomes = [_outcome(belief, other, number, moment) for number, moment in enumerate(moments)]
+    outcomes = [_outcome(belief, baselines, other, number, moment) for number, moment in enumerate(moments)]
     hours = (item.duration + sum(outcome.onset for outcome in outcomes)) / 3600.0
-    return WatchedMachine(item.number, judged.grade, "", hours, alarms, outcomes)
+    return WatchedMachine(item.number, judged.grade, "", hours, alarms, outcomes, others)
 
 
 def watch_machines(
@@ -183,15 +198,6 @@ def _names(change: str) -> tuple[str, ...]:
     """The findings that name a fault right: viscous and dry friction are one cause."""
     fault = parse_fault_id(parse_fault(f"{change}@0").target)
     return tuple(fault.named(kind) for kind, row in KINDS.items() if row.cause == fault.about.cause)
-
-
-def _worked(item: Work, duration: float, *faults: str) -> Log:
-    machine = replace(machine_of(str(item.number)), contact=Contact(enabled=True))
-    control = ControlOptions().control()
-    parsed = tuple(map(parse_fault, faults))
-    cell = Cell(CellSettings(duration, item.seed, machine=machine, control=control, faults=parsed))
-    cell.run()
-    return cell.log.freeze()
 
 
 def _moving(log: Log, held: bool) -> NDArray[np.bool_]:
@@ -217,17 +223,25 @@ def _alarms(monitor: Monitor, until: float = np.inf) -> list[str]:
     return [event.text for event in monitor.events if event.kind in _FALSE and event.time < until]
 
 
-def _outcome(belief: Belief, item: Work, number: int, onset: float) -> Outcome:
+def _outcome(belief: Belief, baselines: Sequence[Baseline], item: Work, number: int, onset: float) -> Outcome:
     scenario = SCENARIOS[number]
     end = f"-{onset + scenario.lasts:.2f}" if scenario.lasts else ""
-    log = _worked(item, onset + FOLLOWED, *(f"{change}@{onset:.2f}{end}" for change in scenario.changes))
+    faults = (f"{change}@{onset:.2f}{end}" for change in scenario.changes)
+    log = worked(item._replace(duration=onset + FOLLOWED), *faults).log.freeze()
     monitor = _followed(belief, log)
-    times = [event.time for event in monitor.events if event.kind in _NOTICED and event.time >= onset]
+    counts = _moving(log, any(change.startswith("payload") for change in scenario.changes))
+
+    def after(times: Sequence[float]) -> float | None:
+        first = min((time for time in times if time >= onset), default=None)
+        if first is None:
+            return None
+        return round(float(np.sum(counts[round(onset / PERIOD) : round(first / PERIOD)])) * PERIOD, 2)
+
+    others = {}
+    for each in baselines:
+        alarms = each.alarms(stream(log)).tolist()
+        others[each.method] = Noticed(after(alarms), sum(time < onset for time in alarms))
+    noticed = [event.time for event in monitor.events if event.kind in _NOTICED]
     settled = [finding for finding in monitor.history if finding.detected >= onset]
-    after = None
-    if times:
-        between = slice(round(onset / PERIOD), round(times[0] / PERIOD))
-        about_box = any(change.startswith("payload") for change in scenario.changes)
-        after = round(float(np.sum(_moving(log, about_box)[between])) * PERIOD, 2)
     names, confidence = [finding.parameter for finding in settled], settled[0].confidence if settled else 0.0
-    return Outcome(number, onset, _alarms(monitor, onset), after, names, confidence)
+    return Outcome(number, onset, _alarms(monitor, onset), after(noticed), names, confidence, others)
