@@ -129,9 +129,9 @@ def strangers_report(found: Sequence[Stranger], duration: float) -> Report:
     ]
     return page(
         "Strangers",
-        f"{len(found)} drawn machines whose bodies touch, each at work for {duration:g} s under the usual controller, "
-        "identified from readings and commands alone with the data sheet's tolerances as prior. They have elastic gears, play and "
-        "ripple, which no model here has.",
+        f"{len(found)} drawn machines whose bodies touch, each at work for {duration:g} s under the usual controller,"
+        " identified from readings and commands alone with the data sheet's tolerances as prior. They have elastic"
+        " gears, play and ripple, which no model here has.",
         table(["machine", "grade", "least fit", "numbers told", "intervals that hold the truth", "remarks"], rows),
         f"Of the 95 % intervals of what the data tell {covered(found):.1%} hold the truth.",
         "## What is most often outside",
