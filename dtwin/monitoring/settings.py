@@ -8,8 +8,8 @@ from typing import Final
 from dtwin.errors import ParameterError
 from dtwin.monitoring.estimation.estimator import Tuning
 
-ALARMS_PER_HOUR: Final = 0.01
-"""false alarms to be expected unless something else is asked for"""
+ALARMS_PER_HOUR: Final = 1.0 / 720.0
+"""false alarms to be expected unless something else is asked for: one in thirty days"""
 
 
 @dataclass(frozen=True, slots=True)
