@@ -18,6 +18,7 @@ FLOORS = [
     {"dtwin.pictures"},
     {"dtwin.view", "dtwin.identification"},
     {"dtwin.monitoring", "dtwin.simulation"},
+    {"dtwin.commissioning"},
     {"services"},
     {"dtwin.experiments"},
     {"dtwin.commands"},

@@ -13,10 +13,12 @@ from dtwin.errors import ModelError, ParameterError
 from dtwin.identification.machine.record import (
     LEARNED,
     SCHEMA,
+    EncoderCheck,
     Healthy,
     Learned,
     MachineRecord,
     Number,
+    SensorCheck,
     read_record,
     write_record,
 )
@@ -44,12 +46,16 @@ HEALTHY = Healthy(
 )
 
 
+ENCODER = EncoderCheck(None, 1e-3, 1e-3, 0.0, 0.008)
+SENSORS = SensorCheck((ENCODER, ENCODER, ENCODER), 0.0, 60.0, 0.0, 600.0)
+
+
 def recorded() -> MachineRecord:
     values = {**dict(zip(PARAMETER_NAMES, ArmParameters().vector(), strict=True)), **EFFECTS.values()}
     numbers = {name: Number(value, 0.01 * abs(value), value, 0.1, True) for name, value in values.items()}
     three = (1e-3, 2e-3, 3e-3)
     return MachineRecord(
-        SCHEMA, "identified", numbers, three, three, three, True, [], "a log", "", 60, {}, healthy=HEALTHY
+        SCHEMA, "identified", numbers, three, three, three, SENSORS, True, [], "a log", "", 60, {}, healthy=HEALTHY
     )
 
 

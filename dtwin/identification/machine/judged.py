@@ -18,7 +18,7 @@ from dtwin.identification.estimation.solver import minimise
 from dtwin.identification.machine.fit import MachineFit, fit_machine
 from dtwin.identification.machine.left import Left, what_is_left
 from dtwin.identification.machine.problem import MachineProblem
-from dtwin.identification.machine.record import SCHEMA, Grade, MachineRecord, Number
+from dtwin.identification.machine.record import SCHEMA, Grade, MachineRecord, Number, SensorCheck
 from dtwin.identification.machine.sheet import IDENTIFIED, sheet
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
 from dtwin.run.recording import Log
@@ -49,20 +49,43 @@ _UNEXPLAINED: Final = 2.0
 
 
 @dataclass(frozen=True, eq=False)
+class HeldOutMotion:
+    """Segments of motion that a machine was not fitted to, beside what it predicts of them.
+
+    Attributes:
+        measured: readings of every segment, each (N, 3), rad.
+        predicted: predicted readings of the same, rad.
+    """
+
+    measured: tuple[Array, ...]
+    predicted: tuple[Array, ...]
+
+    @property
+    def fit(self) -> Array:
+        """Fit of every joint, (3,); 1 is perfect."""
+        return fit_of(np.concatenate(self.measured), np.concatenate(self.predicted))
+
+
+@dataclass(frozen=True, eq=False)
 class Judged:
     """A machine and how far to trust it.
 
     Attributes:
         found: the fit.
-        fit: (3,), fit of every joint on held-out motion; 1 is perfect.
+        held_out: held-out motion, by which the machine is judged.
         encoders: (3,), noise of the encoders, rad.
         left: what would explain a noticeable share of what is left.
     """
 
     found: MachineFit
-    fit: Array
+    held_out: HeldOutMotion
     encoders: Array
     left: tuple[Left, ...]
+
+    @property
+    def fit(self) -> Array:
+        """Fit of every joint on held-out motion, (3,); 1 is perfect."""
+        return self.held_out.fit
 
     @property
     def grade(self) -> Grade:
@@ -113,11 +136,12 @@ def identify_machine(log: Log, arm: ArmParameters, progress: Callable[[str], Non
     return Judged(found, judge(found, judging), np.maximum(encoders, 1e-6), what_is_left(found))
 
 
-def record_of(judged: Judged, arm: ArmParameters, source: str) -> MachineRecord:
+def record_of(judged: Judged, sensors: SensorCheck, arm: ArmParameters, source: str) -> MachineRecord:
     """The record of an identification.
 
     Args:
         judged: the machine and how far to trust it.
+        sensors: what the readings tell of the encoders themselves.
         arm: arm as it was designed.
         source: description of the data.
     """
@@ -135,6 +159,7 @@ def record_of(judged: Judged, arm: ArmParameters, source: str) -> MachineRecord:
         _triple(judged.fit),
         _triple(found.noise),
         _triple(judged.encoders),
+        sensors,
         found.converged,
         judged.remarks(),
         source,
@@ -144,15 +169,14 @@ def record_of(judged: Judged, arm: ArmParameters, source: str) -> MachineRecord:
     )
 
 
-def judge(found: MachineFit, segments: Sequence[Experiment]) -> Array:
-    """Fit of every joint, (3,), on segments of which only the initial states are estimated."""
+def judge(found: MachineFit, segments: Sequence[Experiment]) -> HeldOutMotion:
+    """What a machine predicts of segments of which only the initial states are estimated."""
     problem = MachineProblem(tuple(segments), (), found.vector, {})
     weights = [np.broadcast_to(1.0 / found.noise, e.measured.shape) for e in segments]
     states = minimise(
         lambda x: problem.normal(x, weights), lambda x: problem.cost(x, weights), problem.start(), *problem.bounds
     ).x
-    measured = np.concatenate([e.measured for e in segments])
-    return fit_of(measured, np.concatenate(problem.simulate(states)))
+    return HeldOutMotion(tuple(e.measured for e in segments), tuple(problem.simulate(states)))
 
 
 def _moving(log: Log, length: float, moved: float) -> list[Experiment]:

@@ -16,7 +16,7 @@ Grade = Literal["identified", "approximate", "unusable"]
 
 NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 
-SCHEMA: Final = "dtwin machine record 3"
+SCHEMA: Final = "dtwin machine record 4"
 LEARNED: Final = tuple(f"{symbol}{joint}" for symbol in ("K", "D", "mu", "bias") for joint in (1, 2, 3))
 """Names of what is learned of a machine while it is watched: parameters, and offsets of encoders, rad."""
 
@@ -77,6 +77,44 @@ class Healthy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     duration: NotNegative
 
 
+class EncoderCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What its readings tell of an encoder.
+
+    Attributes:
+        step: its resolution, rad; None if the readings have no steps.
+        rest: standard deviation of the readings about a line where the arm rests, rad; None if it never rests. An
+            encoder whose noise is small beside its step stands still there.
+        noise: standard deviation of the readings about a smooth motion, rad, rounding to steps included.
+        spikes: number of single readings that are far off, 1/h.
+        least_spike: smallest spike that could have been told from noise and motion, rad.
+    """
+
+    step: Annotated[float, msgspec.Meta(gt=0.0)] | None
+    rest: NotNegative | None
+    noise: NotNegative
+    spikes: NotNegative
+    least_spike: NotNegative
+
+
+class SensorCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the log tells of the sensors.
+
+    Attributes:
+        encoders: those of the three joints.
+        lost: number of samples in which all encoders read the same again although the arm moved, 1/h; None if it
+            never moved fast enough to tell.
+        told: time in which a lost sample would have been noticed, s.
+        missing: number of ticks that the log lacks, 1/h.
+        duration: length of the log, s.
+    """
+
+    encoders: tuple[EncoderCheck, EncoderCheck, EncoderCheck]
+    lost: NotNegative | None
+    told: NotNegative
+    missing: NotNegative
+    duration: NotNegative
+
+
 class MachineRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """An identified machine.
 
@@ -87,6 +125,7 @@ class MachineRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         fit: fit of every joint on motion that was held out; 1 is perfect.
         unexplained: standard deviation of what is not explained, rad.
         encoders: noise of the encoders, rad.
+        sensors: what the readings tell of the encoders themselves.
         converged: whether the search ended at a minimum.
         remarks: what a person should know of it, in words.
         source: description of the data.
@@ -102,6 +141,7 @@ class MachineRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     fit: Triple
     unexplained: Triple
     encoders: Triple
+    sensors: SensorCheck
     converged: bool
     remarks: list[str]
     source: str

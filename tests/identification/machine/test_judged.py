@@ -11,9 +11,9 @@ from dtwin.cli import main
 from dtwin.errors import IdentificationError, ModelError
 from dtwin.identification.data import Array, Experiment
 from dtwin.identification.machine.fit import MachineFit, fit_machine
-from dtwin.identification.machine.judged import Judged, identify_machine, judge, record_of
+from dtwin.identification.machine.judged import HeldOutMotion, Judged, identify_machine, judge, record_of
 from dtwin.identification.machine.left import what_is_left
-from dtwin.identification.machine.record import read_record, write_record
+from dtwin.identification.machine.record import EncoderCheck, SensorCheck, read_record, write_record
 from dtwin.identification.machine.sheet import sheet
 from dtwin.parameters import ArmParameters
 from dtwin.run.cell import Cell
@@ -28,6 +28,16 @@ TRUE = vector_of(
     ArmParameters(damping=(0.06, 0.07, 0.05), coulomb=(0.01, 0.02, 0.015)),
     Effects(dead_zone=(0.1, 0.2, 0.05), delay=0.007),
 )
+
+
+ENCODER = EncoderCheck(None, NOISE, NOISE, 0.0, 0.002)
+SENSORS = SensorCheck((ENCODER, ENCODER, ENCODER), 0.0, 60.0, 0.0, 300.0)
+
+
+def fitting(*fits: float) -> HeldOutMotion:
+    """Held-out motion of which each joint is predicted with a given fit."""
+    measured = np.linspace(-1.0, 1.0, 50)[:, None] * np.ones(3)
+    return HeldOutMotion((measured,), (measured * np.array(fits),))
 
 
 def motions(vector: Array, count: int, seed: int) -> list[Experiment]:
@@ -55,7 +65,7 @@ def test_a_machine_of_the_model_is_found_with_honest_intervals(fitted: MachineFi
         assert abs(fitted.values[name] - truth) < 3 * deviation, name
         assert deviation < 0.3 * sheet(ARM)[name].deviation, name
     assert what_is_left(fitted) == ()
-    assert judge(fitted, motions(TRUE, 3, 2)).min() > 0.98
+    assert judge(fitted, motions(TRUE, 3, 2)).fit.min() > 0.98
 
 
 def test_what_the_model_lacks_is_said_in_words() -> None:
@@ -65,7 +75,7 @@ def test_what_the_model_lacks_is_said_in_words() -> None:
     first = what_is_left(fit)[0]
     assert (first.shape, first.joint) == ("direction", 2)
     assert "depends on the direction of motion of joint 2: friction that the model lacks" in first.text()
-    remarks = Judged(fit, np.full(3, 0.95), np.full(3, NOISE), (first,)).remarks()
+    remarks = Judged(fit, fitting(0.95, 0.95, 0.95), np.full(3, NOISE), (first,)).remarks()
     assert any("joint 2" in remark and "an effect that the model lacks" in remark for remark in remarks)
 
 
@@ -85,15 +95,15 @@ def test_what_the_data_do_not_tell_keeps_the_data_sheets_tolerance() -> None:
     for name in fit.problem.free:
         assert fit.deviations[name] == pytest.approx(priors[name].deviation, rel=0.05)
         assert fit.values[name] == pytest.approx(priors[name].mean, rel=0.05)
-    assert Judged(fit, np.ones(3), np.ones(3), ()).told == ()
+    assert Judged(fit, fitting(1.0, 1.0, 1.0), np.ones(3), ()).told == ()
 
 
 def test_grades_and_the_record(fitted: MachineFit, tmp_path: Path) -> None:
-    judged = Judged(fitted, np.array([0.99, 0.985, 0.999]), np.full(3, NOISE), ())
+    judged = Judged(fitted, fitting(0.99, 0.985, 0.999), np.full(3, NOISE), ())
     assert (judged.grade, set(judged.told)) == ("identified", set(FREE))
-    assert replace(judged, fit=np.array([0.99, 0.95, 0.999])).grade == "approximate"
-    assert replace(judged, fit=np.array([0.99, 0.5, 0.999])).grade == "unusable"
-    record = record_of(judged, ARM, "motions from the bench")
+    assert replace(judged, held_out=fitting(0.99, 0.95, 0.999)).grade == "approximate"
+    assert replace(judged, held_out=fitting(0.99, 0.5, 0.999)).grade == "unusable"
+    record = record_of(judged, SENSORS, ARM, "motions from the bench")
     write_record(record, tmp_path / "arm.json")
     assert read_record(tmp_path / "arm.json") == record
     assert record.effects.delay == fitted.values["delay"]
@@ -101,8 +111,8 @@ def test_grades_and_the_record(fitted: MachineFit, tmp_path: Path) -> None:
     content = json.loads((tmp_path / "arm.json").read_text())
     delay = content["numbers"]["delay"]
     for change, message in (
-        ({"schema": "2"}, "schema: expected 'dtwin machine record 3', got '2'; commission the machine anew"),
-        ({"schema": "2", "grade": "good", "older": 1}, "schema: expected 'dtwin machine record 3', got '2'"),
+        ({"schema": "2"}, "schema: expected 'dtwin machine record 4', got '2'; commission the machine anew"),
+        ({"schema": "2", "grade": "good", "older": 1}, "schema: expected 'dtwin machine record 4', got '2'"),
         ({"grade": "good"}, "expected the record of a machine: Invalid enum value 'good'"),
         ({"numbers": {}}, "numbers: K1 is missing"),
         ({"numbers": {**content["numbers"], "delay": {**delay, "value": -1.0}}}, "delay: expected"),
