@@ -42,7 +42,10 @@ def paragraph(text: str, kind: str = "") -> str:
 
 
 def bullets(items: Iterable[str]) -> str:
-    """A list of texts."""
+    """A list of texts; nothing for none."""
+    items = list(items)
+    if not items:
+        return ""
     return f"<ul>{''.join(f'<li>{escaped(item)}</li>' for item in items)}</ul>"
 
 

@@ -9,12 +9,14 @@ import numpy as np
 from dtwin.commissioning.html import bullets, document, heading, paragraph, picture, table
 from dtwin.commissioning.procedure import Commissioned, Identified
 from dtwin.commissioning.words import GRADES, NINETY_FIVE, interval, quantity, steps
+from dtwin.controller.proposed import LeastMargins
 from dtwin.identification.machine.record import Grade, MachineRecord
 from dtwin.monitoring.estimation.belief import commissioned
 from dtwin.monitoring.settings import ALARMS_PER_HOUR
 from dtwin.monitoring.signatures import threshold
 from dtwin.parameters import PERIOD
 from dtwin.pictures import COLOURS, DARK, RED, new_figure, vector_graphics
+from dtwin.simulation.margins.demands import MARGINS, Demands
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,6 +35,7 @@ def report(found: Commissioned) -> str:
             *_sensors(record),
             *_numbers(record),
             *_fit(found.identified, record),
+            *_settings(record),
             *_monitor(record),
             *_made(record),
         ],
@@ -147,6 +150,59 @@ def _curves(identified: Identified) -> Figure:
     for side in (0, 1):
         axes[2, side].set_xlabel("s of held-out motion")
     return figure
+
+
+def _settings(record: MachineRecord) -> list[str]:
+    found = record.settings
+    if found is None:
+        return [heading("Settings of the controller"), paragraph("Nobody has designed settings for this arm.")]
+    control, low, high = found.control, *found.late
+    model = control.model
+    rows = [
+        ["Kp, 1/s²", *(f"{value:g}" for value in control.gains.kp)],
+        ["Ki, 1/s³", *(f"{value:g}" for value in control.gains.ki)],
+        ["Kd, 1/s", *(f"{value:g}" for value in control.gains.kd)],
+        ["friction MU, N m", *(f"{value:.4f}" for value in model.coulomb)],
+        ["inertia I with the rotor, kg m²", *(f"{value:.3g}" for value in model.inertia)],
+    ]
+    compensation = control.compensation
+    verdict = (
+        paragraph(f"They must not be used: {found.refused}.", "grade poor")
+        if found.refused
+        else paragraph("Every margin that is demanded at the places is there.", "grade good")
+    )
+    return [
+        heading("Settings of the controller"),
+        verdict,
+        table([f"law {control.law}", "joint 1", "joint 2", "joint 3"], rows),
+        paragraph(
+            f"DELAY {1e3 * compensation.delay:.1f} ms, DEAD_ZONE {compensation.dead_zone:.3f} V, BANDWIDTH of the"
+            f" observer {compensation.bandwidth:g} rad/s. The model has the identified masses, inertias and damping."
+        ),
+        table(
+            ["least margins", "disk", "gain dB", "phase °", "delay ticks", "one motor's torque"],
+            [
+                ["demanded", *_margins(MARGINS)],
+                ["at the places", *_margins(found.places)],
+                ["in the workspace", *_margins(found.workspace)],
+            ],
+        ),
+        paragraph(
+            f"With and without a box, on the identified arm, which obeys a command {low:.2f} to {high:.2f} ticks"
+            f" later. The noise of the encoders makes up to {found.noise:.2f} V of a voltage (standard deviation)."
+        ),
+        bullets(found.remarks),
+    ]
+
+
+def _margins(found: Demands | LeastMargins) -> list[str]:
+    return [
+        f"{found.disk:.2f}",
+        f"{found.gain:.1f}",
+        f"{found.phase:.0f}",
+        f"{found.delay:.2f}",
+        f"{found.torque:.0%}",
+    ]
 
 
 def _monitor(record: MachineRecord) -> list[str]:

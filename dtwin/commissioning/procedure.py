@@ -1,4 +1,4 @@
-"""The commissioning of an arm, stage by stage: sensors, identification, monitor."""
+"""The commissioning of an arm, stage by stage: sensors, identification, settings of the controller, monitor."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import msgspec
 
 from dtwin.commissioning.stages import Stages
+from dtwin.controller.proposed import ProposedSettings
 from dtwin.identification.machine.judged import identify_machine, record_of
 from dtwin.identification.machine.record import Healthy, MachineRecord, SensorCheck
 from dtwin.identification.machine.sensors import check_sensors
@@ -15,6 +16,7 @@ from dtwin.monitoring.calibration import watched
 from dtwin.monitoring.offline import stream
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.run.recording import Log
+from dtwin.simulation.proposal import propose
 
 Progress = Callable[[str], None]
 Angles = tuple[Triple, ...]
@@ -86,6 +88,16 @@ def commission(
     sensors = stages.result("sensors", SensorCheck, lambda: check_sensors(motion))
     progress("fitting the motion")
     identification = stages.result("identification", Identified, identified)
+    progress("designing settings")
+    settings = stages.result(
+        "settings",
+        ProposedSettings,
+        lambda: propose(
+            identification.record, lambda done, of: progress(f"designing settings: {done} of {of} gains")
+        ),
+    )
     progress("watching the arm")
     known = stages.result("monitor", Healthy, calibrated)
-    return Commissioned(msgspec.structs.replace(identification.record, healthy=known), identification)
+    return Commissioned(
+        msgspec.structs.replace(identification.record, settings=settings, healthy=known), identification
+    )

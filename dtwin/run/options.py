@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
-from dtwin.controller.bounds import check_model
+from dtwin.controller.bounds import check_bounds, check_model
+from dtwin.controller.proposed import read_settings
 from dtwin.controller.settings import APPLICATION_LAW, USUAL_GAINS, Compensation, ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.emulation.faults import parse_fault
 from dtwin.emulation.machine.files import is_file, machine_of
 from dtwin.emulation.machine.sections import IDEAL
+from dtwin.errors import ParameterError
 from dtwin.parameters import PHYSICS_STEP, ArmParameters, Law, Triple, assignment
 from dtwin.run.settings import CellSettings
 
@@ -128,13 +130,23 @@ class ControlOptions(CompensationOptions):
     """Control law. cascade: position over velocity with an observer, on smooth paths; computed_torque: the thesis's,
     with a held box as a point mass; row_sum: the thesis's form with row sums, without damping term and with the box's
     weight alone."""
+    tuned: Path | None = None
+    """Record of the arm that `dtwin commission` wrote: the controller takes the settings that it proposes, and no
+    other option but the target time."""
 
     def control(self) -> ControlSettings:
         """The settings of the controller that the options stand for.
 
         Raises:
-            ParameterError: an option is out of range.
+            DtwinError: an option is out of range, or the record has no settings that may be used.
         """
+        if self.tuned is not None:
+            others = [field for field in fields(ControlOptions) if field.name not in ("tuned", "target_time")]
+            if given := [field.name for field in others if getattr(self, field.name) != field.default]:
+                raise ParameterError(f"--tuned: expected no --{given[0].replace('_', '-')} beside it")
+            settings = replace(read_settings(self.tuned), target_time=self.target_time)
+            check_bounds(settings)
+            return settings
         settings = ControlSettings(
             self.target_time,
             USUAL_GAINS[self.law],

@@ -180,6 +180,22 @@ def _accelerate(x: Array, v: Triple, p: Array, c: Array, extra: bool, slope: Arr
     slope[5] = n31 * r1 + n32 * r2 + n33 * r3
 
 
+def machine_acceleration(vector: Array, state: Array, volts: Array, payload: float) -> Array:
+    """Accelerations (3,), rad/s^2, without dry friction.
+
+    Args:
+        vector: (69,), see MACHINE_NAMES.
+        state: (6,), angles in rad, then velocities in rad/s.
+        volts: (3,), voltages that act on the motors, V.
+        payload: point mass at the tip, kg.
+    """
+    constants, slope = np.empty(15), np.empty(6)
+    _constants(vector, payload, constants)
+    first, second, third = volts.tolist()
+    _accelerate(state, (first, second, third), vector, constants, True, slope)
+    return slope[3:]
+
+
 @kernel
 def _rub(x: Array, h: float, p: Array, c: Array, width: float) -> None:
     """Lets dry friction act on the velocities of a state for h seconds, by Newton's method.

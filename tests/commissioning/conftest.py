@@ -1,4 +1,4 @@
-"""A short log and a fit of few segments, so that a whole commissioning takes seconds."""
+"""A short log, a fit of few segments and a design of few gains, so that a whole commissioning takes seconds."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -7,6 +7,9 @@ import pytest
 
 from dtwin.identification.machine import fit, judged
 from dtwin.run.recording import Log
+from dtwin.simulation import proposal
+from dtwin.simulation.margins import design
+from dtwin.simulation.margins.poses import places
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -17,6 +20,9 @@ def few_segments() -> Iterator[None]:
         patch.setattr(judged, "_MOST_JUDGED", 2)
         patch.setattr(fit, "_ROUNDS", 1)
         patch.setattr(judged, "HELD_OUT", 0.5)
+        patch.setattr(design, "POSITION_POLES", (9.0,))
+        patch.setattr(design, "VELOCITY_POLES", (15.0,))
+        patch.setattr(proposal, "poses", places)
         yield
 
 

@@ -10,7 +10,7 @@ from dtwin.cli import main
 from dtwin.commissioning.stages import Stages
 from dtwin.identification.machine.record import read_record
 
-STAGES = ("sensors", "identification", "monitor")
+STAGES = ("sensors", "identification", "settings", "monitor")
 
 
 @pytest.fixture(scope="module")

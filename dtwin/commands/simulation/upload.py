@@ -14,7 +14,8 @@ import tyro
 from dtwin.bus.messages import ROLL_BACK, UPLOAD, Topic
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
-from dtwin.errors import CommunicationError, ModelError, UnansweredError
+from dtwin.controller.proposed import read_settings
+from dtwin.errors import CommunicationError, ModelError, ParameterError, UnansweredError
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.terminal import print_json
@@ -123,7 +124,7 @@ class SavedSettings(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True, kw_only=True)
 class UploadGains(UploadCommand):
-    """Upload gains, those not given stay, or gains and target time from a file that dtwin optimise saved."""
+    """Upload gains, those not given stay: from here, from a file that dtwin optimise saved, or from a record."""
 
     kp: Triple | None = None
     """Proportional gains of joints 1 to 3, 1/s^2."""
@@ -132,10 +133,16 @@ class UploadGains(UploadCommand):
     kd: Triple | None = None
     """Derivative gains, 1/s."""
     file: Path | None = None
-    """JSON file of dtwin optimise."""
+    """JSON file of dtwin optimise; its target time is uploaded too."""
+    commissioned: Path | None = None
+    """Record of the arm that dtwin commission wrote, with the gains that it proposes."""
 
     def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
+        if self.file is not None and self.commissioned is not None:
+            raise ParameterError("--commissioned: expected no --file beside it")
         tuning = SavedSettings(now.gains) if self.file is None else _read(self.file)
+        if self.commissioned is not None:
+            tuning = SavedSettings(read_settings(self.commissioned).gains)
         given = {name: value for name in ("kp", "ki", "kd") if (value := getattr(self, name)) is not None}
         gains = replace(tuning.gains, **given)
         return msgspec.structs.replace(request, gains=gains, target_time=tuning.target_time)
@@ -156,11 +163,19 @@ class UploadTarget(UploadCommand):
 class UploadModel(UploadCommand):
     """Upload an identified model of the arm."""
 
-    model: str
+    model: str | None = None
     """File of an identified model, or its name in --store."""
+    commissioned: Path | None = None
+    """Record of the arm that dtwin commission wrote, with the model that it proposes."""
 
     def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
-        return msgspec.structs.replace(request, model=self._model(self.model))
+        if self.commissioned is not None and self.model is None:
+            model = read_settings(self.commissioned).model
+        elif self.model is not None and self.commissioned is None:
+            model = self._model(self.model)
+        else:
+            raise ParameterError("expected either --model or --commissioned")
+        return msgspec.structs.replace(request, model=model)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,6 +16,7 @@ from dtwin.experiments.sorting import Work, worked
 from dtwin.experiments.untouched import untouched
 from dtwin.identification.machine.judged import identify_machine, record_of
 from dtwin.identification.machine.record import Grade
+from dtwin.identification.machine.sensors import check_sensors
 from dtwin.monitoring.calibration import watched
 from dtwin.monitoring.estimation.belief import Belief, commissioned
 from dtwin.monitoring.kinds import KINDS, parse_fault_id
@@ -163,11 +164,12 @@ def watch_machine(item: Work) -> WatchedMachine:
     """
     log, arm = worked(item).log.freeze(), ArmParameters()
     try:
-        judged = identify_machine(log.part(0, round(IDENTIFIED_FROM / PERIOD)), arm)
+        part = log.part(0, round(IDENTIFIED_FROM / PERIOD))
+        judged, sensors = identify_machine(part, arm), check_sensors(part)
     except IdentificationError as error:
         return WatchedMachine(item.number, "unusable", str(error), 0.0, [], [], {})
     seen = stream(log)
-    record = watched(record_of(judged, arm, f"machine {item.number}"), seen)
+    record = watched(record_of(judged, sensors, arm, f"machine {item.number}"), seen)
     belief, baselines = commissioned(record), [baseline(method, record.arm, seen) for method in METHODS]
     other = item._replace(seed=item.seed + 1)
     healthy = worked(other).log.freeze()

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import product
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -13,61 +11,24 @@ import numpy as np
 from dtwin.controller.settings import USUAL_GAINS, ControlSettings
 from dtwin.experiments.report import Picture, Report, page, table
 from dtwin.experiments.simulation.injected import frequency, measured_sensitivity
-from dtwin.parameters import PERIOD, ArmParameters, Gains, Law
+from dtwin.parameters import PERIOD, ArmParameters, Law
 from dtwin.pictures import COLOURS, RED, new_figure
 from dtwin.pool import Progress
-from dtwin.simulation.margins.demands import MARGINS, Case, Demands, cases
+from dtwin.simulation.margins.demands import MARGINS, Case, cases
+from dtwin.simulation.margins.design import LATE, NOISE, RESERVE, Candidate, best_of, design
 from dtwin.simulation.margins.loop import ComplexArray, linear_loop
-from dtwin.simulation.margins.measures import voltage_noise
 from dtwin.simulation.margins.poses import Pose, places, poses
 from dtwin.simulation.whatif import Simulator
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-POSITION_POLES: Final = (8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0, 16.0, 18.0)
-"""Double poles of position and integral that the search tries, rad/s."""
-VELOCITY_POLES: Final = (10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0)
-"""Poles of the velocity loop that the search tries, rad/s.
-
-Only pairs are tried whose velocity loop, the inner one of the cascade, is no slower than the position loop around it.
-"""
-RESERVE: Final = replace(MARGINS, disk=0.5)
-"""Demanded of the design, on an arm that obeys at once and on one that obeys a tick late."""
-NOISE: Final = 800.0
-"""Largest voltage for a rad of white encoder noise, standard deviations, V: an encoder of 12 bits makes 0.35 V."""
-LATE: Final = (0.0, 1.0)
-"""Ticks after which the arms of the design obey."""
 CYCLES: Final = (1, 3, 6, 10, 16, 25, 40, 63, 100)
 """Periods in the window of the sines that are injected."""
 SAME: Final = 0.02
 """Largest difference of a measured sensitivity from the computed one that counts as none."""
 _ARM: Final = ArmParameters()
 _LAWS: Final[tuple[Law, ...]] = ("computed_torque", "cascade")
-
-
-@dataclass(frozen=True, slots=True)
-class Candidate:
-    """Gains of the cascade that were judged.
-
-    Attributes:
-        position: double pole of position and integral, rad/s.
-        velocity: pole of the velocity loop, rad/s.
-        gains: gains with these poles, the same for every joint.
-        worst: least share of a demanded margin that there is over places, boxes and delays; 1 and more is enough.
-        noise: largest standard deviation of a voltage for encoder noise of 1 rad, over the same cases, V.
-    """
-
-    position: float
-    velocity: float
-    gains: Gains
-    worst: float
-    noise: float
-
-    @property
-    def good(self) -> bool:
-        """Whether nothing that is demanded of the design is missing."""
-        return self.worst >= 1.0 and self.noise <= NOISE
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,59 +51,6 @@ class MarginStudy:
     shapes: dict[Law, ComplexArray]
 
 
-def gains_of(position: float, velocity: float) -> Gains:
-    """The gains of (s + velocity) (s + position)^2 = s^3 + kd s^2 + kp s + ki, the same for every joint.
-
-    Args:
-        position: double pole of position and integral, rad/s.
-        velocity: pole of the velocity loop, rad/s.
-    """
-    kd = velocity + 2.0 * position
-    kp = position * (2.0 * velocity + position)
-    ki = velocity * position**2
-    return Gains((kp,) * 3, (ki,) * 3, (kd,) * 3)
-
-
-def share(case: Case, demands: Demands) -> float:
-    """The least share of a demanded margin that a case has; 1 and more is enough."""
-    found = case.margins
-    return min(
-        found.disk / demands.disk,
-        found.gain / demands.gain,
-        min(found.phase) / demands.phase,
-        found.delay / demands.delay,
-        found.torque / demands.torque,
-    )
-
-
-def design(simulator: Simulator, progress: Progress) -> tuple[Candidate, ...]:
-    """Judges gains on a grid of poles."""
-    found = []
-    at = list(product(places(), (0.0, ControlSettings().payload), LATE))
-    grid = [(outer, inner) for outer, inner in product(POSITION_POLES, VELOCITY_POLES) if inner >= outer]
-    for done, (position, velocity) in enumerate(grid, 1):
-        settings = ControlSettings(gains=gains_of(position, velocity), law="cascade")
-        judged = [cases(simulator.controller, settings, _ARM, places(), late) for late in LATE]
-        worst = min(share(case, RESERVE) for each in judged for case in each)
-        noise = max(_noise(simulator, settings, pose, payload, late) for pose, payload, late in at)
-        found.append(Candidate(position, velocity, settings.gains, worst, noise))
-        progress(done, len(grid))
-    return tuple(found)
-
-
-def _noise(simulator: Simulator, settings: ControlSettings, pose: Pose, payload: float, late: float) -> float:
-    loop = linear_loop(simulator.controller, settings, _ARM, payload, pose.theta, late)
-    return voltage_noise(loop) if loop.radius() < 1.0 else math.inf
-
-
-def best_of(candidates: Sequence[Candidate]) -> Candidate:
-    """The good candidate that rejects disturbances best: the largest integral gain.
-
-    This is the rule of Astrom, Panagopoulos and Hagglund, Automatica 34 (1998), for loops with bounded sensitivity.
-    """
-    return max((each for each in candidates if each.good), key=lambda each: each.gains.ki[0])
-
-
 def usual(law: Law) -> ControlSettings:
     """The settings of a law with its usual gains."""
     return ControlSettings(gains=USUAL_GAINS[law], law=law)
@@ -151,7 +59,7 @@ def usual(law: Law) -> ControlSettings:
 def margin_study(progress: Progress) -> MarginStudy:
     """Designs, computes and measures."""
     simulator = Simulator()
-    candidates = design(simulator, progress)
+    candidates = design(simulator.controller, ControlSettings(law="cascade"), _ARM, progress)
     computed = {
         (law, late): cases(simulator.controller, usual(law), _ARM, poses(), late) for law in _LAWS for late in LATE
     }
@@ -161,7 +69,7 @@ def margin_study(progress: Progress) -> MarginStudy:
         for payload in (0.0, 0.2)
     }
     shapes = {law: np.array([_shape(simulator, usual(law), pose) for pose in places()]) for law in _LAWS}
-    return MarginStudy(candidates, best_of(candidates), computed, compared, shapes)
+    return MarginStudy(candidates, best_of([each for each in candidates if each.good]), computed, compared, shapes)
 
 
 def compare(

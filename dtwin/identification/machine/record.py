@@ -7,6 +7,7 @@ from typing import Annotated, Final, Literal
 
 import msgspec
 
+from dtwin.controller.proposed import ProposedSettings
 from dtwin.errors import DtwinError, ModelError
 from dtwin.files import replacing
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
@@ -132,6 +133,7 @@ class MachineRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         data: SHA-256 of the segments that were fitted.
         segments: number of these.
         versions: versions of the software that made the record.
+        settings: settings of the controller for this machine; None if nobody has designed them.
         healthy: what it does beside at work; None if nobody has watched it.
     """
 
@@ -148,6 +150,7 @@ class MachineRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     data: str
     segments: int
     versions: dict[str, str]
+    settings: ProposedSettings | None = None
     healthy: Healthy | None = None
 
     @property

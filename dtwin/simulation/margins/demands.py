@@ -12,6 +12,7 @@ from dtwin.parameters import ArmParameters, Law
 from dtwin.simulation.margins.loop import linear_loop
 from dtwin.simulation.margins.measures import Margins, margins
 from dtwin.simulation.margins.poses import Pose
+from dtwin.twin.effects import NO_EFFECTS, Effects
 
 STABLE: Final = 1.0 - 1e-6
 """Spectral radius from which the closed loop counts as not stable: errors would take hours to halve."""
@@ -95,6 +96,7 @@ def cases(
     arm: ArmParameters,
     poses: Iterable[Pose],
     late: float = 0.0,
+    effects: Effects = NO_EFFECTS,
 ) -> list[Case]:
     """The margins of settings at each pose, without a box and with one as the settings assume it.
 
@@ -104,9 +106,10 @@ def cases(
         arm: arm that is controlled.
         poses: poses at which the arm rests.
         late: ticks after which the arm obeys a command.
+        effects: what the arm has beside its parameters, as for `linear_loop`.
     """
     return [
-        Case(pose, payload, margins(linear_loop(controller, settings, arm, payload, pose.theta, late)))
+        Case(pose, payload, margins(linear_loop(controller, settings, arm, payload, pose.theta, late, effects)))
         for pose in poses
         for payload in dict.fromkeys((0.0, settings.payload))
     ]

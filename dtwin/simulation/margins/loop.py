@@ -21,9 +21,10 @@ from scipy.linalg import expm
 from dtwin.controller.motion import MotionController
 from dtwin.controller.ports import MEMORY
 from dtwin.controller.settings import ControlSettings
-from dtwin.parameters import PERIOD, ArmParameters, Triple, scaled
+from dtwin.parameters import PERIOD, ArmParameters, Triple
 from dtwin.simulation.figures import Array
-from dtwin.twin.dynamics import forward_dynamics, gravity
+from dtwin.twin.effects import NO_EFFECTS, Effects
+from dtwin.twin.machine import machine_acceleration, vector_of
 
 _STEP: Final = 1e-5
 """Step of the difference quotients in the unit of the variable.
@@ -128,6 +129,7 @@ def linear_loop(
     payload: float,
     theta: Triple,
     late: float = 0.0,
+    effects: Effects = NO_EFFECTS,
 ) -> Loop:
     """The loop of the function blocks and an arm at rest.
 
@@ -138,20 +140,24 @@ def linear_loop(
         payload: mass of the held box, kg.
         theta: angles at which the arm rests, rad.
         late: ticks after which the arm obeys a command.
+        effects: what the arm has beside its parameters; lag and delay count only in `late`, dry friction, dead zone
+            and sag not at all.
     """
     blocks = linear_blocks(controller, settings, theta, carries=payload > 0)
-    return Loop(blocks, linear_arm(arm, payload, theta), late)
+    return Loop(blocks, linear_arm(arm, payload, theta, effects), late)
 
 
-def linear_arm(arm: ArmParameters, payload: float, theta: Triple) -> Plant:
-    """The arm near the pose theta (rad), with a box of mass payload (kg) in its gripper."""
-    vector = np.array(scaled(arm, "mu", 0.0).vector())
-    hold = gravity(np.array(theta), vector, payload, False) / np.array(arm.voltage_constant)
+def linear_arm(arm: ArmParameters, payload: float, theta: Triple, effects: Effects = NO_EFFECTS) -> Plant:
+    """The arm near the pose theta (rad), with a box of mass payload (kg) in its gripper; it may have effects."""
+    vector = vector_of(arm, effects)
 
     def acceleration(point: Array) -> Array:
-        found: Array = forward_dynamics(point[:6], point[6:], vector, payload, False)
-        return found
+        return machine_acceleration(vector, point[:6], point[6:], payload)
 
+    rest = np.concatenate((theta, np.zeros(3)))
+    falling = machine_acceleration(vector, rest, np.zeros(3), payload)
+    by_volt = [machine_acceleration(vector, rest, volts, payload) - falling for volts in np.eye(3)]
+    hold = -np.linalg.solve(np.column_stack(by_volt), falling)
     slopes = _differences(acceleration, np.concatenate((theta, np.zeros(3), hold)))
     A = np.vstack((np.eye(3, 6, 3), slopes[:, :6]))
     return Plant(A, np.vstack((np.zeros((3, 3)), slopes[:, 6:])))

@@ -1,0 +1,137 @@
+"""Settings of the controller for an arm that was identified: gains, model and compensation, with their margins.
+
+The model is that of the record. The controller knows no rotors, so their inertia counts as that of the links, which
+is exact for joint 1 and near for the others. What the data do not tell is not compensated: the integrals hold it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+from dtwin.controller.motion import MotionController
+from dtwin.controller.proposed import LeastMargins, ProposedSettings
+from dtwin.controller.settings import COMPENSATION_RANGES, Compensation, ControlSettings
+from dtwin.identification.machine.record import MachineRecord
+from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.pool import Progress
+from dtwin.simulation.margins.demands import MARGINS, Case, cases
+from dtwin.simulation.margins.design import NOISE, Candidate, best_of, design
+from dtwin.simulation.margins.poses import Pose, places, poses
+
+_MOST_GAIN: Final = 60.0
+"""Gain margin, dB, above which none is told."""
+
+
+def propose(record: MachineRecord, progress: Progress) -> ProposedSettings:
+    """Designs settings for an identified arm.
+
+    Args:
+        record: record of the arm.
+        progress: is told how many gains of how many have been judged.
+    """
+    controller = MotionController()
+    late = lateness(record)
+
+    def judged(settings: ControlSettings, at: Sequence[Pose]) -> list[Case]:
+        return [case for each in late for case in cases(controller, settings, record.arm, at, each, record.effects)]
+
+    settings = ControlSettings(law="cascade", model=controllable(record), compensation=compensation(record))
+    best = chosen(design(controller, settings, record.arm, progress, late, record.effects))
+    settings = replace(settings, gains=best.gains)
+    dead = replace(settings, compensation=replace(settings.compensation, dead_zone=dead_zone(record)))
+    if not any(MARGINS.shortfall(case.margins) for case in judged(dead, places())):
+        settings = dead
+    near, everywhere = judged(settings, places()), judged(settings, poses())
+    return ProposedSettings(
+        settings,
+        late,
+        _least(near),
+        _least(everywhere),
+        best.noise * max(encoder.noise for encoder in record.sensors.encoders),
+        _refusal(record, near),
+        _remarks(best, everywhere),
+    )
+
+
+def chosen(candidates: Sequence[Candidate]) -> Candidate:
+    """The candidate to take: among those with every reserve the one with the largest integral gain.
+
+    Where none has it, the one is taken that lacks least, so that it can be told what is missing.
+    """
+    good = [each for each in candidates if each.good]
+    return best_of(good) if good else max(candidates, key=lambda each: each.worst)
+
+
+def lateness(record: MachineRecord) -> tuple[float, float]:
+    """Least and greatest time after which the arm may obey a command, ticks.
+
+    A lag delays by its time constant at most. Both are within one standard deviation of what was identified.
+    """
+    delay = record.numbers["delay"]
+    lag = max(record.effects.lag)
+    least = max(delay.value - delay.deviation, 0.0) + min(record.effects.lag)
+    return least / PERIOD, (delay.value + delay.deviation + lag) / PERIOD
+
+
+def controllable(record: MachineRecord) -> ArmParameters:
+    """The arm as the controller should believe it to be: rotors are parts of links, and friction is what is told."""
+    arm, effects = record.arm, record.effects
+    first, second, third = (
+        inertia + rotor for inertia, rotor in zip(arm.inertia, effects.rotor_inertia, strict=True)
+    )
+    friction = {f"mu{joint}": 0.0 for joint in (1, 2, 3) if not record.numbers[f"mu{joint}"].told}
+    return replace(arm, inertia=(first, second, third)).with_values(friction)
+
+
+def compensation(record: MachineRecord) -> Compensation:
+    """What the controller should take into account of drives and encoders."""
+    delay, usual = record.numbers["delay"], Compensation()
+    if not delay.told:
+        return usual
+    low, high, _ = COMPENSATION_RANGES["delay"]
+    return replace(usual, delay=min(max(delay.value + sum(record.effects.lag) / 3.0, low), high))
+
+
+def dead_zone(record: MachineRecord) -> float:
+    """The voltage that every drive loses for sure, V; 0 unless the data tell it of all three.
+
+    A controller that compensated more than a drive loses would chatter, so it is the least of the three less a
+    standard deviation.
+    """
+    numbers = [record.numbers[f"dead_zone{joint}"] for joint in (1, 2, 3)]
+    if not all(number.told for number in numbers):
+        return 0.0
+    low, high, _ = COMPENSATION_RANGES["dead_zone"]
+    return min(max(min(number.value - number.deviation for number in numbers), low), high)
+
+
+def _least(found: Sequence[Case]) -> LeastMargins:
+    every = [case.margins for case in found]
+    return LeastMargins(
+        disk=min(m.disk for m in every),
+        gain=min(_MOST_GAIN, *(m.gain for m in every)),
+        phase=min(min(m.phase) for m in every),
+        delay=min(m.delay for m in every),
+        torque=min(m.torque for m in every),
+    )
+
+
+def _refusal(record: MachineRecord, found: Sequence[Case]) -> str:
+    """Why settings with these margins at the places must not be used, "" for no reason."""
+    if record.grade == "unusable":
+        return "the model of the arm does not predict its motion"
+    broken = [(short.share, f"{case}: {short.text}") for case in found if (short := MARGINS.shortfall(case.margins))]
+    return min(broken)[1] if broken else ""
+
+
+def _remarks(best: Candidate, found: Sequence[Case]) -> list[str]:
+    said = []
+    if best.worst < 1.0:
+        said.append(f"no gains have the reserve of the design; these have {best.worst:.0%} of it")
+    if best.noise > NOISE:
+        said.append(f"{best.noise:.0f} V for a rad of encoder noise, at most {NOISE:g} V were asked for")
+    if short := sum(MARGINS.shortfall(case.margins) is not None for case in found):
+        said.append(f"{short} of {len(found)} cases of the workspace have less than what is demanded at the places")
+    return said
