@@ -80,7 +80,7 @@ def commission(
         )
 
     def calibrated() -> Healthy:
-        found = watched(identification.record, stream(healthy()), progress).healthy
+        found = watched(identification.record, seen, progress).healthy
         assert found is not None
         return found
 
@@ -96,6 +96,7 @@ def commission(
             identification.record, lambda done, of: progress(f"designing settings: {done} of {of} gains")
         ),
     )
+    seen = stream(healthy())
     progress("watching the arm")
     known = stages.result("monitor", Healthy, calibrated)
     return Commissioned(

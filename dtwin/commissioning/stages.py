@@ -89,10 +89,27 @@ class Stages:
         self._done(path.stem, digest, kept)
         return path
 
-    def discard(self) -> None:
-        """Removes all that is kept, because the procedure has come to its end."""
-        if self._folder is not None:
+    def finish(self, data: Path | None = None) -> None:
+        """Ends the procedure, of which nothing is kept but its files, if it has any.
+
+        Args:
+            data: folder in which the files are from now on; what is in it is replaced.
+
+        Raises:
+            RecordingError: the folder cannot be made.
+        """
+        if self._folder is None:
+            return
+        if data is None:
             shutil.rmtree(self._folder, ignore_errors=True)
+            return
+        try:
+            shutil.rmtree(data, ignore_errors=True)
+            self._folder.rename(data)
+        except OSError as error:
+            raise RecordingError(f"{data}: cannot be made: {reason_of(error)}") from None
+        for path in (*data.glob("*.json"), *data.glob("*.after")):
+            path.unlink()
 
     def _kept(self, name: str, kind: type[T]) -> tuple[T, bytes] | None:
         if self._folder is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -106,6 +107,8 @@ class Experiment:
 def from_log(log: Log, box_mass: float | None = None, segment: float = 1.0) -> tuple[Experiment, ...]:
     """Divides the log of a run into experiments, one after the other, each with an unknown initial state.
 
+    No experiment reaches over ticks that the log lacks.
+
     Without control the arm is unstable where it stands upright. A simulation over minutes would depend too strongly
     on its initial state; one over a second does not.
 
@@ -125,6 +128,8 @@ def from_log(log: Log, box_mass: float | None = None, segment: float = 1.0) -> t
     if len(measured) < length:
         raise IdentificationError(f"too few samples: the log has {len(measured)}, expected at least {length}")
     stretches = [(0, len(measured))] if box_mass is not None else _stretches(~gripped)
+    gaps = (np.flatnonzero(np.diff(log.columns["t"]) > 1.5 * PERIOD) + 1).tolist()
+    stretches = [part for start, stop in stretches for part in _divided(start, stop, gaps)]
     cuts = [
         slice(first, min(first + length, stop))
         for start, stop in stretches
@@ -139,6 +144,12 @@ def _stretches(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First index, and the index after the last one, of every run of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
     return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+
+
+def _divided(start: int, stop: int, gaps: Sequence[int]) -> list[tuple[int, int]]:
+    """A stretch in parts, each of which begins at its start or behind a gap."""
+    edges = [start, *(gap for gap in gaps if start < gap < stop), stop]
+    return list(pairwise(edges))
 
 
 def fingerprint(experiments: Sequence[Experiment]) -> str:

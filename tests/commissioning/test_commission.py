@@ -2,13 +2,17 @@
 
 import html
 import re
+from contextlib import nullcontext
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from dtwin.cli import main
+from dtwin.commands.identification import commission as command
 from dtwin.commissioning.stages import Stages
 from dtwin.identification.machine.record import read_record
+from dtwin.run.recording import Log, read_log
 
 STAGES = ("sensors", "identification", "settings", "monitor")
 
@@ -84,3 +88,74 @@ def test_the_report_says_what_the_record_says(whole: Path) -> None:
     for said in (record.data, record.schema, f"watched for {record.healthy.duration:.0f} s", *record.remarks):
         assert said in text
     assert "none seen" in text
+
+
+class Cell:
+    """A cell whose work is in a log: what is collected are its parts, and each is counted."""
+
+    def __init__(self, log: Path) -> None:
+        self._log = read_log(log)
+        self.collected: list[float] = []
+
+    def collect(self, bus: object, seconds: float, progress: object) -> Log:
+        self.collected.append(seconds)
+        return self._log
+
+
+@pytest.fixture
+def cell(short_log: Path, monkeypatch: pytest.MonkeyPatch) -> Cell:
+    cell = Cell(short_log)
+    monkeypatch.setattr(command, "collect", cell.collect)
+    monkeypatch.setattr(command, "join", lambda *_: nullcontext())
+    return cell
+
+
+LIVE = ("commission", "--live", "--motion", "150", "--watch", "60", "--out")
+
+
+def test_a_live_commissioning_collects_nothing_twice_and_leaves_what_it_collected(
+    whole: Path, cell: Cell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = Stages._done
+
+    def interrupted(self: Stages, name: str, digest: str, kept: bool) -> None:
+        told(self, name, digest, kept)
+        if name == "watched":
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Stages, "_done", interrupted)
+        assert main((*LIVE, str(tmp_path / "arm.json"))) == 130
+    assert main((*LIVE, str(tmp_path / "arm.json"))) in (0, 1)
+    assert cell.collected == [150.0, 60.0]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["arm.json", "arm.json.data"]
+    assert sorted(path.name for path in (tmp_path / "arm.json.data").iterdir()) == [
+        "motion.parquet",
+        "watched.parquet",
+    ]
+    record, expected = read_record(tmp_path / "arm.json"), read_record(whole / "arm.json")
+    assert record.source == "cell cell: 150 s of motion, 60 s watched"
+    assert msgspec.structs.replace(record, source=expected.source) == expected
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "expected either a log or --live"),
+        (("work.parquet", "--live"), "expected either a log or --live"),
+        (("--live",), "--live: expected --out"),
+        (("--live", "--out", "arm.json", "--motion", "10"), "--motion: expected at least 120"),
+        (("--live", "--out", "arm.json", "--watch", "1"), "--watch: expected at least 30"),
+        (("--live", "--out", "arm.json", "--cell", "nowhere"), "cell 'nowhere' is not up on this machine"),
+    ],
+)
+def test_what_cannot_be_commissioned_is_refused(
+    words: tuple[str, ...],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(("commission", *words)) == 2
+    assert message in capsys.readouterr().err

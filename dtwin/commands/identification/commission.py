@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
 
 import msgspec
 import tyro
@@ -12,32 +14,58 @@ from rich.console import Console
 from rich.table import Table
 
 from dtwin import __version__
-from dtwin.commissioning.procedure import commission
+from dtwin.bus.messages import DECIDE, IDENTIFY
+from dtwin.bus.twin_messages import IdentificationDecision, IdentificationRequest, IdentificationState
+from dtwin.commands.frame import at_least
+from dtwin.commissioning.collection import collect
+from dtwin.commissioning.procedure import Commissioned, Progress, commission
 from dtwin.commissioning.stages import Stages
 from dtwin.commissioning.words import NINETY_FIVE
-from dtwin.errors import RecordingError
+from dtwin.errors import CommunicationError, ParameterError, RecordingError, UnansweredError
 from dtwin.files import ensure_writable, reason_of, replacing
 from dtwin.identification.machine.record import MachineRecord, write_record
+from dtwin.monitoring.calibration import LEAST
 from dtwin.parameters import ArmParameters, load_arm
-from dtwin.run.recording import read_log
+from dtwin.run.recording import Log, read_log
 from dtwin.terminal import as_text, print_json, print_table
+from services.runfile import join
+
+if TYPE_CHECKING:
+    from dtwin.bus.session import Bus
+
+SHORTEST: Final = 120.0
+"""Shortest motion from which an arm is identified, s."""
 
 
 @dataclass(frozen=True)
 class Commission:
-    """Commission a real arm from a log of its healthy work: sensors, parameters, drives, friction, structure.
+    """Commission a real arm at its healthy work: sensors, identification, settings of the controller, monitor.
 
-    The monitor is calibrated on the same log, the longer the better: `dtwin monitor` and `dtwin up --monitoring` take
-    the record with `--commissioned`.
+    The work comes from a log, or with --live from a running cell. `dtwin monitor` and `dtwin up --monitoring` take
+    the record with --commissioned, `dtwin run` and `dtwin up` take the settings with --tuned.
 
-    The log needs two minutes of work with encoder readings, voltages and box_gripped; truth is not looked at. What
-    the data do not tell keeps the value and the tolerance of the data sheet. With --out, what is done is kept beside
-    that file: the same command goes on where it was interrupted. The exit status is 1 unless the fit of every joint
-    on motion that was held out is at least 0.98.
+    It takes two minutes of work with encoder readings, voltages and box_gripped, the longer the better; truth is not
+    looked at. What the data do not tell keeps the value and the tolerance of the data sheet. With --out, every stage
+    that is done is kept beside that file: the same command goes on where it was interrupted. The exit status is 1
+    unless the fit of every joint on motion that was held out is at least 0.98.
     """
 
-    log: tyro.conf.Positional[Path]
+    log: Annotated[Path | None, tyro.conf.Positional] = None
     """Parquet log of ordinary work."""
+    live: bool = False
+    """Collect the work from a running cell (dtwin up); needs --out. What was collected stays in a folder of its name
+    and .data."""
+    motion: float = 300.0
+    """Plant time of the work from which the arm is identified, s (--live)."""
+    watch: float = 600.0
+    """Plant time of the work after that on which the monitor is calibrated, s (--live)."""
+    excite: bool = False
+    """Let the identification service excite the arm once while its motion is collected (--live, dtwin up
+    --identification); its own model is not kept."""
+    cell: str = "cell"
+    """Name of the cell (--live)."""
+    zenoh: Path | None = None
+    """Zenoh configuration file, for a cell on another machine (--live)."""
     known: Path | None = None
     """JSON file with the parameters of the arm as it was designed; the data sheet's arm if not given."""
     out: Path | None = None
@@ -48,31 +76,87 @@ class Commission:
     """Print the record as one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
-        for path in (self.out, self.report):
-            if path is not None:
-                ensure_writable(path)
+        self._check()
         arm = load_arm(self.known) if self.known is not None else ArmParameters()
-        log = read_log(self.log)
-        folder = None if self.out is None else self.out.with_name(f"{self.out.name}.parts")
         console = Console(stderr=True, highlight=False)
-        with console.status("reading the log") as status:
-            inputs = msgspec.json.encode([__version__, str(self.log), _digest(self.log), arm]).decode()
-            stages = Stages(folder, inputs, lambda text: console.print(as_text(text)))
-            found = commission(stages, log, lambda: log, arm, str(self.log), status.update)
-            if self.out is not None:
-                write_record(found.record, self.out)
-            if self.report is not None:
-                from dtwin.commissioning.page import report  # Matplotlib takes half a second to load.
+        with console.status("beginning") as status:
 
-                status.update("drawing the report")
-                with replacing(self.report) as temporary:
-                    temporary.write_text(report(found), encoding="utf-8")
-        stages.discard()
+            def stages(*inputs: object) -> Stages:
+                folder = None if self.out is None else self.out.with_name(f"{self.out.name}.parts")
+                described = msgspec.json.encode([__version__, *inputs, arm]).decode()
+                return Stages(folder, described, lambda text: console.print(as_text(text)))
+
+            if self.log is not None:
+                log = read_log(self.log)
+                kept = stages(str(self.log), _digest(self.log))
+                found = commission(kept, log, lambda: log, arm, str(self.log), status.update)
+                self._write(found, status.update)
+                kept.finish()
+            else:
+                kept = stages("live", self.cell, self.motion, self.watch, self.excite)
+                found = self._live(kept, arm, status.update)
+                self._write(found, status.update)
+                kept.finish(None if self.out is None else self.out.with_name(f"{self.out.name}.data"))
         if self.json:
             print_json(msgspec.to_builtins(found.record))
         else:
             _print(found.record, [path for path in (self.out, self.report) if path is not None])
         return 0 if found.record.grade == "identified" else 1
+
+    def _check(self) -> None:
+        if (self.log is None) != self.live:
+            raise ParameterError("expected either a log or --live")
+        if self.live and self.out is None:
+            raise ParameterError("--live: expected --out, beside which the collected work is kept")
+        at_least("--motion", self.motion, SHORTEST)
+        at_least("--watch", self.watch, LEAST)
+        for path in (self.out, self.report):
+            if path is not None:
+                ensure_writable(path)
+
+    def _live(self, stages: Stages, arm: ArmParameters, progress: Progress) -> Commissioned:
+        """Commissions the arm of a running cell, whose bus is joined when something is to be collected."""
+
+        def collected(name: str, seconds: float, excite: bool) -> Log:
+            def make(path: Path) -> None:
+                with join(self.cell, self.zenoh) as bus:
+                    if excite:
+                        _excite(bus)
+                    log = collect(bus, seconds, lambda done: progress(f"{name}: {done:.0f} of {seconds:.0f} s"))
+                    if excite:
+                        _let_go(bus)
+                log.write_parquet(path)
+
+            progress(f"{name}: waits for the cell")
+            return read_log(stages.file(f"{name}.parquet", make))
+
+        motion = collected("motion", self.motion, self.excite)
+        source = f"cell {self.cell}: {self.motion:g} s of motion, {self.watch:g} s watched"
+        return commission(stages, motion, lambda: collected("watched", self.watch, False), arm, source, progress)
+
+    def _write(self, found: Commissioned, progress: Callable[[str], None]) -> None:
+        if self.out is not None:
+            write_record(found.record, self.out)
+        if self.report is not None:
+            from dtwin.commissioning.page import report  # Matplotlib takes half a second to load.
+
+            progress("drawing the report")
+            with replacing(self.report) as temporary:
+                temporary.write_text(report(found), encoding="utf-8")
+
+
+def _excite(bus: Bus) -> None:
+    """Asks the identification service to excite the arm as soon as its gripper is empty."""
+    try:
+        bus.ask(IDENTIFY, IdentificationRequest(), IdentificationState)
+    except UnansweredError as error:
+        raise CommunicationError(f"{error} The arm is excited by that service: dtwin up --identification") from None
+
+
+def _let_go(bus: Bus) -> None:
+    """Rejects the model that the identification service proposes, if it does; the signal is what was wanted."""
+    if bus.ask(IDENTIFY, None, IdentificationState).phase == "proposed":
+        bus.ask(DECIDE, IdentificationDecision(accept=False), IdentificationState)
 
 
 def _digest(path: Path) -> str:
@@ -100,5 +184,7 @@ def _print(record: MachineRecord, files: list[Path]) -> None:
     console.print(f"{record.grade}: fit on held-out motion {fits}; {record.segments} segments")
     for remark in record.remarks:
         console.print(as_text(remark))
+    if record.settings is not None and record.settings.refused:
+        console.print(as_text(f"the settings must not be used: {record.settings.refused}"))
     for file in files:
         console.print(as_text(f"written to {file}"))
