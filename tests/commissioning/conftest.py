@@ -1,10 +1,13 @@
-"""A short log, a fit of few segments and a design of few gains, so that a whole commissioning takes seconds."""
+"""A short log, and the long computations of a commissioning done once on few segments and gains, and counted."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from dtwin.commissioning import procedure
 from dtwin.identification.machine import fit, judged
 from dtwin.run.recording import Log
 from dtwin.simulation import proposal
@@ -12,8 +15,21 @@ from dtwin.simulation.margins import design
 from dtwin.simulation.margins.poses import places
 
 
-@pytest.fixture(scope="module", autouse=True)
-def few_segments() -> Iterator[None]:
+@pytest.fixture(scope="module")
+def calls() -> Iterator[Counter[str]]:
+    """How often each of the long computations was asked for; all are asked the same in this room."""
+    counted: Counter[str] = Counter()
+    found: dict[str, Any] = {}
+
+    def once(name: str, compute: Callable[..., Any]) -> Callable[..., Any]:
+        def counting(*arguments: Any) -> Any:
+            counted[name] += 1
+            if name not in found:
+                found[name] = compute(*arguments)
+            return found[name]
+
+        return counting
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(judged, "FEWEST", 3)
         patch.setattr(judged, "MOST", 3)
@@ -23,7 +39,9 @@ def few_segments() -> Iterator[None]:
         patch.setattr(design, "POSITION_POLES", (9.0,))
         patch.setattr(design, "VELOCITY_POLES", (15.0,))
         patch.setattr(proposal, "poses", places)
-        yield
+        for name in ("check_sensors", "identify_machine", "propose", "watched"):
+            patch.setattr(procedure, name, once(name, getattr(procedure, name)))
+        yield counted
 
 
 @pytest.fixture(scope="session")

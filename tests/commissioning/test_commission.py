@@ -2,6 +2,7 @@
 
 import html
 import re
+from collections import Counter
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -18,7 +19,7 @@ STAGES = ("sensors", "identification", "settings", "monitor")
 
 
 @pytest.fixture(scope="module")
-def whole(short_log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def whole(short_log: Path, calls: Counter[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a commissioning that nothing interrupted."""
     folder = tmp_path_factory.mktemp("whole")
     assert commissioned(short_log, folder) in (0, 1)
@@ -40,12 +41,14 @@ def test_a_commissioning_leaves_record_and_report_and_nothing_else(whole: Path) 
 def test_interrupted_after_every_stage_it_goes_on_and_comes_to_the_same(
     whole: Path,
     short_log: Path,
+    calls: Counter[str],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Each run but the last is interrupted after one stage more, and no stage is done twice."""
     told = Stages._done
+    calls.clear()
     for number, last in enumerate((*STAGES, "")):
 
         def interrupted(self: Stages, name: str, digest: str, kept: bool, last: str = last) -> None:
@@ -61,6 +64,7 @@ def test_interrupted_after_every_stage_it_goes_on_and_comes_to_the_same(
         assert re.findall(r"(\w+): was done before", said) == list(STAGES[:number])
         assert re.findall(r"(\w+): done", said) == ([last] if last else [])
         assert (tmp_path / "arm.json").exists() == (not last)
+    assert calls == {"check_sensors": 1, "identify_machine": 1, "propose": 1, "watched": 1}
     for name in ("arm.json", "arm.html"):
         assert (tmp_path / name).read_bytes() == (whole / name).read_bytes(), name
     assert not (tmp_path / "arm.json.parts").exists()
@@ -114,7 +118,7 @@ LIVE = ("commission", "--live", "--motion", "150", "--watch", "60", "--out")
 
 
 def test_a_live_commissioning_collects_nothing_twice_and_leaves_what_it_collected(
-    whole: Path, cell: Cell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    whole: Path, cell: Cell, calls: Counter[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told = Stages._done
 
@@ -123,11 +127,13 @@ def test_a_live_commissioning_collects_nothing_twice_and_leaves_what_it_collecte
         if name == "watched":
             raise KeyboardInterrupt
 
+    calls.clear()
     with monkeypatch.context() as patch:
         patch.setattr(Stages, "_done", interrupted)
         assert main((*LIVE, str(tmp_path / "arm.json"))) == 130
     assert main((*LIVE, str(tmp_path / "arm.json"))) in (0, 1)
     assert cell.collected == [150.0, 60.0]
+    assert set(calls.values()) == {1}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["arm.json", "arm.json.data"]
     assert sorted(path.name for path in (tmp_path / "arm.json.data").iterdir()) == [
         "motion.parquet",

@@ -39,6 +39,10 @@ _SPIKED: Final = 8.0
 """Standard deviations of the noise from which on a single reading is a spike."""
 _SMALLEST_SPIKE: Final = 2e-3
 """Smallest spike, rad: less may be a jolt of the arm."""
+_JOLT: Final = 2.0
+"""Change of a voltage from one tick to the next that jolts the arm as no ordinary work does, V."""
+_JOLTED: Final = 10
+"""Ticks after such a change in which a jolt may look like a spike."""
 _SLOWEST: Final = 2e-4
 """Least motion in a tick that shows whether its sample was lost, rad."""
 _HOUR: Final = round(3600.0 / PERIOD)
@@ -64,7 +68,8 @@ def check_sensors(log: Log) -> SensorCheck:
         raise IdentificationError(f"reading of joint {joint + 1} in row {row}: expected a finite number")
     ticks = np.round(np.diff(log.columns["t"]) / PERIOD)
     repeated = np.concatenate(([False], (np.diff(measured, axis=0) == 0.0).all(axis=1) & (ticks == 1.0)))
-    first, second, third = encoders = [_encoder(measured[:, i], ticks == 1.0, repeated) for i in range(3)]
+    calm = ~_jolted(log.stack("volts")[:, :3])
+    first, second, third = encoders = [_encoder(measured[:, i], ticks == 1.0, repeated, calm) for i in range(3)]
     slowest = np.array([max(3.0 * e.step, 7.0 * e.noise) if e.step else _SLOWEST for e in encoders])
     told = _tells_losses(measured, ticks == 1.0, slowest)
     return SensorCheck(
@@ -94,13 +99,14 @@ def step_of(readings: Array) -> float | None:
     return float(np.sum(moved[whole] * count[whole]) / np.sum(count[whole] ** 2))
 
 
-def _encoder(readings: Array, next_tick: Flags, repeated: Flags) -> EncoderCheck:
+def _encoder(readings: Array, next_tick: Flags, repeated: Flags, calm: Flags) -> EncoderCheck:
     """What there is to say of one encoder.
 
     Args:
         readings: (N,), rad.
         next_tick: (N - 1,), whether a reading is followed by that of the next tick.
         repeated: (N,), whether no encoder moved since the reading before.
+        calm: (N,), whether nothing may have jolted the arm shortly before.
     """
     step = step_of(readings)
     still, spread = _stretches(readings, next_tick, step or 0.0)
@@ -109,8 +115,7 @@ def _encoder(readings: Array, next_tick: Flags, repeated: Flags) -> EncoderCheck
     moving = smooth & ~still[3:]
     noise = _deviation(third[moving] if moving.any() else third[smooth])
     least = max(_SPIKED * noise, 3.0 * (step or 0.0), _SMALLEST_SPIKE)
-    spikes = _spikes(readings, next_tick, repeated, least)
-    return EncoderCheck(step, spread, noise, spikes / len(readings) * _HOUR, least)
+    return EncoderCheck(step, spread, noise, _spikes(readings, next_tick, repeated, calm, least) * _HOUR, least)
 
 
 def _stretches(readings: Array, next_tick: Flags, step: float) -> tuple[Flags, float | None]:
@@ -142,8 +147,17 @@ def _deviation(values: Array) -> float:
     return found
 
 
-def _spikes(readings: Array, next_tick: Flags, repeated: Flags, least: float) -> int:
-    """Number of single readings that are farther off (rad) than all around them, on both sides the same way.
+def _jolted(volts: Array) -> Flags:
+    """At which ticks, (N,), the voltages, (N, 3), V, may have jolted the arm."""
+    jumps = np.flatnonzero((np.abs(np.diff(volts, axis=0)) > _JOLT).any(axis=1)) + 1
+    after = (jumps[:, None] + np.arange(1, _JOLTED + 1)).ravel()
+    flags = np.zeros(len(volts), dtype=bool)
+    flags[after[after < len(volts)]] = True
+    return flags
+
+
+def _spikes(readings: Array, next_tick: Flags, repeated: Flags, calm: Flags, least: float) -> float:
+    """Share of the calm readings that are farther off (rad) than all around them, on both sides the same way.
 
     A reading is compared with the polynomial of third order through two readings before and two after it, which
     acceleration does not disturb, and with the lines through either two, which a jolt does not disturb.
@@ -155,7 +169,7 @@ def _spikes(readings: Array, next_tick: Flags, repeated: Flags, least: float) ->
     found = (np.abs(off) > least) & (sides > 0.5 * np.abs(off))
     found &= next_tick[:-3] & next_tick[1:-2] & next_tick[2:-1] & next_tick[3:]
     found &= ~(repeated[1:-3] | repeated[2:-2] | repeated[3:-1])
-    return int(found.sum())
+    return float(found[calm[2:-2]].sum()) / max(int(calm.sum()), 1)
 
 
 def _tells_losses(measured: Array, next_tick: Flags, slowest: Array) -> Flags:

@@ -1,3 +1,5 @@
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -6,6 +8,7 @@ from dtwin.identification.data import Experiment, Start, fingerprint, from_log
 from dtwin.identification.estimation.problem import Prior, Problem, initial_speed
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
+from dtwin.run.recording import Log
 from tests.support.identification import ARM, BLOCKS
 
 UNKNOWN = Rig(noise=0.01).measure(
@@ -120,3 +123,14 @@ def test_a_log_becomes_segments() -> None:
     assert 0 <= np.count_nonzero(~gripped) - sum(map(len, empty)) < 12 * (1 + np.count_nonzero(np.diff(gripped)))
     with pytest.raises(IdentificationError, match="a box was held all the time"):
         from_log(log.part(int(np.argmax(gripped)), int(np.argmax(gripped)) + 120))
+
+
+def test_no_segment_reaches_over_ticks_that_a_log_lacks(run_cell: Callable[..., Log]) -> None:
+    log = run_cell(30.0, 3)
+    kept = np.delete(np.arange(len(log)), [150, 151, 1234])
+    torn = Log({name: column[kept] for name, column in log.columns.items()})
+    readings = {row.tobytes(): tick for tick, row in enumerate(log.stack("measured"))}
+    for box_mass in (None, 0.2):
+        for segment in from_log(torn, box_mass):
+            ticks = [readings[row.tobytes()] for row in segment.measured]
+            assert np.diff(ticks).tolist() == [1] * (len(ticks) - 1)

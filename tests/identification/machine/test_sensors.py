@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from dtwin.controller.excitation import ExcitationController
 from dtwin.emulation.machine.encoding import Encoding
 from dtwin.emulation.machine.sections import Machine, Sensing
 from dtwin.errors import IdentificationError
 from dtwin.identification.data import Array
+from dtwin.identification.excitation.plan import PLAIN, Plan
+from dtwin.identification.excitation.rig import Rig
 from dtwin.identification.machine.sensors import FEWEST, check_sensors, step_of
 from dtwin.parameters import PERIOD
 from dtwin.run.cell import Cell
@@ -34,10 +37,12 @@ def angles() -> Array:
     return np.concatenate(parts)
 
 
-def log_of(measured: Array, ticks: NDArray[Any] | None = None) -> Log:
+def log_of(measured: Array, ticks: NDArray[Any] | None = None, volts: Array | None = None) -> Log:
     columns: dict[str, Any] = {name: np.full(len(measured), np.nan) for name in COLUMNS}
     columns["t"] = PERIOD * (np.arange(len(measured)) if ticks is None else ticks)
     columns |= {f"measured_{joint + 1}": measured[:, joint] for joint in range(3)}
+    if volts is not None:
+        columns |= {f"volts_{joint + 1}": volts[:, joint] for joint in range(3)}
     return Log(columns)
 
 
@@ -143,6 +148,21 @@ def test_what_a_cell_reads_tells_its_encoders() -> None:
         assert encoder.step == pytest.approx(math.tau / 4096, rel=1e-9)
         assert encoder.noise == pytest.approx(math.hypot(4e-4, math.tau / 4096 / math.sqrt(12.0)), rel=0.25)
         assert encoder.spikes == 0.0
+
+
+def test_jolts_of_an_excited_arm_are_no_spikes() -> None:
+    """Under a signal of whole volts a light link turns around within a tick, which is as sharp as a spike."""
+    machine = Machine("twelve bits", sensing=Sensing(bits=12, noise=4e-4))
+    experiment = Rig(machine=machine).measure(Plan(PLAIN), ExcitationController(), np.random.default_rng(1))
+    work = read(bits=12, noise=4e-4).stack("measured")
+    both, ticks = np.concatenate((work, experiment.measured)), np.arange(len(work) + len(experiment))
+    ticks[len(work) :] += 100
+    volts = np.concatenate((np.zeros_like(work), experiment.volts))
+    blind = check_sensors(log_of(both, ticks))
+    seen = check_sensors(log_of(both, ticks, volts))
+    counts = [SECONDS / 3600.0 * sum(e.spikes for e in found.encoders) for found in (blind, seen)]
+    assert counts[0] > 5.0
+    assert counts[1] < 1.5
 
 
 def test_too_few_samples_and_readings_that_are_none_are_refused() -> None:
