@@ -39,12 +39,12 @@ from dtwin.bus.messages import (
     State,
 )
 from dtwin.controller.device import ControlLoop, Outcome, SafeStop, Settings
-from dtwin.controller.ports import MODEL, TUNING
+from dtwin.controller.ports import MODEL, OFFSETS, PAYLOAD, TUNING
 from dtwin.controller.sequence import CALLS, SEQUENCES, SequenceName, SequenceSettings
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, ParameterError, RecordingError
 from dtwin.iec61499.net.address import StreamAddress, parse_stream_address
-from dtwin.parameters import PERIOD
+from dtwin.parameters import PERIOD, ArmParameters, Gains
 from dtwin.signals import Event, EventKind, Sensors, Voltages
 from services.parts.gate import STALE
 from services.parts.recent import Recent
@@ -272,6 +272,10 @@ class Bridge:
             found = settings.set_tuning(kept.gains, kept.target_time)
         if lost & set(MODEL):
             found = settings.set_model(kept.model)
+        if PAYLOAD in lost:
+            found = settings.set_payload(kept.payload)
+        if lost & set(OFFSETS):
+            found = settings.set_offsets(kept.encoder_offset)
         if other := kept.differing(found):
             raise CommunicationError(
                 f"{self._address}: expected the settings of this run, got others of {', '.join(sorted(other))}: "
@@ -371,12 +375,18 @@ def _changed(settings: Settings, asked: SettingsRequest) -> ControlSettings:
     Raises:
         ParameterError: a value is out of range, or it is not one message that is asked for.
     """
-    gains, target_time, model = asked.gains, asked.target_time, asked.model
-    if gains is not None and target_time is not None and model is None:
-        return settings.set_tuning(gains, target_time)
-    if model is not None and gains is None and target_time is None:
-        return settings.set_model(model)
-    raise ParameterError("settings: expected gains and target time together, or a model alone")
+    match asked:
+        case SettingsRequest(Gains() as gains, float(target_time), None, None, None):
+            return settings.set_tuning(gains, target_time)
+        case SettingsRequest(None, None, ArmParameters() as model, None, None):
+            return settings.set_model(model)
+        case SettingsRequest(None, None, None, float(payload), None):
+            return settings.set_payload(payload)
+        case SettingsRequest(None, None, None, None, tuple(offsets)):
+            return settings.set_offsets(offsets)
+    raise ParameterError(
+        "settings: expected gains and target time together, or a model, a payload or encoder offsets alone"
+    )
 
 
 if __name__ == "__main__":

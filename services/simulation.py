@@ -43,7 +43,7 @@ from dtwin.bus.twin_messages import (
 from dtwin.controller.bounds import check_bounds, check_model
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
-from dtwin.parameters import ArmParameters, Gains
+from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.signals import Event, EventKind, Sensors
 from dtwin.simulation.checks import MOTIONS, Checker
 from dtwin.simulation.history import HISTORY, Entry, History
@@ -88,6 +88,14 @@ class BridgePort:
     def send_model(self, model: ArmParameters) -> ControlSettings:
         """Raises CommunicationError when the device does not take it over."""
         return self._ask(SettingsRequest(model=model))
+
+    def write_payload(self, mass: float) -> ControlSettings:
+        """Raises CommunicationError when the device does not take it over."""
+        return self._ask(SettingsRequest(payload=mass))
+
+    def write_offsets(self, offsets: Triple) -> ControlSettings:
+        """Raises CommunicationError when the device does not take them over."""
+        return self._ask(SettingsRequest(encoder_offset=offsets))
 
     def read_back(self) -> ControlSettings:
         """Raises CommunicationError when the device does not answer."""
@@ -219,7 +227,7 @@ class Simulation:
         """Answers on a thread of its own, too; one at a time, because all use the same blocks."""
         with self._lock:
             uploader = self._there()
-            settings = changed(uploader.settings, asked.gains, asked.target_time, asked.model)
+            settings = changed(uploader.settings, asked.gains, asked.target_time, asked.model, asked.payload)
             arm = asked.arm or settings.model
             check_bounds(settings)
             check_model(arm)
@@ -242,10 +250,11 @@ class Simulation:
 
 def _proposal(uploader: Uploader, request: UploadRequest) -> Proposal:
     who, why, based_on = request.who, request.why, request.based_on
+    wanted = (request.gains, request.target_time, request.model, request.payload, request.encoder_offset)
     if request.version is None:
-        return Proposal(who, why, based_on, request.gains, request.target_time, request.model)
-    if (request.gains, request.target_time, request.model) != (None, None, None):
-        raise ParameterError("upload: expected an earlier version alone, without gains, target time or model")
+        return Proposal(who, why, based_on, *wanted)
+    if any(value is not None for value in wanted):
+        raise ParameterError("upload: expected an earlier version alone, without other settings")
     return uploader.earlier(request.version, who, why, based_on)
 
 
@@ -262,6 +271,8 @@ def _upload(uploader: Uploader) -> Upload:
         settings.law,
         settings.model,
         last.predicted,
+        settings.payload,
+        settings.encoder_offset,
     )
 
 

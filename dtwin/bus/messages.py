@@ -116,7 +116,8 @@ class Path(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA
 
 
 class SettingsRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """Other settings for the controller's blocks, to come into force in one tick: gains and target time, or a model.
+    """Other settings for the controller's blocks: gains and target time in one tick, a model in one tick, the mass of
+    a box, or offsets of the encoders.
 
     The simulation service alone sends it, after its checks; everybody else sends it an UploadRequest.
 
@@ -124,11 +125,15 @@ class SettingsRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
         gains: gains of the computed-torque law, together with a target time.
         target_time: duration of every motion from the next one on, s.
         model: the arm as the controller shall believe it to be, alone; its Coulomb friction is not compensated.
+        payload: mass of a box as the controller shall assume it, kg, alone.
+        encoder_offset: offsets that are taken off what the encoders read, rad, alone.
     """
 
     gains: Gains | None = None
     target_time: float | None = None
     model: ArmParameters | None = None
+    payload: float | None = None
+    encoder_offset: Triple | None = None
 
 
 class SettingsInForce(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -144,6 +149,7 @@ class SettingsInForce(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
         delay: time from a sample until its voltages act that the cascade counts on, s.
         dead_zone: voltage lost in every amplifier that the cascade counts on, V.
         bandwidth: double pole of the cascade's observer, rad/s.
+        encoder_offset: known offsets of the encoders, which are taken off what they read, rad.
     """
 
     gains: Gains
@@ -155,6 +161,7 @@ class SettingsInForce(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
     delay: float = 0.01
     dead_zone: float = 0.0
     bandwidth: float = 100.0
+    encoder_offset: Triple = (0.0, 0.0, 0.0)
 
 
 class SignalRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

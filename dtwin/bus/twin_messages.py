@@ -95,7 +95,8 @@ class IdentificationState(msgspec.Struct, frozen=True, tag_field="schema", tag=S
 
 
 class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """New settings for the running controller: gains and target time, one of them, a model, or an earlier version.
+    """New settings for the running controller: gains and target time, one of them, a model, the mass of a box,
+    offsets of the encoders, or an earlier version.
 
     Attributes:
         who: wants them.
@@ -106,6 +107,8 @@ class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA)
         model: arm model for the controller.
         version: version of the history that shall be in force again.
         arm: arm as the twin knows it, for the check; the controller's model when None.
+        payload: mass of a box that the controller shall assume, kg.
+        encoder_offset: offsets to be taken off what the encoders read, rad.
     """
 
     who: Word
@@ -116,6 +119,8 @@ class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA)
     model: ArmParameters | None = None
     version: Count | None = None
     arm: ArmParameters | None = None
+    payload: Kilograms | None = None
+    encoder_offset: Triple | None = None
 
 
 class RollBackRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -144,6 +149,8 @@ class Upload(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
         law: control law in force.
         model: arm model in force.
         predicted: largest distance of each joint from its path that the twin expects, rad.
+        payload: mass of a box in force, kg.
+        encoder_offset: offsets of the encoders in force, rad.
     """
 
     version: Count
@@ -156,6 +163,8 @@ class Upload(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     law: Law
     model: ArmParameters
     predicted: Triple | None = None
+    payload: float = 0.2
+    encoder_offset: Triple = (0.0, 0.0, 0.0)
 
 
 class PredictionRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -167,6 +176,7 @@ class PredictionRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCH
         model: arm model of the controller; the one in force when None.
         arm: arm as the twin knows it; the controller's model when None.
         box: kg, of a carried box.
+        payload: mass of a box that the controller assumes, kg; the one in force when None.
     """
 
     gains: Gains | None = None
@@ -174,6 +184,7 @@ class PredictionRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCH
     model: ArmParameters | None = None
     arm: ArmParameters | None = None
     box: Kilograms = 0.2
+    payload: Kilograms | None = None
 
 
 class PredictedMotion(msgspec.Struct, frozen=True):

@@ -22,12 +22,16 @@ MODEL_RANGES: Final = {
     "mu": (0.0, 5.0),
 }
 """Least and greatest value of an arm of this kind, by the symbol of the parameter, SI units."""
+PAYLOADS: Final = (0.0, 1.0)
+"""Least and greatest mass of a box, kg: far more than the arm can lift."""
+ENCODER_OFFSETS: Final = (-0.2, 0.2)
+"""Least and greatest offset of an encoder that is taken off its readings, rad."""
 TARGET_TIMES: Final = (0.1, 60.0)
 """Shortest and longest motion, s."""
 
 
 def check_bounds(settings: ControlSettings) -> None:
-    """Checks gains, target time and model.
+    """Checks gains, target time, model, payload and offsets.
 
     Raises:
         ParameterError: a value is out of range; the message says which, and what the range is.
@@ -38,6 +42,9 @@ def check_bounds(settings: ControlSettings) -> None:
         for joint, value in enumerate(values, 1):
             _check(f"{field.name}{joint}", value, 0.0, HIGHEST_GAINS[field.name])
     check_model(settings.model)
+    _check("payload", settings.payload, *PAYLOADS, " kg")
+    for joint, offset in enumerate(settings.encoder_offset, 1):
+        _check(f"offset of encoder {joint}", offset, *ENCODER_OFFSETS, " rad")
 
 
 def check_model(arm: ArmParameters) -> None:

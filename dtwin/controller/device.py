@@ -16,7 +16,9 @@ from dtwin.controller.ports import (
     GAINS,
     LAST_SAMPLE,
     MODEL,
+    OFFSETS,
     PATH,
+    PAYLOAD,
     REQUEST,
     SIGNAL,
     STOPPED,
@@ -216,11 +218,33 @@ class Settings:
         """Changes the model in one message between two ticks; returns what is in force then."""
         return self._change(MODEL, ControlSettings(model=model))
 
+    def set_payload(self, mass: float) -> ControlSettings:
+        """Changes the assumed mass of a box (kg); returns what is in force then."""
+        return self._write((PAYLOAD,), ControlSettings(payload=mass))
+
+    def set_offsets(self, offsets: Triple) -> ControlSettings:
+        """Changes the known offsets of the encoders (rad), which the blocks follow by small steps; returns what is in
+        force then."""
+        return self._write(OFFSETS, ControlSettings(encoder_offset=offsets))
+
     def _change(self, names: tuple[str, ...], wanted: ControlSettings) -> ControlSettings:
-        """Sends inputs and reads them back until they are in force: the blocks may act after they acknowledge."""
+        """Sends inputs in one message to the port that sets them together."""
         check_bounds(wanted)
         sent = wanted.inputs()
         self._ports[names].exchange([sent[name] for name in names])
+        return self._await(names, wanted)
+
+    def _write(self, names: tuple[str, ...], wanted: ControlSettings) -> ControlSettings:
+        """Writes inputs one by one."""
+        check_bounds(wanted)
+        sent = wanted.inputs()
+        for name in names:
+            self._application.write(name, sent[name])
+        return self._await(names, wanted)
+
+    def _await(self, names: tuple[str, ...], wanted: ControlSettings) -> ControlSettings:
+        """Reads inputs back until they are in force: the blocks may act after they acknowledge."""
+        sent = wanted.inputs()
         deadline = time.monotonic() + _READ_BACK
         while True:
             found = self.in_force()

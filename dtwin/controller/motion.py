@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from dtwin.controller.ports import BLOCKS, MOTION_SYSTEM, PATH, PATH_END
+from dtwin.controller.ports import BLOCKS, MOTION_SYSTEM, OFFSETS, PATH, PATH_END
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError, choices
 from dtwin.iec61499.library import Library
@@ -58,7 +58,8 @@ class MotionController:
         Args:
             theta: measured angles, rad.
             goal: place or joint angles at which the motion ends.
-            settings: values for the inputs of the blocks.
+            settings: values for the inputs of the blocks; offsets of encoders do not count, since these angles have
+                none.
             carries: whether the controller counts on a box in the gripper.
             omega: velocities at the start, from which the samples before this one are made up, rad/s.
 
@@ -72,7 +73,8 @@ class MotionController:
         if settings != self._settings:
             resource.restore(self._fresh)
             for name, value in settings.inputs().items():
-                resource.write(name, value)
+                if name not in OFFSETS:
+                    resource.write(name, value)
             self._settings, self._configured = settings, resource.snapshot()
         else:
             resource.restore(self._configured)

@@ -29,6 +29,10 @@ TUNING: Final = (*(f"CONTROLLER.{kind}{joint}" for kind in ("KP", "KI", "KD") fo
 """Inputs with gains and target time, which one message sets together, in the order of the message."""
 MODEL: Final = tuple(f"CONTROLLER.{kind}{joint}" for kind in (*"KMILCD", "MU") for joint in _JOINTS)
 """Inputs with the arm model, which one message sets together, in the order of the message."""
+PAYLOAD: Final = "CONTROLLER.PAYLOAD_MASS"
+"""Input with the mass of a box that the controller assumes, kg."""
+OFFSETS: Final = tuple(f"ENCODERS.OFFSET{joint}" for joint in _JOINTS)
+"""Inputs with the known offsets of the encoders, rad."""
 PATH: Final = tuple(f"PLANNER.THETA_D{joint}" for joint in _JOINTS)
 """Outputs with the desired angles of the path, rad."""
 LAST_SAMPLE: Final = ("SEQUENCE.SYSTEM_TIME", *(f"DETECTOR.THETA{joint}" for joint in _JOINTS))

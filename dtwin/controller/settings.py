@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, get_args
 
+from dtwin.controller.ports import OFFSETS, PAYLOAD
 from dtwin.errors import ParameterError, choices
 from dtwin.parameters import ArmParameters, Gains, Law, PayloadModel, Triple
 
@@ -27,6 +28,8 @@ COMPENSATION_RANGES: Final = {
     "bandwidth": (10.0, 300.0, "rad/s"),
 }
 """Least and greatest value, and unit, of what the cascade takes into account; the Nyquist frequency is 314 rad/s."""
+NO_OFFSET: Final[Triple] = (0.0, 0.0, 0.0)
+"""Offsets of encoders that read what the angles are, rad."""
 APPLICATION_LAW: Final[Law] = "cascade"
 """The law of a cell for which no other is asked; settings without a law have the thesis's computed torque."""
 
@@ -76,6 +79,7 @@ class ControlSettings:
         payload_model: how a held box counts in the model; None takes what the law needs to hold a box everywhere:
             the weight alone for the row-sum law, a point mass for the others.
         compensation: what the cascade takes into account of drives and encoders.
+        encoder_offset: known offsets of the encoders, rad, which are taken off what they read.
 
     Raises:
         ParameterError: a value is out of range.
@@ -88,12 +92,15 @@ class ControlSettings:
     payload: float = 0.2
     payload_model: PayloadModel | None = None
     compensation: Compensation = field(default_factory=Compensation)
+    encoder_offset: Triple = NO_OFFSET
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.target_time) and self.target_time > 0):
             raise ParameterError(f"target time: expected a finite number of seconds above 0, got {self.target_time}")
         if not (math.isfinite(self.payload) and self.payload >= 0):
             raise ParameterError(f"payload: expected a finite mass of at least 0 kg, got {self.payload}")
+        if not all(map(math.isfinite, self.encoder_offset)):
+            raise ParameterError(f"encoder offset: expected finite angles, got {self.encoder_offset}")
         if self.law not in LAWS:
             raise ParameterError(f"law: expected {choices(LAWS)}, got {self.law!r}")
         if self.payload_model not in (None, *get_args(PayloadModel)):
@@ -127,13 +134,14 @@ class ControlSettings:
             for joint, value in enumerate(triple, 1)
         }
         values["CONTROLLER.LAW"] = LAWS.index(self.law)
-        values["CONTROLLER.PAYLOAD_MASS"] = self.payload
+        values[PAYLOAD] = self.payload
         values["CONTROLLER.WEIGHT_ONLY"] = self.box_counts == "weight"
         values["CONTROLLER.DEAD_ZONE"] = self.compensation.dead_zone
         values["OBSERVER.DELAY"] = self.compensation.delay
         values["OBSERVER.BANDWIDTH"] = self.compensation.bandwidth
         values["PLANNER.SMOOTH"] = self.law == "cascade"
         values["PLANNER.T"] = self.target_time
+        values.update(zip(OFFSETS, self.encoder_offset, strict=True))
         return values
 
     @classmethod
@@ -156,9 +164,10 @@ class ControlSettings:
             Gains(triple("KP"), triple("KI"), triple("KD")),
             LAWS[law],
             ArmParameters(*map(triple, (*"KMILCD", "MU"))),
-            values["CONTROLLER.PAYLOAD_MASS"],
+            values[PAYLOAD],
             "weight" if values["CONTROLLER.WEIGHT_ONLY"] else "point",
             Compensation(values["OBSERVER.DELAY"], values["CONTROLLER.DEAD_ZONE"], values["OBSERVER.BANDWIDTH"]),
+            (values[OFFSETS[0]], values[OFFSETS[1]], values[OFFSETS[2]]),
         )
 
     def differing(self, other: ControlSettings) -> set[str]:

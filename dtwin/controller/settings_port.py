@@ -1,7 +1,8 @@
 """The port through which settings reach a running controller: the block SYSTEM_SIMULATION.
 
 A message carries all gains and the target time, or all model parameters. It arrives as one event between two ticks,
-so that the controller has either all of its values or none.
+so that the controller has either all of its values or none. The mass of a box, and offsets of the encoders, which the
+blocks follow by small steps, are written to the inputs that hold them.
 """
 
 from __future__ import annotations
@@ -9,9 +10,9 @@ from __future__ import annotations
 from typing import Protocol
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.controller.ports import ARM_MODEL, GAINS, MODEL, TUNING
+from dtwin.controller.ports import ARM_MODEL, GAINS, MODEL, OFFSETS, PAYLOAD, TUNING
 from dtwin.controller.settings import ControlSettings
-from dtwin.parameters import ArmParameters, Gains
+from dtwin.parameters import ArmParameters, Gains, Triple
 
 
 class SettingsPort(Protocol):
@@ -22,6 +23,12 @@ class SettingsPort(Protocol):
 
     def send_model(self, model: ArmParameters) -> ControlSettings:
         """Puts an arm model into force from the next tick."""
+
+    def write_payload(self, mass: float) -> ControlSettings:
+        """Puts an assumed mass of a box (kg) into force from the next tick."""
+
+    def write_offsets(self, offsets: Triple) -> ControlSettings:
+        """Puts known offsets of the encoders (rad) into force; what is taken off follows them by small steps."""
 
     def read_back(self) -> ControlSettings:
         """The settings in the blocks of the controller."""
@@ -52,6 +59,17 @@ class EmbeddedPort:
         """Puts an arm model into force from the next tick."""
         values = ControlSettings(model=model).inputs()
         self._model.exchange([values[name] for name in MODEL])
+        return self.read_back()
+
+    def write_payload(self, mass: float) -> ControlSettings:
+        """Puts an assumed mass of a box (kg) into force from the next tick."""
+        self._resource.write(PAYLOAD, mass)
+        return self.read_back()
+
+    def write_offsets(self, offsets: Triple) -> ControlSettings:
+        """Puts known offsets of the encoders (rad) into force; what is taken off follows them by small steps."""
+        for name, offset in zip(OFFSETS, offsets, strict=True):
+            self._resource.write(name, offset)
         return self.read_back()
 
     def read_back(self) -> ControlSettings:

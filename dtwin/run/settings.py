@@ -15,7 +15,7 @@ import msgspec
 from dtwin import __version__
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.sequence import SEQUENCES, SequenceName, SequenceSettings
-from dtwin.controller.settings import Compensation, ControlSettings
+from dtwin.controller.settings import NO_OFFSET, Compensation, ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.emulation.faults import Fault
@@ -68,8 +68,10 @@ def metadata(settings: CellSettings) -> dict[str, Any]:
 
 
 def _told(control: ControlSettings) -> dict[str, Any]:
-    """Settings of a controller as JSON; the usual compensation is not named."""
+    """Settings of a controller as JSON; the usual compensation and offsets of zero are not named."""
     values = asdict(control)
+    if control.encoder_offset == NO_OFFSET:
+        del values["encoder_offset"]
     if control.compensation == Compensation():
         del values["compensation"]
     return values

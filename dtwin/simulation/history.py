@@ -37,7 +37,7 @@ class Entry(msgspec.Struct, frozen=True, tag_field="schema", tag=1):
         action: what was done.
         who: who wanted it.
         why: reason in the words of that person.
-        kind: what was to change: gains, target or model.
+        kind: what was to change: gains, target, model, payload or offset.
         settings: settings in force afterwards.
         text: result in words, such as the reason of a refusal or the outcome of the trial.
         predicted: largest distance of each joint from its path that the twin predicted, rad.

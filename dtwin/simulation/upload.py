@@ -6,23 +6,24 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
-from dtwin.controller.ports import MODEL, TUNING
+from dtwin.controller.ports import MODEL, OFFSETS, PAYLOAD, TUNING
 from dtwin.controller.settings import ControlSettings
 from dtwin.controller.settings_port import SettingsPort
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.simulation.checks import Checker, Refused
+from dtwin.simulation.figures import triple
 from dtwin.simulation.history import Action, Entry, History
 from dtwin.simulation.trial import Trial, TrialRules
 
-Kind = Literal["gains", "target", "model", ""]
+Kind = Literal["gains", "target", "model", "payload", "offset", ""]
 SELF: Final = "dtwin"
 """Name under which the uploader itself confirms and rolls back."""
 
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """Proposes new settings: gains, a target time or both, or a model.
+    """Proposes new settings: gains, a target time or both, or a model, or the mass of a box, or encoder offsets.
 
     Attributes:
         who: who wants the new settings.
@@ -31,10 +32,12 @@ class Proposal:
         gains: new gains, or None.
         target_time: new target time, s, or None.
         model: new model of the arm, or None.
+        payload: new mass of a box, kg, or None.
+        encoder_offset: new offsets of the encoders, rad, or None.
 
     Raises:
-        ParameterError: there is nothing new, or a model together with something else, which would be two messages
-            that could not come into force at once.
+        ParameterError: there is nothing new, or more than one thing, which would be several messages that could not
+            come into force at once.
     """
 
     who: str
@@ -43,26 +46,43 @@ class Proposal:
     gains: Gains | None = None
     target_time: float | None = None
     model: ArmParameters | None = None
+    payload: float | None = None
+    encoder_offset: Triple | None = None
 
     def __post_init__(self) -> None:
         tuned = self.gains is not None or self.target_time is not None
-        if tuned == (self.model is not None):
-            raise ParameterError("upload: expected gains, a target time or both, or a model alone")
+        alone = (self.model, self.payload, self.encoder_offset)
+        if tuned + sum(value is not None for value in alone) != 1:
+            raise ParameterError(
+                "upload: expected gains, a target time or both, or a model, a payload or encoder offsets alone"
+            )
 
     @property
     def kind(self) -> Kind:
         """What is to change, by the name of its command."""
         if self.model is not None:
             return "model"
+        if self.payload is not None:
+            return "payload"
+        if self.encoder_offset is not None:
+            return "offset"
         return "gains" if self.gains is not None else "target"
 
     def applied(self, settings: ControlSettings) -> ControlSettings:
         """The given settings with the proposed changes."""
-        return changed(settings, self.gains, self.target_time, self.model)
+        changed_settings = changed(settings, self.gains, self.target_time, self.model, self.payload)
+        return replace(
+            changed_settings,
+            encoder_offset=settings.encoder_offset if self.encoder_offset is None else self.encoder_offset,
+        )
 
 
 def changed(
-    settings: ControlSettings, gains: Gains | None, target_time: float | None, model: ArmParameters | None
+    settings: ControlSettings,
+    gains: Gains | None,
+    target_time: float | None,
+    model: ArmParameters | None,
+    payload: float | None,
 ) -> ControlSettings:
     """The given settings in which every value that is not None is replaced."""
     return replace(
@@ -70,6 +90,7 @@ def changed(
         gains=settings.gains if gains is None else gains,
         target_time=settings.target_time if target_time is None else target_time,
         model=settings.model if model is None else model,
+        payload=settings.payload if payload is None else payload,
     )
 
 
@@ -176,7 +197,7 @@ class Uploader:
         Args:
             time: plant time, s.
             path: desired angles, rad.
-            measured: measured angles, rad.
+            measured: measured angles, rad, from which the trial takes the offsets in force off.
 
         Returns:
             The entry of the history if this sample ends the trial, otherwise None. The settings are then confirmed or
@@ -188,7 +209,8 @@ class Uploader:
         trial = self.trial
         if trial is None:
             return None
-        verdict = trial.observe(time, path, measured)
+        offset = self.settings.encoder_offset
+        verdict = trial.observe(time, path, triple(a - b for a, b in zip(measured, offset, strict=True)))
         if verdict == "running":
             return None
         if verdict == "failed":
@@ -215,13 +237,13 @@ class Uploader:
         differing = wanted.differing(self.settings)
         if not differing:
             raise ParameterError(f"version {version}: expected another one, its settings are in force")
-        if differing <= set(TUNING):
-            return Proposal(who, why, based_on, wanted.gains, wanted.target_time)
-        if differing <= set(MODEL):
-            return Proposal(who, why, based_on, model=wanted.model)
+        proposal = _towards(wanted, differing, who, why, based_on)
+        if proposal is not None:
+            return proposal
         raise ParameterError(
-            f"version {version}: expected that gains and target time or the model alone differ from what is in force,"
-            f" got {', '.join(sorted(differing))}: between two messages the controller would have a mixture"
+            f"version {version}: expected that gains and target time, or the model, the payload or the offsets alone"
+            f" differ from what is in force, got {', '.join(sorted(differing))}: between two messages the controller"
+            " would have a mixture"
         )
 
     def roll_back(self, who: str, why: str, time: float) -> Entry:
@@ -234,10 +256,9 @@ class Uploader:
         trial, before = self.trial, self._before
         if trial is None or before is None:
             raise Refused("roll back: nothing is on trial")
-        if before.differing(self.settings) <= set(TUNING):
-            proposal = Proposal(who, why, self.version, before.gains, before.target_time)
-        else:
-            proposal = Proposal(who, why, self.version, model=before.model)
+        proposal = _towards(before, before.differing(self.settings), who, why, self.version)
+        if proposal is None:
+            raise Refused(f"roll back: version {self.version} differs in more than one message can change")
         self._send(before, proposal.kind)
         self.trial = None
         return self._record("roll back", proposal, before, time, measured=trial.measured)
@@ -254,6 +275,10 @@ class Uploader:
     def _send(self, settings: ControlSettings, kind: Kind) -> None:
         if kind == "model":
             found = self._port.send_model(settings.model)
+        elif kind == "payload":
+            found = self._port.write_payload(settings.payload)
+        elif kind == "offset":
+            found = self._port.write_offsets(settings.encoder_offset)
         else:
             found = self._port.send_gains(settings.gains, settings.target_time)
         if settings.differing(found):
@@ -286,3 +311,16 @@ class Uploader:
         if len(acts) > 1 and acts[-1].action == "upload" and acts[-1].predicted is not None:
             self._before = acts[-2].settings
             self.trial = Trial(self._rules, time, acts[-1].predicted)
+
+
+def _towards(wanted: ControlSettings, differing: set[str], who: str, why: str, based_on: int) -> Proposal | None:
+    """A proposal of settings that differ from those in force in some inputs, None if it takes several messages."""
+    if differing <= set(TUNING):
+        return Proposal(who, why, based_on, wanted.gains, wanted.target_time)
+    if differing <= set(MODEL):
+        return Proposal(who, why, based_on, model=wanted.model)
+    if differing <= {PAYLOAD}:
+        return Proposal(who, why, based_on, payload=wanted.payload)
+    if differing <= set(OFFSETS):
+        return Proposal(who, why, based_on, encoder_offset=wanted.encoder_offset)
+    return None

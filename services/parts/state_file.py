@@ -76,6 +76,7 @@ def to_message(settings: ControlSettings) -> SettingsInForce:
         settings.compensation.delay,
         settings.compensation.dead_zone,
         settings.compensation.bandwidth,
+        settings.encoder_offset,
     )
 
 
@@ -93,4 +94,5 @@ def from_message(message: SettingsInForce) -> ControlSettings:
         message.payload,
         message.payload_model,
         Compensation(message.delay, message.dead_zone, message.bandwidth),
+        message.encoder_offset,
     )

@@ -112,6 +112,7 @@ def test_lua_files_hold_the_types(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert sorted(file.stem for file in files) == [
         "COMPUTED_TORQUE_CONTROL_3",
         "DATA_SELECTOR",
+        "ENCODER_OFFSET",
         "EVENT_COUNTER",
         "PATH_PLANNER",
         "PICK_AND_PLACE",

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -170,6 +172,34 @@ def test_one_trial_at_a_time_and_a_roll_back_by_hand(desk: UploadingCell) -> Non
         desk.uploader.roll_back("bob", "again", 8.0)
 
 
+@pytest.mark.parametrize(
+    ("changes", "kind"), [({"payload": 0.23}, "payload"), ({"encoder_offset": (0.0, 0.01, -0.02)}, "offset")]
+)
+def test_a_payload_and_offsets_are_uploaded_alone_and_rolled_back(
+    desk: UploadingCell, changes: dict[str, Any], kind: str
+) -> None:
+    entry = desk.uploader.upload(Proposal("anna", "measured", 1, **changes), 5.0)
+    assert (entry.kind, entry.action) == (kind, "upload")
+    assert desk.port.read_back() == replace(ControlSettings(), payload_model="point", **changes)
+    assert not desk.uploader.earlier(1, "bob", "", 2).applied(entry.settings).differing(ControlSettings())
+    desk.uploader.roll_back("bob", "worse", 7.0)
+    assert not desk.port.read_back().differing(ControlSettings())
+    with pytest.raises(ParameterError, match="a payload or encoder offsets alone"):
+        Proposal("anna", "", 3, gains=HIGHER, **changes)
+
+
+def test_a_trial_takes_the_offsets_off_what_is_measured(desk: UploadingCell) -> None:
+    desk.uploader.upload(Proposal("anna", "", 1, encoder_offset=(0.0, 0.15, 0.0)), 0.0)
+    ended = None
+    for tick in range(1, 7000):
+        path = (0.0, min(tick, 500) * 1e-3, 0.0)
+        ended = desk.uploader.observe(tick * 0.01, path, (0.0, path[1] + 0.15, 0.0))
+        if ended is not None:
+            break
+    assert ended is not None
+    assert ended.action == "confirm"
+
+
 def test_settings_that_others_have_changed_are_noticed(desk: UploadingCell) -> None:
     desk.port.send_gains(HIGHER, 2.0)
     desk.uploader.look_again(4.0)
@@ -185,7 +215,7 @@ def test_settings_that_others_have_changed_are_noticed(desk: UploadingCell) -> N
 
 def test_a_controller_that_does_not_take_settings_over_is_an_error(desk: UploadingCell) -> None:
     class Deaf:
-        send_gains = send_model = lambda self, *values: ControlSettings()
+        send_gains = send_model = write_payload = write_offsets = lambda self, *values: ControlSettings()
 
         def read_back(self) -> ControlSettings:
             return ControlSettings()
@@ -203,6 +233,8 @@ def test_an_upload_that_a_crash_cut_short_is_old_or_new(desk: UploadingCell, arr
     class Dying:
         read_back = desk.port.read_back
         send_model = desk.port.send_model
+        write_payload = desk.port.write_payload
+        write_offsets = desk.port.write_offsets
 
         def send_gains(self, values: Gains, target_time: float) -> ControlSettings:
             if arrived:
@@ -245,7 +277,7 @@ def test_an_earlier_version_is_an_upload_if_one_message_can_change_all(desk: Upl
     desk.uploader.upload(Proposal("anna", "", 3, model=lighter), 2.0)
     assert desk.uploader.earlier(3, "bob", "", 4).model == ArmParameters()
     for version, reason in (
-        (2, r"version 2: expected that gains and target time or the model alone differ .* got CONTROLLER\.KP1, CON"),
+        (2, r"version 2: expected that gains and target time, or the model, .* got CONTROLLER\.KP1, CON"),
         (4, "version 4: expected another one, its settings are in force"),
         (5, "version 5: expected one of the history, 1 to 4"),
     ):
@@ -257,7 +289,9 @@ def test_an_earlier_version_is_an_upload_if_one_message_can_change_all(desk: Upl
     "parts", [{}, {"gains": HIGHER, "model": ArmParameters()}, {"target_time": 1.0, "model": ArmParameters()}]
 )
 def test_proposals_are_one_message(parts: dict[str, object]) -> None:
-    with pytest.raises(ParameterError, match="expected gains, a target time or both, or a model alone"):
+    with pytest.raises(
+        ParameterError, match="expected gains, a target time or both, or a model, a payload or encoder offsets alone"
+    ):
         Proposal("anna", "", 1, **parts)  # type: ignore[arg-type]
 
 
