@@ -18,7 +18,7 @@ FLOORS = [
     {"dtwin.pictures"},
     {"dtwin.view", "dtwin.identification"},
     {"dtwin.monitoring", "dtwin.simulation"},
-    {"dtwin.commissioning"},
+    {"dtwin.commissioning", "dtwin.recovery"},
     {"services"},
     {"dtwin.experiments"},
     {"dtwin.commands"},

@@ -8,7 +8,7 @@ from dtwin.errors import IdentificationError
 from dtwin.identification.collector import divided
 from dtwin.identification.data import Experiment
 from dtwin.identification.estimation.estimate import Estimate, EstimationSettings, identify
-from dtwin.identification.estimation.problem import Prior
+from dtwin.identification.estimation.problem import UPPER_OF_FAULTY, Prior
 from dtwin.identification.held_out import compare
 from dtwin.identification.model import IdentifiedModel
 from dtwin.identification.operating_data import PIECES
@@ -48,7 +48,8 @@ def renewed(
     if strangers := [name for name in unknown if name not in free]:
         raise IdentificationError(f"--anew {strangers[0]}: expected some of the free parameters, {', '.join(free)}")
     priors = {name: Prior(known.get(name), errors[name]) for name in free if name not in unknown and name in errors}
-    return EstimationSettings(tuple(name for name in free if name in unknown or name in priors), known, priors=priors)
+    wanted = tuple(name for name in free if name in unknown or name in priors)
+    return EstimationSettings(wanted, known, priors=priors, upper=UPPER_OF_FAULTY)
 
 
 def estimate_from(

@@ -65,12 +65,19 @@ class MotionComparison:
     fit: Triple
 
 
-def motions(log: Log) -> Iterator[Measured]:
+def motions(log: Log, offset: Array | None = None) -> Iterator[Measured]:
     """Finds the motions of a log, in order; a motion whose path does not end in the log is left out.
 
     A path starts at a tick at which the desired angles of all joints equal the measured ones and then change.
+
+    Args:
+        log: log of a run.
+        offset: (ticks, 3), offsets of the encoders that the controller took off what they measured, rad; none if
+            not given.
     """
     path, measured = log.stack("target"), log.stack("measured")
+    if offset is not None:
+        measured = measured - offset
     moves = np.append((path[1:] != path[:-1]).any(axis=1), False)
     at_arm = (np.abs(path - measured) <= SAME_ANGLE).all(axis=1)
     starts = np.flatnonzero(at_arm & moves).tolist()

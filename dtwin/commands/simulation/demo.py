@@ -12,9 +12,8 @@ from rich.console import Console
 from rich.table import Table
 
 from dtwin.commands.frame import JsonOption, at_least, progress_bar
-from dtwin.experiments.recovery.demonstration import recover
-from dtwin.experiments.recovery.operator import LIMIT, LONGEST
-from dtwin.experiments.recovery.outcome import Recovery
+from dtwin.experiments.recovery.demonstration import LIMIT, LONGEST, parse_faults, recover
+from dtwin.experiments.recovery.outcome import Recovery, fault_text
 from dtwin.experiments.recovery.picture import draw
 from dtwin.files import ensure_writable
 from dtwin.run.options import MachineOption
@@ -25,16 +24,20 @@ from services.launch import CellOptions
 
 @dataclass(frozen=True)
 class DemoRecovery(JsonOption, MachineOption):
-    """Let a joint's friction grow while the cell works; its services find it, refit, upload, and the arm recovers.
+    """Make a fault while the cell works; its services find it, and the operator answers it as a table says.
 
-    A cell with all services is started, and stopped at the end. The exit status is 1 when the arm does not recover
-    within 60 s of plant time in every run.
+    A cell with all services is started, and stopped at the end. The exit status is 1 unless every run gets the right
+    answer within 60 s of plant time: the arm tracks as well as the healthy one, at its target time or at a longer
+    one, or it stands with its box held and a person is told what to do, where physics allows no more.
     """
 
     seed: int = 0
     """Number of the first run's random generators of boxes, noise and fault; each further run takes the next one."""
     runs: int = 1
     """Number of runs."""
+    fault: tuple[str, ...] = ()
+    """Fault as `dtwin run --fault` takes it, without its time: K2*=0.8, freeze2, slip; repeatable, or several with
+    commas between them, which begin together. Without it the friction of a joint grows, which the seed draws."""
     noise: float = 0.002
     """Magnitude of the encoder noise, rad, uniform."""
     pace: Pace = "lockstep"
@@ -51,6 +54,7 @@ class DemoRecovery(JsonOption, MachineOption):
     def execute(self) -> int:
         at_least("--runs", self.runs, 1)
         at_least("--seed", self.seed, 0)
+        parse_faults(self.fault)
         for path in (self.record, self.log, self.plot):
             if path is not None:
                 ensure_writable(path)
@@ -77,19 +81,42 @@ class DemoRecovery(JsonOption, MachineOption):
             cell=f"recovery-{os.getpid()}",
         )
         with progress_bar(f"seed {seed}") as progress:
-            return recover(options, lambda time: progress(round(time), round(LONGEST + LIMIT)))
+            return recover(
+                options, parse_faults(self.fault), lambda time: progress(round(time), round(LONGEST + LIMIT))
+            )
 
 
 def _as_json(run: Recovery) -> dict[str, Any]:
     story = run.story
-    finding = story.finding
     return {
         "seed": run.seed,
-        "fault": run.fault,
+        "fault": fault_text(run),
         "fault_s": story.fault,
-        "detected_after_s": _since(finding.detected if finding else None, run),
-        "named": finding and {"cause": finding.cause, "parameter": finding.parameter},
-        "refitted": story.refitted,
+        "found": [
+            {
+                "parameter": unit.parameter,
+                "cause": unit.cause,
+                "size": unit.size,
+                "detected_after_s": _since(unit.detected, run),
+            }
+            for unit in story.findings
+        ],
+        "answers": [
+            {
+                "measure": step.measure,
+                "parameters": step.parameters,
+                "after_s": _since(step.time, run),
+                "values": step.taken.values,
+            }
+            for step in story.steps
+        ],
+        "expected": sorted(run.expected.measures),
+        "right": run.right,
+        "outcome": run.outcome,
+        "works": run.works,
+        "box_lost": run.box_lost,
+        "voltage_jump_v": run.jump,
+        "usual_voltage_jump_v": run.usual_jump,
         "uploaded_after_s": _since(story.uploaded, run),
         "recovered_after_s": _since(run.recovered, run),
         "recovered": run.succeeded,
@@ -115,18 +142,19 @@ def _print(runs: Sequence[Recovery]) -> None:
     for moment in first.moments:
         lines.add_row(_after(moment.time, first), as_text(moment.who), as_text(moment.text))
     print_table(lines)
-    table = Table("seed", "fault", "noticed", "uploaded", "recovered", "worst since", "")
+    table = Table("seed", "fault", "noticed", "named", "answer", "recovered", "worst since", "")
     for run in runs:
-        finding = run.story.finding
+        findings = run.story.findings
         since = [one.ratio for one in run.motions if run.recovered is not None and one.motion.stop >= run.recovered]
         table.add_row(
             str(run.seed),
-            as_text(run.fault),
-            _after(finding.detected if finding else None, run),
-            _after(run.story.uploaded, run),
+            as_text(fault_text(run)),
+            _after(findings[0].detected if findings else None, run),
+            as_text(", ".join(unit.parameter for unit in findings)),
+            as_text(", ".join(step.measure for step in run.story.steps)),
             _after(run.recovered, run),
             f"{100 * max(since):.0f} %" if since else "",
-            "[green]recovered[/]" if run.succeeded else "[bold red]NOT RECOVERED[/]",
+            f"[green]{run.outcome}[/]" if run.succeeded else f"[bold red]{_wrong(run)}[/]",
         )
     print_table(table)
     console.print(
@@ -135,6 +163,12 @@ def _print(runs: Sequence[Recovery]) -> None:
     for run in runs:
         if run.story.trouble:
             console.print(as_text(f"seed {run.seed}: {run.story.trouble}"))
+
+
+def _wrong(run: Recovery) -> str:
+    if not run.right:
+        return f"WRONG ANSWER, expected {', '.join(sorted(run.expected.measures))}"
+    return "BOX LOST" if run.box_lost else "NOT RECOVERED"
 
 
 def _since(time: float | None, run: Recovery) -> float | None:

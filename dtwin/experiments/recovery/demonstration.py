@@ -1,42 +1,83 @@
-"""A run of the recovery: a cell with all services, a fault of its own making, and the operator who puts it right."""
+"""A run of the recovery: a cell with all services, faults of its own making, and the operator who puts it right."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
+from dtwin.bus.messages import FAULT, Done, FaultRequest
+from dtwin.emulation.faults import Fault, parse_fault
 from dtwin.emulation.machine.files import machine_of
+from dtwin.errors import CommunicationError, ParameterError
 from dtwin.experiments.identification.standard import standard_estimate
-from dtwin.experiments.recovery.operator import Operator
-from dtwin.experiments.recovery.outcome import Recovery, healthy_run, judge
+from dtwin.experiments.recovery.expected import expected_of
+from dtwin.experiments.recovery.healthy import healthy_run
+from dtwin.experiments.recovery.outcome import Recovery, Story, judge
 from dtwin.identification.excitation.rig import Rig
 from dtwin.identification.model import write_model
 from dtwin.identification.result import from_estimate
-from dtwin.parameters import PERIOD
+from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.recovery.desk import Desk, Late
+from dtwin.recovery.measures import Measures
+from dtwin.recovery.operator import Operator
 from dtwin.run.recording import read_log
+from dtwin.signals import EventKind
 from services.launch import CellOptions, launched
 
+LIMIT: Final = 60.0
+"""s of plant time after the fault in which the arm has to have recovered"""
+LONGEST: Final = 600.0
+"""s of plant time in which the cell has to have shown what it can do while it is healthy"""
+DELIVERIES: Final = 3
+"""boxes that the healthy arm delivers before the fault"""
+PUSH_AFTER: Final = 4.0
+"""s from the grip of a box until somebody pushes the arm, late enough for a request to arrive"""
+PUSH_LASTS: Final = 0.2
+"""s"""
 
-def recover(options: CellOptions, progress: Callable[[float], None] = lambda time: None) -> Recovery:
-    """Starts a cell with all services, lets a joint's friction grow, and has it put right.
+
+def parse_faults(texts: Sequence[str]) -> tuple[Fault, ...]:
+    """Faults without their times, such as K2*=0.8, each text one or several with commas between them.
+
+    Raises:
+        FaultError: a text does not follow the grammar of faults.
+    """
+    return tuple(parse_fault(f"{text}@0") for joined in texts for text in joined.split(","))
+
+
+def grown_friction(generator: np.random.Generator) -> tuple[Fault, ...]:
+    """The friction of a joint, grown to 1.5 to 1.9 times its value."""
+    joint, factor = int(generator.integers(1, 4)), round(float(generator.uniform(1.5, 1.9)), 3)
+    return parse_faults([f"D{joint}*={factor:g}"])
+
+
+def recover(
+    options: CellOptions, faults: Sequence[Fault] = (), progress: Callable[[float], None] = lambda time: None
+) -> Recovery:
+    """Starts a cell with all services, makes faults, and has them answered.
 
     Args:
-        options: what the cell is run with; its seed also gives the joint and how much the friction grows.
+        options: what the cell is run with.
+        faults: faults that begin together as the arm sets out with a box; drawn with the seed of the cell if there
+            are none.
         progress: told the plant time, s.
 
     Raises:
+        FaultError: there is no right answer to a fault.
         IdentificationError: the model of the healthy arm cannot be identified.
         CommunicationError: the cell does not come up.
         KeyboardInterrupt: the cell was asked to stop.
     """
     generator = np.random.default_rng(np.random.SeedSequence(options.seed).spawn(3)[2])
-    joint, factor = int(generator.integers(1, 4)), round(float(generator.uniform(1.5, 1.9)), 3)
-    fault = f"D{joint}*={factor:g}"
-    estimate = standard_estimate(Rig(noise=options.noise, machine=machine_of(options.machine)), generator)
+    made = tuple(faults) or grown_friction(generator)
+    machine = machine_of(options.machine)
+    expected = expected_of(made, machine.arm(options.parameters()), options.control())
+    estimate = standard_estimate(Rig(noise=options.noise, machine=machine), generator)
     model = from_estimate(estimate, np.ones(3), "simulated experiment")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -54,10 +95,45 @@ def recover(options: CellOptions, progress: Callable[[float], None] = lambda tim
         )
         with launched(complete) as cell:
             cell.await_ready()
-            story = Operator(cell.bus, model.arm, lambda: cell.over, progress).work(fault)
+            desk = Desk(cell.bus, lambda: cell.over, progress, LONGEST)
+            story = _played(desk, model.arm, made)
             if cell.stop.is_set():
                 raise KeyboardInterrupt
         log = read_log(log_file)
     settings = replace(complete.settings(), duration=len(log) * PERIOD)
     healthy = healthy_run(settings, model.arm, float("inf") if story.started is None else story.started)
-    return judge(options.seed, fault, story, log, healthy)
+    return judge(options.seed, made, expected, story, log, healthy)
+
+
+def _played(desk: Desk, healthy: ArmParameters, faults: Sequence[Fault]) -> Story:
+    """Lets the cell work, makes faults, and has them answered until the time is over."""
+    measures = Measures(desk, healthy)
+    operator = Operator(desk, measures)
+    started = began = None
+    try:
+        started = measures.begin()
+        began = _break(desk, faults)
+        desk.end = began + LIMIT
+        operator.watch()
+    except (CommunicationError, ParameterError, Late) as error:
+        operator.trouble = str(error)
+    return Story(
+        began, started, tuple(operator.findings), tuple(operator.steps), tuple(measures.offsets), operator.trouble
+    )
+
+
+def _break(desk: Desk, faults: Sequence[Fault]) -> float:
+    """Once the healthy arm has delivered some boxes, makes faults as it sets out with the next one; when, s."""
+    for _ in range(DELIVERIES):
+        desk.await_event(EventKind.DELIVERED)
+    picked = desk.await_event(EventKind.PICKED).time
+    done = desk.bus.ask(FAULT, FaultRequest(tuple(str(_timed(fault, picked)) for fault in faults)), Done)
+    return max([done.time, *(_timed(fault, picked).start for fault in faults)])
+
+
+def _timed(fault: Fault, picked: float) -> Fault:
+    """The fault as it begins after a box was picked at a plant time (s): a push is short, all others last."""
+    if not fault.target.startswith("push"):
+        return fault
+    start = round(picked + PUSH_AFTER, 2)
+    return replace(fault, start=start, end=round(start + PUSH_LASTS, 2))

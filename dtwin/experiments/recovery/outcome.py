@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from dtwin.controller.embedded import EmbeddedController
-from dtwin.controller.settings_port import EmbeddedPort
-from dtwin.experiments.recovery.operator import LIMIT, NAME, Story
-from dtwin.parameters import PERIOD, PICKUP, PLACES, ArmParameters, Triple
-from dtwin.run.cell import Cell
+from dtwin.bus.twin_messages import MonitoredUnit
+from dtwin.emulation.faults import Fault
+from dtwin.experiments.recovery.expected import Expected
+from dtwin.parameters import PERIOD, PICKUP, PLACES, Triple
+from dtwin.recovery.answers import Measure, Outcome
+from dtwin.recovery.desk import NAME
+from dtwin.recovery.operator import Step
+from dtwin.recovery.tuning import BOUND
 from dtwin.run.recording import Log
-from dtwin.run.settings import CellSettings, sequence_of
-from dtwin.signals import Event, Sensors, Voltages
+from dtwin.signals import EventKind
+from dtwin.simulation.figures import Array
 from dtwin.simulation.measured import motions
 
-TOLERANCE: Final = 1.2
-"""tracking error after recovery, relative to that of the healthy arm"""
 HELD: Final = 0.5
 """s after the end of a path that belong to the motion that is judged"""
+AROUND: Final = 0.1
+"""s after an upload in which its effect on the voltages is looked for"""
 _WHO: Final = {
     "fault": "cell",
+    "slipped": "cell",
+    "stop": "function blocks",
     "monitor": "monitoring",
     "identification": "identification",
     "upload": "simulation",
@@ -32,6 +37,37 @@ _WHO: Final = {
     "roll back": "simulation",
     NAME: NAME,
 }
+
+
+@dataclass(frozen=True, slots=True)
+class Story:
+    """What the operator saw and did; times are plant time, s, None for what did not happen.
+
+    Attributes:
+        fault: when the faults began.
+        started: when the model of the healthy arm was in force.
+        findings: what the monitor found, as it was answered.
+        steps: what the operator did.
+        offsets: times of the uploads of encoder offsets, and the offsets, rad.
+        trouble: why not all was done, "" if it was.
+    """
+
+    fault: float | None = None
+    started: float | None = None
+    findings: tuple[MonitoredUnit, ...] = ()
+    steps: tuple[Step, ...] = ()
+    offsets: tuple[tuple[float, Triple], ...] = ()
+    trouble: str = ""
+
+    @property
+    def uploaded(self) -> float | None:
+        """When the last upload was made."""
+        return max((step.taken.uploaded for step in self.steps if step.taken.uploaded is not None), default=None)
+
+    @property
+    def stopped(self) -> float | None:
+        """When the operator stopped the arm."""
+        return next((step.time for step in self.steps if step.measure == "stop"), None)
 
 
 class TimelineEntry(NamedTuple):
@@ -51,6 +87,7 @@ class Tracked(NamedTuple):
         carries: whether it is held.
         mass: mass of the box, kg.
         error: root mean square of the distance from the path over all joints, rad; where the path was recorded.
+        target_time: duration of the path, s.
     """
 
     start: float
@@ -59,6 +96,7 @@ class Tracked(NamedTuple):
     carries: bool
     mass: float
     error: float
+    target_time: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,31 +121,65 @@ class Recovery:
 
     Attributes:
         seed: number of the random generators of boxes, noise and fault.
-        fault: the fault, in the notation of `dtwin run --fault`, without its time.
+        faults: the faults, which began together.
+        expected: right answer.
         story: what the operator saw and did.
-        motions: the motions since the fault.
+        motions: the motions since the faults.
         recovered: when the first motion that tracked as before ended; none after it did worse. None if there is none.
+        outcome: what came of it; None if the arm neither tracks as before nor stands.
+        box_lost: whether a box that was held was lost after the arm was stopped.
+        jump: largest change of a voltage from one tick to the next just after an upload since the faults, V.
+        usual_jump: the same at all ticks from the first upload to the faults, V.
         moments: who did what.
         log: the log of the run.
     """
 
     seed: int
-    fault: str
+    faults: tuple[Fault, ...]
+    expected: Expected
     story: Story
     motions: tuple[Judged, ...]
     recovered: float | None
+    outcome: Outcome | None
+    box_lost: bool
+    jump: float
+    usual_jump: float
     moments: tuple[TimelineEntry, ...]
     log: Log
 
     @property
+    def measures(self) -> frozenset[Measure]:
+        """What the operator did about the faults."""
+        return frozenset(step.measure for step in self.story.steps)
+
+    @property
+    def right(self) -> bool:
+        """Whether the right answer was given: a stop where one was due, and all measures where they help.
+
+        A fault that harmed no motion, and of which nothing was noticed, needs no answer.
+        """
+        if not self.story.steps and self.outcome == "nothing needed":
+            return True
+        return self.measures == self.expected.measures
+
+    @property
+    def works(self) -> bool:
+        """Whether the arm tracks as the healthy one again, or stands safely where it cannot."""
+        stands = self.outcome == "stopped, person told" and not self.box_lost
+        return stands if self.expected.ability is None else self.outcome is not None and not self.story.stopped
+
+    @property
     def succeeded(self) -> bool:
-        """Whether cause and joint were named and the arm recovered in time."""
-        finding, began = self.story.finding, self.story.fault
-        named = finding is not None and finding.cause == "friction" and finding.parameter == self.fault[:2]
-        return named and began is not None and self.recovered is not None and self.recovered - began <= LIMIT
+        """Whether the right answer was given, and helped."""
+        return self.story.fault is not None and self.right and self.works
 
 
-def judge(seed: int, fault: str, story: Story, log: Log, healthy: Log) -> Recovery:
+def fault_text(run: Recovery) -> str:
+    """The faults of a run as they were asked for, without their times."""
+    return ",".join(str(fault).partition("@")[0] for fault in run.faults)
+
+
+def judge(seed: int, faults: Sequence[Fault], expected: Expected, story: Story, log: Log, healthy: Log) -> Recovery:
     """What came of a run, given its log and that of the same cell without the fault.
 
     A cell draws the same boxes whatever happens, so a box's motion has a counterpart that carries the same mass from
@@ -116,76 +188,97 @@ def judge(seed: int, fault: str, story: Story, log: Log, healthy: Log) -> Recove
     began = story.fault if story.fault is not None else float("inf")
     same: dict[tuple[float, bool], float] = {}
     kinds: dict[tuple[str, bool], list[float]] = {}
+    usual = 0.0
     for motion in tracked(healthy):
         same[motion.mass, motion.carries] = motion.error
         kinds.setdefault((motion.place, motion.carries), []).append(motion.error)
+        usual = motion.target_time
     judged = []
-    for motion in tracked(log):
-        usual = kinds.get((motion.place, motion.carries), [])
-        if motion.start >= began - PERIOD / 2 and usual:
-            mean = float(np.mean(usual))
+    for motion in tracked(log, story.offsets):
+        alike = kinds.get((motion.place, motion.carries), [])
+        if motion.start >= began - PERIOD / 2 and alike:
+            mean = float(np.mean(alike))
             judged.append(Judged(motion, same.get((motion.mass, motion.carries), mean)))
-    recovered = None
+    good: list[Judged] = []
     for one in reversed(judged):
-        if story.uploaded is None or one.motion.start < story.uploaded or not one.ratio <= TOLERANCE:
+        if one.motion.start < (story.uploaded or began) or not one.ratio <= BOUND:
             break
-        recovered = one.motion.stop
+        good.append(one)
+    outcome: Outcome | None = None
+    if story.stopped is not None:
+        outcome = "stopped, person told" if _stands(log, story.stopped) else None
+    elif good:
+        slower = good[0].motion.target_time > usual + PERIOD / 2
+        changed: Outcome = "works slower" if slower else "recovered"
+        outcome = changed if story.uploaded is not None else "nothing needed"
     moments = [
         TimelineEntry(event.time, who, event.text)
         for event in log.events
         if (who := _WHO.get(event.kind.partition("_")[0])) and event.time >= began - PERIOD / 2
     ]
     moments.sort(key=lambda moment: moment.time)
-    return Recovery(seed, fault, story, tuple(judged), recovered, tuple(moments), log)
+    return Recovery(
+        seed,
+        tuple(faults),
+        expected,
+        story,
+        tuple(judged),
+        good[-1].motion.stop if good else None,
+        outcome,
+        story.stopped is not None and _lost(log, story.stopped),
+        *_jumps(log, story.started or 0.0, began),
+        tuple(moments),
+        log,
+    )
 
 
-def tracked(log: Log) -> Iterator[Tracked]:
-    """The motions between the pickup point and the places, in order."""
+def tracked(log: Log, offsets: Sequence[tuple[float, Triple]] = ()) -> Iterator[Tracked]:
+    """The motions between the pickup point and the places, in order.
+
+    Args:
+        log: log of a run.
+        offsets: plant times (s) from which on offsets of the encoders were taken off, and the offsets (rad).
+    """
     names = {at.theta: name for name, at in PLACES.items()}
     away = log.stack("target") - log.stack("theta")
+    taken = _taken_off(log, offsets)
     place, mass = "", 0.0
-    for motion in motions(log):
+    for motion in motions(log, taken):
         stop = motion.start + round((motion.target_time + HELD) / PERIOD)
         if motion.goal in names:
             place, mass = names[motion.goal], float(log.columns["payload_mass"][motion.start + 1])
         if stop <= len(log) and place and motion.carries == (motion.goal != PICKUP.theta):
             error = float(np.sqrt(np.nanmean(away[motion.start : stop] ** 2)))
-            yield Tracked(motion.time, stop * PERIOD, place, motion.carries, mass, error)
+            yield Tracked(motion.time, stop * PERIOD, place, motion.carries, mass, error, motion.target_time)
 
 
-class _Relieved:
-    """A controller that is given a model at a plant time (s), as the operator gives it to the running one."""
-
-    def __init__(self, controller: EmbeddedController, model: ArmParameters, time: float) -> None:
-        self._controller = controller
-        self._port = EmbeddedPort(controller)
-        self._model: ArmParameters | None = model
-        self._time = time
-
-    def step(self, sensors: Sensors) -> Voltages:
-        if self._model is not None and sensors.time >= self._time:
-            self._port.send_model(self._model)
-            self._model = None
-        return self._controller.step(sensors)
-
-    def target(self) -> Triple:
-        return self._controller.target()
-
-    def drain_events(self) -> list[Event]:
-        return self._controller.drain_events()
+def _taken_off(log: Log, offsets: Sequence[tuple[float, Triple]]) -> Array:
+    taken = np.zeros((len(log), 3))
+    for time, offset in offsets:
+        taken[log.columns["t"] >= time] = offset
+    return taken
 
 
-def healthy_run(settings: CellSettings, model: ArmParameters, started: float) -> Log:
-    """The log of the same cell without the fault.
+def _stands(log: Log, stopped: float) -> bool:
+    """Whether the arm was stopped about when the operator said so, and was not let go again."""
+    stops = [e for e in log.events if e.kind == EventKind.STOP and e.time >= stopped - 1.0]
+    return bool(stops) and "released" not in stops[-1].text
 
-    Args:
-        settings: what the cell is run with.
-        model: the model that its controller is given.
-        started: plant time at which it is given, s.
-    """
-    cell = Cell(
-        settings,
-        _Relieved(EmbeddedController(settings.control, settings.blocks, sequence_of(settings)), model, started),
-    )
-    cell.run()
-    return cell.log.freeze()
+
+def _lost(log: Log, stopped: float) -> bool:
+    """Whether a box that was held when the arm was stopped is not held at the end."""
+    held = log.held()
+    return bool(held[min(round(stopped / PERIOD), len(held) - 1)] and not held[-1])
+
+
+def _jumps(log: Log, started: float, began: float) -> tuple[float, float]:
+    """Largest change of a joint's voltage within a tick, V: just after uploads since the faults, and before these."""
+    steps = np.abs(np.diff(log.stack("volts")[:, :3], axis=0)).max(axis=1)
+    changes = (EventKind.UPLOAD, EventKind.ROLL_BACK)
+    after = np.zeros(len(steps), bool)
+    for event in log.events:
+        if event.kind in changes and event.time >= began:
+            tick = round(event.time / PERIOD)
+            after[tick : tick + round(AROUND / PERIOD)] = True
+    time = log.columns["t"][:-1]
+    return float(steps[after].max(initial=0.0)), float(steps[(time >= started) & (time < began)].max(initial=0.0))

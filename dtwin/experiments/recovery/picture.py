@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from dtwin.experiments.recovery.operator import LIMIT
-from dtwin.experiments.recovery.outcome import Recovery
+from dtwin.experiments.recovery.demonstration import LIMIT
+from dtwin.experiments.recovery.outcome import Recovery, fault_text
 from dtwin.pictures import COLOURS, RED, new_figure, save
 
 _COLOURS: Final = {
@@ -46,7 +46,7 @@ def draw(run: Recovery, path: Path) -> None:
         below.axvline(since, color=colour, ls="--", lw=1.0)
     above.invert_yaxis()
     above.set_yticks([])
-    above.set_title(f"seed {run.seed}: {run.fault}")
+    above.set_title(f"seed {run.seed}: {fault_text(run)}")
     below.set_xlabel("time since the fault, s")
     below.set_ylabel("distance from the path, mrad")
     below.legend(loc="upper left", fontsize=8)

@@ -19,7 +19,7 @@ from dtwin.errors import IdentificationError, choices
 from dtwin.identification.data import Array, Experiment
 from dtwin.identification.estimation import quality
 from dtwin.identification.estimation.identifiability import Identifiability, analyse
-from dtwin.identification.estimation.problem import START, Prior, Problem
+from dtwin.identification.estimation.problem import START, UPPER, Prior, Problem
 from dtwin.identification.estimation.residuals import EXACT, Whiteness, shape, whiteness
 from dtwin.identification.estimation.solver import Minimum, minimise
 from dtwin.parameters import ArmParameters, symbol_of
@@ -61,6 +61,7 @@ class EstimationSettings:
         starts: largest number of starting points to try until the residuals are white.
         seed: number of the random generator that draws the starting points after the first one around it.
         substeps: number of RK4 steps per sample.
+        upper: upper bounds of the estimates by symbol, SI units.
     """
 
     free: tuple[str, ...]
@@ -71,6 +72,7 @@ class EstimationSettings:
     starts: int = 8
     seed: int = 0
     substeps: int = 4
+    upper: Mapping[str, float] = field(default_factory=lambda: UPPER)
 
     def __post_init__(self) -> None:
         if self.loss not in LOSSES:
@@ -162,7 +164,13 @@ def identify(experiments: Sequence[Experiment], settings: EstimationSettings) ->
         ParameterError: a name in the settings is unknown.
     """
     problem = Problem(
-        tuple(experiments), settings.free, settings.known, settings.offsets, settings.priors, settings.substeps
+        tuple(experiments),
+        settings.free,
+        settings.known,
+        settings.offsets,
+        settings.priors,
+        settings.substeps,
+        settings.upper,
     )
     quality.check(experiments, len(problem.names))
     found, tried = _best_start(problem, settings)

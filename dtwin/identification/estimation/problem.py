@@ -25,6 +25,8 @@ from dtwin.twin.sensitivity import STATE_NAMES, sensitivities
 
 UPPER: Final = MappingProxyType({"K": 1.0, "m": 0.15, "I": 0.1, "l": 0.2, "c": 0.15, "D": 0.1, "mu": 0.5})
 """Upper bounds of the estimates by symbol, SI units."""
+UPPER_OF_FAULTY: Final = MappingProxyType({**UPPER, "D": 1.0})
+"""The same for an arm that has changed: friction may have grown beyond that of any healthy joint."""
 LOWER: Final = MappingProxyType({"K": 1e-3, "m": 1e-3, "I": 1e-6, "l": 1e-2, "c": 1e-3, "D": 0.0, "mu": 0.0})
 
 START: Final = ArmParameters(
@@ -68,6 +70,7 @@ class Problem:
         offsets: whether the encoder offsets are unknown; otherwise they are 0.
         priors: prior knowledge by the names of free parameters.
         substeps: number of RK4 steps per sample.
+        upper: upper bounds of the estimates by symbol, SI units.
     """
 
     experiments: tuple[Experiment, ...]
@@ -76,6 +79,7 @@ class Problem:
     offsets: bool = True
     priors: Mapping[str, Prior] = field(default_factory=dict)
     substeps: int = 4
+    upper: Mapping[str, float] = field(default_factory=lambda: UPPER)
 
     def __post_init__(self) -> None:
         for name in (*self.free, *self.priors):
@@ -110,7 +114,7 @@ class Problem:
         """Lower and upper bounds of the scaled unknowns."""
         lower, upper = np.full(len(self.names), -np.inf), np.full(len(self.names), np.inf)
         for k, name in enumerate(self.free):
-            lower[k], upper[k] = LOWER[symbol_of(name)], UPPER[symbol_of(name)]
+            lower[k], upper[k] = LOWER[symbol_of(name)], self.upper[symbol_of(name)]
         return lower / self.scale, upper / self.scale
 
     def start(self, parameters: ArmParameters | None = None) -> Array:

@@ -1,0 +1,87 @@
+"""What the right answer to a fault is, and what can come of it, by what is known of the fault itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Final, NamedTuple
+
+from dtwin.bus.twin_messages import PredictedMotion
+from dtwin.controller.settings import ControlSettings
+from dtwin.emulation.faults import Condition, Fault, schedule
+from dtwin.errors import FaultError, choices
+from dtwin.monitoring.kinds import UNKNOWN
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, scaled, symbol_of
+from dtwin.recovery.answers import ANSWERS, Measure
+from dtwin.recovery.measures import BOXES
+from dtwin.recovery.tuning import Ability, search
+from dtwin.simulation.checks import MOTIONS, Checker
+from dtwin.simulation.upload import changed
+
+_HIDDEN: Final = ("pads", "cutgripper")
+"""Targets of faults of the gripper, of which the monitor has no kind."""
+
+
+class Expected(NamedTuple):
+    """The right answer.
+
+    Attributes:
+        measures: all measures to be taken.
+        ability: how the arm can work then; None if it stands.
+    """
+
+    measures: frozenset[Measure]
+    ability: Ability | None
+
+
+def kind_of(fault: Fault) -> str:
+    """The kind in the table of answers that a fault is of.
+
+    Raises:
+        FaultError: the table has no answer to it.
+    """
+    if fault.target in _HIDDEN:
+        raise FaultError(f"fault {fault.target}: expected one that the monitor can name, not {choices(_HIDDEN)}")
+    kind = symbol_of(fault.target) if fault.target in PARAMETER_NAMES else fault.target.rstrip("123")
+    return kind if kind in ANSWERS else UNKNOWN
+
+
+def expected_of(faults: Sequence[Fault], arm: ArmParameters, settings: ControlSettings) -> Expected:
+    """The right answer to faults, which begin at once.
+
+    Args:
+        faults: the faults.
+        arm: the healthy arm.
+        settings: settings of the controller before them.
+    """
+    measures = frozenset(ANSWERS[kind_of(fault)].measure for fault in faults)
+    if "stop" in measures:
+        return Expected(frozenset({"stop"}), None)
+    condition = schedule(arm, faults)[0].condition
+    ability = _ability(condition, arm, settings)
+    if ability in ("without a box", "not at all"):
+        return Expected(frozenset({"stop"}), None)
+    return Expected(measures, ability)
+
+
+def _ability(condition: Condition, arm: ArmParameters, settings: ControlSettings) -> Ability:
+    """How the arm can work with the model of what it has become."""
+    checker = Checker()
+    now = scaled(condition.parameters, "K", condition.supply)
+    masses = [condition.payload(mass) for mass in BOXES]
+    reference = _expect(checker, settings, arm, BOXES)
+
+    def expect(gains: Gains, target_time: float) -> list[PredictedMotion]:
+        known = changed(settings, gains, target_time, now, masses[0])
+        return _expect(checker, known, now, masses)
+
+    return search(now, max(masses), expect, settings.gains, settings.target_time, reference).ability
+
+
+def _expect(
+    checker: Checker, settings: ControlSettings, arm: ArmParameters, boxes: Iterable[float]
+) -> list[PredictedMotion]:
+    return [
+        PredictedMotion(*motion, f.tracking_rms, f.tracking_max, f.peak_volts, f.saturated)
+        for box in boxes
+        for motion, f in zip(MOTIONS, checker.simulate(settings, arm, box), strict=True)
+    ]

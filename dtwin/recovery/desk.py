@@ -1,0 +1,193 @@
+"""The operator's desk: what the services of a cell say, and what they can be asked, with nothing but the bus."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Iterator
+from queue import Empty, SimpleQueue
+from typing import Final
+
+from dtwin.bus.messages import EVENTS, IDENTIFICATION, MONITORING, STOP, UPLOAD, StopRequest, StopState
+from dtwin.bus.session import Bus
+from dtwin.bus.twin_messages import (
+    IdentificationState,
+    MonitoredUnit,
+    MonitoringVerdict,
+    Upload,
+    UploadRequest,
+)
+from dtwin.errors import CommunicationError
+from dtwin.monitoring.kinds import arm_state, parse_fault_id
+from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.recovery.answers import gravest
+from dtwin.signals import Event
+
+NAME: Final = "operator"
+"""Name of the operator in the history and among the events."""
+_LOOK: Final = 0.1
+"""s"""
+Message = Event | MonitoringVerdict | IdentificationState
+
+
+class Late(Exception):
+    """Reports that the time to work in has passed, or that the cell has ended."""
+
+
+class Grave(Exception):
+    """Reports a finding that stops the arm, whatever is being done."""
+
+    def __init__(self, finding: MonitoredUnit) -> None:
+        super().__init__(finding.text)
+        self.finding = finding
+
+
+class Desk:
+    """Hears the services of a cell, and asks them.
+
+    Args:
+        bus: session at which all the services are.
+        over: tells whether the cell has ended; asked all the time.
+        progress: told the plant time, s.
+
+    Attributes:
+        time: plant time of the newest message, s.
+        end: plant time after which nothing is waited for any more, s.
+        findings: settled findings that stand, by the parameters that changed.
+        stopped: whether the operator has stopped the arm.
+    """
+
+    def __init__(
+        self, bus: Bus, over: Callable[[], bool], progress: Callable[[float], None], end: float = math.inf
+    ) -> None:
+        self.time = 0.0
+        self.end = end
+        self.findings: dict[str, MonitoredUnit] = {}
+        self.stopped = False
+        self.bus = bus
+        self._over = over
+        self._progress = progress
+        self._inbox: SimpleQueue[Message] = SimpleQueue()
+        self._tell = bus.publisher(EVENTS)
+        bus.subscribe(EVENTS, Event, self._inbox.put)
+        bus.subscribe(MONITORING, MonitoringVerdict, self._inbox.put)
+        bus.subscribe(IDENTIFICATION, IdentificationState, self._inbox.put)
+
+    def messages(self) -> Iterator[Message]:
+        """What the services say, until the time is over.
+
+        Raises:
+            Late: the time is over.
+            Grave: a finding stands that stops the arm, and the arm is not stopped.
+        """
+        while True:
+            if self._over():
+                raise Late("the cell has ended")
+            if self.time >= self.end:
+                raise Late(f"not done by {self.end:g} s")
+            with contextlib.suppress(Empty):
+                message = self._inbox.get(timeout=_LOOK)
+                self._note(message)
+                yield message
+
+    def pass_time(self, seconds: float) -> None:
+        """Waits for a plant time.
+
+        Raises:
+            Late: the time is over. Grave: a finding stands that stops the arm.
+        """
+        until = self.time + seconds
+        for _ in self.messages():
+            if self.time >= until:
+                return
+
+    def await_event(self, kind: str) -> Event:
+        """The next event of a kind; raises as `messages` does."""
+        return next(m for m in self.messages() if isinstance(m, Event) and m.kind == kind)
+
+    def say(self, text: str) -> None:
+        """Tells what the operator thinks or does, in an event."""
+        self._tell(Event(self.time, NAME, text[:1000]))
+
+    def upload(
+        self,
+        why: str,
+        *,
+        gains: Gains | None = None,
+        target_time: float | None = None,
+        model: ArmParameters | None = None,
+        payload: float | None = None,
+        encoder_offset: Triple | None = None,
+        arm: ArmParameters | None = None,
+    ) -> Upload:
+        """Uploads settings, which are on trial afterwards, as soon as none are on trial any more.
+
+        Args:
+            why: reason in words.
+            gains: new gains, or None.
+            target_time: new target time, s, or None.
+            model: new model of the controller, or None.
+            payload: new assumed mass of a box, kg, or None.
+            encoder_offset: new offsets of the encoders, rad, or None.
+            arm: arm as it is known, for the checks; the model of the controller when None.
+
+        Raises:
+            CommunicationError: they are refused.
+        """
+        version = self._settled().version
+        request = UploadRequest(
+            NAME,
+            why[:1000],
+            version,
+            gains,
+            target_time,
+            model,
+            arm=arm,
+            payload=payload,
+            encoder_offset=encoder_offset,
+        )
+        return self.bus.ask(UPLOAD, request, Upload)
+
+    def settings(self) -> Upload:
+        """The settings in force."""
+        return self.bus.ask(UPLOAD, None, Upload)
+
+    def confirm(self, upload: Upload) -> None:
+        """Waits until the trial of an upload has ended.
+
+        Raises:
+            CommunicationError: the settings were taken back.
+        """
+        now = self._settled()
+        if now.version != upload.version:
+            raise CommunicationError(f"version {upload.version} of the settings was taken back: {now.text}")
+
+    def _settled(self) -> Upload:
+        """The settings in force once none are on trial."""
+        while (now := self.settings()).on_trial:
+            next(self.messages())
+        return now
+
+    def stop(self, finding: MonitoredUnit, why: str) -> None:
+        """Stops the arm safely, and says why.
+
+        Raises:
+            CommunicationError: nobody stops the arm.
+        """
+        fault = parse_fault_id(finding.parameter)
+        answer = self.bus.ask(STOP, StopRequest(NAME, why[:1000], arm_state(fault)), StopState)
+        if answer.stop == "none":
+            raise CommunicationError(f"the blocks do not stop the arm: {why}")
+        self.stopped = True
+        self.say(f"has stopped the arm ({answer.stop}): {why}")
+
+    def _note(self, message: Message) -> None:
+        if isinstance(message, Event | MonitoringVerdict):
+            self.time = max(self.time, message.time)
+            self._progress(self.time)
+        if isinstance(message, MonitoringVerdict):
+            settled = (unit for unit in message.units.values() if unit.settled and unit.parameter)
+            self.findings = {unit.parameter: unit for unit in settled}
+            grave = gravest(map(parse_fault_id, self.findings))
+            if grave is not None and not self.stopped:
+                raise Grave(self.findings[str(grave)])

@@ -1,0 +1,229 @@
+"""The measures of the table: each changes the settings of a running cell, on trial, and says what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import msgspec
+
+from dtwin.bus.messages import PREDICT
+from dtwin.bus.twin_messages import (
+    MonitoredUnit,
+    Predicted,
+    PredictedMotion,
+    PredictionRequest,
+    Upload,
+)
+from dtwin.controller.bounds import ENCODER_OFFSETS
+from dtwin.monitoring.kinds import parse_fault_id
+from dtwin.parameters import ArmParameters, Triple, scaled
+from dtwin.recovery.answers import Measure
+from dtwin.recovery.delay import late_gains
+from dtwin.recovery.desk import Desk
+from dtwin.recovery.refit import refitted
+from dtwin.recovery.strength import beyond_strength
+from dtwin.recovery.tuning import Ability, Expect, Tuned, search
+
+BOXES: Final = (0.2, 0.21)
+"""kg, the usual box and the heaviest"""
+PRECISE: Final = 0.0005
+"""rad, standard deviation of an offset that is good enough to be taken off"""
+PATIENCE: Final = 5.0
+"""s for which a better estimate of an offset is waited for"""
+WRONG: Final = 0.001
+"""rad by which an offset that was taken off may differ from what is known of it later"""
+SAME_MASS: Final = 0.005
+"""kg by which a box may differ from what the controller assumes"""
+_TOO_WEAK: Final[dict[Ability, str]] = {
+    "without a box": "the arm can work without a box only",
+    "not at all": "the arm cannot keep to its paths any more",
+}
+
+
+class TooWeak(Exception):
+    """Reports that no settings let the arm do its work; the message says what it can still do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """What came of a measure.
+
+    Attributes:
+        uploaded: plant time of the last upload that stands, s, None if nothing was uploaded.
+        values: what was measured, SI units, by the names of the findings.
+    """
+
+    uploaded: float | None
+    values: dict[str, float]
+
+
+class Measures:
+    """Takes the measures at a cell whose arm is known.
+
+    Args:
+        desk: place at the bus of the cell.
+        healthy: the arm as it was identified.
+
+    Attributes:
+        offsets: plant time (s) of every upload of encoder offsets, and the offsets (rad).
+
+    All methods raise CommunicationError when a service refuses or takes settings back, TooWeak when no settings help,
+    Late when the time of the desk is over, and Grave when something else stops the arm.
+    """
+
+    def __init__(self, desk: Desk, healthy: ArmParameters) -> None:
+        self.offsets: list[tuple[float, Triple]] = []
+        self._desk = desk
+        self._arm = healthy
+        self._reference: list[PredictedMotion] = []
+        self._take: dict[Measure, Callable[[Sequence[MonitoredUnit]], Taken]] = {
+            "refit": self._refit,
+            "rescale": self._rescale,
+            "offset": self._take_off,
+            "payload": self._count_on,
+            "margins": self._stand_delay,
+        }
+
+    def begin(self) -> float:
+        """Puts the model of the healthy arm into force, asks what to expect of it, and returns since when, s."""
+        upload = self._desk.upload("the model identified of the healthy arm", model=self._arm)
+        self._desk.confirm(upload)
+        self._reference = self._expect(PredictionRequest(arm=self._arm))
+        return upload.time
+
+    def take(self, measure: Measure, found: Sequence[MonitoredUnit]) -> Taken:
+        """Takes a measure against findings that ask for it."""
+        return self._take[measure](found)
+
+    def _refit(self, found: Sequence[MonitoredUnit]) -> Taken:
+        names = [unit.parameter for unit in found]
+        arm = refitted(self._desk, self._arm, names, min(unit.detected for unit in found))
+        return Taken(self._adopt(arm), {name: arm.get(name) for name in names})
+
+    def _rescale(self, found: Sequence[MonitoredUnit]) -> Taken:
+        share = 1.0 + found[0].size
+        self._desk.say(f"takes all voltage constants times {share:.3f}")
+        return Taken(self._adopt(scaled(self._arm, "K", share)), {found[0].parameter: share})
+
+    def _adopt(self, arm: ArmParameters) -> float:
+        """Gives the controller a model of the arm as it is now, and settings with which that arm works; when, s.
+
+        The model comes first, since it helps at once, unless the arm needs more time before it can follow its paths.
+        """
+        desk, in_force = self._desk, self._desk.settings()
+        tuned = self._tuned(
+            in_force,
+            arm,
+            BOXES,
+            lambda gains, time: self._expect(PredictionRequest(gains, time, model=arm)),
+        )
+        if tuned.target_time > in_force.target_time:
+            desk.confirm(self._tune(tuned, in_force, arm))
+            uploaded = desk.upload("the arm has changed", model=arm)
+            desk.confirm(uploaded)
+        else:
+            uploaded = desk.upload("the arm has changed", model=arm)
+            desk.confirm(uploaded)
+            if tuned.gains == in_force.gains:
+                desk.say(f"gains and target time can stay: {_expected(tuned)}")
+            else:
+                uploaded = self._tune(tuned, in_force, arm)
+                desk.confirm(uploaded)
+        self._arm = arm
+        return uploaded.time
+
+    def _tuned(self, in_force: Upload, arm: ArmParameters, boxes: Sequence[float], expect: Expect) -> Tuned:
+        """Settings with which an arm works with boxes of some masses (kg)."""
+        heaviest = max(boxes)
+        tuned = search(arm, heaviest, expect, in_force.gains, in_force.target_time, self._reference)
+        if tuned.ability in _TOO_WEAK:
+            places = ", ".join(beyond_strength(arm, heaviest))
+            held = f", it cannot hold a box of {1e3 * heaviest:.0f} g at {places}" if places else ""
+            raise TooWeak(f"{_TOO_WEAK[tuned.ability]}{held}")
+        return tuned
+
+    def _tune(self, tuned: Tuned, in_force: Upload, arm: ArmParameters) -> Upload:
+        stiffer, slower = tuned.gains.kp[0] / in_force.gains.kp[0], tuned.target_time / in_force.target_time
+        why = f"Kp and Ki times {stiffer:g}, target time times {slower:g}: {_expected(tuned)}"
+        return self._desk.upload(why, gains=tuned.gains, target_time=tuned.target_time, arm=arm)
+
+    def _take_off(self, found: Sequence[MonitoredUnit]) -> Taken:
+        """Takes offsets off as soon as they are known well, and again if they turn out otherwise."""
+        desk = self._desk
+        before = desk.settings().encoder_offset
+        names = [unit.parameter for unit in found]
+        self._await_precise(names)
+        taken = {unit.parameter: unit.size for unit in found}
+        upload: Upload | None = None
+        for _ in range(2):
+            known = {name: desk.findings[name] for name in names if name in desk.findings}
+            wrong = {n: u for n, u in known.items() if abs(u.size - taken[n]) > max(WRONG, 3.0 * u.deviation)}
+            if upload is not None and not wrong:
+                break
+            taken |= {name: unit.size for name, unit in known.items()}
+            offsets = list(before)
+            for name, size in taken.items():
+                offsets[parse_fault_id(name).joint - 1] += size
+            first, second, third = offsets
+            if max(map(abs, offsets)) > ENCODER_OFFSETS[1]:
+                raise TooWeak("an offset is too large to be taken off")
+            why = ", ".join(f"{name} is {1e3 * size:+.2f} mrad" for name, size in taken.items())
+            upload = desk.upload(why, encoder_offset=(first, second, third), arm=self._arm)
+            self.offsets.append((upload.time, (first, second, third)))
+            desk.confirm(upload)
+        assert upload is not None
+        return Taken(upload.time, taken)
+
+    def _await_precise(self, names: Sequence[str]) -> None:
+        desk, until = self._desk, self._desk.time + PATIENCE
+        for _ in desk.messages():
+            known = [desk.findings[name] for name in names if name in desk.findings]
+            if desk.time >= until or all(unit.deviation <= PRECISE for unit in known):
+                return
+
+    def _count_on(self, found: Sequence[MonitoredUnit]) -> Taken:
+        """Has the controller count on the mass that was measured, at a target time at which the arm can carry it."""
+        desk, in_force = self._desk, self._desk.settings()
+        mass = BOXES[0] + found[0].size
+        values = {found[0].parameter: mass}
+        if abs(mass - in_force.payload) <= SAME_MASS:
+            desk.say(f"the controller counts on {1e3 * in_force.payload:.0f} g already")
+            return Taken(None, values)
+        boxes = (mass, mass)
+        tuned = self._tuned(
+            in_force,
+            self._arm,
+            boxes,
+            lambda gains, time: self._expect(PredictionRequest(gains, time, arm=self._arm, payload=mass), boxes),
+        )
+        upload = desk.upload(f"the box weighs {1e3 * mass:.0f} g", payload=mass, arm=self._arm)
+        desk.confirm(upload)
+        if (tuned.gains, tuned.target_time) != (in_force.gains, in_force.target_time):
+            upload = self._tune(tuned, in_force, self._arm)
+            desk.confirm(upload)
+        return Taken(upload.time, values)
+
+    def _stand_delay(self, found: Sequence[MonitoredUnit]) -> Taken:
+        desk, in_force = self._desk, self._desk.settings()
+        gains = late_gains(in_force, self._arm)
+        if gains == in_force.gains:
+            desk.say("gains can stay: the loop has the demanded margins though commands are late")
+            return Taken(None, {})
+        why = f"Kp times {gains.kp[0] / in_force.gains.kp[0]:.2f}: margins for commands that are late"
+        upload = desk.upload(why, gains=gains, target_time=in_force.target_time, arm=self._arm)
+        desk.confirm(upload)
+        return Taken(upload.time, {})
+
+    def _expect(self, request: PredictionRequest, boxes: Sequence[float] = BOXES) -> list[PredictedMotion]:
+        """What simulation expects of all motions, with boxes of some masses (kg)."""
+        return [
+            motion
+            for box in boxes
+            for motion in self._desk.bus.ask(PREDICT, msgspec.structs.replace(request, box=box), Predicted).motions
+        ]
+
+
+def _expected(tuned: Tuned) -> str:
+    return f"at most {100 * tuned.ratio:.0f} % of the healthy arm's distance from the path expected"

@@ -1,0 +1,137 @@
+"""The operator who puts a running cell right again, with nothing but what its services say and offer on the bus.
+
+Monitoring notices and names what is wrong; the table of answers says what is to be done about it; identification and
+simulation do it. Every change is on trial, and taken back when it is worse. What the table knows no help for, and
+what leaves the arm too weak for its boxes, stops the arm, and a person is told what to do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from dtwin.bus.twin_messages import MonitoredUnit, MonitoringVerdict
+from dtwin.errors import CommunicationError, ParameterError
+from dtwin.monitoring.kinds import PUSH, parse_fault_id
+from dtwin.recovery.answers import MEASURES, Measure, answer_to, order
+from dtwin.recovery.desk import Desk, Grave, Late
+from dtwin.recovery.measures import Measures, Taken, TooWeak
+from dtwin.signals import MONITOR, Event
+
+SETTLING: Final = 1.0
+"""s in which a second finding may follow the first, so that both are answered together"""
+_NOTHING: Final = Taken(None, {})
+
+
+class Step(NamedTuple):
+    """A measure that the operator has taken.
+
+    Attributes:
+        time: plant time at which it was complete, s.
+        parameters: what the findings name.
+        measure: what was done.
+        taken: what came of it.
+    """
+
+    time: float
+    parameters: tuple[str, ...]
+    measure: Measure
+    taken: Taken
+
+
+class Operator:
+    """Answers what the monitor finds.
+
+    Args:
+        desk: place at the bus of the cell.
+        measures: measures at that cell, which have begun.
+
+    Attributes:
+        steps: what has been done, in order.
+        findings: findings as they were when they were answered, in order.
+        trouble: why not all was done, "" if it was.
+    """
+
+    def __init__(self, desk: Desk, measures: Measures) -> None:
+        self.steps: list[Step] = []
+        self.findings: list[MonitoredUnit] = []
+        self.trouble = ""
+        self._desk = desk
+        self._measures = measures
+        self._dealt: set[str] = set()
+
+    def watch(self) -> None:
+        """Answers all that is found, until the time of the desk is over."""
+        while True:
+            try:
+                self._listen()
+            except Late as late:
+                if self._new():
+                    self.trouble = str(late)
+                return
+            except Grave as grave:
+                self._halt(grave.finding)
+            except (CommunicationError, ParameterError) as error:
+                self._complain(error)
+
+    def _listen(self) -> None:
+        for message in self._desk.messages():
+            if isinstance(message, MonitoringVerdict):
+                self._deal()
+            elif isinstance(message, Event) and message.kind == MONITOR + PUSH:
+                self._say_why("go on", PUSH, answer_to(parse_fault_id(PUSH)).why)
+                self._done("go on", (PUSH,), _NOTHING)
+
+    def _new(self) -> dict[str, MonitoredUnit]:
+        """Findings that nobody has dealt with, by what they name; what has ended may come again."""
+        found = self._desk.findings
+        self._dealt &= found.keys()
+        return {name: unit for name, unit in found.items() if name not in self._dealt}
+
+    def _deal(self) -> None:
+        """Answers new findings, first all that ask for the measure that comes first."""
+        desk = self._desk
+        if desk.stopped or not self._new():
+            return
+        desk.pass_time(SETTLING)
+        new = {name: (unit, answer_to(parse_fault_id(name))) for name, unit in self._new().items()}
+        if not new:
+            return
+        measure = min((answer.measure for _, answer in new.values()), key=MEASURES.index)
+        found = [unit for unit, answer in new.values() if answer.measure == measure]
+        names = tuple(unit.parameter for unit in found)
+        self._dealt |= set(names)
+        self.findings += found
+        self._say_why(measure, " and ".join(names), new[names[0]][1].why)
+        try:
+            taken = _NOTHING if measure == "go on" else self._measures.take(measure, found)
+        except TooWeak as weak:
+            self._stop(found, f"{parse_fault_id(names[0]).where}: {weak}")
+        else:
+            self._done(measure, names, taken)
+
+    def _stop(self, found: Sequence[MonitoredUnit], why: str) -> None:
+        names = tuple(unit.parameter for unit in found)
+        self._dealt |= set(names)
+        self._desk.stop(found[0], f"{why}: {order(parse_fault_id(names[0]))}")
+        self._done("stop", names, _NOTHING)
+
+    def _halt(self, found: MonitoredUnit) -> None:
+        """Stops the arm; if nobody does it, the next verdict asks again."""
+        fault = parse_fault_id(found.parameter)
+        try:
+            self._stop([found], f"{fault.where}, {answer_to(fault).why}")
+        except CommunicationError as error:
+            self._complain(error)
+        else:
+            self.findings.append(found)
+
+    def _complain(self, error: Exception) -> None:
+        self.trouble = str(error)
+        self._desk.say(f"cannot go on: {error}")
+
+    def _say_why(self, measure: Measure, what: str, why: str) -> None:
+        self._desk.say(f"{what} asks for {measure}: {why}")
+
+    def _done(self, measure: Measure, names: tuple[str, ...], taken: Taken) -> None:
+        self.steps.append(Step(self._desk.time, names, measure, taken))

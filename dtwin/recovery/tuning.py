@@ -1,0 +1,118 @@
+"""Settings under which an arm that has changed tracks as well as the healthy one did, from the least change on.
+
+The search asks what to expect of settings, whether the simulation service answers or the twin in this process.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final, Literal, NamedTuple
+
+from dtwin.bus.twin_messages import PredictedMotion
+from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.recovery.strength import beyond_strength
+
+SLOWER: Final = (1.0, 1.1, 1.25, 1.5, 2.0)
+"""Factors on the target time that are tried, in this order."""
+STIFFER: Final = (1.0, 1.15, 1.3, 1.5)
+"""Factors on Kp and Ki that are tried for each; beyond the last, encoder noise gets the better of the gain."""
+BOUND: Final = 1.2
+"""Greatest distance from the path of an arm that works, relative to that of the healthy arm."""
+SATURATED: Final = 0.02
+"""Share of the samples of a motion at the voltage limit from which on stiffer gains are of no use."""
+
+Expect = Callable[[Gains, float], Sequence[PredictedMotion]]
+"""What to expect of the cell's motions with gains and a target time (s): always the same motions in one order."""
+Ability = Literal["as before", "slower", "without a box", "not at all"]
+"""How an arm can work: at its target time, at a longer one, at any but only without a box, or not within bounds."""
+
+
+class Tuned(NamedTuple):
+    """What a search has found.
+
+    Attributes:
+        gains: gains of the control law.
+        target_time: duration of a motion, s.
+        ratio: distance of the worst motion from its path, relative to that of the healthy arm.
+        ability: how the arm can work with them.
+    """
+
+    gains: Gains
+    target_time: float
+    ratio: float
+    ability: Ability
+
+
+class _Tried(NamedTuple):
+    gains: Gains
+    target_time: float
+    loaded: float
+    empty: float
+
+    @property
+    def worst(self) -> float:
+        return max(self.loaded, self.empty)
+
+
+def search(
+    arm: ArmParameters,
+    heaviest: float,
+    expect: Expect,
+    gains: Gains,
+    target_time: float,
+    reference: Sequence[PredictedMotion],
+) -> Tuned:
+    """The first settings that are no worse than the healthy arm in any motion, from the least change on.
+
+    Where there are none, the best are taken; an arm whose best are beyond BOUND is judged by its empty motions.
+    Nothing is searched for an arm that cannot hold its heaviest box at some place.
+
+    Args:
+        arm: arm as it is known.
+        heaviest: mass of its heaviest box, kg.
+        expect: tells what to expect of settings.
+        gains: gains in force.
+        target_time: target time in force, s.
+        reference: what the healthy arm's motions are expected to be with the settings in force.
+    """
+    if beyond_strength(arm, heaviest):
+        return Tuned(gains, target_time, math.inf, "not at all" if beyond_strength(arm, 0.0) else "without a box")
+    found: list[_Tried] = []
+    for slower in SLOWER:
+        for stiffer in STIFFER:
+            tried_gains = replace(gains, kp=_times(stiffer, gains.kp), ki=_times(stiffer, gains.ki))
+            expected = expect(tried_gains, slower * target_time)
+            found.append(_Tried(tried_gains, slower * target_time, *_ratios(expected, reference)))
+            if found[-1].worst <= 1.0:
+                return _tuned(found[-1], target_time)
+            if max(motion.saturated for motion in expected) > SATURATED:
+                break
+    return _tuned(min(found, key=lambda tried: tried.worst), target_time, min(tried.empty for tried in found))
+
+
+def _tuned(tried: _Tried, target_time: float, empty: float = 1.0) -> Tuned:
+    ability: Ability
+    if tried.worst <= BOUND:
+        ability = "slower" if tried.target_time > target_time else "as before"
+    else:
+        ability = "without a box" if empty <= BOUND else "not at all"
+    return Tuned(tried.gains, tried.target_time, tried.worst, ability)
+
+
+def _ratios(expected: Sequence[PredictedMotion], reference: Sequence[PredictedMotion]) -> tuple[float, float]:
+    """Distance from the path of the worst motion with a box, and of the worst without, relative to the reference."""
+    worst = {True: 0.0, False: 0.0}
+    for motion, healthy in zip(expected, reference, strict=True):
+        worst[motion.carries] = max(worst[motion.carries], _length(motion.rms) / _length(healthy.rms))
+    return worst[True], worst[False]
+
+
+def _times(factor: float, gains: Triple) -> Triple:
+    first, second, third = gains
+    return factor * first, factor * second, factor * third
+
+
+def _length(values: Triple) -> float:
+    return math.sqrt(sum(value * value for value in values))
