@@ -61,8 +61,8 @@ class Operator:
         self._dealt: set[str] = set()
 
     def watch(self) -> None:
-        """Answers all that is found, until the time of the desk is over."""
-        while True:
+        """Answers all that is found, until the arm is stopped or the time of the desk is over."""
+        while not self._desk.stopped:
             try:
                 self._listen()
             except Late as late:
@@ -76,6 +76,8 @@ class Operator:
 
     def _listen(self) -> None:
         for message in self._desk.messages():
+            if self._desk.stopped:
+                return
             if isinstance(message, MonitoringVerdict):
                 self._deal()
             elif isinstance(message, Event) and message.kind == MONITOR + PUSH:
@@ -91,7 +93,7 @@ class Operator:
     def _deal(self) -> None:
         """Answers new findings, first all that ask for the measure that comes first."""
         desk = self._desk
-        if desk.stopped or not self._new():
+        if not self._new():
             return
         desk.pass_time(SETTLING)
         new = {name: (unit, answer_to(parse_fault_id(name))) for name, unit in self._new().items()}

@@ -7,35 +7,48 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from dtwin.experiments.recovery.operator import LIMIT, Story
-from dtwin.experiments.recovery.outcome import TOLERANCE, healthy_run, judge, tracked
+from dtwin.experiments.recovery.demonstration import LIMIT, parse_faults
+from dtwin.experiments.recovery.expected import Expected
+from dtwin.experiments.recovery.healthy import healthy_run
+from dtwin.experiments.recovery.outcome import Story, judge, tracked
 from dtwin.parameters import ROOT, ArmParameters
+from dtwin.recovery.measures import Taken
+from dtwin.recovery.operator import Step
+from dtwin.recovery.tuning import BOUND
 from dtwin.run.cell import Cell
 from dtwin.run.recording import read_log
 from dtwin.run.settings import CellSettings
 from tests.support.desk import Desk
 
 
-def test_a_cell_with_grown_friction_recovers(desk: Desk, tmp_path: Path) -> None:
-    log, plot = tmp_path / "run.parquet", tmp_path / "run.png"
-    command = [sys.executable, "-m", "dtwin", "demo", "recovery", "--seed", "1", "--json"]
-    command += ["--log", str(log), "--plot", str(plot)]
+def recovered(*options: str) -> dict[str, Any]:
+    command = [sys.executable, "-m", "dtwin", "demo", "recovery", "--seed", "1", "--json", *options]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200)
     assert done.returncode == 0, done.stderr + done.stdout
-    assert desk.processes() == {}
     (run,) = json.loads(done.stdout)["runs"]
-    assert run["trouble"] == ""
-    assert run["named"] == {"cause": "friction", "parameter": run["fault"][:2]}
-    assert 0.0 < run["detected_after_s"] < run["uploaded_after_s"] < run["recovered_after_s"] < LIMIT
+    assert (run["right"], run["works"], run["trouble"]) == (True, True, "")
+    return run
+
+
+def test_a_cell_with_grown_friction_recovers(desk: Desk, tmp_path: Path) -> None:
+    log, plot = tmp_path / "run.parquet", tmp_path / "run.png"
+    run = recovered("--log", str(log), "--plot", str(plot))
+    assert desk.processes() == {}
+    (found,), (answer,) = run["found"], run["answers"]
+    assert (found["cause"], found["parameter"]) == ("friction", run["fault"][:2])
+    assert (answer["measure"], run["outcome"]) == ("refit", "recovered")
+    assert 0.0 < found["detected_after_s"] < run["uploaded_after_s"] < run["recovered_after_s"] < LIMIT
     factor = float(run["fault"].partition("=")[2])
-    assert run["refitted"] == pytest.approx(factor * ArmParameters().get(run["fault"][:2]), rel=0.02)
+    refitted = answer["values"][found["parameter"]]
+    assert refitted == pytest.approx(factor * ArmParameters().get(found["parameter"]), rel=0.02)
     ratios = [(one["after_s"], one["error_rad"] / one["healthy_rad"]) for one in run["motions"]]
     assert ratios[0][1] > 2.0
     since = [ratio for after, ratio in ratios if after >= run["recovered_after_s"]]
-    assert max(since) <= TOLERANCE
+    assert max(since) <= BOUND
     assert {one["carries"] for one in run["motions"]} == {True, False}
     assert [m["time"] for m in run["moments"]] == sorted(m["time"] for m in run["moments"])
     assert {m["who"] for m in run["moments"]} == {"cell", "monitoring", "identification", "simulation", "operator"}
@@ -44,21 +57,34 @@ def test_a_cell_with_grown_friction_recovers(desk: Desk, tmp_path: Path) -> None
     assert plot.stat().st_size > 10_000
 
 
+def test_an_arm_without_an_encoder_is_stopped_with_its_box(desk: Desk) -> None:
+    run = recovered("--fault", "freeze2")
+    assert desk.processes() == {}
+    assert [answer["measure"] for answer in run["answers"]] == ["stop"]
+    assert run["answers"][0]["after_s"] < 1.0
+    assert (run["outcome"], run["box_lost"]) == ("stopped, person told", False)
+    orders = [m["text"] for m in run["moments"] if m["who"] == "operator"]
+    assert "replace encoder 2, then `dtwin release`" in orders[-1]
+
+
 def test_a_run_is_judged_by_the_same_motions_of_the_healthy_arm() -> None:
     settings = CellSettings(duration=60.0, seed=2, noise=0.002)
     healthy = healthy_run(settings, ArmParameters(), 0.0)
     cell = Cell(settings)
     cell.run()
-    story = Story(fault=30.0, uploaded=30.0)
-    same = judge(2, "D1*=1.6", story, cell.log.freeze(), healthy)
+    story = Story(fault=30.0, steps=(Step(40.0, ("D1",), "refit", Taken(30.0, {})),))
+    faults, expected = parse_faults(["D1*=1.6"]), Expected(frozenset({"refit"}), "as before")
+    same = judge(2, faults, expected, story, cell.log.freeze(), healthy)
     assert len(same.motions) >= 3
     assert all(one.ratio == 1.0 for one in same.motions)
     assert same.recovered == same.motions[0].motion.stop
-    assert not same.succeeded, "nobody has named the fault"
+    assert (same.outcome, same.succeeded) == ("recovered", True)
+    other = judge(2, faults, Expected(frozenset({"stop"}), None), story, cell.log.freeze(), healthy)
+    assert (other.right, other.works, other.succeeded) == (False, False, False)
     poor = Cell(replace(settings, arm=ArmParameters().with_values({"D1": 0.08})))
     poor.run()
-    worse = judge(2, "D1*=1.6", story, poor.log.freeze(), healthy)
-    assert worse.recovered is None
+    worse = judge(2, faults, expected, story, poor.log.freeze(), healthy)
+    assert (worse.recovered, worse.outcome, worse.succeeded) == (None, None, False)
     assert all(one.ratio > 2.0 for one in worse.motions)
     masses = {(motion.mass, motion.carries) for motion in tracked(healthy)}
     assert masses >= {(one.motion.mass, one.motion.carries) for one in same.motions}

@@ -35,6 +35,8 @@ LONGEST: Final = 600.0
 """s of plant time in which the cell has to have shown what it can do while it is healthy"""
 DELIVERIES: Final = 3
 """boxes that the healthy arm delivers before the fault"""
+STANDS: Final = 10.0
+"""s for which a stopped arm is watched"""
 PUSH_AFTER: Final = 4.0
 """s from the grip of a box until somebody pushes the arm, late enough for a request to arrive"""
 PUSH_LASTS: Final = 0.2
@@ -115,6 +117,8 @@ def _played(desk: Desk, healthy: ArmParameters, faults: Sequence[Fault]) -> Stor
         began = _break(desk, faults)
         desk.end = began + LIMIT
         operator.watch()
+        if desk.stopped:
+            desk.pass_time(STANDS)
     except (CommunicationError, ParameterError, Late) as error:
         operator.trouble = str(error)
     return Story(

@@ -61,8 +61,8 @@ class Story:
 
     @property
     def uploaded(self) -> float | None:
-        """When the last upload was made."""
-        return max((step.taken.uploaded for step in self.steps if step.taken.uploaded is not None), default=None)
+        """When the last upload of the first measure was made that uploaded anything."""
+        return min((step.taken.uploaded for step in self.steps if step.taken.uploaded is not None), default=None)
 
     @property
     def stopped(self) -> float | None:
