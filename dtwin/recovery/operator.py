@@ -80,6 +80,7 @@ class Operator:
                 return
             if isinstance(message, MonitoringVerdict):
                 self._deal()
+                self._measures.follow_boxes()
             elif isinstance(message, Event) and message.kind == MONITOR + PUSH:
                 self._say_why("go on", PUSH, answer_to(parse_fault_id(PUSH)).why)
                 self._done("go on", (PUSH,), _NOTHING)

@@ -9,9 +9,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from dtwin.bus.twin_messages import MonitoredUnit
-from dtwin.emulation.faults import Fault
+from dtwin.emulation.faults import Fault, schedule
 from dtwin.experiments.recovery.expected import Expected
-from dtwin.parameters import PERIOD, PICKUP, PLACES, Triple
+from dtwin.parameters import PERIOD, PICKUP, PLACES, ArmParameters, Triple
 from dtwin.recovery.answers import Measure, Outcome
 from dtwin.recovery.desk import NAME
 from dtwin.recovery.operator import Step
@@ -182,15 +182,17 @@ def fault_text(run: Recovery) -> str:
 def judge(seed: int, faults: Sequence[Fault], expected: Expected, story: Story, log: Log, healthy: Log) -> Recovery:
     """What came of a run, given its log and that of the same cell without the fault.
 
-    A cell draws the same boxes whatever happens, so a box's motion has a counterpart that carries the same mass from
-    and to the same places.
+    A cell draws the same boxes whatever happens, so a box's motion has a counterpart that carries the same box from
+    and to the same places; a fault may have made it heavier.
     """
+    payload = schedule(ArmParameters(), faults)[0].condition.payload
     began = story.fault if story.fault is not None else float("inf")
     same: dict[tuple[float, bool], float] = {}
     kinds: dict[tuple[str, bool], list[float]] = {}
     usual = 0.0
     for motion in tracked(healthy):
-        same[motion.mass, motion.carries] = motion.error
+        same[round(motion.mass, 9), motion.carries] = motion.error
+        same[round(payload(motion.mass), 9), motion.carries] = motion.error
         kinds.setdefault((motion.place, motion.carries), []).append(motion.error)
         usual = motion.target_time
     judged = []
@@ -198,7 +200,7 @@ def judge(seed: int, faults: Sequence[Fault], expected: Expected, story: Story, 
         alike = kinds.get((motion.place, motion.carries), [])
         if motion.start >= began - PERIOD / 2 and alike:
             mean = float(np.mean(alike))
-            judged.append(Judged(motion, same.get((motion.mass, motion.carries), mean)))
+            judged.append(Judged(motion, same.get((round(motion.mass, 9), motion.carries), mean)))
     good: list[Judged] = []
     for one in reversed(judged):
         if one.motion.start < (story.uploaded or began) or not one.ratio <= BOUND:
