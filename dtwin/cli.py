@@ -167,6 +167,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
             "ExperimentUpload",
             "upload gains and a model to a running cell; report",
         ),
+        "experiment recovery": Subcommand(
+            "simulation.demo", "ExperimentRecovery", "draw faults, have each answered in a cell; report"
+        ),
         "demo recovery": Subcommand("simulation.demo", "DemoRecovery", "let the twin find a fault and put it right"),
     },
 }

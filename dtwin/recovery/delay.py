@@ -1,17 +1,21 @@
-"""Gains with which the loop stands commands that act a period late."""
+"""Settings with which the loop stands commands that act a period late, found on the twin in this process."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from dtwin.bus.twin_messages import Upload
-from dtwin.controller.motion import MotionController
+from dtwin.bus.twin_messages import PredictedMotion, Upload
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.recovery.tuning import Tuned, search
+from dtwin.simulation.checks import MOTIONS, TAIL
 from dtwin.simulation.margins.demands import DEMANDS, cases
-from dtwin.simulation.margins.poses import Pose, places
+from dtwin.simulation.margins.poses import places
+from dtwin.simulation.places import angles_of
+from dtwin.simulation.whatif import MotionCase, Simulator, TwinArm
 
 LATE: Final = 1.0
 """ticks that a late command acts after its own"""
@@ -19,34 +23,74 @@ SOFTER: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
 """factors on the speed of the loop that are tried, in this order"""
 
 
-def late_gains(in_force: Upload, arm: ArmParameters) -> Gains:
-    """The gains nearest to those in force with the demanded margins at all places though commands are late.
+class LateArm(TwinArm):
+    """The analytic twin whose voltages act a period late."""
 
-    A loop that is slower by a factor f has Kp times f^2, Ki times f^3 and Kd times f.
+    def __init__(self, case: MotionCase, ticks: int) -> None:
+        super().__init__(case, ticks)
+        self._late: Triple | None = None
+
+    def advance(self, tick: int, volts: Triple) -> Triple:
+        """Holds the voltages before the given ones (V), and at first these, until the next tick."""
+        acting = volts if self._late is None else self._late
+        self._late = volts
+        return super().advance(tick, acting)
+
+
+def settings_for_late(
+    in_force: Upload, arm: ArmParameters, boxes: Sequence[float], reference: Sequence[PredictedMotion]
+) -> Tuned:
+    """The gains nearest to those in force with the demanded margins at all places though commands are late, and the
+    shortest target time with which the arm then tracks as well as the healthy one.
 
     Args:
         in_force: settings in force.
         arm: arm as it is known.
+        boxes: masses of the boxes, kg.
+        reference: what the healthy arm's motions are expected to be.
 
     Raises:
         ParameterError: no gains have the margins.
     """
     settings = ControlSettings(in_force.target_time, in_force.gains, in_force.law, in_force.model, in_force.payload)
-    controller, poses = MotionController(), places()
+    simulator = Simulator()
+    gains = _with_margins(simulator, settings, arm)
+
+    def expect(gains: Gains, target_time: float) -> list[PredictedMotion]:
+        return _expect(simulator, replace(settings, gains=gains, target_time=target_time), arm, boxes)
+
+    return search(arm, max(boxes), expect, gains, settings.target_time, reference, stiffer=(1.0,))
+
+
+def _with_margins(simulator: Simulator, settings: ControlSettings, arm: ArmParameters) -> Gains:
+    """A loop that is slower by a factor f has Kp times f^2, Ki times f^3 and Kd times f."""
+    demands = DEMANDS[settings.law]
     for factor in SOFTER:
         tried = replace(settings, gains=_slowed(settings.gains, factor))
-        if _has_margins(controller, tried, arm, poses):
+        found = cases(simulator.controller, tried, arm, places(), LATE)
+        if all(demands.shortfall(case.margins) is None for case in found):
             return tried.gains
-    raise ParameterError(
-        f"late commands: no gains from {SOFTER[-1]:g} times the speed of the loop on have the margins"
-    )
+    raise ParameterError(f"late commands: no gains have the margins, down to {SOFTER[-1]:g} times the loop's speed")
 
 
-def _has_margins(
-    controller: MotionController, settings: ControlSettings, arm: ArmParameters, poses: list[Pose]
-) -> bool:
-    demands = DEMANDS[settings.law]
-    return all(demands.shortfall(case.margins) is None for case in cases(controller, settings, arm, poses, LATE))
+def _expect(
+    simulator: Simulator, settings: ControlSettings, arm: ArmParameters, boxes: Sequence[float]
+) -> list[PredictedMotion]:
+    found = []
+    for box in boxes:
+        for motion in MOTIONS:
+            case = MotionCase(
+                motion.goal,
+                settings,
+                angles_of(motion.start),
+                arm=arm,
+                payload=box if motion.carries else 0.0,
+                carries=motion.carries,
+                duration=settings.target_time + TAIL,
+            )
+            f = simulator.run(case, LateArm).figures
+            found.append(PredictedMotion(*motion, f.tracking_rms, f.tracking_max, f.peak_volts, f.saturated))
+    return found
 
 
 def _slowed(gains: Gains, factor: float) -> Gains:

@@ -20,7 +20,7 @@ from dtwin.controller.bounds import ENCODER_OFFSETS
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import ArmParameters, Triple, scaled
 from dtwin.recovery.answers import Measure
-from dtwin.recovery.delay import late_gains
+from dtwin.recovery.delay import settings_for_late
 from dtwin.recovery.desk import Desk
 from dtwin.recovery.refit import refitted
 from dtwin.recovery.strength import beyond_strength
@@ -222,13 +222,15 @@ class Measures:
             self._desk.confirm(self._desk.upload(why, payload=mass, arm=self._arm))
 
     def _stand_delay(self, found: Sequence[MonitoredUnit]) -> Taken:
+        """Lowers the gains until the loop has its margins with the delay, and the speed until the arm tracks well."""
         desk, in_force = self._desk, self._desk.settings()
-        gains = late_gains(in_force, self._arm)
-        if gains == in_force.gains:
-            desk.say("gains can stay: the loop has the demanded margins though commands are late")
+        tuned = settings_for_late(in_force, self._arm, BOXES, self._reference)
+        if tuned.ability in _TOO_WEAK:
+            raise TooWeak(_TOO_WEAK[tuned.ability])
+        if (tuned.gains, tuned.target_time) == (in_force.gains, in_force.target_time):
+            desk.say(f"gains and target time can stay though commands are late: {_expected(tuned)}")
             return Taken(None, {})
-        why = f"Kp times {gains.kp[0] / in_force.gains.kp[0]:.2f}: margins for commands that are late"
-        upload = desk.upload(why, gains=gains, target_time=in_force.target_time, arm=self._arm)
+        upload = self._tune(tuned, in_force, self._arm)
         desk.confirm(upload)
         return Taken(upload.time, {})
 

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from dtwin.bus.twin_messages import MonitoredUnit, MonitoringVerdict
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.monitoring.kinds import PUSH, parse_fault_id
-from dtwin.recovery.answers import MEASURES, Measure, answer_to, order
+from dtwin.recovery.answers import MEASURES, Answer, Measure, answer_to, order
 from dtwin.recovery.desk import Desk, Grave, Late
 from dtwin.recovery.measures import Measures, Taken, TooWeak
 from dtwin.signals import MONITOR, Event
@@ -82,7 +82,7 @@ class Operator:
                 self._deal()
                 self._measures.follow_boxes()
             elif isinstance(message, Event) and message.kind == MONITOR + PUSH:
-                self._say_why("go on", PUSH, answer_to(parse_fault_id(PUSH)).why)
+                self._say_why(PUSH, answer_to(parse_fault_id(PUSH)))
                 self._done("go on", (PUSH,), _NOTHING)
 
     def _new(self) -> dict[str, MonitoredUnit]:
@@ -105,7 +105,7 @@ class Operator:
         names = tuple(unit.parameter for unit in found)
         self._dealt |= set(names)
         self.findings += found
-        self._say_why(measure, " and ".join(names), new[names[0]][1].why)
+        self._say_why(" and ".join(names), new[names[0]][1])
         try:
             taken = _NOTHING if measure == "go on" else self._measures.take(measure, found)
         except TooWeak as weak:
@@ -133,8 +133,9 @@ class Operator:
         self.trouble = str(error)
         self._desk.say(f"cannot go on: {error}")
 
-    def _say_why(self, measure: Measure, what: str, why: str) -> None:
-        self._desk.say(f"{what} asks for {measure}: {why}")
+    def _say_why(self, what: str, answer: Answer) -> None:
+        todo = f"; for a person: {answer.order}" if answer.measure == "go on" and answer.order else ""
+        self._desk.say(f"{what} asks for {answer.measure}: {answer.why}{todo}")
 
     def _done(self, measure: Measure, names: tuple[str, ...], taken: Taken) -> None:
         self.steps.append(Step(self._desk.time, names, measure, taken))

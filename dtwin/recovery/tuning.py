@@ -14,12 +14,14 @@ from dtwin.bus.twin_messages import PredictedMotion
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.recovery.strength import beyond_strength
 
-SLOWER: Final = (1.0, 1.1, 1.25, 1.5, 2.0)
+SLOWER: Final = (1.0, 1.1, 1.25, 1.5, 2.0, 3.0)
 """Factors on the target time that are tried, in this order."""
 STIFFER: Final = (1.0, 1.15, 1.3, 1.5)
 """Factors on Kp and Ki that are tried for each; beyond the last, encoder noise gets the better of the gain."""
 BOUND: Final = 1.2
 """Greatest distance from the path of an arm that works, relative to that of the healthy arm."""
+FLOOR: Final = 1e-3
+"""rad, distance from the path that encoders with noise leave whatever the settings are"""
 SATURATED: Final = 0.02
 """Share of the samples of a motion at the voltage limit from which on stiffer gains are of no use."""
 
@@ -63,11 +65,12 @@ def search(
     gains: Gains,
     target_time: float,
     reference: Sequence[PredictedMotion],
+    stiffer: Sequence[float] = STIFFER,
 ) -> Tuned:
     """The first settings that are no worse than the healthy arm in any motion, from the least change on.
 
-    Where there are none, the best are taken; an arm whose best are beyond BOUND is judged by its empty motions.
-    Nothing is searched for an arm that cannot hold its heaviest box at some place.
+    Where there are none, the first within BOUND are taken, or else the best; an arm whose best are beyond BOUND is
+    judged by its empty motions. Nothing is searched for an arm that cannot hold its heaviest box at some place.
 
     Args:
         arm: arm as it is known.
@@ -76,20 +79,22 @@ def search(
         gains: gains in force.
         target_time: target time in force, s.
         reference: what the healthy arm's motions are expected to be with the settings in force.
+        stiffer: factors on Kp and Ki that are tried.
     """
     if beyond_strength(arm, heaviest):
         return Tuned(gains, target_time, math.inf, "not at all" if beyond_strength(arm, 0.0) else "without a box")
     found: list[_Tried] = []
     for slower in SLOWER:
-        for stiffer in STIFFER:
-            tried_gains = replace(gains, kp=_times(stiffer, gains.kp), ki=_times(stiffer, gains.ki))
+        for factor in stiffer:
+            tried_gains = replace(gains, kp=_times(factor, gains.kp), ki=_times(factor, gains.ki))
             expected = expect(tried_gains, slower * target_time)
             found.append(_Tried(tried_gains, slower * target_time, *_ratios(expected, reference)))
             if found[-1].worst <= 1.0:
                 return _tuned(found[-1], target_time)
             if max(motion.saturated for motion in expected) > SATURATED:
                 break
-    return _tuned(min(found, key=lambda tried: tried.worst), target_time, min(tried.empty for tried in found))
+    best = next((tried for tried in found if tried.worst <= BOUND), min(found, key=lambda tried: tried.worst))
+    return _tuned(best, target_time, min(tried.empty for tried in found))
 
 
 def _tuned(tried: _Tried, target_time: float, empty: float = 1.0) -> Tuned:
@@ -105,7 +110,7 @@ def _ratios(expected: Sequence[PredictedMotion], reference: Sequence[PredictedMo
     """Distance from the path of the worst motion with a box, and of the worst without, relative to the reference."""
     worst = {True: 0.0, False: 0.0}
     for motion, healthy in zip(expected, reference, strict=True):
-        worst[motion.carries] = max(worst[motion.carries], _length(motion.rms) / _length(healthy.rms))
+        worst[motion.carries] = max(worst[motion.carries], _seen(motion.rms) / _seen(healthy.rms))
     return worst[True], worst[False]
 
 
@@ -114,5 +119,6 @@ def _times(factor: float, gains: Triple) -> Triple:
     return factor * first, factor * second, factor * third
 
 
-def _length(values: Triple) -> float:
-    return math.sqrt(sum(value * value for value in values))
+def _seen(rms: Triple) -> float:
+    """Distance from the path with noise (rad) for one that is expected without."""
+    return math.hypot(*rms, FLOOR)

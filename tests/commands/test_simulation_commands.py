@@ -98,6 +98,8 @@ def test_history_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         (["optimise", "--candidates", "3"], "candidates: expected at least 80"),
         (["history", "--file", "/nowhere.jsonl"], "there is no history yet"),
         (["demo", "recovery", "--runs", "0"], "--runs: expected at least 1"),
+        (["demo", "recovery", "--fault", "K9*=2"], "unknown fault target"),
+        (["experiment", "recovery", "--runs", "0"], "--runs: expected at least 1"),
         (["experiment", "accuracy", "--runs", "0"], "--runs: expected at least 1"),
         (["upload", "target", "--why", "x", "--time", "1", "--cell", "nowhere"], "is not up on this machine"),
     ],

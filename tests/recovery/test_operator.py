@@ -327,12 +327,14 @@ def test_a_supply_that_sags_scales_all_voltage_constants(cell: FakeCell) -> None
     assert operator.steps[0].taken.values == {"supply": 0.9}
 
 
-def test_late_commands_leave_gains_that_have_the_margins(cell: FakeCell) -> None:
+def test_late_commands_leave_gains_with_margins_and_make_the_arm_slower(cell: FakeCell) -> None:
     cell.found["late"] = (20.0, 0.0, 0.0)
     operator = watched(cell)
     assert measures_of(operator) == [("margins", ("late",))]
-    assert cell.uploads == []
-    assert "gains can stay" in cell.told[-1]
+    (upload,) = cell.uploads
+    assert upload.gains == USUAL_GAINS["cascade"]
+    assert upload.target_time is not None
+    assert upload.target_time > 2.0
 
 
 def test_late_commands_lower_gains_that_are_too_fast(cell: FakeCell) -> None:
@@ -372,7 +374,10 @@ def test_a_slip_and_a_push_are_told_and_nothing_else(cell: FakeCell) -> None:
     operator = watched(cell)
     assert measures_of(operator) == [("go on", ("slip",)), ("go on", ("push",))]
     assert (cell.uploads, cell.stops) == ([], [])
-    assert len(cell.told) == 2
+    assert cell.told == [
+        "slip asks for go on: the sequence fetches the next box; for a person: pick up the box that was lost",
+        "push asks for go on: it is over",
+    ]
 
 
 def test_what_has_ended_may_come_again(cell: FakeCell) -> None:

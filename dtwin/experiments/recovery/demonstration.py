@@ -15,6 +15,7 @@ from dtwin.emulation.faults import Fault, parse_fault
 from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.experiments.identification.standard import standard_estimate
+from dtwin.experiments.recovery.cases import RecoveryCase, grown_friction
 from dtwin.experiments.recovery.expected import expected_of
 from dtwin.experiments.recovery.healthy import healthy_run
 from dtwin.experiments.recovery.outcome import Recovery, Story, judge
@@ -33,12 +34,10 @@ LIMIT: Final = 60.0
 """s of plant time after the fault in which the arm has to have recovered"""
 LONGEST: Final = 600.0
 """s of plant time in which the cell has to have shown what it can do while it is healthy"""
-DELIVERIES: Final = 3
-"""boxes that the healthy arm delivers before the fault"""
 STANDS: Final = 10.0
 """s for which a stopped arm is watched"""
 PUSH_AFTER: Final = 4.0
-"""s from the grip of a box until somebody pushes the arm, late enough for a request to arrive"""
+"""s by which a push begins later than other faults, late enough for the request to arrive before it"""
 PUSH_LASTS: Final = 0.2
 """s"""
 
@@ -52,21 +51,16 @@ def parse_faults(texts: Sequence[str]) -> tuple[Fault, ...]:
     return tuple(parse_fault(f"{text}@0") for joined in texts for text in joined.split(","))
 
 
-def grown_friction(generator: np.random.Generator) -> tuple[Fault, ...]:
-    """The friction of a joint, grown to 1.5 to 1.9 times its value."""
-    joint, factor = int(generator.integers(1, 4)), round(float(generator.uniform(1.5, 1.9)), 3)
-    return parse_faults([f"D{joint}*={factor:g}"])
-
-
 def recover(
-    options: CellOptions, faults: Sequence[Fault] = (), progress: Callable[[float], None] = lambda time: None
+    options: CellOptions,
+    case: RecoveryCase | None = None,
+    progress: Callable[[float], None] = lambda time: None,
 ) -> Recovery:
     """Starts a cell with all services, makes faults, and has them answered.
 
     Args:
         options: what the cell is run with.
-        faults: faults that begin together as the arm sets out with a box; drawn with the seed of the cell if there
-            are none.
+        case: what happens to the cell; grown friction, drawn with the seed of the cell, if None.
         progress: told the plant time, s.
 
     Raises:
@@ -76,9 +70,9 @@ def recover(
         KeyboardInterrupt: the cell was asked to stop.
     """
     generator = np.random.default_rng(np.random.SeedSequence(options.seed).spawn(3)[2])
-    made = tuple(faults) or grown_friction(generator)
+    made = case or grown_friction(generator)
     machine = machine_of(options.machine)
-    expected = expected_of(made, machine.arm(options.parameters()), options.control())
+    expected = expected_of(made.faults, machine.arm(options.parameters()), options.control())
     estimate = standard_estimate(Rig(noise=options.noise, machine=machine), generator)
     model = from_estimate(estimate, np.ones(3), "simulated experiment")
     with tempfile.TemporaryDirectory() as name:
@@ -104,17 +98,17 @@ def recover(
         log = read_log(log_file)
     settings = replace(complete.settings(), duration=len(log) * PERIOD)
     healthy = healthy_run(settings, model.arm, float("inf") if story.started is None else story.started)
-    return judge(options.seed, made, expected, story, log, healthy)
+    return judge(options.seed, made.faults, expected, story, log, healthy)
 
 
-def _played(desk: Desk, healthy: ArmParameters, faults: Sequence[Fault]) -> Story:
+def _played(desk: Desk, healthy: ArmParameters, case: RecoveryCase) -> Story:
     """Lets the cell work, makes faults, and has them answered until the time is over."""
     measures = Measures(desk, healthy)
     operator = Operator(desk, measures)
     started = began = None
     try:
         started = measures.begin()
-        began = _break(desk, faults)
+        began = _break(desk, case)
         desk.end = began + LIMIT
         operator.watch()
         if desk.stopped:
@@ -126,18 +120,19 @@ def _played(desk: Desk, healthy: ArmParameters, faults: Sequence[Fault]) -> Stor
     )
 
 
-def _break(desk: Desk, faults: Sequence[Fault]) -> float:
+def _break(desk: Desk, case: RecoveryCase) -> float:
     """Once the healthy arm has delivered some boxes, makes faults as it sets out with the next one; when, s."""
-    for _ in range(DELIVERIES):
+    for _ in range(case.deliveries):
         desk.await_event(EventKind.DELIVERED)
     picked = desk.await_event(EventKind.PICKED).time
-    done = desk.bus.ask(FAULT, FaultRequest(tuple(str(_timed(fault, picked)) for fault in faults)), Done)
-    return max([done.time, *(_timed(fault, picked).start for fault in faults)])
+    faults = [_timed(fault, picked + case.wait) for fault in case.faults]
+    done = desk.bus.ask(FAULT, FaultRequest(tuple(map(str, faults))), Done)
+    return max([done.time, *(fault.start for fault in faults)])
 
 
-def _timed(fault: Fault, picked: float) -> Fault:
-    """The fault as it begins after a box was picked at a plant time (s): a push is short, all others last."""
+def _timed(fault: Fault, start: float) -> Fault:
+    """The fault as it begins at a plant time (s): a push is short and a little later, all others last."""
     if not fault.target.startswith("push"):
-        return fault
-    start = round(picked + PUSH_AFTER, 2)
+        return replace(fault, start=round(start, 2))
+    start = round(start + PUSH_AFTER, 2)
     return replace(fault, start=start, end=round(start + PUSH_LASTS, 2))

@@ -163,14 +163,9 @@ def identify(experiments: Sequence[Experiment], settings: EstimationSettings) ->
         IdentificationError: the data are too poor, or the twin diverges from every starting point.
         ParameterError: a name in the settings is unknown.
     """
+    free, known = settings.free, settings.known
     problem = Problem(
-        tuple(experiments),
-        settings.free,
-        settings.known,
-        settings.offsets,
-        settings.priors,
-        settings.substeps,
-        settings.upper,
+        tuple(experiments), free, known, settings.offsets, settings.priors, settings.substeps, settings.upper
     )
     quality.check(experiments, len(problem.names))
     found, tried = _best_start(problem, settings)

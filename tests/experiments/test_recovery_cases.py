@@ -1,0 +1,68 @@
+"""The drawn cases, the right answers to them, and the report of the campaign."""
+
+from dataclasses import replace
+
+import pytest
+
+from dtwin.controller.settings import USUAL_GAINS, ControlSettings
+from dtwin.emulation.faults import parse_fault, schedule
+from dtwin.errors import FaultError
+from dtwin.experiments.recovery.campaign import RecoveryTrial, passed, recovery_report
+from dtwin.experiments.recovery.cases import DRAWS, drawn_case
+from dtwin.experiments.recovery.demonstration import parse_faults
+from dtwin.experiments.recovery.expected import expected_of, kind_of
+from dtwin.parameters import ArmParameters
+from dtwin.recovery.answers import ANSWERS
+
+CONTROL = ControlSettings(gains=USUAL_GAINS["cascade"], law="cascade")
+TRIAL = RecoveryTrial(
+    *(0, "K2*=0.9", 0.1, ("K2",), ("refit",), ("refit",), True, "recovered", True, 12.0, False, 1.0, 3.0, "")
+)
+
+
+def test_cases_are_drawn_from_the_whole_table_and_are_possible() -> None:
+    cases = [drawn_case(seed) for seed in range(300)]
+    assert cases == [drawn_case(seed) for seed in range(300)]
+    kinds = {kind_of(fault) for case in cases for fault in case.faults}
+    assert kinds == set(DRAWS)
+    assert kinds | {"friction", "free"} == set(ANSWERS), "two kinds are hypotheses of the diagnosis alone"
+    assert {len(case.faults) for case in cases} == {1, 2}
+    assert {case.deliveries for case in cases} == {1, 2, 3}
+    for case in cases:
+        schedule(ArmParameters(), case.faults)
+
+
+@pytest.mark.parametrize(
+    ("fault", "measures", "ability"),
+    [
+        ("K2*=0.9", {"refit"}, "as before"),
+        ("K2*=0.8", {"stop"}, None),
+        ("D1*=3", {"refit"}, "as before"),
+        ("supply*=0.9,bias1+=0.01", {"rescale", "offset"}, "as before"),
+        ("payload+=0.1", {"stop"}, None),
+        ("bias2+=0.01,freeze3", {"stop"}, None),
+        ("m2*=1.3", {"stop"}, None),
+        ("slip", {"go on"}, "as before"),
+    ],
+)
+def test_the_right_answer_is_what_physics_allows(fault: str, measures: set[str], ability: str | None) -> None:
+    expected = expected_of(parse_faults([fault]), ArmParameters(), CONTROL)
+    assert (expected.measures, expected.ability) == (measures, ability)
+
+
+def test_a_fault_without_an_answer_is_refused() -> None:
+    with pytest.raises(FaultError, match="pads: expected one that the monitor can name"):
+        kind_of(parse_fault("pads*=0.5@0"))
+    with pytest.raises(FaultError, match="unknown fault target"):
+        parse_faults(["K9*=2"])
+
+
+def test_a_campaign_passes_with_the_shares_that_are_asked_for() -> None:
+    good = [TRIAL] * 19
+    assert passed([*good, replace(TRIAL, right=False, works=False)])
+    assert not passed([*good[1:], *[replace(TRIAL, right=False)] * 2])
+    assert not passed([*good[2:], *[replace(TRIAL, works=False)] * 3])
+    assert not passed([*good, replace(TRIAL, box_lost=True)])
+    text = recovery_report([TRIAL, replace(TRIAL, seed=1, right=False, recovered=None)]).text
+    assert "| 0 | `K2*=0.9` | 0.1 | K2 | refit | yes | recovered | yes | 12.0 | 1.0 V (3.0 V) |" in text
+    assert "Right answer: 1 of 2" in text
