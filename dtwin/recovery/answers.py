@@ -13,7 +13,7 @@ from typing import Final, Literal, get_args
 
 from dtwin.monitoring.kinds import FREE, FREEZE, KINDS, LATE, LOCK, PUSH, SUPPLY, UNKNOWN, FaultId
 
-Measure = Literal["offset", "rescale", "refit", "payload", "margins", "go on", "stop"]
+Measure = Literal["rescale", "refit", "offset", "payload", "margins", "go on", "stop"]
 """What the operator does.
 
 refit: the parameter is identified anew from motion, the model uploaded on trial, gains and target time searched;
@@ -23,7 +23,10 @@ margins: the gains are lowered until the loop has the demanded margins with the 
 stop: the arm is stopped safely, and a person told what to do.
 """
 MEASURES: Final[tuple[Measure, ...]] = get_args(Measure)
-"""In the order in which they are taken where findings ask for several, but for the stop, which goes before all."""
+"""In the order in which they are taken where findings ask for several, but for the stop, which goes before all.
+
+The model comes first: until it is right no trial of anything else can be passed.
+"""
 Outcome = Literal["recovered", "works slower", "stopped, person told", "nothing needed"]
 """What comes of an answer: the arm tracks as the healthy one at its target time or at a longer one, stands with its
 box held, or never needed help."""

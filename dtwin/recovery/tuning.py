@@ -22,6 +22,8 @@ BOUND: Final = 1.2
 """Greatest distance from the path of an arm that works, relative to that of the healthy arm."""
 FLOOR: Final = 1e-3
 """rad, distance from the path that encoders with noise leave whatever the settings are"""
+ENOUGH: Final = 1.05
+"""Distance from the path, relative to that of the healthy arm, that needs no change of the settings."""
 SATURATED: Final = 0.02
 """Share of the samples of a motion at the voltage limit from which on stiffer gains are of no use."""
 
@@ -89,7 +91,7 @@ def search(
             tried_gains = replace(gains, kp=_times(factor, gains.kp), ki=_times(factor, gains.ki))
             expected = expect(tried_gains, slower * target_time)
             found.append(_Tried(tried_gains, slower * target_time, *_ratios(expected, reference)))
-            if found[-1].worst <= 1.0:
+            if found[-1].worst <= ENOUGH:
                 return _tuned(found[-1], target_time)
             if max(motion.saturated for motion in expected) > SATURATED:
                 break

@@ -207,8 +207,9 @@ def judge(seed: int, faults: Sequence[Fault], expected: Expected, story: Story, 
             break
         good.append(one)
     outcome: Outcome | None = None
-    if story.stopped is not None:
-        outcome = "stopped, person told" if _stands(log, story.stopped) else None
+    stopped = _stopped_at(log, began)
+    if stopped is not None or story.stopped is not None:
+        outcome = "stopped, person told" if stopped is not None and story.stopped is not None else None
     elif good:
         slower = good[0].motion.target_time > usual + PERIOD / 2
         changed: Outcome = "works slower" if slower else "recovered"
@@ -227,7 +228,7 @@ def judge(seed: int, faults: Sequence[Fault], expected: Expected, story: Story, 
         tuple(judged),
         good[-1].motion.stop if good else None,
         outcome,
-        story.stopped is not None and _lost(log, story.stopped),
+        stopped is not None and _lost(log, stopped),
         *_jumps(log, story.started or 0.0, began),
         tuple(moments),
         log,
@@ -261,10 +262,13 @@ def _taken_off(log: Log, offsets: Sequence[tuple[float, Triple]]) -> Array:
     return taken
 
 
-def _stands(log: Log, stopped: float) -> bool:
-    """Whether the arm was stopped about when the operator said so, and was not let go again."""
-    stops = [e for e in log.events if e.kind == EventKind.STOP and e.time >= stopped - 1.0]
-    return bool(stops) and "released" not in stops[-1].text
+def _stopped_at(log: Log, began: float) -> float | None:
+    """When the arm was stopped since a plant time (s), s; None if it was not, or was let go again.
+
+    The operator is told of the stop before it comes, and may be seconds behind in a cell that waits for nobody.
+    """
+    stops = [event for event in log.events if event.kind == EventKind.STOP and event.time >= began]
+    return stops[0].time if stops and "released" not in stops[-1].text else None
 
 
 def _lost(log: Log, stopped: float) -> bool:
