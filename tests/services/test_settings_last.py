@@ -41,7 +41,7 @@ from tests.support.desk import Desk
 from tests.support.ports import free_port
 from tests.support.waiting import pause, until
 
-TUNED = ControlSettings(3.0, Gains(kp=(260.0, 500.0, 300.0)))
+TUNED = ControlSettings(3.0, Gains(kp=(260.0, 500.0, 300.0)), payload=0.22, encoder_offset=(0.0, 0.01, -0.02))
 
 
 @dataclass
@@ -118,6 +118,12 @@ class Loop:
     def set_model(self, model: ArmParameters) -> ControlSettings:
         return self._change(model=model)
 
+    def set_payload(self, mass: float) -> ControlSettings:
+        return self._change(payload=mass)
+
+    def set_offsets(self, offsets: Triple) -> ControlSettings:
+        return self._change(encoder_offset=offsets)
+
     def _change(self, **values: object) -> ControlSettings:
         device = self._alive()
         device.settings = replace(device.settings, **values)  # type: ignore[arg-type]
@@ -186,6 +192,10 @@ def test_no_sample_is_answered_with_other_settings(device: Device, tmp_path: Pat
         with bridged(meet, StateFile(file)):
             peer.until(lambda: device.answered, "samples are answered")
             bus.ask(SETTINGS, SettingsRequest(TUNED.gains, TUNED.target_time), SettingsInForce)
+            bus.ask(SETTINGS, SettingsRequest(payload=TUNED.payload), SettingsInForce)
+            bus.ask(SETTINGS, SettingsRequest(encoder_offset=TUNED.encoder_offset), SettingsInForce)
+            with pytest.raises(CommunicationError, match="a payload or encoder offsets alone"):
+                bus.ask(SETTINGS, SettingsRequest(payload=0.3, target_time=2.0), SettingsInForce)
             device.answered.clear()
             device.come_back(ControlSettings())
             peer.until(lambda: device.answered, "the device that came back answers")
