@@ -107,7 +107,7 @@ class FakeCell:
     def subscribe(self, topic: Topic, message: type, handle: Callable[[Any], None]) -> None:
         self._handlers[topic.name] = handle
 
-    def ask(self, topic: Topic, request: Any, reply: type) -> Any:
+    def ask(self, topic: Topic, request: Any, reply: type, timeout: float = 5.0) -> Any:
         answers: dict[Topic, Callable[[Any], Any]] = {
             UPLOAD: self._upload,
             PREDICT: self._predict,
