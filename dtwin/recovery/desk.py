@@ -21,7 +21,7 @@ from dtwin.errors import CommunicationError
 from dtwin.monitoring.kinds import arm_state, parse_fault_id
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.recovery.answers import gravest
-from dtwin.signals import Event, EventKind
+from dtwin.signals import Event
 
 PAYLOAD: Final = "payload"
 """What a finding about the held box names."""
@@ -58,7 +58,7 @@ class Desk:
         time: plant time of the newest message, s.
         end: plant time after which nothing is waited for any more, s.
         findings: settled findings that stand, by the parameters that changed.
-        boxes: how much each delivered box weighed more than usual, as far as the monitor found, kg.
+        boxes: how much each box that differed weighed more than usual, kg, by the plant time (s) of the finding.
         stopped: whether the operator has stopped the arm.
     """
 
@@ -68,10 +68,9 @@ class Desk:
         self.time = 0.0
         self.end = end
         self.findings: dict[str, MonitoredUnit] = {}
-        self.boxes: list[float] = []
+        self.boxes: dict[float, float] = {}
         self.stopped = False
         self.bus = bus
-        self._heavier = 0.0
         self._over = over
         self._progress = progress
         self._inbox: SimpleQueue[Message] = SimpleQueue()
@@ -192,19 +191,11 @@ class Desk:
         if isinstance(message, Event | MonitoringVerdict):
             self.time = max(self.time, message.time)
             self._progress(self.time)
-        if isinstance(message, Event):
-            self._note_box(message.kind)
         if isinstance(message, MonitoringVerdict):
             settled = (unit for unit in message.units.values() if unit.settled and unit.parameter)
             self.findings = {unit.parameter: unit for unit in settled}
             if (payload := self.findings.get(PAYLOAD)) is not None:
-                self._heavier = payload.size
+                self.boxes[payload.since] = payload.size
             grave = gravest(map(parse_fault_id, self.findings))
             if grave is not None and not self.stopped:
                 raise Grave(self.findings[str(grave)])
-
-    def _note_box(self, kind: str) -> None:
-        if kind == EventKind.PICKED:
-            self._heavier = 0.0
-        elif kind == EventKind.DELIVERED:
-            self.boxes.append(self._heavier)

@@ -78,7 +78,7 @@ class Measures:
         self._desk = desk
         self._arm = healthy
         self._reference: list[PredictedMotion] = []
-        self._followed: int | None = None
+        self._followed = 0
         self._take: dict[Measure, Callable[[Sequence[MonitoredUnit]], Taken]] = {
             "refit": self._refit,
             "rescale": self._rescale,
@@ -187,8 +187,8 @@ class Measures:
     def _count_on(self, found: Sequence[MonitoredUnit]) -> Taken:
         """Has the controller count on the mass that was measured, at a target time at which the arm can carry it."""
         desk, in_force = self._desk, self._desk.settings()
-        self._followed = self._followed if self._followed is not None else len(desk.boxes)
-        mass = BOXES[0] + found[0].size
+        self._followed = len(desk.boxes)
+        mass = self._mean_box()
         values = {found[0].parameter: mass}
         if abs(mass - in_force.payload) <= SAME_MASS:
             desk.say(f"the controller counts on {1e3 * in_force.payload:.0f} g already")
@@ -208,18 +208,20 @@ class Measures:
         return Taken(upload.time, values)
 
     def follow_boxes(self) -> None:
-        """Has the controller count on the mean of the boxes since the first that differed, or on the usual box again
-        after two that did not differ."""
+        """Has the controller count on the mean of all boxes that differed, once the first of them was answered."""
         boxes = self._desk.boxes
-        if self._followed is None or len(boxes) == self._followed:
+        if not self._followed or len(boxes) == self._followed:
             return
         self._followed = len(boxes)
-        since = next((k for k, heavier in enumerate(boxes) if heavier), len(boxes))
-        mean = sum(boxes[since:]) / len(boxes[since:]) if any(boxes[-2:]) else 0.0
-        mass = BOXES[0] + mean
+        mass = self._mean_box()
         if abs(mass - self._desk.settings().payload) > SAME_MASS:
-            why = f"the last boxes weighed {1e3 * mass:.0f} g"
+            why = f"the last {len(boxes)} boxes that differed weighed {1e3 * mass:.0f} g in the mean"
             self._desk.confirm(self._desk.upload(why, payload=mass, arm=self._arm))
+
+    def _mean_box(self) -> float:
+        """Mean mass of all boxes that differed, kg."""
+        boxes = self._desk.boxes
+        return BOXES[0] + sum(boxes.values()) / len(boxes)
 
     def _stand_delay(self, found: Sequence[MonitoredUnit]) -> Taken:
         """Lowers the gains until the loop has its margins with the delay, and the speed until the arm tracks well."""
