@@ -122,18 +122,21 @@ class Measures:
         )
         if tuned.target_time > in_force.target_time:
             desk.confirm(self._tune(tuned, in_force, arm))
-            uploaded = desk.upload("the arm has changed", model=arm)
-            desk.confirm(uploaded)
+            uploaded = self._upload_model(arm)
         else:
-            uploaded = desk.upload("the arm has changed", model=arm)
-            desk.confirm(uploaded)
+            uploaded = self._upload_model(arm)
             if tuned.gains == in_force.gains:
                 desk.say(f"gains and target time can stay: {_expected(tuned)}")
             else:
                 uploaded = self._tune(tuned, in_force, arm)
                 desk.confirm(uploaded)
-        self._arm = arm
         return uploaded.time
+
+    def _upload_model(self, arm: ArmParameters) -> Upload:
+        upload = self._desk.upload("the arm has changed", model=arm)
+        self._desk.confirm(upload)
+        self._arm = arm
+        return upload
 
     def _tuned(self, in_force: Upload, arm: ArmParameters, boxes: Sequence[float], expect: Expect) -> Tuned:
         """Settings with which an arm works with boxes of some masses (kg)."""

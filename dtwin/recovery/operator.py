@@ -27,10 +27,10 @@ class Step(NamedTuple):
     """A measure that the operator has taken.
 
     Attributes:
-        time: plant time at which it was complete, s.
+        time: plant time at which it was begun, s.
         parameters: what the findings name.
         measure: what was done.
-        taken: what came of it.
+        taken: what came of it; nothing if it was not completed.
     """
 
     time: float
@@ -47,7 +47,7 @@ class Operator:
         measures: measures at that cell, which have begun.
 
     Attributes:
-        steps: what has been done, in order.
+        steps: what has been begun, in order.
         findings: findings as they were when they were answered, in order.
         trouble: why not all was done, "" if it was.
     """
@@ -83,7 +83,7 @@ class Operator:
                 self._measures.follow_boxes()
             elif isinstance(message, Event) and message.kind == MONITOR + PUSH:
                 self._say_why(PUSH, answer_to(parse_fault_id(PUSH)))
-                self._done("go on", (PUSH,), _NOTHING)
+                self._begin("go on", (PUSH,))
 
     def _new(self) -> dict[str, MonitoredUnit]:
         """Findings that nobody has dealt with, by what they name; what has ended may come again."""
@@ -106,18 +106,21 @@ class Operator:
         self._dealt |= set(names)
         self.findings += found
         self._say_why(" and ".join(names), new[names[0]][1])
+        self._begin(measure, names)
+        if measure == "go on":
+            return
         try:
-            taken = _NOTHING if measure == "go on" else self._measures.take(measure, found)
+            taken = self._measures.take(measure, found)
         except TooWeak as weak:
             self._stop(found, f"{parse_fault_id(names[0]).where}: {weak}")
         else:
-            self._done(measure, names, taken)
+            self.steps[-1] = self.steps[-1]._replace(taken=taken)
 
     def _stop(self, found: Sequence[MonitoredUnit], why: str) -> None:
         names = tuple(unit.parameter for unit in found)
         self._dealt |= set(names)
         self._desk.stop(found[0], f"{why}: {order(parse_fault_id(names[0]))}")
-        self._done("stop", names, _NOTHING)
+        self._begin("stop", names)
 
     def _halt(self, found: MonitoredUnit) -> None:
         """Stops the arm; if nobody does it, the next verdict asks again."""
@@ -137,5 +140,5 @@ class Operator:
         todo = f"; for a person: {answer.order}" if answer.measure == "go on" and answer.order else ""
         self._desk.say(f"{what} asks for {answer.measure}: {answer.why}{todo}")
 
-    def _done(self, measure: Measure, names: tuple[str, ...], taken: Taken) -> None:
-        self.steps.append(Step(self._desk.time, names, measure, taken))
+    def _begin(self, measure: Measure, names: tuple[str, ...]) -> None:
+        self.steps.append(Step(self._desk.time, names, measure, _NOTHING))

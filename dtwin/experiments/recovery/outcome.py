@@ -149,8 +149,9 @@ class Recovery:
 
     @property
     def measures(self) -> frozenset[Measure]:
-        """What the operator did about the faults."""
-        return frozenset(step.measure for step in self.story.steps)
+        """What the operator did about the faults; a stop ends all else."""
+        measures: frozenset[Measure] = frozenset(step.measure for step in self.story.steps)
+        return frozenset({"stop"}) if "stop" in measures else measures
 
     @property
     def right(self) -> bool:
