@@ -202,9 +202,11 @@ def judge(seed: int, faults: Sequence[Fault], expected: Expected, story: Story, 
         if motion.start >= began - PERIOD / 2 and alike:
             mean = float(np.mean(alike))
             judged.append(Judged(motion, same.get((round(motion.mass, 9), motion.carries), mean)))
+    uploads = [event.time for event in log.events if event.kind == EventKind.UPLOAD and event.time >= began]
+    uploaded = story.uploaded if story.uploaded is not None else min(uploads, default=None)
     good: list[Judged] = []
     for one in reversed(judged):
-        if one.motion.start < (story.uploaded or began) or not one.ratio <= BOUND:
+        if one.motion.start < (uploaded or began) or not one.ratio <= BOUND:
             break
         good.append(one)
     outcome: Outcome | None = None
@@ -214,7 +216,7 @@ def judge(seed: int, faults: Sequence[Fault], expected: Expected, story: Story, 
     elif good:
         slower = good[0].motion.target_time > usual + PERIOD / 2
         changed: Outcome = "works slower" if slower else "recovered"
-        outcome = changed if story.uploaded is not None else "nothing needed"
+        outcome = changed if uploaded is not None else "nothing needed"
     moments = [
         TimelineEntry(event.time, who, event.text)
         for event in log.events
