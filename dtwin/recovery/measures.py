@@ -18,13 +18,13 @@ from dtwin.bus.twin_messages import (
 )
 from dtwin.controller.bounds import ENCODER_OFFSETS
 from dtwin.monitoring.kinds import parse_fault_id
-from dtwin.parameters import ArmParameters, Triple, scaled
+from dtwin.parameters import ArmParameters, Gains, Triple, scaled
 from dtwin.recovery.answers import Measure
 from dtwin.recovery.delay import settings_for_late
 from dtwin.recovery.desk import ANSWER, Desk
 from dtwin.recovery.refit import refitted
 from dtwin.recovery.strength import beyond_strength
-from dtwin.recovery.tuning import Ability, Expect, Tuned, search
+from dtwin.recovery.tuning import BOUND, Ability, Expect, Tuned, search, worst_ratio
 
 BOXES: Final = (0.2, 0.21)
 """kg, the usual box and the heaviest"""
@@ -111,32 +111,30 @@ class Measures:
     def _adopt(self, arm: ArmParameters) -> float:
         """Gives the controller a model of the arm as it is now, and settings with which that arm works; when, s.
 
-        The model comes first, since it helps at once, unless the arm needs more time before it can follow its paths.
+        The model comes first, since it helps at once, and settings are searched while it is on trial; but an arm that
+        needs more time before it can follow its paths gets that first.
         """
         desk, in_force = self._desk, self._desk.settings()
-        tuned = self._tuned(
-            in_force,
-            arm,
-            BOXES,
-            lambda gains, time: self._expect(PredictionRequest(gains, time, model=arm)),
-        )
-        if tuned.target_time > in_force.target_time:
-            desk.confirm(self._tune(tuned, in_force, arm))
-            uploaded = self._upload_model(arm)
-        else:
-            uploaded = self._upload_model(arm)
-            if tuned.gains == in_force.gains:
-                desk.say(f"gains and target time can stay: {_expected(tuned)}")
-            else:
-                uploaded = self._tune(tuned, in_force, arm)
-                desk.confirm(uploaded)
-        return uploaded.time
 
-    def _upload_model(self, arm: ArmParameters) -> Upload:
-        upload = self._desk.upload("the arm has changed", model=arm)
-        self._desk.confirm(upload)
+        def expect(gains: Gains, target_time: float) -> list[PredictedMotion]:
+            return self._expect(PredictionRequest(gains, target_time, model=arm))
+
+        weak = bool(beyond_strength(arm, max(BOXES)))
+        able = not weak and worst_ratio(expect(in_force.gains, in_force.target_time), self._reference) <= BOUND
+        uploaded = desk.upload("the arm has changed", model=arm) if able else None
+        tuned = self._tuned(in_force, arm, BOXES, expect)
+        changes = (tuned.gains, tuned.target_time) != (in_force.gains, in_force.target_time)
+        if uploaded is None:
+            desk.confirm(self._tune(tuned, in_force, arm))
+            uploaded, changes = desk.upload("the arm has changed", model=arm), False
+        desk.confirm(uploaded)
         self._arm = arm
-        return upload
+        if changes:
+            uploaded = self._tune(tuned, in_force, arm)
+            desk.confirm(uploaded)
+        elif able:
+            desk.say(f"gains and target time can stay: {_expected(tuned)}")
+        return uploaded.time
 
     def _tuned(self, in_force: Upload, arm: ArmParameters, boxes: Sequence[float], expect: Expect) -> Tuned:
         """Settings with which an arm works with boxes of some masses (kg)."""

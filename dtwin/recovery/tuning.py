@@ -99,6 +99,11 @@ def search(
     return _tuned(best, target_time, min(tried.empty for tried in found))
 
 
+def worst_ratio(expected: Sequence[PredictedMotion], reference: Sequence[PredictedMotion]) -> float:
+    """Distance from the path of the worst motion, relative to that of the healthy arm."""
+    return max(_ratios(expected, reference))
+
+
 def _tuned(tried: _Tried, target_time: float, empty: float = 1.0) -> Tuned:
     ability: Ability
     if tried.worst <= BOUND:

@@ -27,7 +27,7 @@ from tests.support.desk import Desk
 
 def recovered(*options: str) -> dict[str, Any]:
     command = [sys.executable, "-m", "dtwin", "demo", "recovery", "--seed", "1", "--json", *options]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr + done.stdout
     (run,) = json.loads(done.stdout)["runs"]
     assert (run["right"], run["works"], run["trouble"]) == (True, True, "")
