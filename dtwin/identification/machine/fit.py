@@ -11,7 +11,7 @@ import numpy as np
 from dtwin.identification.data import Array, Experiment
 from dtwin.identification.estimation.problem import Prior
 from dtwin.identification.estimation.solver import Minimum, minimise
-from dtwin.identification.machine.problem import MachineProblem
+from dtwin.identification.machine.problem import FARTHEST, MachineProblem
 
 _FIRST_NOISE: Final = 5e-3
 """What no model explains, before anything is known of it, rad."""
@@ -25,6 +25,7 @@ _SETTLED: Final = 0.5
 _INFLATION: Final = 2.0
 """Factor on all standard deviations: what no model has acts alike in every segment, so the segments agree on what
 is wrong. It was chosen on the machines 501 to 506; `dtwin experiment strangers` judges it on others."""
+_ROUNDING: Final = 1e-9
 _FAR: Final = 3.0
 """Standard deviations beyond which a residual counts less (Huber, Robust Statistics, 1981): spikes, lost samples."""
 
@@ -55,6 +56,13 @@ class MachineFit:
     def deviations(self) -> dict[str, float]:
         """Standard deviations of the free numbers by name."""
         return dict(zip(self.problem.free, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    @property
+    def at_edge(self) -> tuple[str, ...]:
+        """Names of the numbers that would fit better still farther from the data sheet than they may be."""
+        free = len(self.problem.free)
+        away = np.abs(self.x[:free] - self.problem.start()[:free])
+        return tuple(name for name, far in zip(self.problem.free, away, strict=True) if far > FARTHEST - _ROUNDING)
 
     @property
     def values(self) -> dict[str, float]:

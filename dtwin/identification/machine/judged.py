@@ -108,6 +108,11 @@ class Judged:
                     f"joint {joint}: {1e3 * left:.2g} mrad are not explained, the encoder's noise is"
                     f" {1e3 * encoder:.2g} mrad: the arm has an effect that the model lacks"
                 )
+        if edge := self.found.at_edge:
+            said.append(
+                f"{', '.join(edge)}: as far from the data sheet as twice its range; farther off the motion would be"
+                " explained better, so the data sheet is wrong there, or the arm has an effect that the model lacks"
+            )
         return said
 
 

@@ -26,6 +26,11 @@ from dtwin.twin.machine import MACHINE_NAMES, SHAPES, machine_rollout
 
 _LEAST: Final = {"K": 1e-3, "m": 1e-3, "I": 1e-6, "l": 1e-2, "stribeck_velocity": 0.02, "lag": 5e-4}
 """Lower bounds of what is above 0; a shorter lag than a fifth of the integration step shows nowhere."""
+FARTHEST: Final = 2.3
+"""Standard deviations that a number may be from the expectation of its prior: twice the range of the data sheet.
+
+A number that fits better farther off stands for something else, which the model lacks.
+"""
 _STEP: Final = 1e-4
 """Step of the difference quotients in standard deviations of the priors."""
 _STATE_STEP: Final = 1e-6
@@ -76,8 +81,10 @@ class MachineProblem:
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the scaled unknowns."""
         least = [-np.inf if n.startswith((*SIGNED, *SHAPES)) else _LEAST.get(n.rstrip("123"), 0.0) for n in self.free]
+        expected = np.array([self.priors[name].mean for name in self.free]) / self.scale
+        lower = np.maximum(np.array(least) / self.scale, expected - FARTHEST)
         states = np.full(6 * len(self.segments), np.inf)
-        return np.concatenate((np.array(least) / self.scale, -states)), np.full(len(least) + len(states), np.inf)
+        return np.concatenate((lower, -states)), np.concatenate((expected + FARTHEST, states))
 
     def start(self) -> Array:
         """Scaled unknowns at the expected values and the measured motion."""

@@ -13,6 +13,7 @@ from dtwin.identification.data import Array, Experiment
 from dtwin.identification.machine.fit import MachineFit, fit_machine
 from dtwin.identification.machine.judged import HeldOutMotion, Judged, identify_machine, judge, record_of
 from dtwin.identification.machine.left import what_is_left
+from dtwin.identification.machine.problem import FARTHEST
 from dtwin.identification.machine.record import EncoderCheck, SensorCheck, read_record, write_record
 from dtwin.identification.machine.sheet import sheet
 from dtwin.parameters import ArmParameters
@@ -84,6 +85,18 @@ def replaced(vector: Array, **values: float) -> Array:
     for name, value in values.items():
         result[MACHINE_NAMES.index(name)] = value
     return result
+
+
+def test_a_number_stays_near_the_data_sheet_and_it_is_said_if_it_would_not() -> None:
+    weak = vector_of(ARM, Effects(dead_zone=(1.0, 0.1, 0.1)))
+    fit = fit_machine(motions(weak, 12, 3), ("dead_zone1", "dead_zone2"), vector_of(ARM, NO_EFFECTS), sheet(ARM))
+    prior = sheet(ARM)["dead_zone1"]
+    assert fit.values["dead_zone1"] == pytest.approx(prior.mean + FARTHEST * prior.deviation)
+    assert fit.at_edge == ("dead_zone1",)
+    (said,) = [
+        text for text in Judged(fit, fitting(1.0, 1.0, 1.0), np.full(3, NOISE), ()).remarks() if "sheet" in text
+    ]
+    assert said.startswith("dead_zone1: as far from the data sheet")
 
 
 def test_what_the_data_do_not_tell_keeps_the_data_sheets_tolerance() -> None:
