@@ -148,7 +148,10 @@ def test_what_is_refused_changes_nothing(cell: Desk, history: History) -> None:
                 f"expected version {held}, got {held - 1}",
             ),
             (UploadRequest("bob", "wild", held, gains=Gains(kp=(2000.0,) * 3)), "blue with a box: not stable"),
-            (UploadRequest("bob", "nothing", held), "expected gains, a target time or both, or a model alone"),
+            (
+                UploadRequest("bob", "nothing", held),
+                "expected gains, a target time or both, or a model, a payload or encoder offsets alone",
+            ),
         ):
             with pytest.raises(CommunicationError, match=reason):
                 bus.ask(UPLOAD, request, Upload)
@@ -232,7 +235,7 @@ def test_numbers_that_no_arm_can_have_are_refused_with_the_range(cell: Desk) -> 
             (
                 replace(asked, gains=Gains(), model=ArmParameters()),
                 SettingsRequest(Gains(), 2.0, ArmParameters()),
-                "or a model alone",
+                "or a model, a payload or encoder offsets alone",
             ),
         ):
             with pytest.raises(CommunicationError, match=reason):

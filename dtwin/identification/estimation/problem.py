@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -23,11 +22,11 @@ from dtwin.parameters import PARAMETER_NAMES, ArmParameters, symbol_of
 from dtwin.twin.rollout import rollout
 from dtwin.twin.sensitivity import STATE_NAMES, sensitivities
 
-UPPER: Final = MappingProxyType({"K": 1.0, "m": 0.15, "I": 0.1, "l": 0.2, "c": 0.15, "D": 0.1, "mu": 0.5})
+UPPER: Final[Mapping[str, float]] = {"K": 1.0, "m": 0.15, "I": 0.1, "l": 0.2, "c": 0.15, "D": 0.1, "mu": 0.5}
 """Upper bounds of the estimates by symbol, SI units."""
-UPPER_OF_FAULTY: Final = MappingProxyType({**UPPER, "D": 1.0})
+UPPER_OF_FAULTY: Final[Mapping[str, float]] = {**UPPER, "D": 1.0}
 """The same for an arm that has changed: friction may have grown beyond that of any healthy joint."""
-LOWER: Final = MappingProxyType({"K": 1e-3, "m": 1e-3, "I": 1e-6, "l": 1e-2, "c": 1e-3, "D": 0.0, "mu": 0.0})
+LOWER: Final[Mapping[str, float]] = {"K": 1e-3, "m": 1e-3, "I": 1e-6, "l": 1e-2, "c": 1e-3, "D": 0.0, "mu": 0.0}
 
 START: Final = ArmParameters(
     voltage_constant=(0.2353, 0.1573, 0.1573),

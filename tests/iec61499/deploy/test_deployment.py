@@ -317,7 +317,7 @@ def test_types_that_the_device_knows_are_not_sent_again() -> None:
         return False
 
     with session(note) as client:
-        for count in (14, 0):
+        for count in (15, 0):
             sent.clear()
             deploy(client, cell_plan())
             assert sum('Action="CREATE"><FBType' in request for request in sent) == count
