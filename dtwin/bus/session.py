@@ -36,6 +36,9 @@ class Publisher:
         self._put = publisher.put
         self._signer = signer
         self._lock = threading.Lock()
+        self._matched = threading.RLock()
+        self._listener: Any = None
+        self._wanted = False
 
     def __call__(self, message: msgspec.Struct) -> None:
         payload = encode(message)
@@ -52,8 +55,16 @@ class Publisher:
 
     @property
     def wanted(self) -> bool:
-        """Whether at least one session subscribes to the topic."""
-        return _matching(self._publisher.matching_status)
+        """Whether at least one session subscribes to the topic, as far as this one has heard."""
+        if self._listener is None:
+            with self._matched:  # What the listener hears meanwhile is newer, and counts.
+                self._listener = self._publisher.declare_matching_listener(Callback(self._note, lambda: None))
+                self._wanted = _matching(self._publisher.matching_status)
+        return self._wanted
+
+    def _note(self, status: Any) -> None:
+        with self._matched:
+            self._wanted = _matching(status)
 
 
 class Subscription:

@@ -88,21 +88,6 @@ def test_a_minute_under_the_cascade_is_the_same(served: DeployedApplication) -> 
     assert cell.summary(log).boxes.delivered > 1
 
 
-@needs_forte
-def test_forte_takes_a_thirtieth_of_real_time(tmp_path: Path) -> None:
-    factors = []
-    with forte(tmp_path) as management:
-        device = DeployedApplication(management)
-        device.deploy()
-        # the best of three: other processes may take their part of the machine
-        for seed in range(3):
-            with controller(device) as remote:
-                cell = Cell(CellSettings(duration=40.0, seed=seed), remote)
-                cell.run()
-            factors.append(cell.summary(cell.log.freeze()).real_time_factor)
-    assert max(factors) >= 30
-
-
 def test_a_second_run_on_the_same_application(served: DeployedApplication) -> None:
     for seed, duration in ((1, 15.0), (2, 24.7), (3, 5.0)):
         settings = CellSettings(duration=duration, seed=seed)
