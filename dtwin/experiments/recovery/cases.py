@@ -53,7 +53,7 @@ def _switched(target: str) -> Draw:
 DRAWS: Final[dict[str, Draw]] = {
     "K": _sized("KN", "*=", 0.5, 0.95),
     "D": _sized("DN", "*=", 1.5, 3.0),
-    "mu": _sized("muN", "+=", 0.005, 0.012),
+    "mu": _sized("muN", "+=", 0.005, 0.03),
     "payload": _sized("payload", "+=", 0.015, 0.06),
     "slip": _switched("slip"),
     "bias": _sized("biasN", "+=", 0.005, 0.03, signed=True),
