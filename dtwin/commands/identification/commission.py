@@ -20,7 +20,7 @@ from dtwin.commands.frame import at_least
 from dtwin.commissioning.collection import collect
 from dtwin.commissioning.procedure import Commissioned, Progress, commission
 from dtwin.commissioning.stages import Stages
-from dtwin.commissioning.words import NINETY_FIVE
+from dtwin.commissioning.words import NINETY_FIVE, steps
 from dtwin.errors import CommunicationError, ParameterError, RecordingError, UnansweredError
 from dtwin.files import ensure_writable, reason_of, replacing
 from dtwin.identification.machine.record import MachineRecord, write_record
@@ -184,7 +184,17 @@ def _print(record: MachineRecord, files: list[Path]) -> None:
     console.print(f"{record.grade}: fit on held-out motion {fits}; {record.segments} segments")
     for remark in record.remarks:
         console.print(as_text(remark))
+    for joint, encoder in enumerate(record.sensors.encoders, 1):
+        noise = f"noise {1e3 * encoder.noise:.2g} mrad"
+        console.print(f"encoder {joint}: step {steps(encoder.step)}, {noise}, {encoder.spikes:.0f} spikes an hour")
     if record.settings is not None and record.settings.refused:
         console.print(as_text(f"the settings must not be used: {record.settings.refused}"))
+    elif record.settings is not None:
+        (kp, *_), (ki, *_), (kd, *_) = (getattr(record.settings.control.gains, name) for name in ("kp", "ki", "kd"))
+        found = record.settings.places
+        console.print(
+            f"settings: Kp {kp:.0f}, Ki {ki:.0f}, Kd {kd:.0f}; least margins at the places: disk {found.disk:.2f},"
+            f" {found.gain:.1f} dB, {found.phase:.0f} degrees, {found.delay:.2f} ticks"
+        )
     for file in files:
         console.print(as_text(f"written to {file}"))
