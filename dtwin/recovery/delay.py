@@ -10,11 +10,10 @@ from dtwin.bus.twin_messages import PredictedMotion, Upload
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters, Gains, Triple
-from dtwin.recovery.tuning import Tuned, search
-from dtwin.simulation.checks import MOTIONS, TAIL
+from dtwin.recovery.tuning import Tuned, search, times
+from dtwin.simulation.checks import MOTIONS, motion_case
 from dtwin.simulation.margins.demands import DEMANDS, cases
 from dtwin.simulation.margins.poses import places
-from dtwin.simulation.places import angles_of
 from dtwin.simulation.whatif import MotionCase, Simulator, TwinArm
 
 LATE: Final = 1.0
@@ -79,24 +78,10 @@ def _expect(
     found = []
     for box in boxes:
         for motion in MOTIONS:
-            case = MotionCase(
-                motion.goal,
-                settings,
-                angles_of(motion.start),
-                arm=arm,
-                payload=box if motion.carries else 0.0,
-                carries=motion.carries,
-                duration=settings.target_time + TAIL,
-            )
-            f = simulator.run(case, LateArm).figures
+            f = simulator.run(motion_case(motion, settings, arm, box), LateArm).figures
             found.append(PredictedMotion(*motion, f.tracking_rms, f.tracking_max, f.peak_volts, f.saturated))
     return found
 
 
 def _slowed(gains: Gains, factor: float) -> Gains:
-    return Gains(_times(factor**2, gains.kp), _times(factor**3, gains.ki), _times(factor, gains.kd))
-
-
-def _times(factor: float, gains: Triple) -> Triple:
-    first, second, third = gains
-    return factor * first, factor * second, factor * third
+    return Gains(times(factor**2, gains.kp), times(factor**3, gains.ki), times(factor, gains.kd))

@@ -88,7 +88,7 @@ def search(
     found: list[_Tried] = []
     for slower in SLOWER:
         for factor in stiffer:
-            tried_gains = replace(gains, kp=_times(factor, gains.kp), ki=_times(factor, gains.ki))
+            tried_gains = replace(gains, kp=times(factor, gains.kp), ki=times(factor, gains.ki))
             expected = expect(tried_gains, slower * target_time)
             found.append(_Tried(tried_gains, slower * target_time, *_ratios(expected, reference)))
             if found[-1].worst <= ENOUGH:
@@ -121,7 +121,8 @@ def _ratios(expected: Sequence[PredictedMotion], reference: Sequence[PredictedMo
     return worst[True], worst[False]
 
 
-def _times(factor: float, gains: Triple) -> Triple:
+def times(factor: float, gains: Triple) -> Triple:
+    """The gains of three joints times a factor."""
     first, second, third = gains
     return factor * first, factor * second, factor * third
 

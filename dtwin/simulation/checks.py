@@ -156,7 +156,7 @@ class Checker:
         Raises:
             DivergenceError: the state of the arm is no longer finite.
         """
-        return [self._simulator.run(_case(motion, settings, arm, box)).figures for motion in motions]
+        return [self._simulator.run(motion_case(motion, settings, arm, box)).figures for motion in motions]
 
     def _margins(self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion]) -> list[Case]:
         """The margins where motions end; delays longer than what is demanded are not looked at.
@@ -177,7 +177,8 @@ class Checker:
         return found
 
 
-def _case(motion: Motion, settings: ControlSettings, arm: ArmParameters, box: float) -> MotionCase:
+def motion_case(motion: Motion, settings: ControlSettings, arm: ArmParameters, box: float) -> MotionCase:
+    """The case of one of the motions of the cell, with a box of a mass (kg) if one is carried."""
     return MotionCase(
         motion.goal,
         settings,
