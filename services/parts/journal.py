@@ -152,16 +152,15 @@ class Journal:
         if self._file is None:
             return False
         try:
-            written = self._file.write(record)
-            reason = os.strerror(min(NO_SPACE))
+            written, reason = self._file.write(record), None
         except OSError as error:
-            written, reason = 0, str(error.strerror)
+            written, reason = 0, error.strerror
         if written == len(record):
             self._end += written
             return True
         self._cut(self._end)
         self._complete = False
-        self._fail(reason)
+        self._fail(reason or os.strerror(min(NO_SPACE)))
         return False
 
     def _keep_stop_alone(self) -> None:
