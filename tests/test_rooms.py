@@ -19,6 +19,7 @@ FLOORS = [
     {"dtwin.view", "dtwin.identification"},
     {"dtwin.monitoring", "dtwin.simulation"},
     {"dtwin.commissioning", "dtwin.recovery"},
+    {"dtwin.console"},
     {"services"},
     {"dtwin.experiments"},
     {"dtwin.commands"},

@@ -1,0 +1,1 @@
+"""The operator's seat: what a cell and its twin do, on one page."""
