@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from dtwin import __version__
 from dtwin.errors import DtwinError, choices
+from dtwin.files import NO_SPACE, reason_of
 from dtwin.options import parse_apart, parse_options
 from dtwin.terminal import printable
 
@@ -190,9 +191,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("dtwin: interrupted", file=sys.stderr)
         return 130
     except BrokenPipeError:
-        # the reader of our output has gone; keep the interpreter's own flush at exit from complaining
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()  # Its reader has gone.
         return 141
+    except OSError as error:
+        if error.errno not in NO_SPACE:
+            raise
+        _discard_output()
+        print(f"dtwin: {error.filename or 'standard output'}: cannot be written: {reason_of(error)}", file=sys.stderr)
+        return 2
+
+
+def _discard_output() -> None:
+    """Keeps the interpreter's own flush at exit from complaining about what could not be written."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _dispatch(arguments: list[str]) -> int:

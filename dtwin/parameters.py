@@ -57,6 +57,24 @@ def symbol_of(name: str) -> str:
     return tuple(_SYMBOLS)[_index(name) // 3]
 
 
+_UNITS: Final = {
+    "K": "N m/V",
+    "m": "kg",
+    "I": "kg m^2",
+    "l": "m",
+    "c": "m",
+    "D": "N m s/rad",
+    "mu": "N m",
+    "offset": "rad",
+    "payload": "kg",
+}
+
+
+def unit_of(name: str) -> str:
+    """The unit of one of PARAMETER_NAMES, of an encoder's offset or of a load; "" for another name."""
+    return _UNITS.get(name.rstrip("0123456789"), "")
+
+
 @dataclass(frozen=True, slots=True)
 class ArmParameters:
     """Parameters of the three links, one value per link.

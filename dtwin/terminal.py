@@ -40,11 +40,19 @@ def folding(table: Table) -> Table:
     return table
 
 
+NARROW = 80
+"""Number of columns of a terminal below which a table is drawn without the lines between its columns."""
+
+
 def print_table(table: Table) -> None:
     """Prints a table on standard output; nothing of it is cut."""
+    from rich.box import SIMPLE_HEAD
     from rich.console import Console
 
-    Console().print(folding(table))
+    console = Console()
+    if console.width < NARROW:
+        table.box, table.pad_edge, table.padding = SIMPLE_HEAD, False, (0, 1, 0, 0)
+    console.print(folding(table))
 
 
 def print_json(value: Any) -> None:

@@ -172,11 +172,13 @@ def predicted(case: ValidationCase) -> Trajectory:
 def _examine(case: ValidationCase, emulation: Trajectory, twin: Trajectory) -> ValidationOutcome:
     compared = emulation.time <= case.agreement_until
     difference = float(np.abs(emulation.theta - twin.theta)[compared].max())
-    checks = [Check("emulation_vs_twin", difference, f"at most {AGREEMENT:g} rad", difference <= AGREEMENT)]
+    agreeing = f"at most {AGREEMENT:g} rad until {emulation.time[compared][-1]:g} s"
+    checks = [Check("emulation_vs_twin", difference, agreeing, difference <= AGREEMENT)]
     for name, motion in (("emulation", emulation), ("twin", twin)):
         for quantity, expected in case.expected.items():
             value = getattr(motion, quantity)
-            text = f"{expected:g} +- {TOLERANCE:g}"
+            unit = "s" if quantity == "time_of_min" else "rad"
+            text = f"{expected:g} +- {TOLERANCE:g} {unit}"
             checks.append(Check(f"{name} {quantity}", value, text, abs(value - expected) <= TOLERANCE))
         for quantity, (low, high) in case.within.items():
             value = getattr(motion, quantity)
@@ -209,7 +211,10 @@ def draw(outcomes: Sequence[ValidationOutcome], path: Path) -> None:
                 ms=4,
                 label=f"theta {joint + 1}, twin",
             )
-        axis.set_title(f"{outcome.case.name}: largest difference {outcome.difference:.1e} rad", fontsize=10)
+        until = min(outcome.case.agreement_until, outcome.case.duration)
+        difference = f"largest difference until {until:g} s: {outcome.difference:.1e} rad"
+        rounding = "; then rounding decides where it falls" if until < outcome.case.duration else ""
+        axis.set_title(f"{outcome.case.name}: {difference}{rounding}", fontsize=10)
         axis.set_ylabel("rad")
         axis.grid(alpha=0.3)
     axes[0].legend(ncols=3, fontsize=8, loc="upper right")

@@ -25,11 +25,15 @@ from dtwin.pool import Workers
 from dtwin.simulation.figures import Array, triple
 from dtwin.simulation.objective import UNLIMITED, CandidateScore, Objective, score
 
+GAIN_DIGITS: Final = 1
+"""Decimal places of gains that are tried."""
+TIME_DIGITS: Final = 3
+"""Decimal places of target times that are tried, s."""
 POPULATION: Final = 40
 """Number of candidates in a generation, four per variable."""
 LOWEST: Final = (50.0, 10.0, 0.5)
 """Lower bounds of kp, ki and kd in the search."""
-HIGHEST: Final = (2000.0, 2000.0, 100.0)
+HIGHEST: Final = (2000.0, 5000.0, 100.0)
 """Upper bounds of kp, ki and kd in the search."""
 
 
@@ -156,8 +160,14 @@ def _first_generation(lower: Array, upper: Array, target_time: float, gains: Gai
 
 
 def _judge(objective: Objective, point: Sequence[float]) -> CandidateScore:
+    """The score of a point; what is judged is rounded, so that it can be shown and typed as it is."""
     target_time, *gains = (math.exp(value) for value in point)
-    return score(objective, target_time, Gains(triple(gains[:3]), triple(gains[3:6]), triple(gains[6:])))
+    rounded = [round(gain, GAIN_DIGITS) for gain in gains]
+    return score(
+        objective,
+        round(target_time, TIME_DIGITS),
+        Gains(triple(rounded[:3]), triple(rounded[3:6]), triple(rounded[6:])),
+    )
 
 
 def _unused(_: Array) -> float:

@@ -12,8 +12,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from dtwin.files import replacing
+from dtwin.parameters import unit_of
 from dtwin.view.layout import plot_view
+from dtwin.view.saving import saving
 from dtwin.view.series import TIMELINE
 
 Array = NDArray[np.float64]
@@ -26,17 +27,6 @@ _STYLES: Final = {
     "identified": ((80, 150, 240), 4.5),
 }
 """Colours and widths of the lines; the measured motion is drawn last, on top of that of the identified model."""
-_UNITS: Final = {
-    "K": "N m/V",
-    "m": "kg",
-    "I": "kg m^2",
-    "l": "m",
-    "c": "m",
-    "D": "N m s/rad",
-    "mu": "N m",
-    "offset": "rad",
-    "payload": "kg",
-}
 
 
 def write_identification(
@@ -65,8 +55,7 @@ def write_identification(
     stream = rr.RecordingStream("dtwin identification", recording_id=digest, send_properties=False)
     stream.set_log_tick_enabled(False)
     stream.set_log_time_enabled(False)
-    with replacing(path) as temporary, stream:
-        stream.save(temporary, default_blueprint=_layout())
+    with saving(stream, path, _layout()):
         for name, angles in motions.items():
             time = rr.TimeColumn(TIMELINE, duration=np.arange(len(angles)) * period)
             for joint in (1, 2, 3):
@@ -74,7 +63,7 @@ def write_identification(
                 entity = f"motion/joint_{joint}/{name}"
                 stream.log(entity, rr.SeriesLines(colors=[colour], widths=[width], names=[name]), static=True)
                 stream.send_columns(entity, [time], rr.Scalars.columns(scalars=angles[:, joint - 1]))
-        lines = [f"| {name} | {value:.6g} | +- {half:.2g} | {_unit(name)} |" for name, value, half in rows]
+        lines = [f"| {name} | {value:.6g} | +- {half:.2g} | {unit_of(name)} |" for name, value, half in rows]
         table = "\n".join(["| | estimate | 95 % interval | unit |", "|---|---|---|---|", *lines])
         stream.log("parameters", rr.TextDocument(table, media_type=rr.MediaType.MARKDOWN), static=True)
         stream.log("correlation", rr.Image(_heat(correlation)), static=True)
@@ -94,10 +83,6 @@ def _layout() -> rrb.Blueprint:
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE),
     )
-
-
-def _unit(name: str) -> str:
-    return _UNITS.get(name.rstrip("0123456789"), "")
 
 
 def _heat(correlation: Array) -> NDArray[np.uint8]:

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from dtwin.bus.twin_messages import UNITS, MonitoredUnit, MonitoringResiduals, MonitoringVerdict, UnitState
 from dtwin.errors import RecordingError
-from dtwin.files import replacing
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log
 from dtwin.signals import Event, EventKind
 from dtwin.view import scene, style
 from dtwin.view.layout import cell_view, plot_view
+from dtwin.view.saving import saving
 from dtwin.view.scene import Scene
 from dtwin.view.series import TIMELINE, time_column
 from dtwin.view.write import log_run, open_stream
@@ -125,8 +125,8 @@ def write_monitoring(
         raise RecordingError(f"{path}: expected a log of at least one tick to draw")
     drawn = Scene(model_file, arm)
     t = log.columns["t"]
-    with replacing(path) as temporary, open_stream(log) as stream:
-        stream.save(temporary, default_blueprint=blueprint())
+    stream = open_stream(log)
+    with saving(stream, path, blueprint()):
         log_run(stream, drawn, log)
         log_monitor_styles(stream, drawn)
         log_predictions(

@@ -10,13 +10,13 @@ import msgspec
 import rerun as rr
 
 from dtwin.errors import RecordingError
-from dtwin.files import replacing
 from dtwin.parameters import ArmParameters
 from dtwin.run.hidden import HiddenLog
 from dtwin.run.recording import COLUMNS, Log
 from dtwin.view.boxes import grasps, waiting
 from dtwin.view.hidden import hidden_views, log_hidden
 from dtwin.view.layout import blueprint
+from dtwin.view.saving import saving
 from dtwin.view.scene import Scene
 from dtwin.view.series import log_events, log_limits, log_plots, log_states, log_styles
 
@@ -47,8 +47,8 @@ def write_recording(
     if not len(log):
         raise RecordingError(f"{path}: expected a log of at least one tick to draw")
     scene = Scene(model_file, arm)
-    with replacing(path) as temporary, open_stream(log) as stream:
-        stream.save(temporary, default_blueprint=blueprint(*(hidden_views(hidden) if hidden else ())))
+    stream = open_stream(log)
+    with saving(stream, path, blueprint(*(hidden_views(hidden) if hidden else ()))):
         log_run(stream, scene, log, hidden)
 
 

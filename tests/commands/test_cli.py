@@ -191,6 +191,29 @@ def test_interrupt_keeps_what_was_recorded(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run.parquet", "run.rrd"]
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full, which Linux has")
+@pytest.mark.parametrize("arguments", [("--help",), ("run", "--duration", "1", "--json")])
+def test_output_that_cannot_be_written_gets_one_line(arguments: tuple[str, ...]) -> None:
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(
+            [sys.executable, "-m", "dtwin", *arguments], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60
+        )
+    assert ended.returncode == 2
+    assert ended.stderr == "dtwin: standard output: cannot be written: No space left on device\n"
+
+
+def test_a_run_says_what_it_replaces_and_that_nothing_was_delivered(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "--duration", "1"]) == 0
+    first = capsys.readouterr().out
+    assert "no box was delivered" in first
+    assert "in place of" not in first
+    assert main(["run", "--duration", "1"]) == 0
+    assert "run.rrd (in place of an earlier one)" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("name", sorted({command.split()[0] for command in COMMANDS if " " in command}))
 def test_every_group_of_commands_has_its_help(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     try:

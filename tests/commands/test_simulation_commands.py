@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,13 @@ def test_simulate_compares_candidates(tmp_path: Path, capsys: pytest.CaptureFixt
     assert picture.read_bytes().startswith(PNG)
 
 
+def test_simulate_carries_what_the_cell_carries_on_that_motion(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "--goal", "green"]) == 0
+    assert re.search(r"load\W+0\.2 kg", capsys.readouterr().out)
+    assert main(["simulate", "--start", "green", "--goal", "pickup"]) == 0
+    assert re.search(r"load\W+0 kg", capsys.readouterr().out)
+
+
 def test_simulate_predicts_what_was_measured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cell = Cell(CellSettings(duration=12.0, noise=0.001, control=ControlSettings(1.5)))
     cell.run()
@@ -65,6 +73,8 @@ def test_optimise_saves_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert content["target_time"] == report["best"]["target_time"]
     assert content["gains"] == report["best"]["gains"]
     assert picture.read_bytes().startswith(PNG)
+    assert content["target_time"] == round(content["target_time"], 3)
+    assert all(gain == round(gain, 1) for gains in content["gains"].values() for gain in gains)
     costs = [(each["terms"]["time"], each["terms"]["tracking"]) for each in report["front"]]
     assert costs == sorted(costs)
 

@@ -11,11 +11,12 @@ import pyarrow as pa
 import pytest
 from rerun.chunk import RrdReader
 
-from dtwin.errors import ModelError, RecordingError
+from dtwin.errors import ModelError, NoSpaceError, RecordingError
 from dtwin.parameters import PICKUP, PLACES, ROOT, ArmParameters, Colour
 from dtwin.run.recording import Log, RunLog
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
 from dtwin.view.write import write_recording
+from tests.support.disks import full_disk
 
 MODEL = ROOT / "models" / "arm.xml"
 TICKS = 300
@@ -85,6 +86,13 @@ def recording(log: Log, tmp_path_factory: pytest.TempPathFactory) -> Contents:
     path = tmp_path_factory.mktemp("recording") / "run.rrd"
     write_recording(log, MODEL, path)
     return contents(path)
+
+
+@pytest.mark.parametrize("room", [0, 1000, 50_000])
+def test_a_full_disk_leaves_nothing_and_does_not_hang(log: Log, tmp_path: Path, room: int) -> None:
+    with full_disk(room), pytest.raises(NoSpaceError, match=r"run\.rrd: cannot be written"):
+        write_recording(log, MODEL, tmp_path / "run.rrd")
+    assert not list(tmp_path.iterdir())
 
 
 def test_plots_hold_the_log_at_its_full_rate(log: Log, recording: Contents) -> None:

@@ -54,6 +54,7 @@ class Run(PlantOptions, ControlOptions):
 
     def execute(self) -> int:
         record = self.record or (None if self.json else Path("run.rrd"))
+        earlier = record is not None and record.exists()
         for path in (record, self.log):
             if path is not None:
                 ensure_writable(path)
@@ -85,7 +86,7 @@ class Run(PlantOptions, ControlOptions):
         if self.json:
             print_json(summary)
         else:
-            _print(summary, record, self.log)
+            _print(summary, record, self.log, earlier)
         return 130 if interruption.requested else 0
 
     def settings(self) -> CellSettings:
@@ -135,7 +136,8 @@ def _progress(cell: Cell, quiet: bool) -> Progress:
     return progress
 
 
-def _print(summary: RunSummary, record: Path | None, log: Path | None) -> None:
+def _print(summary: RunSummary, record: Path | None, log: Path | None, earlier: bool) -> None:
+    """Prints the summary for people; `earlier` tells whether a recording of the same name was replaced."""
     boxes, errors = summary.boxes, summary.placement_error_mm
     worst = ", ".join(f"{value:.4f}" for value in summary.tracking_error_rad.max)
     lines = {
@@ -143,13 +145,16 @@ def _print(summary: RunSummary, record: Path | None, log: Path | None) -> None:
         f" {summary.real_time_factor:.0f} x real time",
         "boxes": f"{boxes.arrived} arrived, {boxes.picked} picked, {boxes.delivered} delivered,"
         f" {boxes.misplaced} misplaced, {boxes.held} held at the end, {boxes.dropped_arrivals} turned away",
-        "placement error": f"{errors.max:.2f} mm at most, {errors.mean:.2f} mm on average",
+        "placement error": f"{errors.max:.2f} mm at most, {errors.mean:.2f} mm on average"
+        if boxes.delivered
+        else "no box was delivered",
         "tracking error": f"{worst} rad at most, joints 1 to 3",
         "saturated ticks": str(summary.saturated_ticks),
     }
     if log is not None:
         lines["log"] = str(log)
     if record is not None:
-        lines["recording"] = f"{record}: look at it with `rerun {record}`"
+        replaced = " (in place of an earlier one)" if earlier else ""
+        lines["recording"] = f"{record}{replaced}: look at it with `rerun {record}`"
     for name, text in lines.items():
         print(printable(f"{name:<16}  {text}"))

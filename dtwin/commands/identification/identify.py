@@ -28,7 +28,7 @@ from dtwin.identification.held_out import Comparison, compare
 from dtwin.identification.parsing import settings_for
 from dtwin.identification.result import from_estimate
 from dtwin.identification.store import STORE, ModelStore, check_name
-from dtwin.parameters import PERIOD, ArmParameters, assignment, load_arm
+from dtwin.parameters import PERIOD, ArmParameters, assignment, load_arm, unit_of
 from dtwin.run.options import MachineOption
 from dtwin.run.recording import Log, read_log
 from dtwin.terminal import as_text, print_json, print_table
@@ -232,18 +232,32 @@ def _report(
     return report | ({"criterion": criteria} if criteria else {}) | ({"doubts": doubts} if doubts else {})
 
 
+def _share(half: float, value: float) -> str:
+    """Half of an interval relative to the value in words; one that is wider than the value says little of it."""
+    if not value:
+        return ""
+    share = abs(half / value)
+    return f"{100 * share:.2f} %" if share < 1.0 else "over 100 %"
+
+
 def _print(report: dict[str, Any], estimate: Estimate, withheld: str) -> None:
     """Prints the report for people; `withheld` is the name under which the model was not kept, "" if none."""
-    table = Table("", "estimate", "95 % interval", "relative", "truth", "error")
+    table = Table("", "estimate", "95 % interval", "unit", "relative", "truth", "error")
     for name, entry in report["parameters"].items():
         value, half, truth = entry["estimate"], NINETY_FIVE * entry["standard_error"], entry["truth"]
         error = f"{100 * (value / truth - 1):+.2f} %" if truth else ""
-        share = f"{100 * half / value:.2f} %" if value else ""
         table.add_row(
-            name, f"{value:.6g}", f"+- {half:.2g}", share, f"{truth:.6g}" if truth is not None else "", error
+            name,
+            f"{value:.6g}",
+            f"+- {half:.2g}",
+            unit_of(name),
+            _share(half, value),
+            f"{truth:.6g}" if truth is not None else "",
+            error,
         )
     console = Console()
-    print_table(table)
+    if table.row_count:
+        print_table(table)
     console.print(as_text(report["identifiability"]))
     fits = ", ".join(f"{value:.4f}" for value in report["fit"])
     console.print(

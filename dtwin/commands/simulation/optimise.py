@@ -178,11 +178,12 @@ def _report(found: Optimum) -> dict[str, Any]:
 
 
 def _print(found: Optimum) -> None:
-    table = Table("", "in use", "found", title="settings of least cost")
     best, reference = found.best, found.reference
     if best.broken:
         print(f"no candidate keeps all limits; the best breaks that of {best.broken}")
         return
+    title = "settings of least cost" if best.cost < reference.cost else "nothing better than the settings in use"
+    table = Table("", "in use", "found", title=title)
     table.add_row("target time, s", f"{reference.target_time:.3f}", f"{best.target_time:.3f}")
     for name in ("kp", "ki", "kd"):
         table.add_row(name, *("  ".join(f"{v:.1f}" for v in getattr(each.gains, name)) for each in (reference, best)))

@@ -21,7 +21,7 @@ from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.files import ensure_writable
 from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.parameters import PERIOD, ArmParameters, Law, Triple
+from dtwin.parameters import PERIOD, PLACES, ArmParameters, Law, Triple
 from dtwin.run.options import CompensationOptions
 from dtwin.run.recording import Log, read_log
 from dtwin.signals import Sensors
@@ -64,8 +64,9 @@ class Simulate(CompensationOptions):
     """Derivative gains, 1/s."""
     law: Law = APPLICATION_LAW
     """Control law."""
-    payload: float = 0.0
-    """Mass at the tip, kg; the controller counts on the mass of --box when this is not 0."""
+    payload: float | None = None
+    """Mass at the tip, kg; the controller counts on the mass of --box when this is not 0. If not given, what the cell
+    carries on this motion: a box from the pickup place to that of a colour, else nothing."""
     box: float = 0.2
     """Mass that the controller takes a box to have, kg."""
     noise: float = 0.0
@@ -136,12 +137,17 @@ class Simulate(CompensationOptions):
             ),
             theta=start,
             arm=simulated,
-            payload=self.payload,
+            payload=self._load(),
             noise=self.noise,
             noise_kind=self.noise_kind,
             seed=self.seed,
             duration=self.duration,
         )
+
+    def _load(self) -> float:
+        if self.payload is not None:
+            return self.payload
+        return self.box if self.start == "pickup" and self.goal in PLACES else 0.0
 
     def _from_live(self, base: MotionCase) -> MotionCase:
         """The case from where the arm of a running cell is and how fast it is."""
@@ -230,6 +236,8 @@ def _print(outcomes: dict[str, Outcome], seconds: dict[str, float], comparison: 
     if comparison is not None:
         table.add_column("measured")
         columns.append(comparison.figures)
+    loads = [f"{outcome.case.payload:g} kg" for outcome in outcomes.values()]
+    table.add_row("load", *loads, *([f"{comparison.predicted.case.payload:g} kg"] if comparison else ()))
     for name, text in _ROWS.items():
         table.add_row(name, *(text(figures) for figures in columns))
     table.add_row("computed in", *(f"{1e3 * value:.1f} ms" for value in seconds.values()))
