@@ -29,7 +29,7 @@ from dtwin.errors import DtwinError
 from dtwin.parameters import ROOT
 from dtwin.signals import Event
 from dtwin.simulation.history import Entry, History
-from dtwin.terminal import LineFormatter, as_text, folding, print_json, printable
+from dtwin.terminal import LineFormatter, RateLimit, as_text, folding, print_json, printable
 
 MARKUP = ["[/x]", "[red]", "[link=http://example.org]here[/link]", "[bold", "\\[/]", ":boom:"]
 CONTROL = ["\x1b[2J", "\x1b]0;title\x07", "\x1b]8;;http://x\x07", "\x9b31m", "\r", "\n", "\t", "\0", "\ud800"]
@@ -158,3 +158,26 @@ def test_an_error_is_one_printable_line(text: str) -> None:
         patch.setattr(cli, "_dispatch", fail)
         assert cli.main([]) == 2
     assert err.getvalue() == f"dtwin: {printable(text)}\n"
+
+
+def test_many_records_of_one_kind_become_few_with_a_count() -> None:
+    handler = logging.StreamHandler(StringIO())
+    handler.addFilter(RateLimit(most=3, period=60.0))
+    for second in range(150):
+        for template in ("bad request %d", "other %d"):
+            record = logging.LogRecord("test", logging.WARNING, "", 0, template, (second,), None)
+            record.created = 1000.0 + second
+            handler.handle(record)
+    lines = handler.stream.getvalue().splitlines()
+    assert [line for line in lines if line.startswith("bad")] == [
+        "bad request 0",
+        "bad request 1",
+        "bad request 2 (more of these are only counted for 60 s)",
+        "bad request 60 (57 more since)",
+        "bad request 61",
+        "bad request 62 (more of these are only counted for 60 s)",
+        "bad request 120 (57 more since)",
+        "bad request 121",
+        "bad request 122 (more of these are only counted for 60 s)",
+    ]
+    assert len(lines) == 18

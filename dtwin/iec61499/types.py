@@ -147,6 +147,8 @@ def elementary(name: str) -> ElementaryType:
         raise FunctionBlockError(f"type {name!r} is not supported: expected {choices(ELEMENTARY)}") from None
 
 
+MAXIMUM_DIGITS: Final = 1000
+"""Most digits of an integer; leading zeros and bases count, so far more than any type needs."""
 INTEGER: Final = re.compile(r"[+-]?(?:(?:2|8|16)#[0-9a-f](?:_?[0-9a-f])*|[0-9](?:_?[0-9])*)", re.I)
 DECIMAL: Final = re.compile(r"[+-]?[0-9](?:_?[0-9])*(?:\.[0-9](?:_?[0-9])*)?(?:e[+-]?[0-9]+)?", re.I)
 _DURATION: Final = re.compile(r"[+-]?(?:[0-9][0-9_]*(?:\.[0-9_]+)?(?:d|h|ms|us|ns|m|s)_?)+", re.I)
@@ -226,6 +228,8 @@ def _parse_untyped(text: str, data_type: ElementaryType) -> Any:
 def parse_integer(text: str) -> int:
     """The value of `12`, `-1_000`, `16#FF`, `2#1010`; the text must match INTEGER."""
     digits = text.replace("_", "")
+    if len(digits) > MAXIMUM_DIGITS:
+        raise FunctionBlockError(f"{text:.20}... has {len(digits)} digits: expected at most {MAXIMUM_DIGITS}")
     if "#" not in digits:
         return int(digits)
     sign = -1 if digits[0] == "-" else 1
@@ -266,7 +270,12 @@ def parse_string(text: str) -> str:
 
     if quote in re.sub(r"\$.", "", body):
         raise FunctionBlockError(f"{text}: expected ${quote} for a quote inside the text")
-    return re.sub(rf"\$([0-9A-Fa-f]{{{digits}}}|.|$)", resolve, body, flags=re.S)
+    resolved = re.sub(rf"\$([0-9A-Fa-f]{{{digits}}}|.|$)", resolve, body, flags=re.S)
+    try:
+        # two escapes may be the two halves of one character
+        return resolved.encode("utf-16", "surrogatepass").decode("utf-16")
+    except UnicodeDecodeError:
+        raise FunctionBlockError(f"half a surrogate pair in {text:.60}: expected both halves") from None
 
 
 def _parse_array(text: str, data_type: ArrayType) -> list[Any]:
@@ -276,7 +285,7 @@ def _parse_array(text: str, data_type: ArrayType) -> list[Any]:
     values: list[Any] = []
     for item in _split(stripped[1:-1]):
         repeat = re.fullmatch(r"([0-9]+)\s*\((.*)\)", item, re.S)
-        count = int(repeat[1]) if repeat else 1
+        count = parse_integer(repeat[1]) if repeat else 1
         if len(values) + count > data_type.length:
             raise FunctionBlockError(f"{text} has more than the {data_type.length} elements of {data_type}")
         value = parse_literal(repeat[2] if repeat else item, data_type.element)

@@ -24,14 +24,15 @@ from dtwin.iec61499.management.server import ManagementServer
 from dtwin.iec61499.net.address import parse_listening_address, parse_stream_address
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.parameters import ROOT
-from dtwin.terminal import LineFormatter, printable
+from dtwin.terminal import LineFormatter, RateLimit, printable
 
 
 @dataclass(frozen=True)
 class FbRun:
     """Run function blocks in real time, as a device on which 4diac IDE and `dtwin fb deploy` can build.
 
-    It begins with FILE if there is one, and goes on until Ctrl-C or SIGTERM. Errors of peers go to standard error.
+    It begins with FILE if there is one, and goes on until Ctrl-C or SIGTERM. Errors of peers go to standard error,
+    few of one kind in a minute.
     """
 
     file: Annotated[Path | None, tyro.conf.Positional] = None
@@ -50,6 +51,7 @@ class FbRun:
     def execute(self) -> int:
         handler = logging.StreamHandler()
         handler.setFormatter(LineFormatter("%(asctime)s %(levelname)s %(message)s"))
+        handler.addFilter(RateLimit())
         logging.basicConfig(handlers=[handler])
         address = parse_listening_address(self.listen)
         library = Library([self.blocks or (self.file.parent if self.file else ROOT / "fb")])

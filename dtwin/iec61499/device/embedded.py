@@ -35,8 +35,6 @@ from dtwin.iec61499.standard.catalogue import standard_names
 log = logging.getLogger(__name__)
 
 RESOURCE_TYPE = "EMB_RES"
-ROUNDS = 100
-"""How often resources that send each other events in process run before sockets have their turn."""
 
 
 class EmbeddedDevice:
@@ -56,7 +54,6 @@ class EmbeddedDevice:
         self._local = LocalTransport()
         self._resources: dict[str, ManagedResource] = {}
         self._runners: list[Runner] = []
-        self._settling = False
 
     def addresses(self) -> dict[str, StreamAddress]:
         """Where SERVER and SUBSCRIBE blocks listen, by dotted name."""
@@ -104,6 +101,10 @@ class EmbeddedDevice:
             level = logging.INFO if error.reason == "UNSUPPORTED_CMD" else logging.WARNING
             log.log(level, "management: %s", error)
             return Response(request_id(text), error.reason).xml()
+        except Exception as error:
+            # nothing that a client asks for ends the device
+            log.error("management: %.200s: %s: %s", text, type(error).__name__, error)
+            return Response(request_id(text), "INVALID_OPERATION").xml()
 
     def execute(self, resource: str, request: Request) -> Response:
         """Carries out a request to a resource, or with "" to the device.
@@ -168,26 +169,9 @@ class EmbeddedDevice:
 
     def _launch(self, network: model.FBNetwork, failed: Callable[[], None]) -> Runner:
         self._runners = [runner for runner in self._runners if not runner.is_closed]
-        runner = Runner(
-            network.file, self._reactor, network, self._library, self._local, self._management, self._settle, failed
-        )
+        runner = Runner(network.file, self._reactor, network, self._library, self._local, self._management, failed)
         self._runners.append(runner)
         return runner
-
-    def _settle(self) -> None:
-        """Delivers what the resources have sent each other in process."""
-        if len(self._runners) < 2 or self._settling:
-            return
-        self._settling = True
-        for _ in range(ROUNDS):
-            busy = [runner for runner in self._runners if not runner.is_idle]
-            if not busy:
-                break
-            for runner in busy:
-                runner.run()
-        else:
-            self._reactor.call_at(self._reactor.now(), self._settle)
-        self._settling = False
 
 
 def _execute_in(resource: ManagedResource, request: Request, library: Library) -> Response:

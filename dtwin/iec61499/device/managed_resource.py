@@ -233,12 +233,16 @@ class ManagedResource:
             self._running.resume()
             return
         try:
-            self._running = self._launch(self.network(), self._ended)
+            running = self._launch(self.network(), self._ended)
         except DtwinError as error:
             raise ManagementError("INVALID_OPERATION", f"{self.name} cannot start: {error}") from None
-        running = self._running
-        for name, literal in self._presets.items():
-            running.write(name, _value(literal, running.type_of(name)))
+        try:
+            for name, literal in self._presets.items():
+                running.write(name, _value(literal, running.type_of(name)))
+        except DtwinError as error:
+            running.close()
+            raise ManagementError("INVALID_OPERATION", f"{self.name} cannot start: {error}") from None
+        self._running = running
         self.state = "RUNNING"
         running.start()
 

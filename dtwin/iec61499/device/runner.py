@@ -1,14 +1,20 @@
-"""Runs a resource in real time: on a reactor's sockets and the monotonic clock."""
+"""Runs a resource in real time: on a reactor's sockets and the monotonic clock.
+
+Resources take turns. In one turn of the reactor a resource delivers events for `TURN`, then the others have theirs;
+one algorithm may compute for `COMPUTING_TIME`. What comes from outside waits until the event chain before it has
+ended, as in 4diac FORTE.
+"""
 
 from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
-from functools import partial
-from typing import Any
+from collections import deque
+from collections.abc import Callable, Iterator
+from itertools import chain
+from typing import Any, Final
 
-from dtwin.errors import DtwinError
+from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.net.address import StreamAddress
@@ -16,9 +22,25 @@ from dtwin.iec61499.net.reactor import Reactor, Timer
 from dtwin.iec61499.net.transport import NetworkTransport
 from dtwin.iec61499.runtime.local_transport import LocalTransport
 from dtwin.iec61499.runtime.resource import Resource
+from dtwin.iec61499.st.semantics import COMPUTING_TIME
 from dtwin.iec61499.types import DataType
 
 log = logging.getLogger(__name__)
+
+TURN: Final = 0.005
+"""Time for which a resource delivers events in one turn of the reactor, s."""
+EVENTS: Final = 16
+"""Events that are delivered between two looks at the clock."""
+CHAIN_TIME: Final = 1.0
+"""Longest time that an event chain may take of the processor, s."""
+WAITING: Final = 10_000
+"""Most things from outside that wait for a resource."""
+LATEST: Final = 1_000_000_000
+"""Longest time that a resource may be late, ns; what it is later is left out."""
+AT_ONCE: Final = -1
+"""What a resource that has more to do in the next turn is due at, instead of a time in ns."""
+_ROUND: Final = 0.0005
+"""Time after which a loop looks at the clock, s of the processor."""
 
 
 class Runner:
@@ -31,7 +53,6 @@ class Runner:
         library: finds the block types that the network uses.
         local: connects blocks in process, also with those of other resources.
         management: address of the device's management.
-        ran: called after the resource has run.
         failed: called when an error has ended it.
 
     Raises:
@@ -46,20 +67,24 @@ class Runner:
         library: Library,
         local: LocalTransport,
         management: StreamAddress,
-        ran: Callable[[], None],
         failed: Callable[[], None],
     ) -> None:
         self._name = name
         self._reactor = reactor
-        self._ran = ran
         self._failed = failed
         self._paused = False
         self._busy = False
         self._closed = False
+        self._waiting: deque[Callable[[], None]] = deque()
+        self._turn = -1
+        self._turn_ends = 0.0
+        self._computed = 0.0
+        self._computing_ends = 0.0
         self._timer: Timer | None = None
         self._due: int | None = None
-        self._transport = NetworkTransport(reactor, local, self.perform, management)
-        self._resource = Resource(network, library, self._transport)
+        self._transport = NetworkTransport(reactor, local, self.perform, self.receive, management)
+        iterations = chain.from_iterable(self._rounds())
+        self._resource = Resource(network, library, self._transport, lambda: iterations)
         self._origin = time.monotonic_ns()
 
     @property
@@ -71,28 +96,29 @@ class Runner:
     def is_closed(self) -> bool:
         return self._closed
 
-    @property
-    def is_idle(self) -> bool:
-        return self._paused or self._resource.is_idle
-
     def start(self) -> None:
-        self.perform(self._resource.start)
+        self.perform(self._resource.issue_start)
 
     def pause(self) -> None:
-        """Issues the STOP event; what arrives until `resume` is lost, as in a stopped FORTE."""
-        self.perform(self._resource.stop)
+        """Issues the STOP event, for one turn; what arrives until `resume` is lost, as in a stopped FORTE."""
+        self._waiting.clear()
+        self._turn = -1
+        self.perform(self._resource.issue_stop)
         self._paused = True
+        self._waiting.clear()
         self._disarm()
+        self._resource.halt()
 
     def resume(self) -> None:
         """Issues the WARM event. The time it was stopped has not passed for the resource."""
         self._paused = False
         self._origin = time.monotonic_ns() - self._resource.time
-        self.perform(self._resource.start)
+        self.perform(self._resource.issue_start)
 
     def close(self) -> None:
         """Closes all channels and forgets all timers."""
         self._closed = self._paused = True
+        self._waiting.clear()
         self._disarm()
         self._resource.reset()
 
@@ -105,44 +131,89 @@ class Runner:
     def type_of(self, name: str) -> DataType:
         return self._resource.variable_type(name)
 
-    def run(self) -> None:
-        """Delivers the events that wait."""
-        self.perform(_nothing)
-
     def perform(self, action: Callable[[], None]) -> None:
-        """Brings the resource's clock to the present, does something to it, and delivers what follows."""
+        """Does something to the resource as soon as it is idle, with its clock at the present."""
         if self._paused:
             return
-        if self._busy:
-            # a channel that breaks while a block sends: not before the events that wait have been delivered
-            self._reactor.call_at(self._reactor.now(), partial(self.perform, action))
+        if len(self._waiting) >= WAITING:
+            log.warning("resource %s: %d messages wait already; one is lost", self._name, WAITING)
             return
-        resource = self._resource
-        self._busy = True
-        try:
-            resource.advance(time.monotonic_ns() - self._origin - resource.time)
+        self._waiting.append(action)
+        if not self._busy and self._due != AT_ONCE:
+            self._run()
+
+    def receive(self, action: Callable[[], None]) -> None:
+        """Does something to the resource for a block of the device: at once for a block of its own, else in turn."""
+        if self._busy:
             action()
-            resource.run_until_idle()
-        except DtwinError as error:
-            log.error("resource %s ended: %s", self._name, error)
+        elif not self._paused and len(self._waiting) < WAITING:
+            self._waiting.append(action)
+            self._arm()
+
+    def _run(self) -> None:
+        """Delivers events until none is left or the turn is over. Here every error of a block ends."""
+        self._busy = True
+        began = time.thread_time()
+        self._computing_ends = began + COMPUTING_TIME
+        try:
+            idle = self._deliver()
+            self._account(idle, time.thread_time() - began)
+        except Exception as error:
+            log.error("resource %s ended: %s", self._name, _text(error))
             self.close()
             self._failed()
             return
         finally:
             self._busy = False
-        if resource.next_timer() != self._due:
-            self._arm()
-        self._ran()
+        self._arm()
+
+    def _deliver(self) -> bool:
+        """Returns whether nothing is left to do."""
+        resource, waiting = self._resource, self._waiting
+        if self._reactor.turn != self._turn:
+            self._turn = self._reactor.turn
+            self._turn_ends = time.monotonic() + TURN
+        while time.monotonic() < self._turn_ends:
+            if not (resource.run_batch(EVENTS) or resource.ring(time.monotonic_ns() - self._origin)):
+                if not waiting:
+                    return True
+                waiting.popleft()()
+        return False
+
+    def _account(self, idle: bool, computed: float) -> None:
+        """Bounds how long an event chain computes over several turns, and how late the resource may be."""
+        self._computed = 0.0 if idle else self._computed + computed
+        if self._computed > CHAIN_TIME:
+            self._computed = 0.0
+            self._resource.end_chain(f"events that follow from one took more than {CHAIN_TIME:g} s")
+        late = time.monotonic_ns() - self._origin - self._resource.time
+        if late > LATEST:
+            log.warning("resource %s: %.1f s late; this time is left out", self._name, late / 1e9)
+            self._origin += late
+
+    def _rounds(self) -> Iterator[range]:
+        """Iterations for loops, a round at a time, until the time to compute is over."""
+        size = 1
+        now = time.thread_time()
+        while now < self._computing_ends:
+            yield range(size)
+            before, now = now, time.thread_time()
+            size = min(2 * size, 64) if now - before < _ROUND else max(1, size // 2)
 
     def _arm(self) -> None:
+        """Sets the timer to when there is something to do: at once, or when the next timed block is due."""
+        due = AT_ONCE if self._waiting or not self._resource.is_idle else self._resource.next_timer()
+        if due == self._due:
+            return
         self._disarm()
-        self._due = self._resource.next_timer()
-        if self._due is not None:
-            self._timer = self._reactor.call_at((self._origin + self._due) / 1e9, self._ring)
+        self._due = due
+        if due is not None:
+            when = self._reactor.now() if due == AT_ONCE else (self._origin + due) / 1e9
+            self._timer = self._reactor.call_at(when, self._ring)
 
     def _ring(self) -> None:
         self._timer = self._due = None
-        self.run()
+        self._run()
 
     def _disarm(self) -> None:
         if self._timer is not None:
@@ -150,5 +221,5 @@ class Runner:
         self._timer = self._due = None
 
 
-def _nothing() -> None:
-    pass
+def _text(error: Exception) -> str:
+    return str(error) if isinstance(error, FunctionBlockError) else f"{type(error).__name__}: {error}"

@@ -70,7 +70,7 @@ class ManagementServer:
                 connection.send(self._answer(_text(resource), _text(request)))
 
     def _answer(self, resource: str, request: str) -> bytes:
-        response = self._handle(resource, request).encode().decode("latin-1")
+        response = self._handle(resource, request).encode(errors="replace").decode("latin-1")
         try:
             return RESPONSES.encode([response])
         except CommunicationError:

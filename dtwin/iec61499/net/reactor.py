@@ -14,6 +14,8 @@ from typing import Final
 
 READ: Final = selectors.EVENT_READ
 WRITE: Final = selectors.EVENT_WRITE
+LONGEST_WAIT: Final = 3600.0
+"""Time after which the loop looks at its timers again, s; the system takes no time beyond some days."""
 
 
 class Timer:
@@ -32,9 +34,13 @@ class Reactor:
     """Waits for sockets and timers and calls back, always in the thread that calls `run`.
 
     Only `stop` may be called from another thread or from a signal handler.
+
+    Attributes:
+        turn: how often the sockets and timers have had their turn.
     """
 
     def __init__(self) -> None:
+        self.turn = 0
         self._selector = selectors.DefaultSelector()
         self._callbacks: dict[int, Callable[[int], None]] = {}
         self._timers: list[tuple[float, int, Timer]] = []
@@ -84,6 +90,7 @@ class Reactor:
 
     def run_once(self, timeout: float | None) -> None:
         """Serves what is ready, waiting for it at most `timeout` s (None: until something is)."""
+        self.turn += 1
         due = self._until_next_timer()
         waits = [wait for wait in (timeout, due) if wait is not None]
         for key, events in self._selector.select(min(waits) if waits else None):
@@ -112,7 +119,7 @@ class Reactor:
     def _until_next_timer(self) -> float | None:
         while self._timers and self._timers[0][2].callback is None:
             heapq.heappop(self._timers)
-        return max(0.0, self._timers[0][0] - self.now()) if self._timers else None
+        return min(max(0.0, self._timers[0][0] - self.now()), LONGEST_WAIT) if self._timers else None
 
     def _call_due(self) -> None:
         now = self.now()

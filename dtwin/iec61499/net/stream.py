@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 
 CANDIDATES: Final = 64
 """Silent connections a server keeps while nobody has spoken; the oldest gives way."""
-CHUNK: Final = 65536
+CHUNK: Final = 4096
 """Most bytes taken from one peer before the others have their turn."""
 UNSENT_LIMIT: Final = 1 << 20
 """Bytes a peer may leave unread before it is dropped."""

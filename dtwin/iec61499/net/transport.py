@@ -19,7 +19,7 @@ from dtwin.iec61499.net.stream import StreamServer
 from dtwin.iec61499.net.tcp import TcpClient
 from dtwin.iec61499.net.udp import UdpPublisher, UdpSubscriber
 from dtwin.iec61499.net.wire import Message, Signature
-from dtwin.iec61499.runtime.communication import Channel, CommunicationPort
+from dtwin.iec61499.runtime.communication import Channel, CommunicationPort, Values
 from dtwin.iec61499.runtime.local_transport import LocalTransport
 
 log = logging.getLogger(__name__)
@@ -34,17 +34,26 @@ class NetworkTransport:
         reactor: the event loop that serves the sockets.
         local: the transport that connects ports in process.
         perform: does something to the resource and lets it run.
+        receive: the same, for what a block of the same device sends.
         management: address of the device's management, whose network interface multicast uses.
 
     Attributes:
         addresses: where the open SERVER and SUBSCRIBE blocks listen, by the block's dotted name.
     """
 
-    def __init__(self, reactor: Reactor, local: LocalTransport, perform: Perform, management: StreamAddress) -> None:
+    def __init__(
+        self,
+        reactor: Reactor,
+        local: LocalTransport,
+        perform: Perform,
+        receive: Perform,
+        management: StreamAddress,
+    ) -> None:
         self.addresses: dict[str, StreamAddress] = {}
         self._reactor = reactor
         self._local = local
         self._perform = perform
+        self._receive = receive
         self._management = management
         self._interface = management.host if isinstance(management, Address) else LOOPBACK
 
@@ -55,10 +64,16 @@ class NetworkTransport:
             CommunicationError: the ID is no address, the port is taken, or a type cannot be sent.
         """
         try:
-            return self._local.open(port) if port.id.startswith("loc[") else self._open(port)
+            return self._open_local(port) if port.is_local else self._open(port)
         except CommunicationError as error:
             log.warning("%s: %s", port.name, error)
             raise
+
+    def _open_local(self, port: CommunicationPort) -> Channel:
+        def receive(values: Values) -> None:
+            self._receive(partial(port.deliver, values))
+
+        return self._local.open(port, receive)
 
     def _open(self, port: CommunicationPort) -> Channel:
         address = parse_block_id(port.id)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.runtime.communication import CommunicationPort
+from dtwin.iec61499.runtime.communication import CommunicationPort, Values
 
+Deliver = Callable[[Values], None]
+"""Takes the values that a peer has sent."""
 _LISTENERS = {"CLIENT": "SERVER", "SERVER": "CLIENT", "PUBLISH": "SUBSCRIBE", "SUBSCRIBE": ""}
 
 
@@ -17,27 +20,32 @@ class LocalTransport:
     """
 
     def __init__(self) -> None:
-        self._ports: dict[tuple[str, str], list[CommunicationPort]] = {}
+        self._ports: dict[tuple[str, str], dict[CommunicationPort, Deliver]] = {}
 
-    def open(self, port: CommunicationPort) -> LocalChannel:
+    def open(self, port: CommunicationPort, deliver: Deliver | None = None) -> LocalChannel:
         """Opens a channel; as `Transport.open`.
+
+        Args:
+            port: the port that opens it.
+            deliver: takes what its peers send; without it `port.deliver` does, at once.
 
         Raises:
             CommunicationError: a server of that ID exists already.
         """
-        ports = self._ports.setdefault((port.kind, port.id), [])
+        ports = self._ports.setdefault((port.kind, port.id), {})
         if port.kind == "SERVER" and ports:
-            raise CommunicationError(f"{port.name}: {port.id} is served by {ports[0].name}")
-        ports.append(port)
+            raise CommunicationError(f"{port.name}: {port.id} is served by {next(iter(ports)).name}")
+        ports[port] = deliver or port.deliver
         return LocalChannel(self, port)
 
-    def peers(self, port: CommunicationPort) -> tuple[CommunicationPort, ...]:
-        """The open ports that get what `port` sends."""
-        return tuple(peer for peer in self._ports.get((_LISTENERS[port.kind], port.id), ()) if peer.is_open)
+    def peers(self, port: CommunicationPort) -> tuple[Deliver, ...]:
+        """What takes the values for every open port that gets what `port` sends."""
+        ports = self._ports.get((_LISTENERS[port.kind], port.id), {})
+        return tuple(deliver for peer, deliver in ports.items() if peer.is_open)
 
     def forget(self, port: CommunicationPort) -> None:
         """Removes a port: its peers reach it no longer."""
-        self._ports[port.kind, port.id].remove(port)
+        del self._ports[port.kind, port.id][port]
 
 
 class LocalChannel:
@@ -58,8 +66,8 @@ class LocalChannel:
         peers = self._transport.peers(self._port)
         if not peers and self._port.kind == "CLIENT":
             raise CommunicationError(f"{self._port.name}: nothing serves {self._port.id}")
-        for peer in peers:
-            peer.deliver(values)
+        for deliver in peers:
+            deliver(values)
 
     def close(self) -> None:
         self._transport.forget(self._port)

@@ -1,30 +1,40 @@
-"""A resource that executes a network: one queue of events, first in first out, and a clock that is told the time."""
+"""A resource that executes a network: one queue of events, first in first out, and a clock that is told the time.
+
+An event from outside and all events that follow from it are an event chain. A chain is bounded: in its events, in
+those that wait, and in the iterations of its loops.
+"""
 
 from __future__ import annotations
 
-import difflib
 import heapq
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
-from operator import attrgetter
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
+from dtwin.iec61499.runtime.blocks import Blocks, initial_state
 from dtwin.iec61499.runtime.communication import AttachedServer, CommunicationPort, Transport
 from dtwin.iec61499.runtime.compile import CompiledType, compile_type
 from dtwin.iec61499.runtime.generic_ports import check_types, resolve
 from dtwin.iec61499.runtime.local_transport import LocalTransport
 from dtwin.iec61499.runtime.netlist import Node, flatten
-from dtwin.iec61499.runtime.wiring import QueueEntry, checked_value, queue_entries
-from dtwin.iec61499.st.python.expressions import python_name
-from dtwin.iec61499.types import DataType
+from dtwin.iec61499.runtime.wiring import QueueEntry, queue_entries
+from dtwin.iec61499.st.semantics import ITERATION_LIMIT
 
 ACTIVATION_LIMIT: Final = 100_000
 """Most events that may follow from one; more are taken for an endless loop."""
+QUEUE_LIMIT: Final = 50_000
+"""Most events that may wait when one has been delivered; more are taken for an endless loop, too."""
+BATCH: Final = 200
+"""Events that are delivered between two looks at those limits."""
+TICK: Final = 1_000_000
+"""Shortest delay of a timed block, ns: the tick of a FORTE with its standard settings."""
+SHOWN: Final = 1000
+"""Most events that are delivered to find the names of an endless loop."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +47,11 @@ class Snapshot:
     values: tuple[tuple[Any, ...], ...]
 
 
-class Resource:
+def _iterations() -> Iterator[int]:
+    return iter(range(ITERATION_LIMIT))
+
+
+class Resource(Blocks):
     """A resource with its blocks, ready to start.
 
     Time is the resource's own, in ns from 0, and moves only by `advance`. One thread at a time may use a resource;
@@ -47,17 +61,30 @@ class Resource:
         network: what runs, e.g. from `resource_network`.
         library: finds the block types that the network uses.
         transport: opens the channels of communication blocks that nothing is attached to; in process if not given.
+        budget: makes the iterator from which all loops of an event chain draw their iterations; a loop that finds it
+            at its end is an error. Without it every chain has `ITERATION_LIMIT`.
 
     Attributes:
         time: the resource's time, ns.
         transport: the transport in use.
+        iterations: the iterator of the chain that runs.
 
     Raises:
         FunctionBlockError: the network or one of its types is wrong; names file and line.
     """
 
-    def __init__(self, network: model.FBNetwork, library: Library, transport: Transport | None = None) -> None:
+    def __init__(
+        self,
+        network: model.FBNetwork,
+        library: Library,
+        transport: Transport | None = None,
+        budget: Callable[[], Iterator[int]] = _iterations,
+    ) -> None:
+        super().__init__()
         self.time = 0
+        self.iterations = budget()
+        self._budget = budget
+        self._activations = 0
         self.transport: Transport = transport or LocalTransport()
         self._queue: deque[QueueEntry] = deque()
         self._timers: list[tuple[int, int, int]] = []
@@ -69,7 +96,7 @@ class Resource:
         self._types = [compile_type(node.type) for node in netlist.nodes if node.type is not None]
         self._instances = [self._instance(node, kind) for node, kind in zip(netlist.nodes, self._types, strict=True)]
         self._index = {node.name: number for number, node in enumerate(netlist.nodes)}
-        self._initial = [_initial(node, kind) for node, kind in zip(netlist.nodes, self._types, strict=True)]
+        self._initial = [initial_state(node, kind) for node, kind in zip(netlist.nodes, self._types, strict=True)]
         self._names = queue_entries(netlist, self._types, self._instances, self._queue.extend)
         self.reset()
 
@@ -84,7 +111,7 @@ class Resource:
 
     def reset(self) -> None:
         """Puts every variable, chart and timer back to the beginning; time stays."""
-        self._queue.clear()
+        self._drop_events()
         self._timers.clear()
         self._stopped = False
         for kind, instance, values in zip(self._types, self._instances, self._initial, strict=True):
@@ -94,12 +121,27 @@ class Resource:
 
     def start(self) -> None:
         """Issues COLD (WARM after `stop`) of every E_RESTART and runs until idle."""
-        self._restart("to__WARM" if self._stopped else "to__COLD")
-        self._stopped = False
+        self.issue_start()
+        self.run_until_idle()
 
     def stop(self) -> None:
         """Issues STOP of every E_RESTART, runs until idle and cancels the timers."""
+        self.issue_stop()
+        self.run_until_idle()
+        self.halt()
+
+    def issue_start(self) -> None:
+        """Queues COLD (WARM after `halt`) of every E_RESTART."""
+        self._restart("to__WARM" if self._stopped else "to__COLD")
+        self._stopped = False
+
+    def issue_stop(self) -> None:
+        """Queues STOP of every E_RESTART."""
         self._restart("to__STOP")
+
+    def halt(self) -> None:
+        """Drops the events that wait and cancels the timers."""
+        self._drop_events()
         for _, _, index in self._timers:
             self._instances[index].due__ = None
         self._timers.clear()
@@ -109,7 +151,14 @@ class Resource:
         for kind, instance in zip(self._types, self._instances, strict=True):
             if kind.block.header.name == "E_RESTART":
                 self._queue.extend(getattr(instance, targets))
-        self.run_until_idle()
+
+    def _drop_events(self) -> None:
+        self._queue.clear()
+        self._end_chain()
+
+    def _end_chain(self) -> None:
+        self._activations = 0
+        self.iterations = self._budget()
 
     @property
     def is_idle(self) -> bool:
@@ -123,58 +172,79 @@ class Resource:
             FunctionBlockError: an endless loop of events, which it names, or an error inside a block; the queue is
                 empty afterwards.
         """
+        while self.run_batch():
+            pass
+
+    def run_batch(self, size: int = BATCH) -> bool:
+        """Delivers at most `size` events of the chain that runs; returns whether more wait.
+
+        Raises:
+            FunctionBlockError: as `run_until_idle`.
+        """
         queue = self._queue
         next_entry = queue.popleft
-        for _ in range(ACTIVATION_LIMIT):
+        for _ in range(size):
             if not queue:
-                return
+                self._end_chain()
+                return False
             entry = next_entry()
             try:
                 entry()
-            except FunctionBlockError as error:
-                queue.clear()
-                message = f"{self._names[entry]}: {error.message}"
-                raise FunctionBlockError(message, error.file, error.line, error.column) from None
+            except Exception as error:
+                self._drop_events()
+                raise _located(error, self._names[entry]) from None
+        self._activations += size
+        if self._activations < ACTIVATION_LIMIT and len(queue) < QUEUE_LIMIT:
+            return True
+        self.end_chain("endless loop of events")
+
+    def end_chain(self, problem: str) -> NoReturn:
+        """Raises FunctionBlockError with the problem and the events that keep the queue going, and drops them."""
         loop = self._loop()
-        queue.clear()
-        raise FunctionBlockError(f"endless loop of events: {loop}")
+        self._drop_events()
+        raise FunctionBlockError(f"{problem}: {loop}")
 
     def _loop(self) -> str:
         """The events that keep the queue going, in the order in which they come."""
         names: dict[str, None] = {}
-        for _ in range(len(self._queue) + len(self._names)):
+        for _ in range(min(len(self._queue) + len(self._names), SHOWN)):
             if self._queue:
                 entry = self._queue.popleft()
                 names[self._names[entry]] = None
-                entry()
+                with suppress(Exception):
+                    # the loop is what is wrong first
+                    entry()
         shown = list(names)[:12]
         return " -> ".join(shown + ["..."] * (len(names) > len(shown)))
 
     def advance(self, duration: int) -> None:
         """Moves time on by `duration` ns; delivers what timed blocks issue meanwhile, each at its time."""
         target = self.time + duration
-        timers = self._timers
-        fired = 0
-        while timers and timers[0][0] <= target:
-            due, _, index = heapq.heappop(timers)
-            fired = fired + 1 if due == self.time else 0
-            if fired > ACTIVATION_LIMIT:
-                raise FunctionBlockError(f"endless loop of events without delay at {self._instances[index].name__}")
-            self.time = due
-            behaviour = self._types[index].behaviour
-            assert behaviour is not None
-            assert behaviour.fire is not None
-            behaviour.fire(self._instances[index])
+        while self.ring(target):
             self.run_until_idle()
-        self.time = target
+
+    def ring(self, until: int) -> bool:
+        """Moves time on to the first timed block that is due by `until` (ns) and queues the event that it issues.
+
+        Returns whether there was one; if not, time has moved on to `until`.
+        """
+        if not self._timers or self._timers[0][0] > until:
+            self.time = until
+            return False
+        self.time, _, index = heapq.heappop(self._timers)
+        behaviour = self._types[index].behaviour
+        assert behaviour is not None
+        assert behaviour.fire is not None
+        behaviour.fire(self._instances[index])
+        return True
 
     def next_timer(self) -> int | None:
         """The time in ns at which a timed block will issue its event; None when none waits."""
         return self._timers[0][0] if self._timers else None
 
     def schedule(self, name: str, delay: int) -> int:
-        """Lets a timed block's behaviour fire in `delay` ns; returns the time at which it is due, ns."""
-        due = self.time + delay
+        """Lets a timed block's behaviour fire in `delay` ns, but no sooner than in a tick; returns the time, ns."""
+        due = self.time + max(delay, TICK)
         heapq.heappush(self._timers, (due, self._sequence, self._index[name]))
         self._sequence += 1
         return due
@@ -184,64 +254,6 @@ class Resource:
         index = self._index[name]
         self._timers[:] = [timer for timer in self._timers if timer[2] != index]
         heapq.heapify(self._timers)
-
-    def names(self) -> tuple[str, ...]:
-        """The blocks, with dotted names, composites before what they contain."""
-        return tuple(self._index)
-
-    def block_type(self, name: str) -> model.FBType:
-        """The type of a block, its generic ports resolved. Raises FunctionBlockError for an unknown name."""
-        return self._types[self._find(name)].block
-
-    def read(self, name: str) -> Any:
-        """The value of a variable, `BLOCK.VARIABLE`; `BLOCK.$ECC` is the name of the chart's state.
-
-        Raises:
-            FunctionBlockError: there is no such block or variable.
-        """
-        index, variable = self._locate(name)
-        if variable is None:
-            block = self._types[index].block
-            assert isinstance(block, model.BasicFBType)
-            return block.states[self._instances[index].state__].name
-        return getattr(self._instances[index], python_name(variable.name))
-
-    def reader(self, names: Sequence[str]) -> Callable[[], tuple[Any, ...]]:
-        """A function that reads several variables of one block at once, fast enough for every tick.
-
-        Raises:
-            FunctionBlockError: there is no such block or variable, or they are of more than one block.
-        """
-        places = [self._locate(name) for name in names]
-        variables = [python_name(variable.name) for _, variable in places if variable is not None]
-        if len({index for index, _ in places}) != 1 or len(variables) != len(names) or len(names) < 2:
-            raise FunctionBlockError(f"expected at least two variables of one block, got {', '.join(names)}")
-        return partial(attrgetter(*variables), self._instances[places[0][0]])
-
-    def write(self, name: str, value: Any) -> None:
-        """Sets a variable.
-
-        A connected input keeps the value until it is sampled. An output may be seen by the blocks connected to it
-        before the next event publishes it.
-
-        Raises:
-            FunctionBlockError: there is no such block or variable, or the value is not of its type.
-        """
-        index, variable = self._locate(name)
-        if variable is None:
-            raise FunctionBlockError(f"{name} is the state of a chart and cannot be written: expected a variable")
-        try:
-            checked = checked_value(value, _data_type(variable), name)
-        except ValueError as error:
-            raise FunctionBlockError(str(error)) from None
-        setattr(self._instances[index], python_name(variable.name), checked)
-
-    def variable_type(self, name: str) -> DataType:
-        """The type of a variable, `BLOCK.VARIABLE`. Raises FunctionBlockError as `read` does."""
-        _, variable = self._locate(name)
-        if variable is None:
-            raise FunctionBlockError(f"{name} is the state of a chart and has no data type: expected a variable")
-        return _data_type(variable)
 
     def port(self, name: str) -> CommunicationPort:
         """The outer side of a communication block.
@@ -284,45 +296,9 @@ class Resource:
         for kind, instance, values in zip(self._types, self._instances, snapshot.values, strict=True):
             kind.load(instance, values)
 
-    def _find(self, name: str) -> int:
-        try:
-            return self._index[name]
-        except KeyError:
-            raise FunctionBlockError(f"unknown block {name!r}: {_hint(name, list(self._index))}") from None
 
-    def _locate(self, name: str) -> tuple[int, model.Variable | None]:
-        block, _, variable = name.rpartition(".")
-        index = self._find(block)
-        kind = self._types[index].block
-        if variable == "$ECC" and isinstance(kind, model.BasicFBType):
-            return index, None
-        variables = {v.name: v for v in _variables(kind)}
-        if variable not in variables:
-            raise FunctionBlockError(f"{block} has no variable {variable!r}: {_hint(variable, list(variables))}")
-        return index, variables[variable]
-
-
-def _variables(kind: model.FBType) -> tuple[model.Variable, ...]:
-    internals = kind.internals if isinstance(kind, model.BasicFBType | model.SimpleFBType) else ()
-    return (*kind.interface.inputs, *kind.interface.outputs, *internals)
-
-
-def _data_type(variable: model.Variable) -> DataType:
-    assert not isinstance(variable.type, model.GenericType)
-    return variable.type
-
-
-def _initial(node: Node, kind: CompiledType) -> tuple[Any, ...]:
-    """The state of an instance at the beginning: the type's initial values and the instance's parameters."""
-    values = dict(kind.initial)
-    for variable in node.interface.inputs:
-        parameter = node.parameters.get(variable.name)
-        if parameter is not None:
-            literal = model.literal(parameter.value, _data_type(variable), node.file, parameter.line)
-            values[python_name(variable.name)] = literal
-    return tuple(values.values())
-
-
-def _hint(name: str, valid: Sequence[str]) -> str:
-    close = difflib.get_close_matches(name, valid, n=5, cutoff=0.5) or list(valid[:20])
-    return f"expected {choices(close)}" if close else "there is none"
+def _located(error: Exception, event: str) -> FunctionBlockError:
+    """The error as one of the block that got the event."""
+    if isinstance(error, FunctionBlockError):
+        return FunctionBlockError(f"{event}: {error.message}", error.file, error.line, error.column)
+    return FunctionBlockError(f"{event}: {type(error).__name__}: {error}")

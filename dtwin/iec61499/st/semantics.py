@@ -5,7 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 ITERATION_LIMIT: Final = 10_000_000
-"""Most loop iterations of one call, all loops together; more are taken for a loop that never ends."""
+"""Most loop iterations of one event chain, all loops together; more are taken for a loop that never ends."""
+COMPUTING_TIME: Final = 0.04
+"""Longest time for which one block may compute on a device before the others have their turn, s of the processor."""
+STRING_LIMIT: Final = 65535
+"""Longest STRING or WSTRING: communication blocks have 16 bits for its length."""
 
 
 def integer_divide(a: int, b: int) -> int:

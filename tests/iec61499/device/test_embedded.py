@@ -23,6 +23,7 @@ from tests.support.iec61499.served_device import (
     samples,
     wait_for,
 )
+from tests.support.waiting import until
 
 
 def test_cycles_run_on_the_clock(served: ServedDevice) -> None:
@@ -122,6 +123,7 @@ def test_an_endless_loop_ends_its_resource_only(served: ServedDevice, caplog: py
         client.start("GOOD")
         build(client, "BAD", "D DOUBLER\nSTART.COLD -> D.REQ\nD.CNF -> D.REQ")
         client.start("BAD")
+        until(lambda: "resource BAD ended" in caplog.text, "the resource has ended")
         assert client.request("BAD", "STOP").reason == "INVALID_STATE"
         with served.connect("S") as peer:
             assert peer.exchange([1.0]) == (2.0,)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.standard.catalogue import find_standard, standard_names
@@ -178,10 +177,14 @@ def test_cycle_does_not_drift() -> None:
     assert bench.resource.next_timer() == 1_010_000_000
 
 
-def test_cycle_needs_a_time_above_zero() -> None:
-    bench = Bench("E_CYCLE")
-    with pytest.raises(FunctionBlockError, match=r"DUT\.START: E_CYCLE started with DT = 0"):
-        bench.fire("START")
+@pytest.mark.parametrize("kind", ["E_CYCLE", "E_DELAY", "E_RDELAY"])
+@pytest.mark.parametrize("time", ["T#0s", "T#1ns", "T#1us", "-T#1s"])
+def test_no_time_is_shorter_than_a_tick_of_1_ms_as_in_forte(kind: str, time: str) -> None:
+    bench = Bench(kind, parameters={"DT": time.replace("-T#", "T#-")})
+    bench.fire("START")
+    assert bench.advance(0.999999) == []
+    assert bench.advance(0.000001) == ["EO"]
+    assert len(bench.advance(100)) == (100 if kind == "E_CYCLE" else 0)
 
 
 def test_train_counts_its_events() -> None:
@@ -241,12 +244,13 @@ def test_stop_cancels_pending_timers() -> None:
     assert resource.read("COUNT.CV") == 4
 
 
-def test_a_loop_without_delay_is_named() -> None:
-    wires = "START.COLD -> WAIT.START; WAIT.EO -> WAIT.START"
-    resource = Resource(network("START: E_RESTART; WAIT: E_DELAY", wires), Library())
+def test_a_loop_through_no_delay_takes_a_tick_a_round() -> None:
+    wires = "START.COLD -> WAIT.START; WAIT.EO -> WAIT.START; WAIT.EO -> COUNT.CU"
+    parameters = {"COUNT.PV": "9"}
+    resource = Resource(network("START: E_RESTART; WAIT: E_DELAY; COUNT: E_CTU", wires, "", parameters), Library())
     resource.start()
-    with pytest.raises(FunctionBlockError, match="endless loop of events without delay at WAIT"):
-        resource.advance(1)
+    resource.advance(5_000_000)
+    assert resource.read("COUNT.CV") == 5
 
 
 def test_every_listed_block_is_found() -> None:

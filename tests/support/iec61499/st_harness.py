@@ -17,6 +17,7 @@ from dtwin.iec61499.st.lua.helpers import lua_helpers
 from dtwin.iec61499.st.lua.translate import lua_source
 from dtwin.iec61499.st.parser import parse_algorithm
 from dtwin.iec61499.st.python.translate import compile_algorithm, python_source
+from dtwin.iec61499.st.semantics import ITERATION_LIMIT
 from dtwin.iec61499.st.typed import CheckedAlgorithm
 from dtwin.iec61499.types import ArrayType, DataType, elementary
 
@@ -33,13 +34,19 @@ def check(text: str, **types: str | DataType) -> CheckedAlgorithm:
 
 
 def instance(scope: Mapping[str, DataType], values: Mapping[str, Any]) -> SimpleNamespace:
-    return SimpleNamespace(**{name: values.get(name, t.default) for name, t in scope.items()})
+    variables = {name: values.get(name, t.default) for name, t in scope.items()}
+    return SimpleNamespace(**variables, resource__=SimpleNamespace(iterations=iter(range(ITERATION_LIMIT))))
+
+
+def variables_of(state: SimpleNamespace) -> dict[str, Any]:
+    """What an algorithm has left in its variables."""
+    return {name: value for name, value in vars(state).items() if name != "resource__"}
 
 
 def run_python(checked: CheckedAlgorithm, scope: Mapping[str, DataType], values: Mapping[str, Any]) -> dict[str, Any]:
     state = instance(scope, values)
     compile_algorithm(checked, "ALGORITHM")(state)
-    return vars(state)
+    return variables_of(state)
 
 
 def run_exact(checked: CheckedAlgorithm, scope: Mapping[str, DataType], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -53,7 +60,7 @@ def run_exact(checked: CheckedAlgorithm, scope: Mapping[str, DataType], values: 
     exec(source, namespace)
     state = instance(scope, values)
     namespace["run"](state)
-    return vars(state)
+    return variables_of(state)
 
 
 def run_lua(

@@ -24,7 +24,7 @@ _OPERATORS: Final = {
 _LOGICAL: Final = {"AND": ("and", AND), "OR": ("or", OR), "XOR": ("!=", COMPARISON)}
 _BITWISE: Final = {"AND": ("&", BIT_AND), "OR": ("|", BIT_OR), "XOR": ("^", BIT_XOR)}
 _REAL_FUNCTIONS: Final = frozenset({"SQRT", "LN", "LOG", "EXP", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN", "ATAN2"})
-_TEXT_FUNCTIONS: Final = frozenset({"LEFT", "RIGHT", "MID", "INSERT", "REPLACE", "DELETE"})
+_TEXT_FUNCTIONS: Final = frozenset({"CONCAT", "LEFT", "RIGHT", "MID", "INSERT", "REPLACE", "DELETE"})
 _UNITS: Final = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 
 
@@ -244,8 +244,6 @@ class PythonExpressions:
             return Fragment(f"({values[2].text} if {values[0].text} else {values[1].text})", ATOM, *limits)
         if name in ("SHL", "SHR", "ROL", "ROR"):
             return self._shift(node, values)
-        if name == "CONCAT":
-            return Fragment(f"{values[0].at_least(SUM)} + {values[1].at_least(PRODUCT)}", SUM)
         if name == "LEN":
             return Fragment(f"len({listed})", ATOM, 0, 1 << 31)
         if name == "FIND":

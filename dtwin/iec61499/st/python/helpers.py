@@ -13,14 +13,21 @@ from collections.abc import Callable, Iterator
 from typing import Any, Final, NoReturn
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.st.semantics import ITERATION_LIMIT, integer_divide, integer_modulo
+from dtwin.iec61499.st.semantics import (
+    COMPUTING_TIME,
+    ITERATION_LIMIT,
+    STRING_LIMIT,
+    integer_divide,
+    integer_modulo,
+)
 from dtwin.iec61499.types import format_duration, parse_duration, round_to_real
 
 _INT64: Final = 1 << 63
 
 
 def endless(where: str) -> NoReturn:
-    raise FunctionBlockError(f"loop did not end within {ITERATION_LIMIT} iterations", *_position(where))
+    limits = f"{ITERATION_LIMIT} iterations, or {COMPUTING_TIME * 1000:g} ms on a device"
+    raise FunctionBlockError(f"loop did not end within {limits}", *_position(where))
 
 
 def ended(budget: Iterator[int], where: str) -> None:
@@ -161,6 +168,11 @@ def multiplex(selector: int, *values: Any) -> Any:
     return values[max(0, min(selector, len(values) - 1))]
 
 
+def concatenate(text: str, addition: str) -> str:
+    """One text behind the other, cut where a STRING ends."""
+    return (text + addition)[:STRING_LIMIT]
+
+
 def left(text: str, length: int) -> str:
     """The whole text when length is negative or beyond its end, as in FORTE."""
     return text[:length] if length >= 0 else text
@@ -177,14 +189,16 @@ def middle(text: str, length: int, position: int) -> str:
 
 def insert(text: str, addition: str, position: int) -> str:
     """The text with `addition` behind character `position`; the text itself when there is no such character."""
-    return text[:position] + addition + text[position:] if 0 <= position <= len(text) else text
+    if not 0 <= position <= len(text):
+        return text
+    return (text[:position] + addition + text[position:])[:STRING_LIMIT]
 
 
 def replace(text: str, new: str, length: int, position: int) -> str:
     """The text with `new` in place of `length` characters from the 1-based position; itself if they are not there."""
     if length < 0 or position < 1 or position - 1 + length > len(text):
         return text
-    return text[: position - 1] + new + text[position - 1 + length :]
+    return (text[: position - 1] + new + text[position - 1 + length :])[:STRING_LIMIT]
 
 
 def delete(text: str, length: int, position: int) -> str:
@@ -202,8 +216,8 @@ def format_number(value: float, digits: int) -> str:
 
 
 def string_to_integer(text: str, minimum: int, mask: int) -> int:
-    """The leading integer, wrapped; 0 when there is none."""
-    match = re.match(r"\s*([+-]?[0-9]+)", text)
+    """The leading integer of at most 1,000 digits, wrapped; 0 when there is none."""
+    match = re.match(r"\s*([+-]?[0-9]{1,1000})", text)
     return ((int(match[1]) if match else 0) - minimum & mask) + minimum
 
 
@@ -218,9 +232,10 @@ def string_to_bool(text: str) -> bool:
 
 
 def string_to_time(text: str) -> int:
-    """The duration of `T#...`; 0 when it is none."""
+    """The duration of `T#...`, the longest one when it is longer; 0 when it is none."""
     prefix, _, rest = text.partition("#")
-    return (parse_duration(rest) or 0) if prefix.upper() in ("T", "TIME", "LT", "LTIME") else 0
+    duration = (parse_duration(rest) or 0) if prefix.upper() in ("T", "TIME", "LT", "LTIME") else 0
+    return max(-_INT64, min(duration, _INT64 - 1))
 
 
 def time_to_string(value: int) -> str:
@@ -270,7 +285,6 @@ EXACT: Final[dict[str, Any]] = {
 }
 
 COMMON: Final[dict[str, Any]] = {
-    "_budget": range(ITERATION_LIMIT),
     "_endless": endless,
     "_ended": ended,
     "_for_range": for_range,
@@ -291,6 +305,7 @@ COMMON: Final[dict[str, Any]] = {
     "_rol": rotate_left,
     "_ror": rotate_right,
     "_mux": multiplex,
+    "_concat": concatenate,
     "_left": left,
     "_right": right,
     "_mid": middle,

@@ -77,8 +77,8 @@ def compile_algorithm(checked: typed.CheckedAlgorithm, name: str) -> Callable[[A
     place.
 
     Raises:
-        FunctionBlockError: the call of the function meets an index out of range, or a loop goes beyond
-            `ITERATION_LIMIT` iterations.
+        FunctionBlockError: the call of the function meets an index out of range, or a loop finds no iteration left in
+            `resource__.iterations` of the instance.
     """
     code = python_source(checked, "_s")
     loads = [f"{python_name(n)} = {_load(f'_s.{python_name(n)}', n in code.modified_arrays)}" for n in code.reads]
@@ -154,8 +154,8 @@ class _PythonGenerator:
     def algorithm(self, body: typed.Body) -> tuple[str, ...]:
         lines = [line for statement in body for line in self._statement(statement)]
         if any(isinstance(node, (typed.For, typed.While, typed.Repeat)) for node in typed.walk(body)):
-            # all loops draw from one budget, which costs nothing a bare loop would not
-            lines.insert(0, f"_ticks = iter({self._expressions.helper('_budget')})")
+            # all loops of an event chain draw from one budget, which costs nothing a bare loop would not
+            lines.insert(0, f"_ticks = {self._self}.resource__.iterations")
         return tuple(lines)
 
     def _body(self, body: typed.Body) -> list[str]:

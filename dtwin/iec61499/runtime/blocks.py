@@ -1,0 +1,128 @@
+"""The blocks of a resource with their variables, found by name."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Sequence
+from functools import partial
+from operator import attrgetter
+from typing import Any
+
+from dtwin.errors import FunctionBlockError, choices
+from dtwin.iec61499 import model
+from dtwin.iec61499.runtime.compile import CompiledType
+from dtwin.iec61499.runtime.netlist import Node
+from dtwin.iec61499.runtime.wiring import checked_value
+from dtwin.iec61499.st.python.expressions import python_name
+from dtwin.iec61499.types import DataType
+
+
+class Blocks:
+    """Instances of block types, in the order of the nodes of a netlist; values may be read and written at will."""
+
+    def __init__(self) -> None:
+        self._types: list[CompiledType] = []
+        self._instances: list[Any] = []
+        self._initial: list[tuple[Any, ...]] = []
+        self._index: dict[str, int] = {}
+
+    def names(self) -> tuple[str, ...]:
+        """The blocks, with dotted names, composites before what they contain."""
+        return tuple(self._index)
+
+    def block_type(self, name: str) -> model.FBType:
+        """The type of a block, its generic ports resolved. Raises FunctionBlockError for an unknown name."""
+        return self._types[self._find(name)].block
+
+    def read(self, name: str) -> Any:
+        """The value of a variable, `BLOCK.VARIABLE`; `BLOCK.$ECC` is the name of the chart's state.
+
+        Raises:
+            FunctionBlockError: there is no such block or variable.
+        """
+        index, variable = self._locate(name)
+        if variable is None:
+            block = self._types[index].block
+            assert isinstance(block, model.BasicFBType)
+            return block.states[self._instances[index].state__].name
+        return getattr(self._instances[index], python_name(variable.name))
+
+    def reader(self, names: Sequence[str]) -> Callable[[], tuple[Any, ...]]:
+        """A function that reads several variables of one block at once, fast enough for every tick.
+
+        Raises:
+            FunctionBlockError: there is no such block or variable, or they are of more than one block.
+        """
+        places = [self._locate(name) for name in names]
+        variables = [python_name(variable.name) for _, variable in places if variable is not None]
+        if len({index for index, _ in places}) != 1 or len(variables) != len(names) or len(names) < 2:
+            raise FunctionBlockError(f"expected at least two variables of one block, got {', '.join(names)}")
+        return partial(attrgetter(*variables), self._instances[places[0][0]])
+
+    def write(self, name: str, value: Any) -> None:
+        """Sets a variable.
+
+        A connected input keeps the value until it is sampled. An output may be seen by the blocks connected to it
+        before the next event publishes it.
+
+        Raises:
+            FunctionBlockError: there is no such block or variable, or the value is not of its type.
+        """
+        index, variable = self._locate(name)
+        if variable is None:
+            raise FunctionBlockError(f"{name} is the state of a chart and cannot be written: expected a variable")
+        try:
+            checked = checked_value(value, _data_type(variable), name)
+        except ValueError as error:
+            raise FunctionBlockError(str(error)) from None
+        setattr(self._instances[index], python_name(variable.name), checked)
+
+    def variable_type(self, name: str) -> DataType:
+        """The type of a variable, `BLOCK.VARIABLE`. Raises FunctionBlockError as `read` does."""
+        _, variable = self._locate(name)
+        if variable is None:
+            raise FunctionBlockError(f"{name} is the state of a chart and has no data type: expected a variable")
+        return _data_type(variable)
+
+    def _find(self, name: str) -> int:
+        try:
+            return self._index[name]
+        except KeyError:
+            raise FunctionBlockError(f"unknown block {name!r}: {_hint(name, list(self._index))}") from None
+
+    def _locate(self, name: str) -> tuple[int, model.Variable | None]:
+        block, _, variable = name.rpartition(".")
+        index = self._find(block)
+        kind = self._types[index].block
+        if variable == "$ECC" and isinstance(kind, model.BasicFBType):
+            return index, None
+        variables = {v.name: v for v in _variables(kind)}
+        if variable not in variables:
+            raise FunctionBlockError(f"{block} has no variable {variable!r}: {_hint(variable, list(variables))}")
+        return index, variables[variable]
+
+
+def _variables(kind: model.FBType) -> tuple[model.Variable, ...]:
+    internals = kind.internals if isinstance(kind, model.BasicFBType | model.SimpleFBType) else ()
+    return (*kind.interface.inputs, *kind.interface.outputs, *internals)
+
+
+def _data_type(variable: model.Variable) -> DataType:
+    assert not isinstance(variable.type, model.GenericType)
+    return variable.type
+
+
+def initial_state(node: Node, kind: CompiledType) -> tuple[Any, ...]:
+    """The state of an instance at the beginning: the type's initial values and the instance's parameters."""
+    values = dict(kind.initial)
+    for variable in node.interface.inputs:
+        parameter = node.parameters.get(variable.name)
+        if parameter is not None:
+            literal = model.literal(parameter.value, _data_type(variable), node.file, parameter.line)
+            values[python_name(variable.name)] = literal
+    return tuple(values.values())
+
+
+def _hint(name: str, valid: Sequence[str]) -> str:
+    close = difflib.get_close_matches(name, valid, n=5, cutoff=0.5) or list(valid[:20])
+    return f"expected {choices(close)}" if close else "there is none"
