@@ -11,9 +11,6 @@ from typing import Any, Final, TypeAlias
 
 from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, parse_literal
 
-MAXIMUM_ARRAY_LENGTH: Final = 65_535
-"""Most elements of an array, as in 4diac FORTE."""
-
 GENERIC_TYPES: Final = (
     *("ANY", "ANY_ELEMENTARY", "ANY_MAGNITUDE", "ANY_NUM", "ANY_REAL", "ANY_INT", "ANY_SIGNED", "ANY_UNSIGNED"),
     *("ANY_BIT", "ANY_STRING", "ANY_CHARS", "ANY_DURATION"),

@@ -16,6 +16,11 @@ from typing import Any, Final, Literal, TypeAlias
 
 from dtwin.errors import FunctionBlockError, choices
 
+MAXIMUM_ELEMENTS: Final = 65_535
+"""Most elements of an array, over all its dimensions; those of one dimension as in 4diac FORTE."""
+MAXIMUM_DIGITS: Final = 400
+"""Most characters of a number; the largest LREAL has 309 digits."""
+
 TypeKind = Literal["bool", "signed", "unsigned", "bits", "real", "string", "time"]
 
 _FLOAT32: Final = struct.Struct("f")
@@ -85,6 +90,8 @@ class ArrayType:
     def __post_init__(self) -> None:
         if self.upper < self.lower:
             raise FunctionBlockError(f"array bounds {self.lower}..{self.upper}: expected lower <= upper")
+        if self.elements > MAXIMUM_ELEMENTS:
+            raise FunctionBlockError(f"array of {self.elements} elements: expected at most {MAXIMUM_ELEMENTS}")
 
     def __str__(self) -> str:
         return f"ARRAY [{self.lower}..{self.upper}] OF {self.element}"
@@ -92,6 +99,11 @@ class ArrayType:
     @property
     def length(self) -> int:
         return self.upper - self.lower + 1
+
+    @property
+    def elements(self) -> int:
+        """Number of elements over all dimensions."""
+        return self.length * elements(self.element)
 
     @property
     def default(self) -> list[Any]:
@@ -104,6 +116,12 @@ class ArrayType:
 
 
 DataType: TypeAlias = ElementaryType | ArrayType
+
+
+def elements(data_type: DataType) -> int:
+    """Number of elementary values that a variable of the type holds."""
+    return data_type.elements if isinstance(data_type, ArrayType) else 1
+
 
 BOOL: Final = ElementaryType("BOOL", "bool", 1)
 SINT: Final = ElementaryType("SINT", "signed", 8)
@@ -199,20 +217,22 @@ def _parse(text: str, data_type: ElementaryType) -> Any:
             return _parse(text, typed)
     value = _parse_untyped(rest if typed else text, data_type)
     if value is None or (data_type.kind == "time" and typed is None and value != 0):
-        raise FunctionBlockError(f"{text!r} is not a {data_type}: expected {_EXAMPLES[data_type.kind]}")
+        raise FunctionBlockError(f"{text[:60]!r} is not a {data_type}: expected {_EXAMPLES[data_type.kind]}")
     if data_type.kind == "real":
         if math.isinf(data_type.wrap(value)):
-            raise FunctionBlockError(f"{text} is beyond the range of {data_type}")
+            raise FunctionBlockError(f"{text:.60} is beyond the range of {data_type}")
         return data_type.wrap(value)
     if isinstance(value, int) and not data_type.minimum <= value <= data_type.maximum:
         raise FunctionBlockError(
-            f"{text} is out of the range of {data_type}: expected {data_type.minimum} to {data_type.maximum}"
+            f"{text:.60} is out of the range of {data_type}: expected {data_type.minimum} to {data_type.maximum}"
         )
     return value
 
 
 def _parse_untyped(text: str, data_type: ElementaryType) -> Any:
     """The value, not yet checked for its range; None when the text has another form."""
+    if data_type.kind != "string" and len(text) > MAXIMUM_DIGITS:
+        raise FunctionBlockError(f"{text[:20]}... has {len(text)} characters: expected at most {MAXIMUM_DIGITS}")
     if data_type.kind == "bool":
         return {"TRUE": True, "1": True, "FALSE": False, "0": False}.get(text.upper())
     if data_type.kind == "real":
@@ -226,7 +246,13 @@ def _parse_untyped(text: str, data_type: ElementaryType) -> Any:
 
 
 def parse_integer(text: str) -> int:
-    """The value of `12`, `-1_000`, `16#FF`, `2#1010`; the text must match INTEGER."""
+    """The value of `12`, `-1_000`, `16#FF`, `2#1010`; the text must match INTEGER.
+
+    Raises:
+        FunctionBlockError: a digit beyond the base, or more characters than MAXIMUM_DIGITS.
+    """
+    if len(text) > MAXIMUM_DIGITS:
+        raise FunctionBlockError(f"{text[:20]}... has {len(text)} characters: expected at most {MAXIMUM_DIGITS}")
     digits = text.replace("_", "")
     if len(digits) > MAXIMUM_DIGITS:
         raise FunctionBlockError(f"{text:.20}... has {len(digits)} digits: expected at most {MAXIMUM_DIGITS}")
@@ -242,7 +268,7 @@ def parse_integer(text: str) -> int:
 
 def parse_duration(text: str) -> int | None:
     """Nanoseconds of `1h30m`, `-10ms`, `1.5s` (the part behind `T#`), truncated; None when malformed."""
-    if not _DURATION.fullmatch(text):
+    if len(text) > MAXIMUM_DIGITS or not _DURATION.fullmatch(text):
         return None
     parts = _DURATION_PART.findall(text)
     total = sum(Decimal(number.replace("_", "")) * _NANOSECONDS[unit.lower()] for number, unit in parts)
@@ -287,7 +313,7 @@ def _parse_array(text: str, data_type: ArrayType) -> list[Any]:
         repeat = re.fullmatch(r"([0-9]+)\s*\((.*)\)", item, re.S)
         count = parse_integer(repeat[1]) if repeat else 1
         if len(values) + count > data_type.length:
-            raise FunctionBlockError(f"{text} has more than the {data_type.length} elements of {data_type}")
+            raise FunctionBlockError(f"{text:.60} has more than the {data_type.length} elements of {data_type}")
         value = parse_literal(repeat[2] if repeat else item, data_type.element)
         values += [value] * count
     return data_type.wrap(values)

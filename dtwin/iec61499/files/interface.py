@@ -107,9 +107,5 @@ def _array_type(element: XmlElement, data_type: model.DataType) -> ArrayType:
             raise element.error(f"array size {element.get('ArraySize')!r}: expected a number or bounds such as 1..3")
         lower, upper = (0, int(bounds[1]) - 1) if bounds[2] is None else (int(bounds[1]), int(bounds[2]))
         data_type = ArrayType(data_type, lower, upper)
-        if data_type.length > model.MAXIMUM_ARRAY_LENGTH:
-            raise element.error(
-                f"array of {data_type.length} elements: expected at most {model.MAXIMUM_ARRAY_LENGTH}"
-            )
     assert isinstance(data_type, ArrayType)
     return data_type

@@ -19,6 +19,11 @@ CHAIN_LIMIT: Final = 10_000
 """Most transitions without an event that one event may cause."""
 
 
+def handler_name(event: str) -> str:
+    """The name of the function for an event input, which may be one of an adapter (`PLUG.REQ`)."""
+    return "on_" + event.replace(".", "__")
+
+
 class ChartWriter:
     """Writes the functions of one block type.
 
@@ -53,7 +58,7 @@ class ChartWriter:
         return self._lines
 
     def _write_event(self, event: str) -> None:
-        self._lines.append(f"def on_{event}(s):")
+        self._lines.append(f"def {handler_name(event)}(s):")
         waiting = [state for state in self._numbers if any(t.event in ("", event) for t in self._leaving(state))]
         if not waiting:
             self._lines.append("    pass")

@@ -17,11 +17,11 @@ from typing import Any, Final
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.runtime import communication, timers
-from dtwin.iec61499.runtime.chart import CHAIN_LIMIT, ChartWriter
+from dtwin.iec61499.runtime.chart import CHAIN_LIMIT, ChartWriter, handler_name
 from dtwin.iec61499.runtime.checker import BlockChecker
 from dtwin.iec61499.runtime.service_interface import EventHandler, ServiceBehaviour
 from dtwin.iec61499.st import typed
-from dtwin.iec61499.st.python.expressions import python_name
+from dtwin.iec61499.st.python.expressions import python_name, wiring_name
 from dtwin.iec61499.st.python.translate import CONDITION_GLOBALS, compile_algorithm, compile_condition
 
 PUBLISHED: Final = "p__"
@@ -99,7 +99,7 @@ def _assemble(
         initial[python_name(variable.name)] = value
         initial[published.get(variable.name, python_name(variable.name))] = value
     initial |= state
-    wiring = [f"to__{event.name}" for event in interface.event_outputs]
+    wiring = [wiring_name(event.name) for event in interface.event_outputs]
     if behaviour is not None:
         wiring += behaviour.wiring
     slots = (*initial, *wiring, "extend__", "name__", "resource__")
@@ -146,10 +146,13 @@ class _Algorithmic:
         else:
             lines = []
             for event in events:
-                lines += [f"def on_{event}(s):", *("    " + line for line in actions.get(event) or ["pass"])]
+                lines += [
+                    f"def {handler_name(event)}(s):",
+                    *("    " + line for line in actions.get(event) or ["pass"]),
+                ]
             state = {}
         exec(compile("\n".join(lines), f"<{block.header.name}>", "exec"), space)
-        handlers = {event: space[f"on_{event}"] for event in events}
+        handlers = {event: space[handler_name(event)] for event in events}
         return _assemble(block, handlers, published, state)
 
     def _published(self, checked: Mapping[str, typed.CheckedAlgorithm]) -> dict[str, str]:
@@ -160,7 +163,9 @@ class _Algorithmic:
                 if action.algorithm:
                     delayed |= _written(checked[action.algorithm]) - set(self._with.get(action.output, ()))
         return {
-            variable.name: PUBLISHED + variable.name if variable.name in delayed else python_name(variable.name)
+            variable.name: PUBLISHED + python_name(variable.name)
+            if variable.name in delayed
+            else python_name(variable.name)
             for variable in self._block.interface.outputs
         }
 
@@ -176,7 +181,7 @@ class _Algorithmic:
                     attribute = python_name(output)
                     if published[output] != attribute:
                         lines.append(f"s.{published[output]} = s.{attribute}")
-                lines.append(f"s.extend__(s.to__{action.output})")
+                lines.append(f"s.extend__(s.{wiring_name(action.output)})")
         return lines
 
 

@@ -18,7 +18,7 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.runtime.compile import CompiledType
 from dtwin.iec61499.runtime.generic_ports import variable_at
 from dtwin.iec61499.runtime.netlist import Netlist, Node, Terminal
-from dtwin.iec61499.st.python.expressions import python_name
+from dtwin.iec61499.st.python.expressions import python_name, wiring_name
 from dtwin.iec61499.types import ArrayType, DataType, ElementaryType
 
 QueueEntry = Callable[[], None]
@@ -94,7 +94,7 @@ class _Wiring:
 
     def _targets(self, source: Terminal) -> str:
         """The global name of the entries that an event of a composite queues."""
-        return f"to{source.node}_{'inner' if source.inner else 'outer'}_{source.name}"
+        return f"to{source.node}_{'inner' if source.inner else 'outer'}_{source.name.replace('.', '__')}"
 
     def _copies(self, names: Sequence[str], destination: Callable[[str], Terminal]) -> list[str]:
         """Assignments to data inputs, or to outputs of a composite, from what they are connected to."""
@@ -138,7 +138,7 @@ class _Wiring:
                 if composite:
                     self._space[self._targets(port)] = tuple(targets.get(port, ()))
                 else:
-                    setattr(self._instances[number], f"to__{event.name}", tuple(targets.get(port, ())))
+                    setattr(self._instances[number], wiring_name(event.name), tuple(targets.get(port, ())))
             for event in node.interface.event_inputs if composite else ():
                 port = Terminal(number, event.name, inner=True)
                 self._space[self._targets(port)] = tuple(targets.get(port, ()))

@@ -11,11 +11,13 @@ from dtwin.iec61499.st import ast, typed
 from dtwin.iec61499.st.ast import fail
 from dtwin.iec61499.st.dataflow import needed_initialisations
 from dtwin.iec61499.st.expressions import ExpressionChecker
-from dtwin.iec61499.types import BOOL, ArrayType, DataType, ElementaryType
+from dtwin.iec61499.types import BOOL, ArrayType, DataType, ElementaryType, elements
 
 _MAXIMUM_DEPTH: Final = 60
 _MAXIMUM_LOOPS: Final = 15
 """Most loops inside one another; Python nests 20 blocks at most."""
+_MAXIMUM_LABELS: Final = 2_000
+"""Most labels of one CASE; code for more is beyond what Python nests."""
 
 
 def check_algorithm(
@@ -57,6 +59,7 @@ class _AlgorithmChecker:
         self._writable = set(writable)
         self._depth = 0
         self._loops = 0
+        self._elements = 0
         self._counters: dict[str, ast.Position] = {}
         self.temporaries: dict[str, DataType] = {}
 
@@ -69,6 +72,13 @@ class _AlgorithmChecker:
         value = self._initial(declaration, data_type)
         self._expressions.declare(declaration.at, declaration.name, data_type)
         self.temporaries[declaration.name] = data_type
+        self._elements += elements(data_type)
+        if self._elements > types.MAXIMUM_ELEMENTS:
+            fail(
+                declaration.at,
+                f"the algorithm's own variables have {self._elements} elements: expected at most "
+                f"{types.MAXIMUM_ELEMENTS}",
+            )
         if not declaration.constant:
             self._writable.add(declaration.name)
         return typed.Store(declaration.at, data_type, declaration.name, (), (), value)
@@ -157,6 +167,9 @@ class _AlgorithmChecker:
         data_type = selector.type
         if not isinstance(data_type, ElementaryType) or not (data_type.is_integer or data_type.kind == "bits"):
             fail(node.selector.at, f"CASE selects by {data_type}: expected an integer or bit string")
+        count = sum(len(branch.labels) for branch in node.branches)
+        if count > _MAXIMUM_LABELS:
+            fail(node.at, f"CASE has {count} labels: expected at most {_MAXIMUM_LABELS}")
         branches = []
         for branch in node.branches:
             labels = tuple(self._label(label, data_type) for label in branch.labels)

@@ -18,6 +18,8 @@ GRAMMAR: Final = Path(__file__).with_name("grammar.lark")
 """Grammar of Structured Text."""
 TABLES: Final = GRAMMAR.parent / "__pycache__" / "grammar.tables"
 """File of the parser's tables, which take longer to make than all algorithms of a cell to parse."""
+MAXIMUM_LENGTH: Final = 200_000
+"""Most characters of an algorithm or condition, which take a second or two to parse."""
 _TERMINALS: Final = {
     "NAME": "a name",
     "INTEGER": "an integer",
@@ -86,6 +88,10 @@ def parse_expression(text: str, file: str = "", line: int = 1, column: int = 1) 
 
 
 def _parse(text: str, start: str, origin: ast.Position) -> Any:
+    if len(text) > MAXIMUM_LENGTH:
+        raise FunctionBlockError(
+            f"has {len(text)} characters: expected at most {MAXIMUM_LENGTH}; divide the algorithm", *origin
+        )
     try:
         return TreeBuilder(origin).transform(lark_parser().parse(text, start=start))
     except UnexpectedInput as error:
@@ -178,7 +184,7 @@ class TreeBuilder(Transformer):
         return tuple(children)
 
     def repeated(self, children: list[Any]) -> ast.Repeated:
-        return ast.Repeated(self._at, types.parse_integer(children[0]), children[1])
+        return ast.Repeated(self._at, self._value(children[0], types.parse_integer), children[1])
 
     def statements(self, children: list[ast.Statement | None]) -> tuple[ast.Statement, ...]:
         return tuple(child for child in children if child is not None)

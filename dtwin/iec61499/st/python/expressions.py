@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import builtins
 import keyword
 import math
 import re
@@ -28,9 +29,23 @@ _TEXT_FUNCTIONS: Final = frozenset({"CONCAT", "LEFT", "RIGHT", "MID", "INSERT", 
 _UNITS: Final = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 
 
+_TAKEN: Final = frozenset((*keyword.kwlist, *dir(builtins)))
+
+
 def python_name(name: str) -> str:
-    """The Python identifier of a variable: its own name, with `_` behind keywords and outer underscores."""
-    return f"{name}_" if keyword.iskeyword(name) or name[0] == "_" or name[-1] == "_" else name
+    """The Python identifier of a variable.
+
+    A plain name stays as it is. Names that Python or the generated code may take (keywords, built-in functions, outer
+    underscores) and those of adapters (`PLUG.DT`) get two underscores, which no IEC identifier contains.
+    """
+    if name in _TAKEN or name[0] == "_" or name[-1] == "_" or "." in name:
+        return "v__" + name.replace(".", "__")
+    return name
+
+
+def wiring_name(event: str) -> str:
+    """The attribute of an instance that holds the queue entries which an output event is connected to."""
+    return "to__" + event.replace(".", "__")
 
 
 class PythonExpressions:

@@ -10,6 +10,7 @@ from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.st.check import check_expression
 from dtwin.iec61499.st.lua.translate import lua_condition
 from dtwin.iec61499.st.parser import parse_expression
+from dtwin.iec61499.st.python.expressions import python_name
 from dtwin.iec61499.st.python.translate import CONDITION_GLOBALS, compile_algorithm, compile_condition, python_source
 from dtwin.iec61499.st.semantics import ITERATION_LIMIT
 from tests.support.iec61499.st_cases import SCOPE, TYPES, inf, results
@@ -100,11 +101,12 @@ def test_real_arithmetic_is_bare_python() -> None:
 def test_variables_named_like_python_keywords() -> None:
     scope = scope_of({"in": "LREAL", "_s": "LREAL", "lambda_": "LREAL"})
     checked = check("in := _s + lambda_;", **{"in": "LREAL", "_s": "LREAL", "lambda_": "LREAL"})
+    names = {name: python_name(name) for name in scope}
     state = instance(
-        {"in_": scope["in"], "_s_": scope["_s"], "lambda__": scope["lambda_"]}, {"_s_": 1.0, "lambda__": 2.0}
+        {names[name]: data_type for name, data_type in scope.items()}, {names["_s"]: 1.0, names["lambda_"]: 2.0}
     )
     compile_algorithm(checked, "class")(state)
-    assert state.in_ == 3.0
+    assert getattr(state, names["in"]) == 3.0
 
 
 @pytest.mark.parametrize(
