@@ -33,13 +33,8 @@ def compile_arm(
     Raises:
         ModelError: the file is missing, malformed, or lacks a name.
     """
+    spec = named_spec(file)
     try:
-        spec = mujoco.MjSpec.from_file(str(file))
-        _require(file, "body", spec.bodies, (*LINKS, "jaw", "tip"))
-        _require(file, "joint", spec.joints, JOINTS)
-        _require(file, "actuator", spec.actuators, ACTUATORS)
-        _require(file, "sensor", spec.sensors, SENSORS)
-        _require(file, "site", spec.sites, SITES)
         if bodies:
             for kind, names in bodies.needed.items():
                 _require(file, kind, spec.bodies if kind == "body" else spec.geoms, names)
@@ -62,7 +57,25 @@ def compile_arm(
             bodies.extend(spec, step)
         return spec.compile()
     except ValueError as error:
-        raise ModelError(_one_line(file, str(error))) from None
+        raise ModelError(one_line(file, str(error))) from None
+
+
+def named_spec(file: Path) -> mujoco.MjSpec:
+    """The content of an MJCF file, checked for the names of models/arm.xml that a plant uses.
+
+    Raises:
+        ModelError: the file is missing, malformed, or lacks a name.
+    """
+    try:
+        spec = mujoco.MjSpec.from_file(str(file))
+    except ValueError as error:
+        raise ModelError(one_line(file, str(error))) from None
+    _require(file, "body", spec.bodies, (*LINKS, "jaw", "tip"))
+    _require(file, "joint", spec.joints, JOINTS)
+    _require(file, "actuator", spec.actuators, ACTUATORS)
+    _require(file, "sensor", spec.sensors, SENSORS)
+    _require(file, "site", spec.sites, SITES)
+    return spec
 
 
 def _require(file: Path, kind: str, elements: Iterable[mujoco.MjsElement], names: Iterable[str]) -> None:
@@ -72,7 +85,8 @@ def _require(file: Path, kind: str, elements: Iterable[mujoco.MjsElement], names
             raise ModelError(f"{file}: no {kind} is named {name!r}, expected {kind}s {choices(names)}")
 
 
-def _one_line(file: Path, message: str) -> str:
+def one_line(file: Path, message: str) -> str:
+    """A message of MuJoCo about a file in one line, which begins with the file and the number of its line."""
     text = " ".join(message.split())
     line = re.search(r"[Ll]ine(?: number=|\s+)(\d+)", text)
     return f"{file}:{line.group(1)}: {text}" if line else f"{file}: {text}"

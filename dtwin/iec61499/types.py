@@ -165,8 +165,6 @@ def elementary(name: str) -> ElementaryType:
         raise FunctionBlockError(f"type {name!r} is not supported: expected {choices(ELEMENTARY)}") from None
 
 
-MAXIMUM_DIGITS: Final = 1000
-"""Most digits of an integer; leading zeros and bases count, so far more than any type needs."""
 INTEGER: Final = re.compile(r"[+-]?(?:(?:2|8|16)#[0-9a-f](?:_?[0-9a-f])*|[0-9](?:_?[0-9])*)", re.I)
 DECIMAL: Final = re.compile(r"[+-]?[0-9](?:_?[0-9])*(?:\.[0-9](?:_?[0-9])*)?(?:e[+-]?[0-9]+)?", re.I)
 _DURATION: Final = re.compile(r"[+-]?(?:[0-9][0-9_]*(?:\.[0-9_]+)?(?:d|h|ms|us|ns|m|s)_?)+", re.I)

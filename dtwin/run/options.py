@@ -38,15 +38,21 @@ class ArmOptions(MachineOption):
     set: tuple[str, ...] = ()
     """A parameter of the emulated arm, e.g. m1=0.15; repeatable. The controller's model stays as it is."""
     mjcf: Path = MODEL_FILE
-    """MJCF file of the arm."""
+    """MJCF file of the arm, which is simulated with the values of the file. The controller's model stays as it is."""
 
     def parameters(self) -> ArmParameters:
         """The parameters of the emulated arm.
 
         Raises:
             ParameterError: a parameter is unknown or out of range.
+            ModelError: the file cannot be used.
         """
-        return ArmParameters().with_values(dict(assignment(text) for text in self.set))
+        arm = ArmParameters()
+        if self.mjcf != MODEL_FILE:
+            from dtwin.emulation.arm_file import read_arm  # loads MuJoCo, which who starts a cell does without
+
+            arm = read_arm(self.mjcf)
+        return arm.with_values(dict(assignment(text) for text in self.set))
 
     def made(self) -> ArmParameters:
         """The parameters of the emulated arm with the tolerances of its machine.
