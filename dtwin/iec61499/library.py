@@ -39,6 +39,10 @@ class Library:
         """The names of the types in the folders."""
         return tuple(sorted(self._files))
 
+    def files(self, suffix: str) -> tuple[str, ...]:
+        """The names of the files in the folders that end in a suffix, such as `.adp` for adapter types."""
+        return tuple(sorted({file.stem for folder in self._paths for file in folder.rglob(f"*{suffix}")}))
+
     def find(self, name: str, file: str = "", line: int = 0) -> model.LibraryElement:
         """The type called name; a package in front (`events::E_SWITCH`) is ignored.
 

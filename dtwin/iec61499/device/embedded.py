@@ -7,17 +7,13 @@ from collections.abc import Callable, Iterable
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.deploy.border import border_type
-from dtwin.iec61499.deploy.lua_export import export_type, original_name
 from dtwin.iec61499.device.managed_resource import ManagedResource
+from dtwin.iec61499.device.requests import answer_on_types, execute
 from dtwin.iec61499.device.runner import Runner
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import Command
 from dtwin.iec61499.management.protocol import (
-    ANY,
-    EVENT,
     ManagedBlock,
-    ManagedConnection,
     ManagedType,
     ManagementError,
     Request,
@@ -30,7 +26,6 @@ from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.address import StreamAddress
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.iec61499.runtime.local_transport import LocalTransport
-from dtwin.iec61499.standard.catalogue import standard_names
 
 log = logging.getLogger(__name__)
 
@@ -116,7 +111,7 @@ class EmbeddedDevice:
             return self._execute_here(request)
         if resource not in self._resources:
             raise ManagementError("INVALID_DST", f"no resource {resource!r}")
-        return _execute_in(self._resources[resource], request, self._library)
+        return execute(self._resources[resource], request, self._library)
 
     def close(self) -> None:
         """Ends all resources."""
@@ -127,7 +122,7 @@ class EmbeddedDevice:
     def _execute_here(self, request: Request) -> Response:
         action, subject = request.action, request.subject
         if isinstance(subject, ManagedType):
-            return _types(request, subject, self._library)
+            return answer_on_types(request, subject, self._library)
         if subject is None and action == "KILL":
             for resource in self._resources.values():
                 if resource.state == "RUNNING":
@@ -135,6 +130,8 @@ class EmbeddedDevice:
             return Response(request.id)
         if subject is None:
             raise ManagementError("INVALID_STATE", f"the device runs: cannot {action} it")
+        if subject == Watch() and action == "READ":
+            return Response(request.id, watches={r.name: r.watched() for r in self._resources.values()})
         if not isinstance(subject, ManagedBlock):
             raise ManagementError("NO_SUCH_OBJECT", f"the device has no {request.action} for connections")
         if action == "QUERY":
@@ -172,92 +169,3 @@ class EmbeddedDevice:
         runner = Runner(network.file, self._reactor, network, self._library, self._local, self._management, failed)
         self._runners.append(runner)
         return runner
-
-
-def _execute_in(resource: ManagedResource, request: Request, library: Library) -> Response:
-    action, subject = request.action, request.subject
-    if isinstance(subject, ManagedType):
-        return _types(request, subject, library)
-    if subject is None:
-        resource.change_state(action)
-        return Response(request.id)
-    if action == "QUERY":
-        found = isinstance(subject, ManagedBlock)
-        return (
-            Response(request.id, blocks=resource.blocks())
-            if found
-            else Response(request.id, connections=resource.connections())
-        )
-    if isinstance(subject, ManagedConnection):
-        if action == "READ":
-            return Response(request.id, value=resource.read(subject.source))
-        if action == "WRITE" and subject.source == EVENT:
-            raise ManagementError("UNSUPPORTED_CMD", f"{subject.destination}: events cannot be triggered here")
-        if action == "WRITE":
-            resource.write(subject.destination, subject.source)
-        elif action == "CREATE":
-            resource.connect(subject.source, subject.destination)
-        elif action == "DELETE":
-            resource.disconnect(subject.source, subject.destination)
-        else:
-            raise ManagementError("INVALID_OBJECT", f"{action}: expected a block")
-        return Response(request.id)
-    if isinstance(subject, Watch):
-        return _watches(resource, request, subject)
-    if action == "CREATE":
-        resource.create_block(subject.name, subject.type_name)
-    elif action == "DELETE":
-        resource.delete_block(subject.name)
-    else:
-        raise ManagementError("UNSUPPORTED_CMD", f"{action} of one block: expected it for the whole resource")
-    return Response(request.id)
-
-
-def _watches(resource: ManagedResource, request: Request, subject: Watch) -> Response:
-    if request.action == "READ" and not subject.source:
-        return Response(request.id, watches=resource.watched())
-    if request.action == "CREATE" and subject.source:
-        resource.watch(subject.source)
-    elif request.action == "DELETE" and subject.source:
-        resource.unwatch(subject.source)
-    else:
-        raise ManagementError("UNSUPPORTED_CMD", f"{request}: expected to CREATE or DELETE a watch or READ all")
-    return Response(request.id)
-
-
-def _types(request: Request, subject: ManagedType, library: Library) -> Response:
-    if request.action == "QUERY" and subject.tag == "FBType" and subject.name == ANY:
-        return Response(request.id, names=(*library.names(), *standard_names()))
-    if request.action not in ("CREATE", "QUERY") or subject.tag != "FBType":
-        raise ManagementError("UNSUPPORTED_CMD", f"{request.action} {subject.tag}: expected CREATE or QUERY FBType")
-    try:
-        library.find(subject.name)
-    except FunctionBlockError as error:
-        if request.action == "QUERY":
-            return Response(request.id, "UNSUPPORTED_TYPE")
-        _adopt(library, subject, error)
-    return Response(request.id)
-
-
-def _adopt(library: Library, subject: ManagedType, unknown: FunctionBlockError) -> None:
-    """Makes an exported type known: its text is Lua, which only a FORTE runs, so the library must have its original.
-
-    Raises:
-        ManagementError: the library does not have the original, or exports it as another text.
-    """
-    name = original_name(subject.name)
-    try:
-        if name is None:
-            raise unknown
-        original = library.find(name)
-        if isinstance(original, model.CompositeFBType):
-            original = border_type(original)
-        if not isinstance(original, model.BasicFBType | model.SimpleFBType):
-            raise unknown
-        exported = export_type(original)
-    except FunctionBlockError as error:
-        raise ManagementError("UNSUPPORTED_TYPE", str(error)) from None
-    if exported.name != subject.name:
-        problem = f"type {subject.name} is not what this device's {name} is as Lua, {exported.name}"
-        raise ManagementError("UNSUPPORTED_TYPE", f"{problem}: expected the same library on both sides")
-    library.add(exported.block)

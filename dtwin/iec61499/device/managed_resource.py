@@ -1,7 +1,7 @@
-"""A resource as device management sees it: a network put together request by request, then started.
+"""A resource as device management sees it: a network put together request by request, before and while it runs.
 
-States and reasons are those of 4diac FORTE 2.0, with one difference: the network of a running or stopped resource
-cannot be changed (INVALID_STATE); kill and reset or delete the resource first.
+States and reasons are those of 4diac FORTE 2.0. What changes while the resource runs is changed before its next
+event, all at once; blocks that stay keep their state. A block created then waits for its own START.
 """
 
 from __future__ import annotations
@@ -11,20 +11,20 @@ from typing import Any, Final, Literal, Protocol
 
 from dtwin.errors import DtwinError, FunctionBlockError
 from dtwin.iec61499 import model
+from dtwin.iec61499.device.drawn_network import DrawnNetwork, printed, value_of
 from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.protocol import ManagedBlock, ManagedConnection, ManagementError, RequestAction
-from dtwin.iec61499.st.functions import widens
-from dtwin.iec61499.types import (
-    STRING,
-    WSTRING,
-    DataType,
-    ElementaryType,
-    format_literal,
-    parse_literal,
+from dtwin.iec61499.management.protocol import (
+    ManagedBlock,
+    ManagedConnection,
+    ManagementError,
+    RequestAction,
+    Watched,
 )
+from dtwin.iec61499.runtime.operation import EventCounts, Operation
+from dtwin.iec61499.runtime.resource import Resource
+from dtwin.iec61499.types import DataType
 
 ResourceState = Literal["IDLE", "RUNNING", "STOPPED", "KILLED"]
-Side = Literal["inputs", "outputs", "internals"]
 _MOVES: Final[dict[RequestAction, tuple[tuple[ResourceState, ...], ResourceState]]] = {
     "START": (("IDLE", "STOPPED"), "RUNNING"),
     "STOP": (("RUNNING",), "STOPPED"),
@@ -51,6 +51,21 @@ class Running(Protocol):
     def close(self) -> None:
         """Ends it and lets go of its sockets and timers."""
 
+    def change_soon(self, change: Callable[[Resource], None]) -> None:
+        """Changes the network before the next event."""
+
+    def change_now(self) -> None:
+        """Carries out the change that waits. Raises FunctionBlockError when it fails."""
+
+    def trigger(self, event: str) -> None:
+        """Lets an event happen, `BLOCK.EVENT`."""
+
+    def halt_block(self, name: str) -> None:
+        """Cancels the timers of a block and closes its channels."""
+
+    def reset_block(self, name: str) -> None:
+        """Gives a block its initial values."""
+
     def read(self, name: str) -> Any: ...
     def write(self, name: str, value: Any) -> None: ...
     def type_of(self, name: str) -> DataType: ...
@@ -68,8 +83,7 @@ class ManagedResource:
         type_name: the resource's type, which a QUERY tells.
         library: finds the block types that requests name.
         launch: makes a network run; raises FunctionBlockError or CommunicationError when it cannot.
-        network: a network from a file, which can be started, stopped, read and written, but not changed; None for one
-            that requests put together.
+        network: a network from a file; None for one that requests put together.
     """
 
     def __init__(
@@ -83,129 +97,148 @@ class ManagedResource:
         self.name = name
         self.type_name = type_name
         self.state: ResourceState = "IDLE"
-        self._library = library
+        self._drawn = DrawnNetwork(name, library, network or model.FBNetwork(file=name))
         self._launch = launch
         self._running: Running | None = None
-        self._blocks: dict[str, model.Block] = {}
-        self._parameters: dict[tuple[str, str], str] = {}
-        self._presets: dict[str, str] = {}
-        self._events: dict[tuple[str, str], model.Connection] = {}
-        self._data: dict[str, model.Connection] = {}
         self._watched: dict[str, None] = {}
-        self._network = network
+        self._forced: dict[str, Any] = {}
+        self._halted: dict[str, ResourceState] = {}
+        self._fresh: set[str] = set()
+        self._gone: set[str] = set()
+        self._counts = EventCounts()
         if network is None:
-            self.create_block("START", "E_RESTART")
-        else:
-            self._blocks = {block.name: block for block in network.blocks}
-            self._events = {(c.source, c.destination): c for c in network.events}
-            self._data = {c.destination: c for c in network.data}
+            self._drawn.create_block("START", "E_RESTART")
 
     def blocks(self) -> tuple[ManagedBlock, ...]:
-        return tuple(ManagedBlock(block.name, block.type_name) for block in self._blocks.values())
+        return self._drawn.blocks()
 
     def connections(self) -> tuple[ManagedConnection, ...]:
-        return tuple(
-            ManagedConnection(c.source, c.destination) for c in (*self._events.values(), *self._data.values())
-        )
+        return self._drawn.connections()
+
+    def network(self) -> model.FBNetwork:
+        """What START runs."""
+        return self._drawn.network()
 
     def create_block(self, name: str, type_name: str) -> None:
-        self._expect_idle(f"create {name}")
-        if not name or name in self._blocks:
-            raise ManagementError("INVALID_STATE", f"{self.name} has a block {name!r} already")
-        try:
-            found = self._library.find(type_name)
-        except FunctionBlockError as error:
-            raise ManagementError("UNSUPPORTED_TYPE", str(error)) from None
-        if isinstance(found, model.SubApplicationType):
-            raise ManagementError("UNSUPPORTED_TYPE", f"{type_name} is a subapplication type")
-        self._blocks[name] = model.Block(name, type_name)
+        """Creates a block; in a resource that has been started it waits for its own START."""
+        self._drawn.create_block(name, type_name)
+        if self._running is not None:
+            self._fresh.add(name)
+            self._halted[name] = "IDLE"
+        self._changed()
 
     def delete_block(self, name: str) -> None:
-        """Deletes a block and its connections."""
-        self._expect_idle(f"delete {name}")
-        if name not in self._blocks:
-            raise ManagementError("NO_SUCH_OBJECT", f"{self.name} has no block {name!r}")
-        del self._blocks[name]
-        self._watched = {port: None for port in self._watched if port.rpartition(".")[0] != name}
-        self._parameters = {key: value for key, value in self._parameters.items() if key[0] != name}
-        self._presets = {key: value for key, value in self._presets.items() if key.rpartition(".")[0] != name}
-        self._events = {key: c for key, c in self._events.items() if name not in _blocks_of(c)}
-        self._data = {key: c for key, c in self._data.items() if name not in _blocks_of(c)}
+        """Deletes a block that does not run, and its connections."""
+        self._drawn.expect_block(name)
+        if self.state == "RUNNING" and name not in self._halted:
+            raise ManagementError("INVALID_STATE", f"{name} of {self.name} is RUNNING: cannot delete it")
+        self._drawn.delete_block(name)
+        self._halted.pop(name, None)
+        self._fresh.discard(name)
+        self._gone.add(name)
+        for ports in (self._forced, self._watched, self._counts.counts):
+            for port in [port for port in ports if port.rpartition(".")[0] == name]:
+                del ports[port]
+        self._changed()
 
     def connect(self, source: str, destination: str) -> None:
-        self._expect_idle(f"connect {source}")
-        connection = model.Connection(source, destination)
-        if self._is_event(source, destination):
-            if (source, destination) in self._events:
-                raise ManagementError("INVALID_STATE", f"{source} is connected to {destination} already")
-            self._events[source, destination] = connection
-            return
-        given, wanted = self._variable(source, "outputs").type, self._variable(destination, "inputs").type
-        if destination in self._data:
-            raise ManagementError("INVALID_STATE", f"{destination} has a source already")
-        if given != wanted and not _fits(given, wanted):
-            raise ManagementError("INVALID_OPERATION", f"{source} is {given}, {destination} is {wanted}")
-        self._data[destination] = connection
+        self._drawn.connect(source, destination)
+        self._changed()
 
     def disconnect(self, source: str, destination: str) -> None:
-        self._expect_idle(f"disconnect {source}")
-        if self._is_event(source, destination):
-            found = self._events.pop((source, destination), None)
-        else:
-            self._variable(source, "outputs")
-            self._variable(destination, "inputs")
-            found = self._data.get(destination)
-            if found is not None and found.source == source:
-                del self._data[destination]
-            else:
-                found = None
-        if found is None:
-            raise ManagementError("INVALID_STATE", f"{source} is not connected to {destination}")
+        self._drawn.disconnect(source, destination)
+        self._changed()
 
     def write(self, name: str, literal: str) -> None:
         """Gives a variable a value: at once when the resource has been started, else for its start."""
-        if self._running is not None:
-            running = self._running
-            value = _value(literal, _found(lambda: running.type_of(name), name))
-            _found(lambda: running.write(name, value), name)
+        running = self._running_with(name)
+        if running is None:
+            self._drawn.write(name, literal)
             return
-        block, _, port = name.rpartition(".")
-        variable, side = self._placed(name, "inputs", "outputs", "internals")
-        given = literal
-        if not isinstance(variable.type, model.GenericType):
-            given = format_literal(_value(literal, variable.type), variable.type)
-        if side == "inputs":
-            self._parameters[block, port] = given
-        else:
-            self._presets[name] = given
+        value = value_of(literal, _found(lambda: running.type_of(name), name))
+        if name not in self._forced:
+            _found(lambda: running.write(name, value), name)
 
     def read(self, name: str) -> str:
         """The value of a port, printed as FORTE does: strings without quotes."""
-        if self._running is not None:
-            running = self._running
-            return _printed(_found(lambda: running.read(name), name), _found(lambda: running.type_of(name), name))
-        block, _, port = name.rpartition(".")
-        variable = self._variable(name, "inputs", "outputs", "internals")
-        text = self._parameters.get((block, port)) or self._presets.get(name) or variable.initial
-        if isinstance(variable.type, model.GenericType):
-            return text
-        return _printed(_value(text, variable.type) if text else variable.type.default, variable.type)
+        running = self._running_with(name)
+        if running is None:
+            return self._drawn.read(name)
+        kind = _found(lambda: running.type_of(name), name)
+        return printed(self._forced[name] if name in self._forced else _found(lambda: running.read(name), name), kind)
+
+    def force(self, name: str, literal: str) -> None:
+        """Gives a data port a value that stays, whatever is written or connected to it."""
+        running = self._running_with(name)
+        kind = self._drawn.type_of(name) if running is None else _found(lambda: running.type_of(name), name)
+        self._forced[name] = value_of(literal, kind)
+        self._changed()
+
+    def release(self, name: str) -> None:
+        """Takes back that a port is forced; it keeps the value until the next one comes."""
+        self.read(name)
+        self._forced.pop(name, None)
+        self._changed()
+
+    def trigger(self, event: str) -> None:
+        """Lets an event happen: at an event input as if it came, at an event output for all receivers."""
+        if self._running is None:
+            raise ManagementError("INVALID_STATE", f"{self.name} is {self.state}: no event can happen")
+        self._expect_event(event)
+        self._running.trigger(event)
+
+    def reset_count(self, event: str) -> None:
+        """Lets the count of an event that is watched begin at zero."""
+        self._expect_event(event)
+        if event in self._counts.counts:
+            self._counts.counts[event] = 0
 
     def watch(self, name: str) -> None:
-        """Adds a port to those that `watched` reads."""
-        self.read(name)
+        """Adds a data port or an event to those that `watched` reads."""
+        if not self._drawn.is_event(name):
+            self.read(name)
         if len(self._watched) >= WATCHES and name not in self._watched:
             raise ManagementError("OVERFLOW", f"{self.name} watches {WATCHES} ports already")
         self._watched[name] = None
+        if self._drawn.is_event(name):
+            self._counts.watch(name)
+            self._changed()
 
     def unwatch(self, name: str) -> None:
         if name not in self._watched:
             raise ManagementError("NO_SUCH_OBJECT", f"{self.name} does not watch {name}")
         del self._watched[name]
+        if self._counts.counts.pop(name, None) is not None:
+            self._changed()
 
-    def watched(self) -> dict[str, str]:
-        """The values of all watched ports, as `read` prints them."""
-        return {name: self.read(name) for name in self._watched}
+    def watched(self) -> dict[str, Watched]:
+        """The values of all watched ports, as `read` prints them, and how often watched events have come."""
+        counts = self._counts.counts
+        return {
+            name: Watched(str(counts[name]), is_event=True)
+            if name in counts
+            else Watched(self.read(name), name in self._forced)
+            for name in self._watched
+        }
+
+    def change_block_state(self, name: str, action: RequestAction) -> None:
+        """START, STOP, KILL or RESET of one block of a resource that has been started."""
+        self._drawn.expect_block(name)
+        if self._running is None:
+            raise ManagementError("INVALID_STATE", f"{self.name} is {self.state}: cannot {action} {name} alone")
+        sources, target = _MOVES[action]
+        state = self._halted.get(name, "RUNNING")
+        if state not in sources:
+            raise ManagementError("INVALID_STATE", f"{name} is {state}: cannot {action}")
+        if action == "START":
+            del self._halted[name]
+        else:
+            self._halted[name] = target
+        if action == "RESET":
+            self._running.reset_block(name)
+        elif action != "START":
+            self._running.halt_block(name)
+        self._changed()
 
     def change_state(self, action: RequestAction) -> None:
         """START, STOP, KILL or RESET."""
@@ -226,6 +259,8 @@ class ManagedResource:
         if self._running is not None:
             self._running.close()
             self._running = None
+            self._halted.clear()
+            self._fresh.clear()
 
     def _start(self) -> None:
         if self._running is not None:
@@ -237,84 +272,43 @@ class ManagedResource:
         except DtwinError as error:
             raise ManagementError("INVALID_OPERATION", f"{self.name} cannot start: {error}") from None
         try:
-            for name, literal in self._presets.items():
-                running.write(name, _value(literal, running.type_of(name)))
+            for name, literal in self._drawn.presets.items():
+                running.write(name, value_of(literal, running.type_of(name)))
         except DtwinError as error:
             running.close()
             raise ManagementError("INVALID_OPERATION", f"{self.name} cannot start: {error}") from None
         self._running = running
         self.state = "RUNNING"
+        if self._forced or self._counts.counts:
+            self._changed()
         running.start()
 
     def _ended(self) -> None:
         self._running = None
+        self._halted.clear()
+        self._fresh.clear()
         self.state = "KILLED"
 
-    def network(self) -> model.FBNetwork:
-        """What START runs."""
-        if self._network is not None:
-            return self._network
-        given: dict[str, list[model.Parameter]] = {}
-        for (block, port), literal in self._parameters.items():
-            given.setdefault(block, []).append(model.Parameter(port, literal))
-        blocks = [
-            model.Block(block.name, block.type_name, tuple(given.get(block.name, ())))
-            for block in self._blocks.values()
-        ]
-        events, data = tuple(self._events.values()), tuple(self._data.values())
-        return model.FBNetwork(tuple(blocks), (), events, data, self.name)
+    def _changed(self) -> None:
+        """Lets what runs follow, before its next event."""
+        if self._running is not None:
+            self._running.change_soon(self._change)
 
-    def _expect_idle(self, what: str) -> None:
-        if self._network is not None:
-            raise ManagementError("INVALID_STATE", f"{self.name} comes from {self._network.file}: cannot {what}")
-        if self.state != "IDLE":
-            raise ManagementError("INVALID_STATE", f"{self.name} is {self.state}: cannot {what}")
+    def _change(self, resource: Resource) -> None:
+        fresh, self._fresh, self._gone = self._fresh, set(), set()
+        operation = Operation(frozenset(self._halted), dict(self._forced), (self._counts,))
+        resource.change(self.network(), operation, fresh)
+        for name, literal in self._drawn.presets.items():
+            if name.rpartition(".")[0] in fresh:
+                resource.write(name, value_of(literal, resource.variable_type(name)))
 
-    def _type(self, end: str) -> tuple[model.LibraryElement, str]:
-        """The type of the block in `BLOCK.PORT`, and the port."""
-        block, _, port = end.rpartition(".")
-        if block not in self._blocks:
-            raise ManagementError("NO_SUCH_OBJECT", f"{self.name} has no block {block!r}")
-        return self._library.find(self._blocks[block].type_name), port
+    def _running_with(self, name: str) -> Running | None:
+        """What runs, if it has the block in `BLOCK.PORT` by now: one just created has its first value."""
+        return None if name.rpartition(".")[0] in self._fresh | self._gone else self._running
 
-    def _is_event(self, source: str, destination: str) -> bool:
-        (sender, output), (receiver, event_input) = self._type(source), self._type(destination)
-        ends = (
-            output in [event.name for event in sender.interface.event_outputs],
-            event_input in [event.name for event in receiver.interface.event_inputs],
-        )
-        if any(ends) and not all(ends):
-            raise ManagementError("NO_SUCH_OBJECT", f"no events at both {source} and {destination}")
-        return all(ends)
-
-    def _variable(self, end: str, *sides: Side) -> model.Variable:
-        return self._placed(end, *sides)[0]
-
-    def _placed(self, end: str, *sides: Side) -> tuple[model.Variable, Side]:
-        """The variable `BLOCK.VARIABLE`, and on which of the sides it is."""
-        block, name = self._type(end)
-        variables = {
-            "inputs": block.interface.inputs,
-            "outputs": block.interface.outputs,
-            "internals": getattr(block, "internals", ()),
-        }
-        for side in sides:
-            for variable in variables[side]:
-                if variable.name == name:
-                    return variable, side
-        raise ManagementError("NO_SUCH_OBJECT", f"{end} is no data port here")
-
-
-def _blocks_of(connection: model.Connection) -> tuple[str, str]:
-    return connection.source.rpartition(".")[0], connection.destination.rpartition(".")[0]
-
-
-def _fits(source: model.VariableType, destination: model.VariableType) -> bool:
-    if isinstance(source, model.GenericType) or isinstance(destination, model.GenericType):
-        return True
-    if isinstance(source, ElementaryType) and isinstance(destination, ElementaryType):
-        return widens(source, destination)
-    return False
+    def _expect_event(self, event: str) -> None:
+        if not self._drawn.is_event(event):
+            raise ManagementError("NO_SUCH_OBJECT", f"{event} is no event here")
 
 
 def _found(ask: Callable[[], Any], name: str) -> Any:
@@ -322,27 +316,3 @@ def _found(ask: Callable[[], Any], name: str) -> Any:
         return ask()
     except FunctionBlockError as error:
         raise ManagementError("NO_SUCH_OBJECT", f"{name}: {error}") from None
-
-
-def _value(literal: str, kind: DataType) -> Any:
-    """The value of a literal; the quotes of texts may be missing or of the other kind, as FORTE accepts them."""
-    if kind in (STRING, WSTRING):
-        quote = "'" if kind == STRING else '"'
-        if literal[:1] not in ("'", '"') or literal[-1:] != literal[:1] or len(literal) < 2:
-            return literal
-        if literal[0] != quote:
-            return literal[1:-1]
-    try:
-        return parse_literal(literal, kind)
-    except FunctionBlockError as error:
-        raise ManagementError("BAD_PARAMS", str(error)) from None
-
-
-def _printed(value: Any, kind: DataType) -> str:
-    if kind in (STRING, WSTRING):
-        return str(value)
-    try:
-        return format_literal(value, kind)
-    except FunctionBlockError:
-        # infinities and NaN have no literal
-        return str(value)

@@ -11,6 +11,7 @@ import logging
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import chain
 from typing import Any, Final
 
@@ -80,6 +81,7 @@ class Runner:
         self._turn_ends = 0.0
         self._computed = 0.0
         self._computing_ends = 0.0
+        self._change: Callable[[Resource], None] | None = None
         self._timer: Timer | None = None
         self._due: int | None = None
         self._transport = NetworkTransport(reactor, local, self.perform, self.receive, management)
@@ -121,6 +123,26 @@ class Runner:
         self._waiting.clear()
         self._disarm()
         self._resource.reset()
+
+    def change_soon(self, change: Callable[[Resource], None]) -> None:
+        """Changes the resource before its next event. A change that fails is an error in the log, and is left out."""
+        self._change = change
+
+    def change_now(self) -> None:
+        """Carries out the change that waits, unless an event chain runs. Raises FunctionBlockError when it fails."""
+        if self._change is not None and self._resource.is_idle:
+            change, self._change = self._change, None
+            change(self._resource)
+
+    def trigger(self, event: str) -> None:
+        """Lets an event happen, `BLOCK.EVENT`."""
+        self.perform(partial(self._resource.trigger, event))
+
+    def halt_block(self, name: str) -> None:
+        self._resource.halt_block(name)
+
+    def reset_block(self, name: str) -> None:
+        self._resource.reset_block(name)
 
     def read(self, name: str) -> Any:
         return self._resource.read(name)
@@ -174,11 +196,19 @@ class Runner:
             self._turn = self._reactor.turn
             self._turn_ends = time.monotonic() + TURN
         while time.monotonic() < self._turn_ends:
+            if self._change is not None:
+                self._change_before_event()
             if not (resource.run_batch(EVENTS) or resource.ring(time.monotonic_ns() - self._origin)):
                 if not waiting:
                     return True
                 waiting.popleft()()
         return False
+
+    def _change_before_event(self) -> None:
+        try:
+            self.change_now()
+        except FunctionBlockError as error:
+            log.error("resource %s keeps the network that it had: %s", self._name, error)
 
     def _account(self, idle: bool, computed: float) -> None:
         """Bounds how long an event chain computes over several turns, and how late the resource may be."""

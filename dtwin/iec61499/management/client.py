@@ -146,7 +146,7 @@ class ManagementClient:
         return value
 
     def trigger(self, resource: str, event: str) -> None:
-        """Lets an event happen, `BLOCK.EVENT`; only a FORTE built with monitoring can."""
+        """Lets an event happen, `BLOCK.EVENT`; a FORTE must have been built with monitoring."""
         self.demand(resource, "WRITE", ManagedConnection(EVENT, event))
 
     def reset_block(self, resource: str, name: str) -> None:
@@ -159,9 +159,9 @@ class ManagementClient:
         self.demand(resource, "CREATE", Watch(source))
 
     def watched(self, resource: str) -> dict[str, str]:
-        """The values of all watched ports by `BLOCK.PORT`, in one request."""
-        watches = self.demand(resource, "READ", Watch()).watches
-        return {} if watches is None else watches
+        """The values of all watched ports of a resource by `BLOCK.PORT`, in one request; of events how many came."""
+        watches = self.demand(resource, "READ", Watch()).watches or {}
+        return {port: found.value for ports in watches.values() for port, found in ports.items()}
 
     def start(self, resource: str) -> None:
         self.demand(resource, "START")

@@ -8,6 +8,7 @@ FORTE reads by position.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, Literal, get_args
@@ -41,6 +42,10 @@ REQUEST_LIMIT: Final = 19_000
 ANY: Final = "*"
 EVENT: Final = "$e"
 """Source of a WRITE that triggers the event at its destination."""
+EVENT_COUNT: Final = "$er"
+"""Source of a WRITE that sets the count of the watched event at its destination to zero."""
+_BARE: Final = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#\d{1,7}|#x[0-9a-fA-F]{1,6});)")
+"""An ampersand that begins no escape, as 4diac IDE sends it in texts."""
 _ESCAPES: Final = str.maketrans(
     {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "'": "&apos;"}  # the five FORTE resolves
 )
@@ -71,13 +76,19 @@ class ManagedBlock:
 
 @dataclass(frozen=True, slots=True)
 class ManagedConnection:
-    """`<Connection Source Destination>`: two ports; WRITE has a literal as source, READ "*" as destination."""
+    """`<Connection Source Destination>`: two ports; WRITE has a literal as source, READ "*" as destination.
+
+    Attributes:
+        force: whether a WRITE forces the port ("true") or takes that back ("false"); "" for a value that may change.
+    """
 
     source: str
     destination: str
+    force: str = ""
 
     def xml(self) -> str:
-        return f'<Connection Source="{_escape(self.source)}" Destination="{_escape(self.destination)}" />'
+        force = f' force="{_escape(self.force)}"' if self.force else ""
+        return f'<Connection Source="{_escape(self.source)}" Destination="{_escape(self.destination)}"{force} />'
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +113,20 @@ class Watch:
 
     def xml(self) -> str:
         return f'<Watch Source="{_escape(self.source)}" Destination="*" />' if self.source else "<Watches/>"
+
+
+@dataclass(frozen=True, slots=True)
+class Watched:
+    """What is watched at a port: a value, or how often an event has come."""
+
+    value: str
+    forced: bool = False
+    is_event: bool = False
+
+    def xml(self) -> str:
+        if self.is_event:
+            return f'<Data value="{self.value}" time="0"/>'
+        return f'<Data value="{_escape(self.value)}" forced="{str(self.forced).lower()}"/>'
 
 
 Subject = ManagedBlock | ManagedConnection | ManagedType | Watch
@@ -142,7 +167,8 @@ class Response:
         blocks: what a QUERY of blocks has found.
         connections: what a QUERY of connections has found.
         names: what a QUERY of types has found.
-        watches: the values of the watched ports, by `BLOCK.PORT`.
+        watches: what is watched, by resource and `BLOCK.PORT`.
+        interface: the `<InterfaceList>` of the type that a QUERY asks for, as XML.
     """
 
     id: str
@@ -151,7 +177,8 @@ class Response:
     blocks: tuple[ManagedBlock, ...] | None = None
     connections: tuple[ManagedConnection, ...] | None = None
     names: tuple[str, ...] | None = None
-    watches: dict[str, str] | None = None
+    watches: dict[str, dict[str, Watched]] | None = None
+    interface: str = ""
 
     def xml(self) -> str:
         opening = f'<Response ID="{_escape(self.id)}"'
@@ -175,8 +202,13 @@ class Response:
         if self.names is not None:
             return "<NameList>\n    " + _escape(", ".join(self.names)) + "\n  </NameList>"
         if self.watches is not None:
-            return f"<Watches>\n    <Resource>{_ports(self.watches)}</Resource>\n  </Watches>"
-        return ""
+            resources = (
+                f'<Resource name="{_escape(name)}">{_ports(ports)}</Resource>'
+                for name, ports in self.watches.items()
+                if ports
+            )
+            return f"<Watches>\n    {''.join(resources)}\n  </Watches>"
+        return self.interface
 
 
 def parse_request(text: str) -> Request:
@@ -187,7 +219,7 @@ def parse_request(text: str) -> Request:
             action, INVALID_OBJECT for a subject that does not belong to the action.
     """
     try:
-        root = parse_xml(text.encode(), "request")
+        root = parse_xml(_BARE.sub("&amp;", text).encode(errors="replace"), "request")
     except FunctionBlockError as error:
         raise ManagementError("INVALID_OBJECT", str(error)) from None
     action = root.get("Action")
@@ -236,32 +268,32 @@ def parse_response(text: str) -> Response:
         elif child.tag == "NameList":
             names = tuple(name.strip() for name in child.text.split(",") if name.strip())
         elif child.tag == "Watches":
-            watches = dict(_watched(child))
+            watches = {r.get("name"): dict(_watched(r)) for r in child.children("Resource")}
     return Response(root.get("ID"), reason, value, blocks, connections, names, watches)  # type: ignore[arg-type]  # likewise
 
 
-def _watched(watches: XmlElement) -> Iterator[tuple[str, str]]:
-    for resource in watches.children("Resource"):
-        for block in resource.children("FB"):
-            for port in block.children("Port"):
-                for data in port.children("Data"):
-                    yield f"{block.get('name')}.{port.get('name')}", data.get("value")
+def _watched(resource: XmlElement) -> Iterator[tuple[str, Watched]]:
+    for block in resource.children("FB"):
+        for port in block.children("Port"):
+            for data in port.children("Data"):
+                is_event = bool(data.get("time"))
+                watched = Watched(data.get("value"), data.get("forced") == "true", is_event)
+                yield f"{block.get('name')}.{port.get('name')}", watched
 
 
-def _ports(watches: dict[str, str]) -> str:
-    """One <FB> for every port, where FORTE writes one for all ports of a block."""
-    return "".join(
-        f'<FB name="{_escape(block)}"><Port name="{_escape(port)}"><Data value="{_escape(value)}" forced="false"/>'
-        "</Port></FB>"
-        for (block, _, port), value in ((name.rpartition("."), value) for name, value in watches.items())
-    )
+def _ports(watches: dict[str, Watched]) -> str:
+    blocks: dict[str, list[str]] = {}
+    for name, watched in watches.items():
+        block, _, port = name.rpartition(".")
+        blocks.setdefault(block, []).append(f'<Port name="{_escape(port)}">{watched.xml()}</Port>')
+    return "".join(f'<FB name="{_escape(block)}">{"".join(ports)}</FB>' for block, ports in blocks.items())
 
 
 def _read_subject(element: XmlElement) -> Subject:
     if element.tag == "FB":
         return ManagedBlock(element.get("Name"), element.get("Type"))
     if element.tag == "Connection":
-        return ManagedConnection(element.get("Source"), element.get("Destination"))
+        return ManagedConnection(element.get("Source"), element.get("Destination"), element.get("force"))
     if element.tag == "Watches" or (element.tag == "Watch" and element.get("Source")):
         return Watch(element.get("Source") if element.tag == "Watch" else "")
     if element.tag in _TYPES:

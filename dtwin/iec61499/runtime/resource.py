@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import heapq
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final, NoReturn
@@ -22,7 +22,8 @@ from dtwin.iec61499.runtime.compile import CompiledType, compile_type
 from dtwin.iec61499.runtime.generic_ports import check_types, resolve
 from dtwin.iec61499.runtime.local_transport import LocalTransport
 from dtwin.iec61499.runtime.netlist import Node, flatten
-from dtwin.iec61499.runtime.wiring import QueueEntry, queue_entries
+from dtwin.iec61499.runtime.operation import Operation, QueueEntry
+from dtwin.iec61499.runtime.wiring import queue_entries
 from dtwin.iec61499.st.semantics import ITERATION_LIMIT
 
 ACTIVATION_LIMIT: Final = 100_000
@@ -90,15 +91,96 @@ class Resource(Blocks):
         self._timers: list[tuple[int, int, int]] = []
         self._sequence = 0
         self._stopped = False
-        netlist = flatten(network, library.find)
+        self._library = library
+        self._names: dict[QueueEntry, str] = {}
+        self._operation = Operation()
+        self.change(network)
+
+    def change(
+        self, network: model.FBNetwork, operation: Operation | None = None, anew: Collection[str] = ()
+    ) -> None:
+        """Makes another network run from the next event on, or the same one operated in another way.
+
+        Blocks that have the same name and type in both keep their state, timers and channels; others begin with their
+        initial values, but without an event of E_RESTART. When it fails, nothing has changed.
+
+        Args:
+            network: what runs from now on.
+            operation: how it is operated; without it everything runs as it is drawn.
+            anew: names of blocks that begin anew although there were some of their name and type.
+
+        Raises:
+            FunctionBlockError: the network or one of its types is wrong, or events wait.
+        """
+        if self._queue:
+            raise FunctionBlockError("events wait in the queue: expected an idle resource")
+        netlist = flatten(network, self._library.find)
         resolve(netlist)
         check_types(netlist)
-        self._types = [compile_type(node.type) for node in netlist.nodes if node.type is not None]
-        self._instances = [self._instance(node, kind) for node, kind in zip(netlist.nodes, self._types, strict=True)]
+        types = [compile_type(node.type) for node in netlist.nodes if node.type is not None]
+        initial = [initial_state(node, kind) for node, kind in zip(netlist.nodes, types, strict=True)]
+        operated = operation or Operation()
+        kept: dict[int, int] = {}
+        instances = []
+        for number, (node, kind, values) in enumerate(zip(netlist.nodes, types, initial, strict=True)):
+            before = self._index.get(node.name)
+            if before is not None and self._types[before] is kind and node.name not in anew:
+                kept[before] = number
+                instances.append(self._instances[before])
+            else:
+                instances.append(self._instance(node, kind))
+                kind.load(instances[-1], values)
+        self._names = queue_entries(netlist, types, instances, self._queue.extend, operated)
+        for before, instance in enumerate(self._instances):
+            if before not in kept and hasattr(instance, "port__"):
+                instance.port__.close()
+        self._types, self._instances, self._initial = types, instances, initial
+        self._operation = operated
         self._index = {node.name: number for number, node in enumerate(netlist.nodes)}
-        self._initial = [initial_state(node, kind) for node, kind in zip(netlist.nodes, self._types, strict=True)]
-        self._names = queue_entries(netlist, self._types, self._instances, self._queue.extend)
-        self.reset()
+        self._timers[:] = [(due, order, kept[index]) for due, order, index in self._timers if index in kept]
+        for name, value in operated.forced.items():
+            self.write(name, value)
+
+    def halt_block(self, name: str) -> None:
+        """Cancels the timers of a block and of what is inside it, and closes their channels."""
+        for index in self._inside(name):
+            self._halt(self._instances[index])
+
+    def reset_block(self, name: str) -> None:
+        """Puts the variables and charts of a block, and of what is inside it, back to the beginning."""
+        for index in self._inside(name):
+            self._types[index].load(self._instances[index], self._initial[index])
+
+    def _inside(self, name: str) -> list[int]:
+        return [index for known, index in self._index.items() if known == name or known.startswith(f"{name}.")]
+
+    def _halt(self, instance: Any) -> None:
+        if getattr(instance, "due__", None) is not None:
+            self.cancel(instance.name__)
+            instance.due__ = None
+        if hasattr(instance, "port__"):
+            instance.port__.close()
+
+    def trigger(self, event: str) -> None:
+        """Queues an event at a block, `BLOCK.EVENT`: its event input gets it, or the receivers of its event output.
+
+        A block that is stopped gets none.
+
+        Raises:
+            FunctionBlockError: there is no such event.
+        """
+        block, _, name = event.rpartition(".")
+        if self._operation.stops(block):
+            return
+        instance = self._instances[self._find(block)]
+        interface = self._types[self._find(block)].block.interface
+        if name in [port.name for port in interface.event_inputs]:
+            self._queue.extend(entry for entry, known in self._names.items() if known == event)
+        elif hasattr(instance, f"to__{name}"):
+            self._queue.extend(getattr(instance, f"to__{name}"))
+        else:
+            valid = [port.name for port in (*interface.event_inputs, *interface.event_outputs)]
+            raise FunctionBlockError(f"{block} has no event {name!r}: expected {choices(valid) if valid else 'none'}")
 
     def _instance(self, node: Node, kind: CompiledType) -> Any:
         instance = kind.instance_class()

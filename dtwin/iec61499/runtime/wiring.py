@@ -18,15 +18,17 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.runtime.compile import CompiledType
 from dtwin.iec61499.runtime.generic_ports import variable_at
 from dtwin.iec61499.runtime.netlist import Netlist, Node, Terminal
+from dtwin.iec61499.runtime.operation import Operation, QueueEntry
 from dtwin.iec61499.st.python.expressions import python_name, wiring_name
 from dtwin.iec61499.types import ArrayType, DataType, ElementaryType
 
-QueueEntry = Callable[[], None]
-"""Delivers one event to one block."""
-
 
 def queue_entries(
-    netlist: Netlist, types: Sequence[CompiledType], instances: Sequence[Any], extend: Callable[[Any], None]
+    netlist: Netlist,
+    types: Sequence[CompiledType],
+    instances: Sequence[Any],
+    extend: Callable[[Any], None],
+    operation: Operation,
 ) -> dict[QueueEntry, str]:
     """Connects the instances; returns the queue entries, each with the event that it delivers (`BLOCK.EVENT`).
 
@@ -35,8 +37,9 @@ def queue_entries(
         types: the nodes' compiled types, in the order of the nodes.
         instances: the nodes' instances, in the order of the nodes.
         extend: appends entries to the resource's queue.
+        operation: what is stopped, forced and observed.
     """
-    return _Wiring(netlist, types, instances, extend).entries()
+    return _Wiring(netlist, types, instances, extend, operation).entries()
 
 
 class _Wiring:
@@ -46,14 +49,17 @@ class _Wiring:
         types: Sequence[CompiledType],
         instances: Sequence[Any],
         extend: Callable[[Any], None],
+        operation: Operation,
     ) -> None:
         self._netlist = netlist
+        self._operation = operation
         self._types = types
         self._instances = instances
         self._space: dict[str, Any] = {"extend": extend}
         self._lines: list[str] = []
         self._functions: dict[Terminal, str] = {}
         self._entries: dict[Terminal, QueueEntry] = {}
+        self._observing: dict[QueueEntry, str] = {}
 
     def entries(self) -> dict[QueueEntry, str]:
         for number, instance in enumerate(self._instances):
@@ -67,8 +73,12 @@ class _Wiring:
         exec(compile("\n".join(self._lines), "<wiring>", "exec"), self._space)
         for port, function in self._functions.items():
             self._entries[port] = self._space[function]
+        for observer in self._operation.observers:
+            for port, entry in self._entries.items():
+                if not port.inner:
+                    self._entries[port] = observer.delivering(self._instances[port.node], port.name, entry)
         self._connect()
-        return {entry: f"{self._netlist.nodes[port.node].name}.{port.name}" for port, entry in self._entries.items()}
+        return {entry: self._name(port) for port, entry in self._entries.items()} | self._observing
 
     def _input_entry(self, port: Terminal, node: Node, event: model.EventPort) -> None:
         samples = self._copies(event.with_variables, lambda name: Terminal(port.node, name))
@@ -102,18 +112,30 @@ class _Wiring:
         for name in names:
             port = destination(name)
             wire = self._netlist.data.get(port)
-            if wire is not None:
+            if wire is not None and self._name(port) not in self._operation.forced:
                 source = wire.source
                 attribute = (
                     python_name(source.name) if source.inner else self._types[source.node].published[source.name]
                 )
                 value = self._converted(
-                    f"b{source.node}.{attribute}",
+                    self._forced(source) or f"b{source.node}.{attribute}",
                     variable_at(self._netlist.nodes[source.node], source.name).type,
                     variable_at(self._netlist.nodes[port.node], name).type,
                 )
                 lines.append(f"b{port.node}.{python_name(name)} = {value}")
         return lines
+
+    def _name(self, port: Terminal) -> str:
+        return f"{self._netlist.nodes[port.node].name}.{port.name}"
+
+    def _forced(self, source: Terminal) -> str:
+        """The global name of the value that a port is forced to, "" if it is not."""
+        name = self._name(source)
+        if name not in self._operation.forced:
+            return ""
+        constant = f"forced{len(self._space)}"
+        self._space[constant] = self._operation.forced[name]
+        return constant
 
     def _converted(self, value: str, source: model.VariableType, destination: model.VariableType) -> str:
         """The value with the implicit widening of the connection; most keep the Python value."""
@@ -127,14 +149,22 @@ class _Wiring:
             return f"{value} + 0.0"
         return f"{value} + 0" if source.kind == "bool" else value
 
+    def _is_stopped(self, port: Terminal) -> bool:
+        return self._operation.stops(self._netlist.nodes[port.node].name)
+
     def _connect(self) -> None:
         targets: dict[Terminal, list[QueueEntry]] = {}
         for wire in self._netlist.events:
-            targets.setdefault(wire.source, []).append(self._entries[wire.destination])
+            if wire.destination.inner or not self._is_stopped(wire.destination):
+                targets.setdefault(wire.source, []).append(self._entries[wire.destination])
         for number, node in enumerate(self._netlist.nodes):
             composite = isinstance(node.type, model.CompositeFBType)
             for event in node.interface.event_outputs:
                 port = Terminal(number, event.name)
+                instance, observers = self._instances[number], self._operation.observers
+                for entry in filter(None, (observer.issued(instance, event.name) for observer in observers)):
+                    targets.setdefault(port, []).insert(0, entry)
+                    self._observing[entry] = self._name(port)
                 if composite:
                     self._space[self._targets(port)] = tuple(targets.get(port, ()))
                 else:

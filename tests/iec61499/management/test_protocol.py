@@ -19,6 +19,7 @@ from dtwin.iec61499.management.protocol import (
     RequestAction,
     Response,
     Watch,
+    Watched,
     parse_request,
     parse_response,
     request_id,
@@ -72,7 +73,12 @@ def test_every_reason_reads_back(reason: Reason) -> None:
         Response("1", connections=(ManagedConnection("A.EO", "B.EI"),)),
         Response("1", names=("E_SR", "F_ADD")),
         Response("1", watches={}),
-        Response("1", watches={"A.B.X": "1.5", "A.Y": "it's <3"}),
+        Response(
+            "1",
+            watches={
+                "R": {"A.B.X": Watched("1.5", True), "A.Y": Watched("it's <3"), "A.E": Watched("3", is_event=True)}
+            },
+        ),
     ],
 )
 def test_every_response_reads_back(response: Response) -> None:
@@ -97,7 +103,7 @@ def test_every_response_reads_back(response: Response) -> None:
             '<Response ID="9">\n  <Watches>\n    <Resource name="R"><FB name="P.Q"><Port name="X"><Data value="0.5" '
             'forced="false"/></Port><Port name="Y"><Data value="TRUE" forced="false"/></Port></FB></Resource>\n  '
             "</Watches>\n</Response>",
-            Response("9", watches={"P.Q.X": "0.5", "P.Q.Y": "TRUE"}),
+            Response("9", watches={"R": {"P.Q.X": Watched("0.5"), "P.Q.Y": Watched("TRUE")}}),
         ),
         ('<Response ID="9">\n  <Watches>\n    \n  </Watches>\n</Response>', Response("9", watches={})),
     ],
