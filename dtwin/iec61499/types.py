@@ -252,8 +252,6 @@ def parse_integer(text: str) -> int:
     if len(text) > MAXIMUM_DIGITS:
         raise FunctionBlockError(f"{text[:20]}... has {len(text)} characters: expected at most {MAXIMUM_DIGITS}")
     digits = text.replace("_", "")
-    if len(digits) > MAXIMUM_DIGITS:
-        raise FunctionBlockError(f"{text:.20}... has {len(digits)} digits: expected at most {MAXIMUM_DIGITS}")
     if "#" not in digits:
         return int(digits)
     sign = -1 if digits[0] == "-" else 1

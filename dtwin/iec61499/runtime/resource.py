@@ -24,6 +24,7 @@ from dtwin.iec61499.runtime.local_transport import LocalTransport
 from dtwin.iec61499.runtime.netlist import Node, flatten
 from dtwin.iec61499.runtime.operation import Operation, QueueEntry
 from dtwin.iec61499.runtime.wiring import queue_entries
+from dtwin.iec61499.st.python.expressions import wiring_name
 from dtwin.iec61499.st.semantics import ITERATION_LIMIT
 
 ACTIVATION_LIMIT: Final = 100_000
@@ -176,8 +177,8 @@ class Resource(Blocks):
         interface = self._types[self._find(block)].block.interface
         if name in [port.name for port in interface.event_inputs]:
             self._queue.extend(entry for entry, known in self._names.items() if known == event)
-        elif hasattr(instance, f"to__{name}"):
-            self._queue.extend(getattr(instance, f"to__{name}"))
+        elif hasattr(instance, wiring_name(name)):
+            self._queue.extend(getattr(instance, wiring_name(name)))
         else:
             valid = [port.name for port in (*interface.event_inputs, *interface.event_outputs)]
             raise FunctionBlockError(f"{block} has no event {name!r}: expected {choices(valid) if valid else 'none'}")
