@@ -46,6 +46,8 @@ EVENT_COUNT: Final = "$er"
 """Source of a WRITE that sets the count of the watched event at its destination to zero."""
 _BARE: Final = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#\d{1,7}|#x[0-9a-fA-F]{1,6});)")
 """An ampersand that begins no escape, as 4diac IDE sends it in texts."""
+_UNFIT: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""What XML 1.0 has no way to write."""
 _ESCAPES: Final = str.maketrans(
     {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "'": "&apos;"}  # the five FORTE resolves
 )
@@ -303,4 +305,4 @@ def _read_subject(element: XmlElement) -> Subject:
 
 
 def _escape(text: str) -> str:
-    return text.translate(_ESCAPES)
+    return _UNFIT.sub("\N{REPLACEMENT CHARACTER}", text.translate(_ESCAPES))

@@ -16,6 +16,8 @@ READ: Final = selectors.EVENT_READ
 WRITE: Final = selectors.EVENT_WRITE
 LONGEST_WAIT: Final = 3600.0
 """Time after which the loop looks at its timers again, s; the system takes no time beyond some days."""
+CROWDED: Final = 1000
+"""Timers from which on those that were taken back are removed."""
 
 
 class Timer:
@@ -45,6 +47,7 @@ class Reactor:
         self._callbacks: dict[int, Callable[[int], None]] = {}
         self._timers: list[tuple[float, int, Timer]] = []
         self._order = itertools.count()
+        self._crowded = CROWDED
         self._stopping = False
         self._wake_receiver, self._wake_sender = socket.socketpair()
         self._wake_receiver.setblocking(False)
@@ -79,6 +82,11 @@ class Reactor:
     def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
         """Calls back once, when `now` reaches `when`; calls due at one time keep the order they were asked for."""
         timer = Timer(callback)
+        if len(self._timers) >= self._crowded:
+            # those that were taken back would stay until they are due
+            self._timers = [entry for entry in self._timers if entry[2].callback is not None]
+            heapq.heapify(self._timers)
+            self._crowded = 2 * len(self._timers) + CROWDED
         heapq.heappush(self._timers, (when, next(self._order), timer))
         return timer
 

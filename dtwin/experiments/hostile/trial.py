@@ -1,0 +1,244 @@
+"""Sends a device of its own mutated requests and datagrams, and measures what they do to the device."""
+
+from __future__ import annotations
+
+import random
+import re
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from dtwin.errors import CommunicationError, DtwinError
+from dtwin.experiments.hostile.inputs import DATAGRAMS, TARGETS, Inputs
+from dtwin.iec61499.management.client import ManagementClient
+from dtwin.iec61499.management.protocol import REQUESTS, RESPONSES, ManagedBlock, parse_response
+from dtwin.iec61499.net.address import LOOPBACK, Address
+from dtwin.iec61499.net.client import BlockingClient
+from dtwin.iec61499.net.wire import Signature
+from dtwin.iec61499.types import UINT
+
+PERIOD: Final = 0.01
+"""Time between two ticks of the resource that must not be disturbed, s."""
+TIMEOUT: Final = 20.0
+REBUILT: Final = 500
+"""Inputs after which the targets are built anew, since some of the inputs kill them."""
+WARM_UP: Final = 0.05
+"""Part of the inputs before memory is measured first: types are compiled when they are used first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a trial has shown.
+
+    Attributes:
+        requests: how many requests were sent.
+        answered: how many of them had an answer.
+        datagrams: how many datagrams were sent.
+        latest: longest time that a tick of another resource was late, s.
+        ticks: how many ticks were seen.
+        growth: by how much the memory of the device has grown, bytes.
+        lines: lines in the log of the device.
+        duration: s.
+    """
+
+    requests: int
+    answered: int
+    datagrams: int
+    latest: float
+    ticks: int
+    growth: int
+    lines: int
+    duration: float
+
+
+def fuzz(requests: int, datagrams: int, seed: int, log: Path, progress: Callable[[int], None]) -> Outcome:
+    """Runs a trial on a device of its own.
+
+    Args:
+        requests: how many requests are sent.
+        datagrams: how many datagrams are sent.
+        seed: number of the random generator of the inputs.
+        log: file for the log of the device.
+        progress: called with the number of inputs sent so far.
+
+    Raises:
+        DtwinError: the device has ended, or does not answer.
+    """
+    command = [sys.executable, "-m", "dtwin", "fb", "run", "--listen", f"{LOOPBACK}:0"]
+    with (
+        log.open("w") as errors,
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True) as process,
+    ):
+        assert process.stdout is not None
+        try:
+            line = process.stdout.readline()
+            match = re.search(r"management on (\S+)", line)
+            if match is None:
+                raise DtwinError(f"the device did not start: {line!r}, see {log}")
+            trial = _Trial(process, Address(LOOPBACK, int(match[1].rpartition(":")[2])), random.Random(seed))
+            outcome = trial.run(requests, datagrams, progress)
+        finally:
+            process.terminate()
+            process.wait(TIMEOUT)
+    return Outcome(*outcome[:6], sum(1 for _ in log.open(errors="replace")), outcome[6])
+
+
+class _Ticks:
+    """Receives the ticks of the resource that must not be disturbed, each with its number."""
+
+    def __init__(self) -> None:
+        self.offsets: list[float] = []
+        self._signature = Signature([UINT])
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind((LOOPBACK, 0))
+        self._socket.settimeout(0.5)
+        self._ended = False
+        self._thread = threading.Thread(target=self._receive, daemon=True)
+        self.address = Address(*self._socket.getsockname())
+
+    def __enter__(self) -> _Ticks:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended = True
+        self._thread.join(TIMEOUT)
+        self._socket.close()
+
+    def _receive(self) -> None:
+        turns, before = 0, 0
+        while not self._ended:
+            try:
+                data = self._socket.recv(64)
+            except TimeoutError:
+                continue
+            now = time.monotonic()
+            number = self._signature.decode(data)[0]
+            turns += number < before
+            before = number
+            self.offsets.append(now - PERIOD * (number + turns * 65536))
+
+    def latest(self) -> float:
+        """Longest time that a tick came after its time, which the earliest of them gives, s."""
+        return max(self.offsets) - min(self.offsets) if self.offsets else float("inf")
+
+
+class _Trial:
+    def __init__(self, process: subprocess.Popen[str], address: Address, generator: random.Random) -> None:
+        self._process = process
+        self._address = address
+        self._inputs = Inputs(generator)
+        self._random = generator
+        self._ports = [_free_port() for _ in DATAGRAMS]
+        self._answered = 0
+
+    def run(
+        self, requests: int, datagrams: int, progress: Callable[[int], None]
+    ) -> tuple[int, int, int, float, int, int, float]:
+        began = time.monotonic()
+        total = requests + datagrams
+        memory = 0
+        with _Ticks() as ticks, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            self._build_ticks(ticks.address)
+            client = self._client()
+            for number in range(total):
+                if number % REBUILT == 0:
+                    client.close()
+                    self._build_targets()
+                    client = self._client()
+                    progress(number)
+                if number == int(WARM_UP * total):
+                    memory = self._memory()
+                    ticks.offsets.clear()
+                # the datagrams are spread evenly among the requests
+                if (number + 1) * datagrams // total > number * datagrams // total:
+                    kind, data = self._inputs.datagram()
+                    sender.sendto(data[:60_000], (LOOPBACK, self._ports[kind]))
+                else:
+                    client = self._ask(client)
+            client.close()
+            growth = self._memory() - memory
+            latest, count = ticks.latest(), len(ticks.offsets)
+        return requests, self._answered, datagrams, latest, count, growth, time.monotonic() - began
+
+    def _client(self) -> BlockingClient:
+        return BlockingClient(self._address, REQUESTS, RESPONSES, TIMEOUT)
+
+    def _ask(self, client: BlockingClient) -> BlockingClient:
+        """Sends one request, now and then with its frame damaged; that one may cost the connection."""
+        resource, text = self._inputs.request()
+        if self._random.random() < 0.01:
+            client.close()
+            with socket.create_connection(self._address, TIMEOUT) as peer:
+                frame = REQUESTS.encode([resource.decode("latin-1"), text.decode("latin-1")])
+                peer.sendall(self._inputs.damaged(frame)[:-1] + b"\xee")
+            self._answered += 1
+            return self._client()
+        try:
+            answer = client.exchange([resource.decode("latin-1"), text.decode("latin-1")])[0]
+            parse_response(answer.encode("latin-1").decode("utf-8", "replace"))
+        except CommunicationError as error:
+            if self._process.poll() is not None:
+                raise DtwinError(f"the device has ended with {self._process.returncode} after {text!r}") from None
+            raise DtwinError(f"no answer to {resource!r} {text!r}: {error}") from None
+        self._answered += 1
+        return client
+
+    def _build_ticks(self, address: Address) -> None:
+        with ManagementClient(self._address, TIMEOUT) as client:
+            _build(
+                client,
+                "TICK",
+                {"C": "E_CYCLE", "N": "E_CTU", "P": "PUBLISH_1", "R": "E_SWITCH"},
+                {"C.DT": "T#10ms", "P.QI": "1", "P.ID": f'"{address}"', "N.PV": "65535"},
+                "START.COLD P.INIT, P.INITO C.START, C.EO N.CU, N.CUO P.REQ, N.CV P.SD_1, N.Q R.G, P.CNF R.EI, "
+                "R.EO1 N.R",
+            )
+
+    def _build_targets(self) -> None:
+        with ManagementClient(self._address, TIMEOUT) as client:
+            there = [block.name for block in client.blocks("")]
+            for name in (*TARGETS, "NONE"):
+                if name in there:
+                    client.request("", "KILL", ManagedBlock(name, ""))
+                    client.delete_block("", name)
+            blocks = {f"U{k}": f"SUBSCRIBE_{len(types)}" for k, types in enumerate(DATAGRAMS)}
+            blocks |= {"F0": "F_STRING_TO_INT", "F1": "F_STRING_TO_TIME", "F2": "F_LEN", "D": "E_DELAY", "M": "F_MUL"}
+            values = {f"U{k}.QI": "1" for k in range(len(DATAGRAMS))}
+            values |= {f"U{k}.ID": f'"{LOOPBACK}:{port}"' for k, port in enumerate(self._ports)}
+            wires = ", ".join(f"START.COLD U{k}.INIT" for k in range(len(DATAGRAMS)))
+            wires += ", U0.IND F0.REQ, U0.RD_1 F0.IN, U0.IND F1.REQ, U0.RD_1 F1.IN, F1.CNF D.START, F1.OUT D.DT"
+            wires += ", U1.IND F2.REQ, U1.RD_1 F2.IN, U2.IND M.REQ, U2.RD_1 M.IN1, U2.RD_1 M.IN2"
+            _build(client, "T", blocks, values, wires)
+            _build(client, "U", {"A": "E_CTU", "B": "E_CYCLE"}, {"B.DT": "T#1ms"}, "START.COLD B.START, B.EO A.CU")
+
+    def _memory(self) -> int:
+        """What the device has of the memory, bytes."""
+        status = Path(f"/proc/{self._process.pid}/status").read_text()
+        found = re.search(r"VmRSS:\s+(\d+) kB", status)
+        assert found is not None
+        return int(found[1]) * 1024
+
+
+def _build(client: ManagementClient, name: str, blocks: dict[str, str], values: dict[str, str], wires: str) -> None:
+    client.create_block("", name, "EMB_RES")
+    for block, kind in blocks.items():
+        client.create_block(name, block, kind)
+    for port, literal in values.items():
+        client.write(name, port, literal)
+    for wire in wires.split(", "):
+        client.connect(name, *wire.split())
+    client.start(name)
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind((LOOPBACK, 0))
+        port: int = probe.getsockname()[1]
+    return port
