@@ -31,6 +31,7 @@ ALONE = "dtwin.iec61499"
 """imports nothing of the project but the error base"""
 SUBROOMS = [
     {f"{ALONE}.types"},
+    {f"{ALONE}.literals"},
     {f"{ALONE}.model", f"{ALONE}.st"},
     {f"{ALONE}.mapping", f"{ALONE}.files"},
     {f"{ALONE}.standard"},

@@ -54,7 +54,7 @@ class _Problems:
 
 
 def _inspect_type(file: Path, library: Library, problems: _Problems) -> None:
-    found = read_type(file)
+    found = read_type(file, library)
     header = found.header
     if header.name != file.stem:
         message = f"holds the type {header.name}: expected {file.stem}, as the file's name says"

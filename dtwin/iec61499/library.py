@@ -1,16 +1,31 @@
-"""Finds block types by name: in folders of .fbt and .sub files, then among the standard blocks."""
+"""Finds types and constants by name: in folders of files, then among the standard blocks."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Final, Literal
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
-from dtwin.iec61499.files.block_types import read_type
+from dtwin.iec61499.files.block_types import read_adapter, read_type
+from dtwin.iec61499.files.data_types import read_constants, read_data_type
 from dtwin.iec61499.files.systems import read_system
-from dtwin.iec61499.standard.catalogue import find_standard, standard_names
+from dtwin.iec61499.standard.catalogue import find_adapter, find_standard, standard_names
+from dtwin.iec61499.standard.utilities import STRUCTURE, structure_block
+from dtwin.iec61499.types import ELEMENTARY, DataType, StructType, elementary
+
+Kind = Literal["block", "adapter", "data type", "constants"]
+KINDS: Final[dict[str, Kind]] = {
+    ".fbt": "block",
+    ".sub": "block",
+    ".adp": "adapter",
+    ".dtp": "data type",
+    ".gcf": "constants",
+}
+"""What a file holds, by its suffix, which may be written in any case."""
 
 
 class Library:
@@ -25,19 +40,25 @@ class Library:
 
     def __init__(self, paths: Sequence[Path] = ()) -> None:
         self._paths = tuple(paths)
-        self._files: dict[str, Path] = {}
+        self._files: dict[Kind, dict[str, Path]] = {kind: {} for kind in KINDS.values()}
         self._types: dict[str, model.LibraryElement] = {}
+        self._adapters: dict[str, model.AdapterType] = {}
+        self._data_types: dict[str, StructType] = {}
+        self._constants: dict[str, dict[str, model.Variable]] = {}
+        self._reading: list[str] = []
         for folder in self._paths:
             if not folder.is_dir():
                 raise FunctionBlockError("is not a folder of block types", str(folder))
-            for file in sorted(file for file in folder.rglob("*") if file.suffix in (".fbt", ".sub")):
-                other = self._files.setdefault(file.stem, file)
-                if other != file:
-                    raise FunctionBlockError(f"type {file.stem} is also in {other}: expected one file", str(file))
+            for file in sorted(folder.rglob("*")):
+                kind = KINDS.get(file.suffix.lower())
+                if kind is not None:
+                    other = self._files[kind].setdefault(file.stem, file)
+                    if other != file:
+                        raise FunctionBlockError(f"type {file.stem} is also in {other}: expected one file", str(file))
 
     def names(self) -> tuple[str, ...]:
         """The names of the types in the folders."""
-        return tuple(sorted(self._files))
+        return tuple(sorted(self._files["block"]))
 
     def files(self, suffix: str) -> tuple[str, ...]:
         """The names of the files in the folders that end in a suffix, such as `.adp` for adapter types."""
@@ -64,10 +85,15 @@ class Library:
         self._types[block.header.name] = block
 
     def _load(self, name: str, file: str, line: int) -> model.LibraryElement:
+        structure = STRUCTURE.fullmatch(name)
+        if structure is not None and structure[2] in self._files["data type"]:
+            found_type = self.data_type(structure[2])
+            assert isinstance(found_type, StructType)
+            return structure_block(name, found_type)
         standard = find_standard(name)
-        path = self._files.get(name)
+        path = self._files["block"].get(name)
         if path is not None:
-            found = read_type(path)
+            found = read_type(path, self)
             if found.header.name != name:
                 raise FunctionBlockError(
                     f"holds the type {found.header.name}: expected {name}, as the file's name says",
@@ -80,8 +106,53 @@ class Library:
             raise FunctionBlockError(f"unknown block type {name}: {self._hint(name)}", file, line)
         return standard
 
+    def data_type(self, name: str) -> DataType:
+        """The elementary type or structure of that name. Raises FunctionBlockError when there is none."""
+        plain = name.rpartition("::")[2]
+        path = self._files["data type"].get(plain)
+        if path is None or plain.upper() in ELEMENTARY:
+            return elementary(plain)
+        if plain not in self._data_types:
+            with self._no_circle(plain):
+                self._data_types[plain] = read_data_type(path, self)
+        return self._data_types[plain]
+
+    def adapter(self, name: str, file: str = "", line: int = 0) -> model.AdapterType:
+        """The adapter type of that name; file and line use it. Raises FunctionBlockError when there is none."""
+        plain = name.rpartition("::")[2]
+        path = self._files["adapter"].get(plain)
+        if path is None:
+            found = find_adapter(plain)
+            if found is None:
+                expected = choices(self._files["adapter"]) if self._files["adapter"] else f"a file {plain}.adp"
+                raise FunctionBlockError(f"unknown adapter type {plain}: expected {expected}", file, line)
+            return found
+        if plain not in self._adapters:
+            with self._no_circle(plain):
+                self._adapters[plain] = read_adapter(path, self)
+        return self._adapters[plain]
+
+    def constant(self, name: str) -> model.Variable | None:
+        """The constant `NAMESPACE::NAME` of a file NAMESPACE.gcf; None when there is none."""
+        *_, namespace, plain = name.split("::")
+        path = self._files["constants"].get(namespace)
+        if path is not None and namespace not in self._constants:
+            with self._no_circle(namespace):
+                self._constants[namespace] = {found.name.upper(): found for found in read_constants(path, self)}
+        return self._constants.get(namespace, {}).get(plain.upper())
+
+    @contextmanager
+    def _no_circle(self, name: str) -> Iterator[None]:
+        if name in self._reading:
+            raise FunctionBlockError(f"{name} contains itself: {' -> '.join((*self._reading, name))}")
+        self._reading.append(name)
+        try:
+            yield
+        finally:
+            self._reading.pop()
+
     def _hint(self, name: str) -> str:
-        known = sorted({*self._files, *standard_names()})
+        known = sorted({*self._files["block"], *standard_names()})
         close = difflib.get_close_matches(name, known, n=3, cutoff=0.6)
         expected = f"expected {choices(close)}" if close else f"expected one of {choices(known[:20])}, ..."
         folders = choices([str(path) for path in self._paths]) if self._paths else "no folder"
@@ -93,4 +164,4 @@ class Library:
         Raises:
             FunctionBlockError: the file is unreadable or wrong; names file and line.
         """
-        return read_system(path)
+        return read_system(path, self)

@@ -99,6 +99,7 @@ class _ResourceNetwork:
         subapplications: list[SubApplication] = []
         events: list[Connection] = []
         data: list[Connection] = []
+        adapters: list[Connection] = []
         for application in self.system.applications:
             here = mapped.get(application.name, set())
             network = application.network
@@ -106,6 +107,7 @@ class _ResourceNetwork:
             subapplications += [sub for sub in network.subapplications if sub.name in here]
             events += self._inside(network.events, here, application.name)
             data += self._inside(network.data, here, application.name)
+            adapters += self._inside(network.adapters, here, application.name)
         names = {block.name for block in blocks} | {sub.name for sub in subapplications}
         if len(names) < len(blocks) + len(subapplications):
             raise FunctionBlockError(
@@ -118,8 +120,14 @@ class _ResourceNetwork:
             blocks.insert(0, Block("START", "E_RESTART", line=self.resource.line))
         events = [self._plain(connection) for connection in own.events] + events
         data = [self._plain(connection) for connection in own.data] + data
+        adapters = [self._plain(connection) for connection in own.adapters] + adapters
         return FBNetwork(
-            tuple(blocks), tuple(subapplications), tuple(_unique(events)), tuple(_unique(data)), self.file
+            tuple(blocks),
+            tuple(subapplications),
+            tuple(_unique(events)),
+            tuple(_unique(data)),
+            self.file,
+            tuple(_unique(adapters)),
         )
 
     def _mapped(self) -> dict[str, set[str]]:

@@ -9,11 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Final, TypeAlias
 
-from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, parse_literal
+from dtwin.iec61499.literals import parse_literal
+from dtwin.iec61499.types import DataType, ElementaryType, StructType
 
 GENERIC_TYPES: Final = (
     *("ANY", "ANY_ELEMENTARY", "ANY_MAGNITUDE", "ANY_NUM", "ANY_REAL", "ANY_INT", "ANY_SIGNED", "ANY_UNSIGNED"),
-    *("ANY_BIT", "ANY_STRING", "ANY_CHARS", "ANY_DURATION"),
+    *("ANY_BIT", "ANY_STRING", "ANY_CHARS", "ANY_CHAR", "ANY_DURATION", "ANY_DATE", "ANY_STRUCT", "ANY_DERIVED"),
 )
 
 
@@ -30,9 +31,10 @@ class GenericType:
         """Whether a variable of that type may stand for this one (IEC 61131-3, figure 5)."""
         if self.name == "ANY":
             return True
-        if isinstance(data_type, ArrayType):
-            return False
+        if not isinstance(data_type, ElementaryType):
+            return self.name in ("ANY_STRUCT", "ANY_DERIVED") and isinstance(data_type, StructType)
         kinds = {
+            "ANY_ELEMENTARY": (data_type.kind,),
             "ANY_MAGNITUDE": ("signed", "unsigned", "real", "time"),
             "ANY_NUM": ("signed", "unsigned", "real"),
             "ANY_REAL": ("real",),
@@ -41,10 +43,12 @@ class GenericType:
             "ANY_UNSIGNED": ("unsigned",),
             "ANY_BIT": ("bool", "bits"),
             "ANY_STRING": ("string",),
-            "ANY_CHARS": ("string",),
+            "ANY_CHARS": ("string", "char"),
+            "ANY_CHAR": ("char",),
             "ANY_DURATION": ("time",),
+            "ANY_DATE": ("date",),
         }
-        return data_type.kind in kinds.get(self.name, (data_type.kind,))
+        return data_type.kind in kinds.get(self.name, ())
 
 
 VariableType: TypeAlias = DataType | GenericType
@@ -69,16 +73,29 @@ class Variable:
     initial: str = ""
     comment: str = ""
     line: int = 0
+    constant: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class AdapterPort:
+    """A plug or socket; the events and data of its type are ports of the block, called `NAME.PORT`."""
+
+    name: str
+    type: AdapterType
+    is_plug: bool
+    comment: str = ""
+    line: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Interface:
-    """The ports of a block type."""
+    """The ports of a block type; those of its adapters are among them."""
 
     event_inputs: tuple[EventPort, ...] = ()
     event_outputs: tuple[EventPort, ...] = ()
     inputs: tuple[Variable, ...] = ()
     outputs: tuple[Variable, ...] = ()
+    adapters: tuple[AdapterPort, ...] = ()
 
     def names(self) -> tuple[str, ...]:
         """All port names, in the order of declaration."""
@@ -170,8 +187,19 @@ class TypeHeader:
 
 
 @dataclass(frozen=True, slots=True)
+class AdapterType:
+    """An adapter type; its interface is that of a socket as the block that has it sees it from inside."""
+
+    header: TypeHeader
+    interface: Interface
+
+
+@dataclass(frozen=True, slots=True)
 class BasicFBType:
-    """A block whose behaviour is an execution control chart; the first state is the initial one."""
+    """A block whose behaviour is an execution control chart; the first state is the initial one.
+
+    `constants` are those of namespaces (`NAMESPACE::NAME`) that its text uses.
+    """
 
     header: TypeHeader
     interface: Interface
@@ -179,6 +207,7 @@ class BasicFBType:
     states: tuple[ECState, ...] = ()
     transitions: tuple[ECTransition, ...] = ()
     algorithms: tuple[Algorithm, ...] = ()
+    constants: tuple[Variable, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +219,7 @@ class SimpleFBType:
     internals: tuple[Variable, ...] = ()
     states: tuple[ECState, ...] = ()
     algorithms: tuple[Algorithm, ...] = ()
+    constants: tuple[Variable, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,6 +264,7 @@ class FBNetwork:
     events: tuple[Connection, ...] = ()
     data: tuple[Connection, ...] = ()
     file: str = ""
+    adapters: tuple[Connection, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

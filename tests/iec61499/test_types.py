@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import struct
 from typing import Any
 
@@ -11,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
+from dtwin.iec61499.literals import format_literal, parse_literal
 from dtwin.iec61499.types import (
     BOOL,
     BYTE,
@@ -27,9 +29,8 @@ from dtwin.iec61499.types import (
     WSTRING,
     ArrayType,
     DataType,
+    ElementaryType,
     elementary,
-    format_literal,
-    parse_literal,
     round_to_real,
 )
 
@@ -39,12 +40,19 @@ quick = settings(deadline=None, derandomize=True, max_examples=60)
 def values(data_type: DataType) -> st.SearchStrategy[Any]:
     if isinstance(data_type, ArrayType):
         return st.lists(values(data_type.element), min_size=data_type.length, max_size=data_type.length)
+    assert isinstance(data_type, ElementaryType)
     if data_type.kind == "bool":
         return st.booleans()
     if data_type.kind == "real":
         return st.floats(allow_nan=False, allow_infinity=False, width=32 if data_type.bits == 32 else 64)
     if data_type.kind == "string":
         return st.text(st.characters(max_codepoint=0xFF if data_type == STRING else 0xFFFF))
+    if data_type.kind == "char":
+        return st.characters(max_codepoint=0xFF if data_type.bits == 8 else 0xFFFF, exclude_categories=["Cs"])
+    if data_type.name in ("DATE", "LDATE"):
+        return st.integers(-100_000, 100_000).map(lambda days: days * 86_400_000_000_000)
+    if data_type.name in ("TOD", "LTOD"):
+        return st.integers(0, 86_400_000_000_000 - 1)
     return st.integers(data_type.minimum, data_type.maximum)
 
 
@@ -122,9 +130,10 @@ def test_bad_literals_are_named(text: str, data_type: DataType, message: str) ->
     assert str(caught.value).startswith("x.fbt:4:2: ")
 
 
-@pytest.mark.parametrize("name", ["DATE", "DT", "CHAR", "MyStruct", ""])
-def test_unsupported_types_list_the_supported(name: str) -> None:
-    with pytest.raises(FunctionBlockError, match=f"'{name}' is not supported: expected BOOL, SINT, .* or LTIME"):
+@pytest.mark.parametrize("name", ["DATUM", "STRING[0]", "MyStruct", ""])
+def test_unknown_types_list_the_known(name: str) -> None:
+    expected = f"unknown type {name!r}: expected BOOL, SINT, .* or LDT, STRING[n] or a structure"
+    with pytest.raises(FunctionBlockError, match=re.escape(expected).replace(r"\.\*", ".*")):
         elementary(name)
 
 

@@ -20,13 +20,14 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.build import deploy
 from dtwin.iec61499.deploy.plan import plan_deployment
 from dtwin.iec61499.library import Library
+from dtwin.iec61499.literals import parse_literal
 from dtwin.iec61499.management.bootfile import print_boot_file
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.wire import Signature
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.standard.notation import basic
-from dtwin.iec61499.types import BOOL, DINT, LREAL, parse_literal
+from dtwin.iec61499.types import BOOL, DINT, LREAL
 from dtwin.parameters import ArmParameters
 from dtwin.run.cell import Cell
 from dtwin.run.loop import run

@@ -25,7 +25,7 @@ from dtwin.iec61499.st import typed
 from dtwin.iec61499.st.dataflow import accesses
 from dtwin.iec61499.st.lua.helpers import lua_helpers
 from dtwin.iec61499.st.lua.translate import LuaSource, lua_condition, lua_source
-from dtwin.iec61499.types import ArrayType
+from dtwin.iec61499.types import ArrayType, ElementaryType, StructType
 
 _INPUT, _OUTPUT, _INTERNAL = 1 << 25, 1 << 26, 1 << 28
 PORT_LIMIT: Final = 255
@@ -97,6 +97,12 @@ class _Export:
         self._outputs = {event.name: number for number, event in enumerate(block.interface.event_outputs)}
         self._functions = {algorithm.name: f"A{number}" for number, algorithm in enumerate(block.algorithms)}
         interface = block.interface
+        for adapter in interface.adapters:
+            raise FunctionBlockError(
+                f"adapter {adapter.name} of {block.header.name} is not available in Lua: expected events and data",
+                block.header.file,
+                adapter.line,
+            )
         groups = (
             (_INPUT, "i", interface.inputs),
             (_OUTPUT, "o", interface.outputs),
@@ -235,9 +241,16 @@ class _Export:
 
     def _type(self, variable: model.Variable) -> str:
         data_type: model.VariableType = variable.type
-        if not isinstance(data_type, ArrayType):
-            return f'"{data_type}"'
-        if isinstance(data_type.element, ArrayType):
+        if isinstance(data_type, StructType):
+            raise FunctionBlockError(
+                f"variable {variable.name}: structure {data_type} is no type for Lua: expected elementary types",
+                self._block.header.file,
+                variable.line,
+            )
+        if isinstance(data_type, ElementaryType):
+            return f'"{data_type.name}"'
+        assert isinstance(data_type, ArrayType)
+        if not isinstance(data_type.element, ElementaryType):
             raise FunctionBlockError(
                 f"variable {variable.name}: an array of arrays is no type for Lua: expected one dimension",
                 self._block.header.file,

@@ -18,6 +18,7 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.border import BORDER, border_type, inner_name
 from dtwin.iec61499.deploy.lua_export import LuaType, export_type
 from dtwin.iec61499.library import Library
+from dtwin.iec61499.literals import format_literal, format_string
 from dtwin.iec61499.management.bootfile import Command
 from dtwin.iec61499.management.protocol import (
     ManagedBlock,
@@ -31,7 +32,7 @@ from dtwin.iec61499.runtime.generic_ports import check_types, resolve
 from dtwin.iec61499.runtime.netlist import Node, Terminal, flatten
 from dtwin.iec61499.standard.catalogue import find_standard
 from dtwin.iec61499.standard.services import COMMUNICATION
-from dtwin.iec61499.types import BOOL, LREAL, REAL, DataType, format_literal, format_string
+from dtwin.iec61499.types import BOOL, LREAL, REAL, DataType
 
 RESOURCE_TYPE: Final = "EMB_RES"
 _PORT: Final = re.compile(r"(?<=:)\d+")

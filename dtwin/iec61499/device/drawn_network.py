@@ -8,6 +8,7 @@ from typing import Any, Final, Literal
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
+from dtwin.iec61499.literals import format_literal, parse_literal
 from dtwin.iec61499.management.protocol import ManagedBlock, ManagedConnection, ManagementError
 from dtwin.iec61499.st.functions import widens
 from dtwin.iec61499.types import (
@@ -15,8 +16,6 @@ from dtwin.iec61499.types import (
     WSTRING,
     DataType,
     ElementaryType,
-    format_literal,
-    parse_literal,
 )
 
 Side = Literal["inputs", "outputs", "internals"]

@@ -1,7 +1,7 @@
-"""Reads block types (.fbt) and subapplication types (.sub) as 4diac IDE writes them (IEC 61499-2 XML).
+"""Reads types of blocks (.fbt), subapplications (.sub) and adapters (.adp) as 4diac IDE writes them.
 
-What the runtime cannot execute is refused here, by name and line: adapters, VAR_IN_OUT, algorithms in other
-languages, data types that are not elementary. What only concerns editors (attributes, services, compiler
+What the runtime cannot execute is refused here, by name and line: VAR_IN_OUT, methods, algorithms in other
+languages. What only concerns editors (attributes, services, compiler
 information, groups, comments in diagrams) is passed over.
 """
 
@@ -14,8 +14,9 @@ from typing import Final
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
-from dtwin.iec61499.files.header import IDENTIFIER, PASSED_OVER, check_unique, read_header, read_name
+from dtwin.iec61499.files.header import PASSED_OVER, check_unique, read_header, read_name
 from dtwin.iec61499.files.interface import read_interface, read_variables
+from dtwin.iec61499.files.names import ALONE, Names, used_constants
 from dtwin.iec61499.files.networks import read_network
 from dtwin.iec61499.files.xml import XmlElement, read_xml
 
@@ -25,56 +26,72 @@ _TYPE_PARTS: Final = (
 )
 
 
+_EVENT: Final = re.compile(r"([A-Za-z_]\w*)(?:\.[A-Za-z_]\w*)?", re.ASCII)
+"""An event input, or one of an adapter."""
 _ALGORITHMIC_PARTS: Final = ("InternalVars", "InternalConstVars", "Algorithm", "Method", "Attribute")
 
 
-def read_type(path: Path) -> model.LibraryElement:
+def read_type(path: Path, names: Names = ALONE) -> model.LibraryElement:
     """Reads one library element.
 
     Raises:
         FunctionBlockError: the file is unreadable or wrong, or uses something unsupported; names file and line.
     """
-    return type_from_xml(read_xml(path))
+    return type_from_xml(read_xml(path), names)
 
 
-def type_from_xml(root: XmlElement) -> model.LibraryElement:
+def type_from_xml(root: XmlElement, names: Names = ALONE) -> model.LibraryElement:
     """Reads one library element, given its root element. Raises as `read_type` does."""
     if root.tag not in ("FBType", "SubAppType"):
         raise root.error(f"<{root.tag}> is not a block type: expected <FBType> or <SubAppType>")
     root.expect_children(_TYPE_PARTS)
     header = read_header(root)
-    interface = read_interface(root)
+    interface = read_interface(root, names)
     if root.tag == "SubAppType":
         body = root.child("SubAppNetwork") or root.child("FBNetwork")
-        return model.SubApplicationType(header, interface, read_network(body, root.file))
+        return model.SubApplicationType(header, interface, read_network(body, root.file, names))
     basic, simple, network = root.child("BasicFB"), root.child("SimpleFB"), root.child("FBNetwork")
     if basic is not None:
-        return _read_basic(basic, header, interface)
+        return _read_basic(basic, header, interface, names)
     if simple is not None:
-        return _read_simple(simple, header, interface)
+        return _read_simple(simple, header, interface, names)
     if network is not None:
-        return model.CompositeFBType(header, interface, read_network(network, root.file))
+        return model.CompositeFBType(header, interface, read_network(network, root.file, names))
     return model.ServiceInterfaceFBType(header, interface)
 
 
-def _read_basic(body: XmlElement, header: model.TypeHeader, interface: model.Interface) -> model.BasicFBType:
+def read_adapter(path: Path, names: Names) -> model.AdapterType:
+    """Reads an adapter type (.adp). Raises as `read_type` does."""
+    root = read_xml(path)
+    if root.tag != "AdapterType":
+        raise root.error(f"<{root.tag}> is not an adapter type: expected <AdapterType>")
+    return model.AdapterType(read_header(root), read_interface(root, names))
+
+
+def _read_basic(
+    body: XmlElement, header: model.TypeHeader, interface: model.Interface, names: Names
+) -> model.BasicFBType:
     body.expect_children((*_ALGORITHMIC_PARTS, "ECC"))
     chart = body.child("ECC")
     if chart is None:
         raise body.error(f"basic block {header.name} has no <ECC>")
-    internals = _read_internals(body, interface)
+    internals = _read_internals(body, interface, names)
     algorithms = _read_algorithms(body)
     states = _read_states(chart, interface, algorithms)
     if not states:
         raise chart.error(f"the ECC of {header.name} has no state")
     chart.expect_children(("ECState", "ECTransition", "Attribute"))
     transitions = tuple(_read_transition(t, interface, states) for t in chart.children("ECTransition"))
-    return model.BasicFBType(header, interface, internals, states, transitions, algorithms)
+    texts = [*(a.source.text for a in algorithms), *(t.guard for t in transitions)]
+    constants = used_constants(texts, names)
+    return model.BasicFBType(header, interface, internals, states, transitions, algorithms, constants)
 
 
-def _read_simple(body: XmlElement, header: model.TypeHeader, interface: model.Interface) -> model.SimpleFBType:
+def _read_simple(
+    body: XmlElement, header: model.TypeHeader, interface: model.Interface, names: Names
+) -> model.SimpleFBType:
     body.expect_children((*_ALGORITHMIC_PARTS, "ECState"))
-    internals = _read_internals(body, interface)
+    internals = _read_internals(body, interface, names)
     algorithms = _read_algorithms(body)
     states = _read_states(body, interface, algorithms)
     inputs = [event.name for event in interface.event_inputs]
@@ -87,12 +104,14 @@ def _read_simple(body: XmlElement, header: model.TypeHeader, interface: model.In
         output = interface.event_outputs[0].name if interface.event_outputs else ""
         action = model.ECAction(algorithms[0].name, output, algorithms[0].line)
         states = (model.ECState(inputs[0], (action,), line=body.line),)
-    return model.SimpleFBType(header, interface, internals, states, algorithms)
+    constants = used_constants([algorithm.source.text for algorithm in algorithms], names)
+    return model.SimpleFBType(header, interface, internals, states, algorithms, constants)
 
 
-def _read_internals(body: XmlElement, interface: model.Interface) -> tuple[model.Variable, ...]:
-    internals = tuple(
-        variable for group in ("InternalVars", "InternalConstVars") for variable in read_variables(body.child(group))
+def _read_internals(body: XmlElement, interface: model.Interface, names: Names) -> tuple[model.Variable, ...]:
+    internals = (
+        *read_variables(body.child("InternalVars"), names),
+        *read_variables(body.child("InternalConstVars"), names, constant=True),
     )
     check_unique([*interface.inputs, *interface.outputs, *internals], "variable", body.file)
     return internals
@@ -175,8 +194,9 @@ def _read_transition(
 def split_condition(condition: str, events: Iterable[str]) -> tuple[str, str]:
     """Event and guard of a transition condition: `EV`, `EV[guard]`, `[guard]`, `1`, and the old `EV & guard`."""
     text = condition.strip()
-    match = IDENTIFIER.match(text)
-    event = match[0] if match and match[0] in set(events) else ""
+    known = set(events)
+    match = _EVENT.match(text)
+    event = next((name for name in (match[0], match[1]) if name in known), "") if match else ""
     rest = text[len(event) :].strip()
     old = re.match(r"&|AND\b", rest, re.IGNORECASE) if event else None
     if old is not None:

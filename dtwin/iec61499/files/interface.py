@@ -4,42 +4,85 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
 from dtwin.iec61499.files.header import Named, check_unique, read_name
+from dtwin.iec61499.files.names import Names, resolved
 from dtwin.iec61499.files.xml import XmlElement
-from dtwin.iec61499.types import ArrayType, elementary
+from dtwin.iec61499.types import ArrayType
 
 _PORT_GROUPS: Final = ("EventInputs", "EventOutputs", "InputVars", "OutputVars")
-_UNSUPPORTED_GROUPS: Final = {"Sockets": "adapter", "Plugs": "adapter", "InOutVars": "VAR_IN_OUT variable"}
+_ADAPTER_GROUPS: Final = ("Plugs", "Sockets")
 
 
-def read_interface(owner: XmlElement) -> model.Interface:
+def read_interface(owner: XmlElement, names: Names) -> model.Interface:
     """The ports declared by the interface list of a type or subapplication; none without such a list."""
     interface = owner.child("InterfaceList") or owner.child("SubAppInterfaceList")
     if interface is None:
         return model.Interface()
     groups: dict[str, XmlElement] = {}
-    interface.expect_children([*_PORT_GROUPS, *_UNSUPPORTED_GROUPS, *(f"SubApp{group}" for group in _PORT_GROUPS)])
+    interface.expect_children(
+        [*_PORT_GROUPS, *_ADAPTER_GROUPS, "InOutVars", *(f"SubApp{group}" for group in _PORT_GROUPS)]
+    )
     for group in interface.children():
         first = next(group.children(), None)
-        if group.tag in _UNSUPPORTED_GROUPS and first is not None:
-            what = _UNSUPPORTED_GROUPS[group.tag]
-            raise first.error(f"{what} {first.get('Name')} is not supported: expected events and data only")
+        if group.tag == "InOutVars" and first is not None:
+            raise first.error(
+                f"VAR_IN_OUT variable {first.get('Name')} is not supported: expected inputs and outputs"
+            )
         groups[group.tag.removeprefix("SubApp")] = group
-    inputs = read_variables(groups.get("InputVars"))
-    outputs = read_variables(groups.get("OutputVars"))
-    result = model.Interface(
+    inputs = read_variables(groups.get("InputVars"), names)
+    outputs = read_variables(groups.get("OutputVars"), names)
+    events = (
         _read_events(groups.get("EventInputs"), inputs, "input"),
         _read_events(groups.get("EventOutputs"), outputs, "output"),
-        inputs,
-        outputs,
     )
-    ports: list[Named] = [*result.event_inputs, *result.event_outputs, *result.inputs, *result.outputs]
+    adapters = tuple(
+        model.AdapterPort(
+            read_name(element),
+            names.adapter(element.require("Type"), element.file, element.line),
+            group == "Plugs",
+            element.get("Comment"),
+            element.line,
+        )
+        for group in _ADAPTER_GROUPS
+        for element in (groups[group].children("AdapterDeclaration") if group in groups else ())
+    )
+    ports: list[Named] = [*events[0], *events[1], *inputs, *outputs, *adapters]
     check_unique(ports, "port", owner.file)
-    return result
+    return with_adapters(model.Interface(*events, inputs, outputs), adapters)
+
+
+def with_adapters(interface: model.Interface, adapters: Sequence[model.AdapterPort]) -> model.Interface:
+    """The interface with the ports of its plugs and sockets, `ADAPTER.PORT` each.
+
+    An adapter type is written as a socket's block sees it from inside: what the type calls an output comes in from
+    outside. A plug has the same ports the other way round.
+    """
+    event_inputs, event_outputs = list(interface.event_inputs), list(interface.event_outputs)
+    inputs, outputs = list(interface.inputs), list(interface.outputs)
+    for adapter in adapters:
+        ports = adapter.type.interface
+        into, out_of = (ports.event_inputs, ports.inputs), (ports.event_outputs, ports.outputs)
+        if not adapter.is_plug:
+            into, out_of = out_of, into
+        event_inputs += [_event(adapter, event) for event in into[0]]
+        inputs += [_variable(adapter, variable) for variable in into[1]]
+        event_outputs += [_event(adapter, event) for event in out_of[0]]
+        outputs += [_variable(adapter, variable) for variable in out_of[1]]
+    return model.Interface(tuple(event_inputs), tuple(event_outputs), tuple(inputs), tuple(outputs), tuple(adapters))
+
+
+def _event(adapter: model.AdapterPort, event: model.EventPort) -> model.EventPort:
+    data = tuple(f"{adapter.name}.{variable}" for variable in event.with_variables)
+    return replace(event, name=f"{adapter.name}.{event.name}", with_variables=data, line=adapter.line)
+
+
+def _variable(adapter: model.AdapterPort, variable: model.Variable) -> model.Variable:
+    return replace(variable, name=f"{adapter.name}.{variable.name}", line=adapter.line)
 
 
 def _read_events(
@@ -65,8 +108,8 @@ def _read_events(
     return tuple(events)
 
 
-def read_variables(group: XmlElement | None) -> tuple[model.Variable, ...]:
-    """The variable declarations of a group."""
+def read_variables(group: XmlElement | None, names: Names, constant: bool = False) -> tuple[model.Variable, ...]:
+    """The variable declarations of a group; with `constant` they cannot be assigned."""
     variables = []
     if group is None:
         return ()
@@ -76,15 +119,16 @@ def read_variables(group: XmlElement | None) -> tuple[model.Variable, ...]:
     for element in group.children():
         element.expect_children(("Attribute",))
         name = read_name(element)
+        initial = resolved(element.get("InitialValue"), names)
         variable = model.Variable(
-            name, _variable_type(element), element.get("InitialValue"), element.get("Comment"), element.line
+            name, _variable_type(element, names), initial, element.get("Comment"), element.line, constant
         )
         model.initial_value(variable, element.file)
         variables.append(variable)
     return tuple(variables)
 
 
-def _variable_type(element: XmlElement) -> model.VariableType:
+def _variable_type(element: XmlElement, names: Names) -> model.VariableType:
     name = element.require("Type")
     if name.upper().startswith("ANY"):
         if element.get("ArraySize"):
@@ -93,7 +137,7 @@ def _variable_type(element: XmlElement) -> model.VariableType:
             raise element.error(f"unknown generic type {name}: expected {choices(model.GENERIC_TYPES)}")
         return model.GenericType(name.upper())
     try:
-        data_type = elementary(name)
+        data_type = names.data_type(name)
         return _array_type(element, data_type) if element.get("ArraySize") else data_type
     except FunctionBlockError as error:
         raise element.error(f"variable {element.get('Name')}: {error.message}") from None

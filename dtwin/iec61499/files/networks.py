@@ -8,6 +8,7 @@ from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.files.header import PASSED_OVER
 from dtwin.iec61499.files.interface import read_interface
+from dtwin.iec61499.files.names import Names, resolved
 from dtwin.iec61499.files.xml import XmlElement
 
 _NETWORK_PARTS: Final = (
@@ -16,11 +17,11 @@ _NETWORK_PARTS: Final = (
 )
 
 
-def read_network(body: XmlElement | None, file: str) -> model.FBNetwork:
+def read_network(body: XmlElement | None, file: str, names: Names) -> model.FBNetwork:
     """The network in an <FBNetwork> or <SubAppNetwork> element; an empty one for None.
 
     Raises:
-        FunctionBlockError: an unknown element, two elements of one name, or adapter connections.
+        FunctionBlockError: an unknown element, or two elements of one name.
     """
     if body is None:
         return model.FBNetwork(file=file)
@@ -28,18 +29,19 @@ def read_network(body: XmlElement | None, file: str) -> model.FBNetwork:
     subapplications: list[model.SubApplication] = []
     events: tuple[model.Connection, ...] = ()
     data: tuple[model.Connection, ...] = ()
+    adapters: tuple[model.Connection, ...] = ()
     body.expect_children(_NETWORK_PARTS)
     for element in body.children():
         if element.tag == "FB":
-            blocks.append(_read_block(element))
+            blocks.append(_read_block(element, names))
         elif element.tag == "SubApp":
-            subapplications.append(_read_subapplication(element))
+            subapplications.append(_read_subapplication(element, names))
         elif element.tag == "EventConnections":
             events = _read_connections(element)
         elif element.tag == "DataConnections":
             data = _read_connections(element)
-        elif element.tag == "AdapterConnections" and any(element.children()):
-            raise element.error("adapter connections are not supported: expected events and data only")
+        elif element.tag == "AdapterConnections":
+            adapters = _read_connections(element)
     seen: dict[str, int] = {}
     items: list[model.Block | model.SubApplication] = [*blocks, *subapplications]
     for item in items:
@@ -48,14 +50,19 @@ def read_network(body: XmlElement | None, file: str) -> model.FBNetwork:
                 f"block {item.name} is already declared in line {seen[item.name]}", file, item.line
             )
         seen[item.name] = item.line
-    return model.FBNetwork(tuple(blocks), tuple(subapplications), events, data, file)
+    return model.FBNetwork(tuple(blocks), tuple(subapplications), events, data, file, adapters)
 
 
-def _read_block(element: XmlElement) -> model.Block:
+def _read_block(element: XmlElement, names: Names) -> model.Block:
+    type_name = element.require("Type")
+    attributes = {a.get("Name").rpartition("::")[2]: a.get("Value").strip("'") for a in element.children("Attribute")}
+    if type_name.rpartition("::")[2] in ("STRUCT_MUX", "STRUCT_DEMUX") and attributes.get("StructuredType"):
+        # the ports of these blocks are the members of a structure, which is part of the type's name in 4diac FORTE
+        type_name = f"{type_name}_1{attributes['StructuredType'].rpartition('::')[2]}"
     return model.Block(
         element.require("Name"),
-        element.require("Type"),
-        read_parameters(element),
+        type_name,
+        read_parameters(element, names),
         element.number("x"),
         element.number("y"),
         element.get("Comment"),
@@ -63,14 +70,14 @@ def _read_block(element: XmlElement) -> model.Block:
     )
 
 
-def _read_subapplication(element: XmlElement) -> model.SubApplication:
+def _read_subapplication(element: XmlElement, names: Names) -> model.SubApplication:
     body = element.child("SubAppNetwork") or element.child("FBNetwork")
     return model.SubApplication(
         element.require("Name"),
         element.get("Type"),
-        read_interface(element),
-        read_network(body, element.file),
-        read_parameters(element),
+        read_interface(element, names),
+        read_network(body, element.file, names),
+        read_parameters(element, names),
         element.number("x"),
         element.number("y"),
         element.get("Comment"),
@@ -85,10 +92,10 @@ def _read_connections(group: XmlElement) -> tuple[model.Connection, ...]:
     )
 
 
-def read_parameters(element: XmlElement) -> tuple[model.Parameter, ...]:
+def read_parameters(element: XmlElement, names: Names) -> tuple[model.Parameter, ...]:
     """The parameters of a block; those without a value are left out, as 4diac does."""
     return tuple(
-        model.Parameter(p.require("Name"), p.get("Value"), p.get("Comment"), p.line)
+        model.Parameter(p.require("Name"), resolved(p.get("Value"), names), p.get("Comment"), p.line)
         for p in element.children("Parameter")
         if p.get("Value")
     )

@@ -7,13 +7,14 @@ from typing import Final
 
 from dtwin.iec61499 import model
 from dtwin.iec61499.files.header import PASSED_OVER, read_header
+from dtwin.iec61499.files.names import ALONE, Names
 from dtwin.iec61499.files.networks import read_network, read_parameters
 from dtwin.iec61499.files.xml import XmlElement, read_xml
 
 _SYSTEM_PARTS: Final = ("Application", "Device", "Mapping", "Segment", "Link", *PASSED_OVER)
 
 
-def read_system(path: Path) -> model.System:
+def read_system(path: Path, names: Names = ALONE) -> model.System:
     """Reads one system configuration.
 
     Raises:
@@ -26,24 +27,24 @@ def read_system(path: Path) -> model.System:
     applications = tuple(
         model.ApplicationDeclaration(
             a.require("Name"),
-            read_network(a.child("SubAppNetwork") or a.child("FBNetwork"), root.file),
+            read_network(a.child("SubAppNetwork") or a.child("FBNetwork"), root.file, names),
             a.get("Comment"),
             a.line,
         )
         for a in root.children("Application")
     )
-    devices = tuple(_read_device(d) for d in root.children("Device"))
+    devices = tuple(_read_device(d, names) for d in root.children("Device"))
     mappings = tuple(model.Mapping(m.require("From"), m.require("To"), m.line) for m in root.children("Mapping"))
     return model.System(read_header(root), applications, devices, mappings)
 
 
-def _read_device(element: XmlElement) -> model.DeviceDeclaration:
+def _read_device(element: XmlElement, names: Names) -> model.DeviceDeclaration:
     resources = tuple(
         model.ResourceDeclaration(
             r.require("Name"),
             r.get("Type"),
-            read_network(r.child("FBNetwork"), element.file),
-            read_parameters(r),
+            read_network(r.child("FBNetwork"), element.file, names),
+            read_parameters(r, names),
             r.get("Comment"),
             r.line,
         )
@@ -53,7 +54,7 @@ def _read_device(element: XmlElement) -> model.DeviceDeclaration:
         element.require("Name"),
         element.get("Type"),
         resources,
-        read_parameters(element),
+        read_parameters(element, names),
         element.get("Comment"),
         element.line,
     )

@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final, NoReturn
 
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.types import ArrayType, DataType
+from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, StructType
 
 Value = Any
 """A value as the runtime holds it: bool, int, float, str, or a list of those; TIME in ns."""
@@ -191,6 +191,8 @@ class _Malformed(CommunicationError):
 def _codec(kind: DataType, string_limit: int) -> tuple[Encoder, Decoder]:
     if isinstance(kind, ArrayType):
         return _array_codec(kind, string_limit)
+    if isinstance(kind, StructType):
+        raise CommunicationError(f"structure {kind} has no encoding for communication blocks: expected its members")
     if kind.name == "BOOL":
         return _encode_bool, _decode_bool
     if kind.name in TEXTS:
@@ -309,7 +311,7 @@ def _text_body(name: str, limit: int) -> tuple[Encoder, Decoder]:
 
 def _array_codec(kind: ArrayType, string_limit: int) -> tuple[Encoder, Decoder]:
     element, count = kind.element, kind.length
-    if isinstance(element, ArrayType):
+    if not isinstance(element, ElementaryType):
         raise CommunicationError(f"{kind} has no encoding for communication blocks: expected one dimension")
     tag = None
     encode_one: Encoder = _encode_bool

@@ -92,6 +92,9 @@ class Blocks:
 
     def _locate(self, name: str) -> tuple[int, model.Variable | None]:
         block, _, variable = name.rpartition(".")
+        owner, _, adapter = block.rpartition(".")
+        if block not in self._index and owner in self._index:
+            block, variable = owner, f"{adapter}.{variable}"
         index = self._find(block)
         kind = self._types[index].block
         if variable == "$ECC" and isinstance(kind, model.BasicFBType):

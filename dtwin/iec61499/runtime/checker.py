@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
+
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.st import typed
 from dtwin.iec61499.st.check import check_algorithm, check_expression
 from dtwin.iec61499.st.parser import parse_algorithm, parse_expression
-from dtwin.iec61499.types import DataType
+from dtwin.iec61499.types import ArrayType, DataType, StructType, elementary
 
 
 class BlockChecker:
@@ -17,28 +20,47 @@ class BlockChecker:
         self._file = block.header.file
         self._scope: dict[str, DataType] = {}
         interface = block.interface
-        for variable in (*interface.inputs, *interface.outputs, *block.internals):
+        self._constants: dict[str, tuple[DataType, Any]] = {}
+        for variable in (*interface.inputs, *interface.outputs, *block.internals, *block.constants):
             assert not isinstance(variable.type, model.GenericType)
             self._scope[variable.name] = variable.type
-        self._writable = {variable.name for variable in (*interface.outputs, *block.internals)}
+            if variable.constant:
+                self._constants[variable.name] = variable.type, model.initial_value(variable, self._file)
+        assigned = (*interface.outputs, *block.internals)
+        self._writable = {variable.name for variable in assigned if not variable.constant}
+        self._types = {t.name.upper(): t for data_type in self._scope.values() for t in _structures(data_type)}
 
     def algorithm(self, algorithm: model.Algorithm) -> typed.CheckedAlgorithm:
         """The algorithm with every name resolved. Raises FunctionBlockError naming file, line and column."""
         source = algorithm.source
         try:
             tree = parse_algorithm(source.text, self._file, source.line if source.exact else 1, 1)
-            return check_algorithm(tree, self._scope, self._writable)
+            return check_algorithm(tree, self._scope, self._writable, self._constants, self._find_type)
         except FunctionBlockError as error:
             if source.exact:
                 raise
             where = f"algorithm {algorithm.name}, line {error.line}, column {error.column}"
             raise FunctionBlockError(f"{where}: {error.message}", self._file, source.line) from None
 
+    def _find_type(self, name: str) -> DataType:
+        """A type that a declaration in an algorithm names: an elementary one, or a structure that the block has."""
+        return self._types.get(name.rpartition("::")[2].upper()) or elementary(name)
+
     def guard(self, transition: model.ECTransition) -> typed.Expression:
         """The condition of a transition that has one. Raises FunctionBlockError naming file, line and column."""
         try:
             tree = parse_expression(transition.guard, self._file, 1, 1)
-            return check_expression(tree, self._scope)
+            return check_expression(tree, self._scope, constants=self._constants)
         except FunctionBlockError as error:
             where = f"condition {transition.guard!r}, column {error.column}"
             raise FunctionBlockError(f"{where}: {error.message}", self._file, transition.line) from None
+
+
+def _structures(data_type: DataType) -> Iterator[StructType]:
+    """The structures that a type consists of."""
+    if isinstance(data_type, ArrayType):
+        yield from _structures(data_type.element)
+    elif isinstance(data_type, StructType):
+        yield data_type
+        for member in data_type.members:
+            yield from _structures(member.type)

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.runtime import communication, timers
+from dtwin.iec61499.runtime import absent, clocked, communication, timers, utilities
 from dtwin.iec61499.runtime.chart import CHAIN_LIMIT, ChartWriter, handler_name
 from dtwin.iec61499.runtime.checker import BlockChecker
 from dtwin.iec61499.runtime.service_interface import EventHandler, ServiceBehaviour
@@ -69,11 +69,17 @@ def compile_type(block: model.FBType) -> CompiledType:
 
 
 def _behaviour(block: model.ServiceInterfaceFBType) -> ServiceBehaviour:
-    behaviour = timers.BEHAVIOURS.get(block.header.name) or communication.behaviour(block)
+    name = block.header.name
+    behaviour = (
+        timers.BEHAVIOURS.get(name)
+        or clocked.BEHAVIOURS.get(name)
+        or communication.behaviour(block)
+        or utilities.behaviour(block)
+        or absent.behaviour(block)
+    )
     if behaviour is None:
         raise FunctionBlockError(
-            f"block type {block.header.name} has an interface but no behaviour: expected <BasicFB>, <SimpleFB> or "
-            "<FBNetwork>",
+            f"block type {name} has an interface but no behaviour: expected <BasicFB>, <SimpleFB> or <FBNetwork>",
             block.header.file,
             block.header.line,
         )

@@ -10,7 +10,7 @@ from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.runtime.netlist import Netlist, Node, Terminal, Wire
 from dtwin.iec61499.st.functions import common_type, widens
-from dtwin.iec61499.types import BOOL, DINT, ELEMENTARY, LREAL, STRING, TIME, WSTRING, DataType, ElementaryType
+from dtwin.iec61499.types import BOOL, DINT, DWORD, ELEMENTARY, LREAL, STRING, TIME, WSTRING, DataType, ElementaryType
 
 PortGroup = tuple[int, str]
 """A node's number, and the name of the generic type (for service interface blocks of the port) that is replaced."""
@@ -22,7 +22,7 @@ def resolve(netlist: Netlist) -> None:
     A block's ports of one generic type (such as ANY_NUM) take one type together: that of the connected sources,
     widened to their common type; else that of a connected destination; else that of a literal. Each value of a
     communication block takes a type of its own. A port that nothing is connected to takes the first of DINT, LREAL,
-    BOOL, STRING and TIME that its generic type admits.
+    DWORD, STRING and TIME that its generic type admits.
 
     Raises:
         FunctionBlockError: connected types have no common type, or a composite has a generic port; names file
@@ -190,7 +190,7 @@ def literal_type(text: str, generic: model.GenericType) -> ElementaryType:
 
 
 def _fallback(generic: model.GenericType) -> ElementaryType:
-    return next(t for t in (DINT, LREAL, BOOL, STRING, TIME, *ELEMENTARY.values()) if generic.admits(t))
+    return next((t for t in (DINT, LREAL, DWORD, STRING, TIME, *ELEMENTARY.values()) if generic.admits(t)), DINT)
 
 
 def check_types(netlist: Netlist) -> None:

@@ -109,7 +109,8 @@ class _Builder:
             inside[sub.name] = self._add_junction(sub, interface, body, network, prefix, depth)
         resolve = _Resolver(self._nodes, inside, owner, network.file)
         made: dict[tuple[str, str], int] = {}
-        for connection in network.events:
+        events, data = resolve.adapter_connections(network.adapters)
+        for connection in (*network.events, *events):
             ends = connection.source, connection.destination
             if ends in made:
                 raise FunctionBlockError(
@@ -117,7 +118,7 @@ class _Builder:
                 )
             made[ends] = connection.line
             self._events.append(resolve.wire(connection, is_event=True))
-        for connection in network.data:
+        for connection in (*network.data, *data):
             wire = resolve.wire(connection, is_event=False)
             other = self._data.setdefault(wire.destination, wire)
             if other is not wire:
@@ -253,17 +254,55 @@ class _Resolver:
             connection.line,
         )
 
-    def _port(self, connection: model.Connection, end: str, is_event: bool, is_source: bool) -> Terminal:
-        block, _, name = end.rpartition(".")
+    def adapter_connections(
+        self, connections: Sequence[model.Connection]
+    ) -> tuple[list[model.Connection], list[model.Connection]]:
+        """The event and data connections that those between plugs and sockets stand for."""
+        events: list[model.Connection] = []
+        data: list[model.Connection] = []
+        taken: dict[str, int] = {}
+        for connection in connections:
+            plug, socket = (self._adapter(connection, end) for end in (connection.source, connection.destination))
+            if plug.type.header.name != socket.type.header.name:
+                names = f"{plug.type.header.name} and {socket.type.header.name}"
+                self._fail(connection, f"connects adapters of two types, {names}", [socket.type.header.name])
+            for end in (connection.source, connection.destination):
+                if end in taken:
+                    self._fail(connection, f"{end} is connected in line {taken[end]}", ["one connection"])
+                taken[end] = connection.line
+            ports = plug.type.interface
+            events += [_along(connection, event.name) for event in ports.event_outputs]
+            events += [_against(connection, event.name) for event in ports.event_inputs]
+            data += [_along(connection, variable.name) for variable in ports.outputs]
+            data += [_against(connection, variable.name) for variable in ports.inputs]
+        return events, data
+
+    def _adapter(self, connection: model.Connection, end: str) -> model.AdapterPort:
+        number, name = self._place(connection, end)
+        adapters = {adapter.name: adapter for adapter in self._nodes[number].interface.adapters}
+        if name not in adapters:
+            self._fail(connection, f"{self._nodes[number].name} has no adapter {name}", list(adapters))
+        return adapters[name]
+
+    def _place(self, connection: model.Connection, end: str) -> tuple[int, str]:
+        """The node that an end names, the enclosing one for a port of its own, and the port."""
+        cut = end.rfind(".")
+        while cut > 0:
+            if end[:cut] in self._inside:
+                return self._inside[end[:cut]], end[cut + 1 :]
+            cut = end.rfind(".", 0, cut)
+        block = end.rpartition(".")[0]
+        if self._owner is not None:
+            adapters = [adapter.name for adapter in self._nodes[self._owner].interface.adapters]
+            if not block or end.partition(".")[0] in adapters:
+                return self._owner, end
         if block:
-            number = self._inside.get(block)
-            if number is None:
-                self._fail(connection, f"unknown block {block}", sorted(self._inside))
-            inner = False
-        elif self._owner is None:
-            self._fail(connection, f"{end} names no block", [f"{block}.PORT" for block in sorted(self._inside)])
-        else:
-            number, inner = self._owner, True
+            self._fail(connection, f"unknown block {block}", sorted(self._inside))
+        self._fail(connection, f"{end} names no block", [f"{block}.PORT" for block in sorted(self._inside)])
+
+    def _port(self, connection: model.Connection, end: str, is_event: bool, is_source: bool) -> Terminal:
+        number, name = self._place(connection, end)
+        inner = number == self._owner
         node = self._nodes[number]
         # inside a composite its inputs are sources and its outputs destinations
         valid = _ports(node.interface, is_event, is_output=is_source != inner)
@@ -279,6 +318,18 @@ class _Resolver:
             self._file,
             connection.line,
         )
+
+
+def _along(connection: model.Connection, port: str) -> model.Connection:
+    """What a plug sends to its socket."""
+    source, destination = f"{connection.source}.{port}", f"{connection.destination}.{port}"
+    return model.Connection(source, destination, line=connection.line)
+
+
+def _against(connection: model.Connection, port: str) -> model.Connection:
+    """What a socket sends to its plug."""
+    source, destination = f"{connection.destination}.{port}", f"{connection.source}.{port}"
+    return model.Connection(source, destination, line=connection.line)
 
 
 def _ports(interface: model.Interface, is_event: bool, is_output: bool) -> list[str]:

@@ -20,7 +20,7 @@ from dtwin.iec61499.runtime.generic_ports import variable_at
 from dtwin.iec61499.runtime.netlist import Netlist, Node, Terminal
 from dtwin.iec61499.runtime.operation import Operation, QueueEntry
 from dtwin.iec61499.st.python.expressions import python_name, wiring_name
-from dtwin.iec61499.types import ArrayType, DataType, ElementaryType
+from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, StructType
 
 
 def queue_entries(
@@ -184,7 +184,13 @@ def checked_value(value: Any, data_type: DataType, where: str) -> Any:
         if not isinstance(value, list | tuple) or len(value) != data_type.length:
             raise ValueError(f"{where}: expected {data_type.length} values for {data_type}, got {value!r}")
         return [checked_value(item, data_type.element, where) for item in value]
-    kinds: dict[str, tuple[type, ...]] = {"bool": (bool,), "real": (float, int), "string": (str,)}
+    if isinstance(data_type, StructType):
+        if not isinstance(value, list | tuple) or len(value) != len(data_type.members):
+            raise ValueError(f"{where}: expected {len(data_type.members)} values for {data_type}, got {value!r}")
+        return [
+            checked_value(item, m.type, f"{where}.{m.name}") for item, m in zip(value, data_type.members, strict=True)
+        ]
+    kinds: dict[str, tuple[type, ...]] = {"char": (str,), "bool": (bool,), "real": (float, int), "string": (str,)}
     if not isinstance(value, kinds.get(data_type.kind, (int,))) or (
         isinstance(value, bool) and data_type.kind != "bool"
     ):

@@ -50,11 +50,26 @@ class Literal(SyntaxNode):
 
 
 @dataclass(frozen=True, slots=True)
-class VariableAccess(SyntaxNode):
-    """A variable or an element of it: `X`, `A[I]`, `M[I, J]` (the same as `M[I][J]`)."""
+class Member(SyntaxNode):
+    """`.NAME` behind a variable: a member of a structure, or a variable of an adapter."""
 
     name: str
-    indices: tuple[Expression, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Part(SyntaxNode):
+    """`.%X3`, `.%B0`, ... behind a variable: the bit, byte, word or double word of that number in a bit string."""
+
+    size: str
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class VariableAccess(SyntaxNode):
+    """A variable or what is inside it: `X`, `A[I]`, `M[I, J]` (the same as `M[I][J]`), `S.MEMBER`, `W.%X3`."""
+
+    name: str
+    steps: tuple[Expression | Member | Part, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +91,11 @@ class Binary(SyntaxNode):
 
 @dataclass(frozen=True, slots=True)
 class Call(SyntaxNode):
-    """A function call; `function` is its name in upper case."""
+    """A function call; `function` is its name in upper case, `names` has "" for arguments without a name."""
 
     function: str
     arguments: tuple[Expression, ...]
+    names: tuple[str, ...] = ()
 
 
 Expression: TypeAlias = Literal | VariableAccess | Unary | Binary | Call
@@ -184,12 +200,19 @@ class Repeated(SyntaxNode):
 
 
 @dataclass(frozen=True, slots=True)
+class Elements(SyntaxNode):
+    """The elements of an array's initial value, which may be lists themselves."""
+
+    items: tuple[Expression | Repeated | Elements, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Declaration(SyntaxNode):
-    """A temporary variable of an algorithm; initial is None, an expression, or the elements of an array."""
+    """A temporary variable of an algorithm; initial is None when the text gives none."""
 
     name: str
     type_name: TypeName
-    initial: Expression | tuple[Expression | Repeated, ...] | None
+    initial: Expression | Elements | None
     constant: bool
 
 

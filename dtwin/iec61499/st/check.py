@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
-from typing import Final
+from collections.abc import Callable, Iterator, Mapping, Set
+from typing import Any, Final, TypeAlias
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import types
@@ -11,6 +11,8 @@ from dtwin.iec61499.st import ast, typed
 from dtwin.iec61499.st.ast import fail
 from dtwin.iec61499.st.dataflow import needed_initialisations
 from dtwin.iec61499.st.expressions import ExpressionChecker
+from dtwin.iec61499.st.parts import with_part
+from dtwin.iec61499.st.scope import Place, Scope
 from dtwin.iec61499.types import BOOL, ArrayType, DataType, ElementaryType, elements
 
 _MAXIMUM_DEPTH: Final = 60
@@ -20,8 +22,15 @@ _MAXIMUM_LABELS: Final = 2_000
 """Most labels of one CASE; code for more is beyond what Python nests."""
 
 
+Constants: TypeAlias = Mapping[str, tuple[DataType, Any]]
+
+
 def check_algorithm(
-    algorithm: ast.ParsedAlgorithm, scope: Mapping[str, DataType], writable: Set[str]
+    algorithm: ast.ParsedAlgorithm,
+    scope: Mapping[str, DataType],
+    writable: Set[str],
+    constants: Constants | None = None,
+    find_type: Callable[[str], DataType] = types.elementary,
 ) -> typed.CheckedAlgorithm:
     """Resolves names, types every expression and makes conversions explicit.
 
@@ -29,11 +38,13 @@ def check_algorithm(
         algorithm: the syntax tree.
         scope: the block's variables, as declared; the text may write them in any case.
         writable: the names of the variables that the algorithm may assign.
+        constants: type and value of what cannot be assigned and is known, by name.
+        find_type: finds the type of a declaration by its name; raises FunctionBlockError for an unknown one.
 
     Raises:
         FunctionBlockError: the text is wrong; names file, line, column and what would have been valid.
     """
-    checker = _AlgorithmChecker(scope, writable)
+    checker = _AlgorithmChecker(Scope(scope, constants), writable, find_type)
     initial = checker.declarations(algorithm.declarations)
     body = checker.body(algorithm.body)
     body = needed_initialisations(initial, body) + body
@@ -47,14 +58,19 @@ def check_algorithm(
 
 
 def check_expression(
-    expression: ast.Expression, scope: Mapping[str, DataType], expected: ElementaryType = BOOL
+    expression: ast.Expression,
+    scope: Mapping[str, DataType],
+    expected: ElementaryType = BOOL,
+    constants: Constants | None = None,
 ) -> typed.Expression:
     """The typed expression, converted to the expected type. Raises as `check_algorithm` does."""
-    return ExpressionChecker(scope).checked(expression, expected)
+    return ExpressionChecker(Scope(scope, constants)).checked(expression, expected)
 
 
 class _AlgorithmChecker:
-    def __init__(self, scope: Mapping[str, DataType], writable: Set[str]) -> None:
+    def __init__(self, scope: Scope, writable: Set[str], find_type: Callable[[str], DataType]) -> None:
+        self._scope = scope
+        self._find_type = find_type
         self._expressions = ExpressionChecker(scope)
         self._writable = set(writable)
         self._depth = 0
@@ -70,7 +86,7 @@ class _AlgorithmChecker:
     def _declaration(self, declaration: ast.Declaration) -> typed.Statement:
         data_type = self._type(declaration.type_name)
         value = self._initial(declaration, data_type)
-        self._expressions.declare(declaration.at, declaration.name, data_type)
+        self._scope.declare(declaration.at, declaration.name, data_type)
         self.temporaries[declaration.name] = data_type
         self._elements += elements(data_type)
         if self._elements > types.MAXIMUM_ELEMENTS:
@@ -81,11 +97,13 @@ class _AlgorithmChecker:
             )
         if not declaration.constant:
             self._writable.add(declaration.name)
+        elif isinstance(value, typed.Const):
+            self._scope.set_constant(declaration.name, data_type, value.value)
         return typed.Store(declaration.at, data_type, declaration.name, (), (), value)
 
     def _type(self, name: ast.TypeName) -> DataType:
         try:
-            data_type: DataType = types.elementary(name.name)
+            data_type = self._find_type(name.name)
             for bounds in reversed(name.bounds):
                 data_type = ArrayType(data_type, self._constant(bounds.low), self._constant(bounds.high))
         except FunctionBlockError as error:
@@ -96,20 +114,33 @@ class _AlgorithmChecker:
         initial = declaration.initial
         if initial is None:
             return typed.Const(declaration.at, data_type, data_type.default)
-        if not isinstance(initial, tuple):
+        if not isinstance(initial, ast.Elements):
             return self._expressions.coerce(self._expressions.infer(initial), data_type)
-        if not isinstance(data_type, ArrayType) or not isinstance(data_type.element, ElementaryType):
-            fail(declaration.at, f"{declaration.name} is a {data_type}: a list starts a one-dimensional array only")
+        if not isinstance(data_type, ArrayType):
+            fail(declaration.at, f"{declaration.name} is a {data_type}: a list starts an array only")
+        return typed.Const(declaration.at, data_type, self._values(initial, data_type))
+
+    def _values(self, given: ast.Elements, array: ArrayType) -> list[object]:
+        """The value of an array; of one with several dimensions the elements may stand in one flat list."""
+        element = array.element
+        if isinstance(element, ArrayType) and not any(isinstance(item, ast.Elements) for item in given.items):
+            flat = self._values(given, ArrayType(_innermost(element), 0, array.elements - 1))
+            return _nested(iter(flat), array)
         values: list[object] = []
-        for item in initial:
+        for item in given.items:
             count, value = (item.count, item.value) if isinstance(item, ast.Repeated) else (1, item)
-            constant = self._expressions.checked(value, data_type.element)
+            if len(values) + count > array.length:
+                fail(item.at, f"more values than the {array.length} elements of {array}")
+            if isinstance(value, ast.Elements):
+                if not isinstance(element, ArrayType):
+                    fail(value.at, f"a list within the list: expected {element}")
+                values += [self._values(value, element)] * count
+                continue
+            constant = self._expressions.coerce(self._expressions.infer(value), element)
             if not isinstance(constant, typed.Const):
                 fail(value.at, "expected a constant")
-            if len(values) + count > data_type.length:
-                fail(value.at, f"more values than the {data_type.length} elements of {declaration.name}")
             values += [constant.value] * count
-        return typed.Const(declaration.at, data_type, data_type.wrap(values))
+        return array.wrap(values)
 
     def body(self, statements: tuple[ast.Statement, ...]) -> typed.Body:
         self._depth += 1
@@ -122,9 +153,11 @@ class _AlgorithmChecker:
     def _statement(self, node: ast.Statement) -> typed.Statement:
         match node:
             case ast.Assignment(at, target, value):
-                name, data_type, indices, arrays = self._target(target)
-                checked = self._expressions.coerce(self._expressions.infer(value), data_type)
-                return typed.Store(at, data_type, name, indices, arrays, checked)
+                place = self._target(target)
+                checked = self._expressions.coerce(self._expressions.infer(value), place.part or place.type)
+                if place.part is not None:
+                    checked = with_part(at, place, checked)
+                return typed.Store(at, place.type, place.name, place.indices, place.aggregates, checked)
             case ast.If(at, branches, otherwise):
                 checked_branches = tuple(
                     typed.Branch(self._condition(b.condition), self.body(b.body)) for b in branches
@@ -150,17 +183,15 @@ class _AlgorithmChecker:
     def _condition(self, expression: ast.Expression) -> typed.Expression:
         return self._expressions.checked(expression, BOOL)
 
-    def _target(
-        self, target: ast.VariableAccess
-    ) -> tuple[str, DataType, tuple[typed.Expression, ...], tuple[ArrayType, ...]]:
-        name, data_type, indices, arrays = self._expressions.resolve(target)
-        if name not in self._writable:
+    def _target(self, target: ast.VariableAccess) -> Place:
+        place = self._expressions.place(target)
+        if place.name not in self._writable:
             expected = choices(sorted(self._writable)) if self._writable else "none, nothing is writable here"
-            fail(target.at, f"{name} cannot be assigned here: expected {expected}")
-        if name in self._counters:
-            line = self._counters[name].line
-            fail(target.at, f"{name} counts the FOR loop of line {line} and cannot be assigned inside it")
-        return name, data_type, indices, arrays
+            fail(target.at, f"{place.name} cannot be assigned here: expected {expected}")
+        if place.name in self._counters:
+            line = self._counters[place.name].line
+            fail(target.at, f"{place.name} counts the FOR loop of line {line} and cannot be assigned inside it")
+        return place
 
     def _case(self, node: ast.Case) -> typed.Case:
         selector = self._expressions.default(self._expressions.infer(node.selector))
@@ -194,8 +225,9 @@ class _AlgorithmChecker:
         return value.value
 
     def _for(self, node: ast.For) -> typed.For:
-        name, data_type, indices, _ = self._target(node.variable)
-        if indices or not isinstance(data_type, ElementaryType) or not data_type.is_integer:
+        place = self._target(node.variable)
+        name, data_type = place.name, place.type
+        if place.indices or place.part or not isinstance(data_type, ElementaryType) or not data_type.is_integer:
             fail(node.variable.at, f"FOR counts with {data_type}: expected an integer variable without index")
         start = self._expressions.checked(node.start, data_type)
         stop = self._expressions.checked(node.stop, data_type)
@@ -220,3 +252,13 @@ class _AlgorithmChecker:
     def _demand_loop(self, at: ast.Position, name: str) -> None:
         if not self._loops:
             fail(at, f"{name} stands outside of a loop: expected FOR, WHILE or REPEAT around it")
+
+
+def _innermost(data_type: DataType) -> DataType:
+    return _innermost(data_type.element) if isinstance(data_type, ArrayType) else data_type
+
+
+def _nested(flat: Iterator[object], array: ArrayType) -> list[object]:
+    """The elements of a flat list in the order of the array's dimensions."""
+    element = array.element
+    return [_nested(flat, element) if isinstance(element, ArrayType) else next(flat) for _ in range(array.length)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dtwin.iec61499.st import typed
-from dtwin.iec61499.types import ArrayType
+from dtwin.iec61499.types import ArrayType, StructType
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +15,7 @@ class Accesses:
     Attributes:
         reads: variables whose value at the start matters: read before they are assigned, or not always assigned.
         writes: variables that are assigned anywhere.
-        modified_arrays: arrays among the reads of which elements are assigned.
+        modified_arrays: arrays and structures among the reads of which elements are assigned.
     """
 
     reads: tuple[str, ...]
@@ -36,7 +36,7 @@ def accesses(algorithm: typed.CheckedAlgorithm) -> Accesses:
     return Accesses(
         tuple(name for name in algorithm.variables if name in reads),
         tuple(name for name in algorithm.variables if name in written),
-        frozenset(n for n in elements & reads if isinstance(algorithm.variables.get(n), ArrayType)),
+        frozenset(n for n in elements & reads if isinstance(algorithm.variables.get(n), ArrayType | StructType)),
     )
 
 

@@ -7,14 +7,14 @@ and values widen implicitly as in IEC 61131-3, figure 12; everything else is an 
 from __future__ import annotations
 
 import math
-import operator as op
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, Final
+from typing import Final
 
 from dtwin.errors import choices
 from dtwin.iec61499.st import ast, typed
 from dtwin.iec61499.st.ast import fail
+from dtwin.iec61499.st.constants import FOLDABLE, FOLDABLE_INTEGERS, adapt, is_character, is_untyped
 from dtwin.iec61499.st.functions import (
     EXTENSIBLE,
     FUNCTIONS,
@@ -23,80 +23,51 @@ from dtwin.iec61499.st.functions import (
     Function,
     common_type,
     conversion,
+    in_order,
     widens,
 )
-from dtwin.iec61499.st.semantics import integer_divide, integer_modulo
+from dtwin.iec61499.st.parts import read_part
+from dtwin.iec61499.st.scope import Place, Scope
 from dtwin.iec61499.st.typed import COMPARISONS
 from dtwin.iec61499.types import (
     BOOL,
+    CHAR,
     DINT,
     ELEMENTARY,
     LINT,
     LREAL,
     REAL,
+    TIME,
     ULINT,
-    ArrayType,
+    WCHAR,
     DataType,
     ElementaryType,
 )
 
 _LOGICAL: Final = frozenset({"AND", "OR", "XOR"})
-_FOLDABLE: Final[dict[str, Callable[[Any, Any], Any]]] = {
-    "+": op.add,
-    "-": op.sub,
-    "*": op.mul,
-    "/": op.truediv,
-}
-_FOLDABLE_INTEGERS: Final = {
-    **_FOLDABLE,
-    "/": integer_divide,
-    "MOD": integer_modulo,
-    "AND": op.and_,
-    "OR": op.or_,
-    "XOR": op.xor,
-}
 _MAXIMUM_DEPTH: Final = 150
 
 
 class ExpressionChecker:
     """Checks expressions against the variables in scope (names compare without case, as in the standard)."""
 
-    def __init__(self, scope: Mapping[str, DataType]) -> None:
-        self._scope = {name.upper(): (name, data_type) for name, data_type in scope.items()}
+    def __init__(self, scope: Scope) -> None:
+        self._scope = scope
         self._depth = 0
-
-    def declare(self, at: ast.Position, name: str, data_type: DataType) -> None:
-        """Adds a temporary variable."""
-        if name.upper() in self._scope:
-            fail(at, f"{name} is declared already")
-        self._scope[name.upper()] = (name, data_type)
 
     def checked(self, expression: ast.Expression, expected: ElementaryType) -> typed.Expression:
         """The expression with the expected type."""
         return self.coerce(self.infer(expression), expected)
 
-    def resolve(
-        self, variable: ast.VariableAccess
-    ) -> tuple[str, DataType, tuple[typed.Expression, ...], tuple[ArrayType, ...]]:
-        """Declared name, type behind the indices, the indices, and the array each of them applies to."""
-        try:
-            name, data_type = self._scope[variable.name.upper()]
-        except KeyError:
-            known = choices(sorted(name for name, _ in self._scope.values())) if self._scope else "none"
-            fail(variable.at, f"unknown variable {variable.name}: expected {known}")
-        indices, arrays = [], []
-        for index in variable.indices:
-            if not isinstance(data_type, ArrayType):
-                fail(index.at, f"{name} is a {data_type} here and takes no index")
-            checked = self.default(self.infer(index))
-            if not isinstance(checked.type, ElementaryType) or not checked.type.is_integer:
-                fail(index.at, f"index is {checked.type}: expected an integer")
-            if isinstance(checked, typed.Const) and not data_type.lower <= checked.value <= data_type.upper:
-                fail(index.at, f"index {checked.value} of {name}: expected {data_type.lower} to {data_type.upper}")
-            indices.append(checked)
-            arrays.append(data_type)
-            data_type = data_type.element
-        return name, data_type, tuple(indices), tuple(arrays)
+    def place(self, access: ast.VariableAccess) -> Place:
+        """What the text names. Raises FunctionBlockError for an unknown name or a wrong index."""
+        return self._scope.place(access, self._index)
+
+    def _index(self, expression: ast.Expression) -> typed.Expression:
+        checked = self.default(self.infer(expression))
+        if not isinstance(checked.type, ElementaryType) or not checked.type.is_integer:
+            fail(expression.at, f"index is {checked.type}: expected an integer")
+        return checked
 
     def infer(self, node: ast.Expression) -> typed.Expression:
         """The typed expression; constants stay untyped until they meet a type."""
@@ -116,18 +87,17 @@ class ExpressionChecker:
                 kind = BOOL if isinstance(value, bool) else LREAL if isinstance(value, float) else DINT
                 return typed.Const(at, kind, value, untyped=kind is not BOOL)
             case ast.VariableAccess(at):
-                name, data_type, indices, arrays = self.resolve(node)
-                return (
-                    typed.Element(at, data_type, name, indices, arrays)
-                    if indices
-                    else typed.Load(at, data_type, name)
-                )
+                constant = self._scope.constant(node)
+                if constant is not None:
+                    return constant
+                place = self.place(node)
+                return place.load(at) if place.part is None else read_part(at, place)
             case ast.Unary(at, operator, operand):
                 return self._unary(at, operator, self.infer(operand))
             case ast.Binary(at, operator, left, right):
                 return self._binary(at, operator, self.infer(left), self.infer(right))
-            case ast.Call(at, function, arguments):
-                return self._call(at, function, [self.infer(argument) for argument in arguments])
+            case ast.Call(at, function):
+                return self._call(at, function, [self.infer(argument) for argument in in_order(node)])
 
     def _unary(self, at: ast.Position, operator: str, operand: typed.Expression) -> typed.Expression:
         if operator == "NOT":
@@ -153,6 +123,8 @@ class ExpressionChecker:
         kinds = {self._elementary(left).kind, self._elementary(right).kind}
         if "time" in kinds and operator in ("*", "/") and kinds != {"time"}:
             return self._scale_time(at, operator, left, right)
+        if "date" in kinds and operator in ("+", "-"):
+            return self._date_sum(at, operator, left, right)
         left, right = self._unify(at, operator, [left, right])
         common = self._elementary(left)
         if operator in COMPARISONS:
@@ -163,7 +135,7 @@ class ExpressionChecker:
             self._demand(left, "ANY_BIT", operator)
         elif operator == "MOD":
             self._demand(left, "ANY_INT", operator)
-        elif not (common.kind == "time" and operator in "+-"):
+        elif not (common.kind == "time" and operator in ("+", "-")):
             self._demand(left, "ANY_NUM", operator)
             if common.kind == "real" and isinstance(left, typed.Const) and isinstance(right, typed.Const):
                 return self._fold_reals(at, common, operator, left, right)
@@ -174,7 +146,7 @@ class ExpressionChecker:
     ) -> typed.Expression:
         """The constant, or the operation when its result is not finite."""
         if operator != "/" or right.value != 0:
-            value = common.wrap(_FOLDABLE[operator](left.value, right.value))
+            value = common.wrap(FOLDABLE[operator](left.value, right.value))
             if math.isfinite(value):
                 return typed.Const(at, common, value)
         return typed.Binary(at, common, operator, left, right)
@@ -182,9 +154,12 @@ class ExpressionChecker:
     def _power(
         self, operator: str, left: typed.Expression, right: typed.Expression
     ) -> tuple[ElementaryType, str, typed.Expression, typed.Expression]:
-        """`**` computes in LREAL, or in REAL when both operands fit it."""
+        """`**` computes in LREAL, or in REAL when both operands fit it; of integers in the type of the base."""
         for operand in (left, right):
             self._demand(operand, "ANY_NUM", operator)
+        base = self._elementary(left)
+        if base.is_integer and self._elementary(right).is_integer and not is_untyped(left):
+            return base, operator, left, self.default(right)
         both = all(t == REAL or widens(t, REAL) for t in (self._elementary(left), self._elementary(right)))
         target = REAL if REAL in (left.type, right.type) and both else LREAL
         if left.type == REAL and isinstance(right, typed.Const) and right.untyped:
@@ -205,6 +180,17 @@ class ExpressionChecker:
             factor = self.coerce(factor, LREAL)
         return typed.Binary(at, self._elementary(left), operator, left, factor)
 
+    def _date_sum(
+        self, at: ast.Position, operator: str, left: typed.Expression, right: typed.Expression
+    ) -> typed.Expression:
+        """`DATE - DATE` is a TIME, `DT + TIME` a DT."""
+        first, second = self._elementary(left), self._elementary(right)
+        if operator == "-" and first == second:
+            return typed.Binary(at, TIME, operator, left, right)
+        if (first.kind, second.kind) != ("date", "time"):
+            fail(at, f"{operator} cannot combine {first} and {second}: expected a date and a TIME")
+        return typed.Binary(at, first, operator, left, right)
+
     def _fold(
         self, at: ast.Position, operator: str, left: typed.Expression, right: typed.Expression
     ) -> typed.Expression | None:
@@ -214,7 +200,7 @@ class ExpressionChecker:
         a, b = left.value, right.value
         if max(abs(a), abs(b)) > ULINT.maximum or (b == 0 and operator in ("/", "MOD")):
             return None
-        foldable = _FOLDABLE_INTEGERS if isinstance(a, int) and isinstance(b, int) else _FOLDABLE
+        foldable = FOLDABLE_INTEGERS if isinstance(a, int) and isinstance(b, int) else FOLDABLE
         if operator not in foldable:
             return None
         value = foldable[operator](a, b)
@@ -225,6 +211,19 @@ class ExpressionChecker:
     def _call(self, at: ast.Position, name: str, arguments: list[typed.Expression]) -> typed.Expression:
         if name in OPERATOR_FUNCTIONS:
             return self._operator_call(at, name, arguments)
+        if name.startswith("TO_") and name[3:] in ELEMENTARY:
+            self._count(at, name, arguments, 1, 1)
+            arguments = [self.default(arguments[0])]
+            if self._elementary(arguments[0]).name == name[3:]:
+                return arguments[0]
+            name = f"{self._elementary(arguments[0]).name}_{name}"
+        if name in ("CONCAT_DATE_TOD", "CONCAT_LDATE_LTOD"):
+            self._count(at, name, arguments, 2, 2)
+            long = "L" if name.startswith("CONCAT_L") else ""
+            day, time = (
+                self.coerce(a, ELEMENTARY[long + n]) for a, n in zip(arguments, ("DATE", "TOD"), strict=True)
+            )
+            return typed.Binary(at, ELEMENTARY[f"{long}DT"], "+", day, time)
         cast = conversion(name)
         if cast is not None:
             source, target, how = cast
@@ -235,7 +234,9 @@ class ExpressionChecker:
             return typed.Cast(at, target, operand, how)
         function = FUNCTIONS.get(name)
         if function is None:
-            known = choices(sorted({*FUNCTIONS, *OPERATOR_FUNCTIONS} | {"X_TO_Y", "X_TRUNC_Y", "TIME_IN_S_TO_Y"}))
+            known = choices(
+                sorted({*FUNCTIONS, *OPERATOR_FUNCTIONS} | {"TO_Y", "X_TO_Y", "X_TRUNC_Y", "TIME_IN_S_TO_Y"})
+            )
             fail(at, f"unknown function {name}: expected {known}")
         arguments, result = self._arguments(at, name, function, arguments)
         if name == "MOVE":
@@ -297,10 +298,12 @@ class ExpressionChecker:
         for data_type in known[1:]:
             target = self._common(at, name, target, data_type)
         for value in values:
-            if isinstance(value, typed.Const) and value.untyped and (target is None or _adapt(value, target) is None):
+            if isinstance(value, typed.Const) and value.untyped and (target is None or adapt(value, target) is None):
                 own = self._elementary(self.default(value))
                 target = own if target is None else self._common(at, name, target, own)
         assert target is not None
+        if target.limit:
+            target = ELEMENTARY[target.name]
         return [self.coerce(value, target) for value in values]
 
     def _common(
@@ -318,7 +321,7 @@ class ExpressionChecker:
     def coerce(self, value: typed.Expression, target: DataType) -> typed.Expression:
         """The value as target; widening is implicit, everything else an error."""
         if isinstance(value, typed.Const) and value.untyped and isinstance(target, ElementaryType):
-            adapted = _adapt(value, target)
+            adapted = adapt(value, target)
             if adapted is not None:
                 return adapted
             if target.is_integer and isinstance(value.value, int):
@@ -328,6 +331,8 @@ class ExpressionChecker:
             value = self.default(value)
         if value.type == target:
             return value
+        if isinstance(value, typed.Const) and is_character(value.value) and target in (CHAR, WCHAR):
+            return typed.Const(value.at, target, value.value)
         if isinstance(value.type, ElementaryType) and isinstance(target, ElementaryType):
             if widens(value.type, target):
                 if isinstance(value, typed.Const):
@@ -340,17 +345,17 @@ class ExpressionChecker:
 
     def default(self, value: typed.Expression) -> typed.Expression:
         """An untyped constant with the type it has alone: DINT (LINT, ULINT when larger) or LREAL."""
-        if not (isinstance(value, typed.Const) and value.untyped):
+        if not isinstance(value, typed.Const) or not value.untyped:
             return value
         candidates = (LREAL,) if isinstance(value.value, float) else (DINT, LINT, ULINT)
         for candidate in candidates:
-            adapted = _adapt(value, candidate)
+            adapted = adapt(value, candidate)
             if adapted is not None:
                 return adapted
         fail(value.at, f"{value.value} is out of range: expected {LINT.minimum} to {ULINT.maximum}")
 
     def _elementary(self, value: typed.Expression) -> ElementaryType:
-        if isinstance(value.type, ArrayType):
+        if not isinstance(value.type, ElementaryType):
             fail(value.at, f"{value.type} cannot be computed with: expected one of its elements")
         return value.type
 
@@ -364,17 +369,3 @@ class ExpressionChecker:
         if len(arguments) < minimum or (maximum is not None and len(arguments) > maximum):
             expected = f"{minimum}" if maximum == minimum else f"at least {minimum}"
             fail(at, f"{name} takes {expected} argument{'s' * (expected != '1')}, got {len(arguments)}")
-
-
-def _adapt(constant: typed.Const, target: ElementaryType) -> typed.Const | None:
-    """The untyped constant as a target constant; None when it does not fit."""
-    value = constant.value
-    if isinstance(value, float):
-        fits = target.kind == "real"
-    elif target.kind == "real":
-        fits = abs(value) <= ULINT.maximum
-    elif target.kind == "bool":
-        fits = value in (0, 1)
-    else:
-        fits = (target.is_integer or target.kind == "bits") and target.minimum <= value <= target.maximum
-    return typed.Const(constant.at, target, target.wrap(value)) if fits else None

@@ -6,12 +6,13 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
+from dtwin.iec61499.st.ast import Call, Expression, fail
 from dtwin.iec61499.st.typed import CastKind
 from dtwin.iec61499.types import ELEMENTARY, INT, ElementaryType
 
 GROUPS: Final = {
-    "ANY": ("bool", "signed", "unsigned", "bits", "real", "string", "time"),
-    "ANY_MAGNITUDE": ("signed", "unsigned", "bits", "real", "string", "time"),
+    "ANY": ("bool", "signed", "unsigned", "bits", "real", "string", "char", "time", "date"),
+    "ANY_MAGNITUDE": ("signed", "unsigned", "bits", "real", "string", "time", "date"),
     "ANY_NUM": ("signed", "unsigned", "real"),
     "ANY_INT": ("signed", "unsigned"),
     "ANY_REAL": ("real",),
@@ -66,6 +67,12 @@ FUNCTIONS: Final = {
 OPERATOR_FUNCTIONS: Final = {
     "ADD": "+", "MUL": "*", "SUB": "-", "DIV": "/", "MOD": "MOD", "EXPT": "**",
     "AND": "AND", "OR": "OR", "XOR": "XOR",
+    "ADD_TIME": "+", "SUB_TIME": "-", "MUL_TIME": "*", "DIV_TIME": "/", "MULTIME": "*", "DIVTIME": "/",
+    "ADD_LTIME": "+", "SUB_LTIME": "-", "MUL_LTIME": "*", "DIV_LTIME": "/",
+    "ADD_DT_TIME": "+", "SUB_DT_TIME": "-", "SUB_DT_DT": "-", "SUB_DATE_DATE": "-",
+    "ADD_TOD_TIME": "+", "SUB_TOD_TIME": "-", "SUB_TOD_TOD": "-",
+    "ADD_LDT_LTIME": "+", "SUB_LDT_LTIME": "-", "SUB_LDT_LDT": "-", "SUB_LDATE_LDATE": "-",
+    "ADD_LTOD_LTIME": "+", "SUB_LTOD_LTIME": "-", "SUB_LTOD_LTOD": "-",
     "GT": ">", "GE": ">=", "EQ": "=", "LE": "<=", "LT": "<", "NE": "<>",
 }  # fmt: skip
 """Functions that mean an operator."""
@@ -73,12 +80,53 @@ EXTENSIBLE: Final = {"ADD", "MUL", "AND", "OR", "XOR", "GT", "GE", "EQ", "LE", "
 """The functions among them that take more than two arguments."""
 
 _CONVERSION: Final = re.compile(
-    r"(?:TIME_IN_(?P<unit>S|MS|US|NS)|(?P<source>[A-Z]+))_(?P<how>TO|TRUNC)_(?P<target>[A-Z]+)"
+    r"(?:TIME_IN_(?P<unit>S|MS|US|NS)|(?P<source>[A-Z]+))_(?P<how>TO|TRUNC|AS)_(?P<target>[A-Z]+)"
 )
+
+
+_DECIMAL: Final = re.compile(
+    r"(BYTE|WORD|DWORD|LWORD)_BCD_TO_(USINT|UINT|UDINT|ULINT)|(USINT|UINT|UDINT|ULINT)_TO_BCD_(BYTE|WORD|DWORD|LWORD)"
+)
+_NAMED: Final = {
+    **dict.fromkeys(("SHL", "SHR", "ROL", "ROR"), ("IN", "N")),
+    **dict.fromkeys(("LEFT", "RIGHT"), ("IN", "L")),
+    "MID": ("IN", "L", "P"),
+    "DELETE": ("IN", "L", "P"),
+    "INSERT": ("IN1", "IN2", "P"),
+    "REPLACE": ("IN1", "IN2", "L", "P"),
+    "LIMIT": ("MN", "IN", "MX"),
+    "SEL": ("G", "IN0", "IN1"),
+    "ATAN2": ("Y", "X"),
+}
+"""Names of parameters (IEC 61131-3, 6.6.2.5) where they are not IN, or IN1, IN2, ..."""
+
+
+def in_order(call: Call) -> tuple[Expression, ...]:
+    """The arguments of a call in the order of the parameters.
+
+    Raises:
+        FunctionBlockError: an argument with a name that is no parameter, or with and without names together.
+    """
+    if not call.names:
+        return call.arguments
+    count = len(call.names)
+    parameters = _NAMED.get(call.function)
+    if call.function == "MUX":
+        parameters = ("K", *(f"IN{i}" for i in range(count - 1)))
+    elif parameters is None:
+        parameters = ("IN",) if count == 1 else tuple(f"IN{i}" for i in range(1, count + 1))
+    if sorted(call.names) != sorted(parameters):
+        given = ", ".join(name or "one without a name" for name in call.names)
+        fail(call.at, f"{call.function} got the arguments {given}: expected {', '.join(parameters)}")
+    return tuple(call.arguments[call.names.index(name)] for name in parameters)
 
 
 def conversion(name: str) -> tuple[ElementaryType, ElementaryType, CastKind] | None:
     """Source, target and kind of a conversion function such as LREAL_TO_DINT; None when name is no such function."""
+    decimal = _DECIMAL.fullmatch(name)
+    if decimal is not None:
+        first, second = ELEMENTARY[decimal[1] or decimal[3]], ELEMENTARY[decimal[2] or decimal[4]]
+        return (first, second, "from_bcd" if decimal[1] else "to_bcd") if first.bits == second.bits else None
     match = _CONVERSION.fullmatch(name)
     if not match or match["target"] not in ELEMENTARY:
         return None
@@ -88,7 +136,7 @@ def conversion(name: str) -> tuple[ElementaryType, ElementaryType, CastKind] | N
         known = match["how"] == "TO" and target.is_number
         return (ELEMENTARY["TIME"], target, units[match["unit"]]) if known else None
     source = ELEMENTARY.get(match["source"])
-    if source is None or source == target:
+    if source is None or source == target or (match["how"] == "AS" and "string" not in (source.kind, target.kind)):
         return None
     if match["how"] == "TRUNC":
         return (source, target, "trunc") if source.kind == "real" and target.is_integer else None
@@ -97,8 +145,13 @@ def conversion(name: str) -> tuple[ElementaryType, ElementaryType, CastKind] | N
 
 def _convertible(source: ElementaryType, target: ElementaryType) -> bool:
     kinds = {source.kind, target.kind}
+    if "char" in kinds:
+        return kinds <= {"char", "string", "bits"}
     if "string" in kinds:
-        return True
+        return "date" not in kinds
+    if "date" in kinds:
+        first, second = source.name.removeprefix("L"), target.name.removeprefix("L")
+        return first == second or first == "DT"
     if "time" in kinds:
         return kinds == {"time"}
     if kinds == {"real", "bits"}:
@@ -107,7 +160,7 @@ def _convertible(source: ElementaryType, target: ElementaryType) -> bool:
 
 
 def widens(source: ElementaryType, target: ElementaryType) -> bool:
-    """Whether source converts to target implicitly (IEC 61131-3, figure 12)."""
+    """Whether source converts to target implicitly (IEC 61131-3, figure 12); a bounded string is cut."""
     if target.kind == "real":
         # an integer must fit the mantissa: 24 and 53 bit
         return (source.is_integer and source.bits < target.bits) or (
@@ -118,7 +171,9 @@ def widens(source: ElementaryType, target: ElementaryType) -> bool:
         return same_sign and source.bits < target.bits
     if target.kind == "bits":
         return source.kind in ("bits", "bool") and source.bits < target.bits
-    return (source.name, target.name) == ("TIME", "LTIME")
+    if target.kind == "string":
+        return source.name == target.name and source != target
+    return target.kind in ("time", "date") and target.name == f"L{source.name}"
 
 
 def common_type(first: ElementaryType, second: ElementaryType) -> ElementaryType | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache, lru_cache
 from pathlib import Path
@@ -11,7 +12,7 @@ from lark import Lark, Token, Transformer, Tree
 from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken
 
 from dtwin.errors import FunctionBlockError, choices
-from dtwin.iec61499 import types
+from dtwin.iec61499 import literals, types
 from dtwin.iec61499.st import ast
 
 GRAMMAR: Final = Path(__file__).with_name("grammar.lark")
@@ -28,6 +29,9 @@ _TERMINALS: Final = {
     "TYPED_LITERAL": "a typed literal",
     "STRING_LITERAL": "a string",
     "DURATION": "a duration",
+    "DATE_LITERAL": "a date",
+    "BOUNDED_STRING": "a string type",
+    "PART": "a part such as %X0",
     "COMPARISON": "a comparison",
     "EQUALITY": "= or <>",
     "SIGN": "+ or -",
@@ -36,6 +40,9 @@ _TERMINALS: Final = {
     "AND": "AND",
     "$END": "the end",
 }
+_OPENING: Final = re.compile(r"""'(?:\$.|[^'$\n])*'|"(?:\$.|[^"$\n])*"|//[^\n]*|\(\*|/\*|\{""")
+_VISIBLE: Final = re.compile(r"[^\n]")
+_CLOSINGS: Final = {"(*": "*)", "/*": "*/", "{": "}"}
 _VALUE_STARTERS: Final = {
     "INTEGER",
     "REAL_NUMBER",
@@ -43,6 +50,7 @@ _VALUE_STARTERS: Final = {
     "TYPED_LITERAL",
     "STRING_LITERAL",
     "DURATION",
+    "DATE_LITERAL",
     "LPAR",
     "NOT",
 }
@@ -92,12 +100,41 @@ def _parse(text: str, start: str, origin: ast.Position) -> Any:
         raise FunctionBlockError(
             f"has {len(text)} characters: expected at most {MAXIMUM_LENGTH}; divide the algorithm", *origin
         )
+    text = _without_comments(text, origin)
     try:
         return TreeBuilder(origin).transform(lark_parser().parse(text, start=start))
     except UnexpectedInput as error:
         raise _syntax_error(error, text, origin) from None
     except RecursionError:
         raise FunctionBlockError("nested too deeply", *origin) from None
+
+
+def _without_comments(text: str, origin: ast.Position) -> str:
+    """The text with blanks for comments, which may be nested, and pragmas; every other character keeps its place."""
+    parts: list[str] = []
+    at = 0
+    while (found := _OPENING.search(text, at)) is not None:
+        mark, end = found[0], found.end()
+        if mark in _CLOSINGS:
+            end = _comment_end(text, found.start(), mark, origin)
+        parts.append(text[at : found.start()])
+        blank = mark in _CLOSINGS or mark.startswith("//")
+        parts.append(_VISIBLE.sub(" ", text[found.start() : end]) if blank else mark)
+        at = end
+    return "".join((*parts, text[at:]))
+
+
+def _comment_end(text: str, start: int, mark: str, origin: ast.Position) -> int:
+    closing = _CLOSINGS[mark]
+    depth, at = 0, start
+    for found in re.finditer(f"{re.escape(mark)}|{re.escape(closing)}", text[start:]):
+        depth += 1 if found[0] == mark else -1
+        if not depth:
+            return start + found.end()
+    line = text.count("\n", 0, at) + 1
+    raise FunctionBlockError(
+        f"comment is not closed: expected {closing}", *_shift(origin, line, at - text.rfind("\n", 0, at))
+    )
 
 
 def _syntax_error(error: UnexpectedInput, text: str, origin: ast.Position) -> FunctionBlockError:
@@ -180,11 +217,11 @@ class TreeBuilder(Transformer):
     def bounds(self, children: list[ast.Expression]) -> ast.Range:
         return ast.Range(self._at, *children)
 
-    def array_initial(self, children: list[Any]) -> tuple[ast.Expression | ast.Repeated, ...]:
-        return tuple(children)
+    def array_initial(self, children: list[Any]) -> ast.Elements:
+        return ast.Elements(self._at, tuple(children))
 
     def repeated(self, children: list[Any]) -> ast.Repeated:
-        return ast.Repeated(self._at, self._value(children[0], types.parse_integer), children[1])
+        return ast.Repeated(self._at, self._value(children[0], literals.parse_integer), children[1])
 
     def statements(self, children: list[ast.Statement | None]) -> tuple[ast.Statement, ...]:
         return tuple(child for child in children if child is not None)
@@ -244,37 +281,57 @@ class TreeBuilder(Transformer):
 
     def call(self, children: list[Any]) -> ast.Call:
         name, *arguments = children
-        return ast.Call(self._at, name.upper(), tuple(a for a in arguments if a is not None))
+        pairs = [a if isinstance(a, tuple) else ("", a) for a in arguments if a is not None]
+        names = tuple(name for name, _ in pairs)
+        return ast.Call(self._at, name.upper(), tuple(value for _, value in pairs), names if any(names) else ())
+
+    def named_argument(self, children: list[Any]) -> tuple[str, ast.Expression]:
+        return str(children[0]).upper(), children[1]
 
     def variable(self, children: list[Any]) -> ast.VariableAccess:
-        name, *subscripts = children
-        return ast.VariableAccess(
-            self._at, str(name), tuple(index for subscript in subscripts for index in subscript)
-        )
+        name, *steps = children
+        return ast.VariableAccess(self._at, str(name), tuple(step for group in steps for step in group))
+
+    def member(self, children: list[Token]) -> list[ast.Member]:
+        return [ast.Member(self._position(children[0]), str(children[0]))]
+
+    def part(self, children: list[Token]) -> list[ast.Part]:
+        return [ast.Part(self._position(children[0]), children[0][1].upper(), int(children[0][2:]))]
+
+    def constant_label(self, children: list[Token]) -> ast.VariableAccess:
+        return ast.VariableAccess(self._at, str(children[0]))
 
     def subscript(self, children: list[ast.Expression]) -> list[ast.Expression]:
         return children
 
     def integer(self, children: list[Token]) -> ast.Literal:
-        return ast.Literal(self._at, self._value(children[0], types.parse_integer), "")
+        return ast.Literal(self._at, self._value(children[0], literals.parse_integer), "")
 
     def real_number(self, children: list[Token]) -> ast.Literal:
-        return ast.Literal(self._at, types.parse_literal(children[0], types.LREAL, *self._at), "")
+        return ast.Literal(self._at, literals.parse_literal(children[0], types.LREAL, *self._at), "")
 
     def truth(self, children: list[Token]) -> ast.Literal:
         return ast.Literal(self._at, children[0].upper() == "TRUE", "")
 
     def string(self, children: list[Token]) -> ast.Literal:
         name = "STRING" if children[0][0] == "'" else "WSTRING"
-        return ast.Literal(self._at, self._value(children[0], types.parse_string), name)
+        return ast.Literal(self._at, self._value(children[0], literals.parse_string), name)
 
     def typed(self, children: list[Token]) -> ast.Literal:
         data_type = types.elementary(children[0].partition("#")[0])
-        return ast.Literal(self._at, types.parse_literal(children[0], data_type, *self._at), data_type.name)
+        if data_type.kind in ("string", "char"):
+            text = children[0].partition("#")[2]
+            quoted = literals.parse_literal(text.strip(), data_type, *self._at)
+            return ast.Literal(self._at, quoted, data_type.name)
+        return ast.Literal(self._at, literals.parse_literal(children[0], data_type, *self._at), data_type.name)
+
+    def date(self, children: list[Token]) -> ast.Literal:
+        data_type = literals.prefixed(children[0])
+        return ast.Literal(self._at, literals.parse_literal(children[0], data_type, *self._at), data_type.name)
 
     def duration(self, children: list[Token]) -> ast.Literal:
         data_type = types.LTIME if children[0][0] in "lL" else types.TIME
-        return ast.Literal(self._at, types.parse_literal(children[0], data_type, *self._at), data_type.name)
+        return ast.Literal(self._at, literals.parse_literal(children[0], data_type, *self._at), data_type.name)
 
     def _value(self, token: Token, parse: Any) -> Any:
         try:

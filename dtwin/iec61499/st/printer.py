@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from typing import Final
 
+from dtwin.iec61499.literals import format_literal, format_real
 from dtwin.iec61499.st import ast
-from dtwin.iec61499.types import ELEMENTARY, format_literal, format_real
+from dtwin.iec61499.types import ELEMENTARY
 
 _LEVELS: Final = {
     "OR": 0, "XOR": 1, "AND": 2, "=": 3, "<>": 3, "<": 4, ">": 4, "<=": 4, ">=": 4,
     "+": 5, "-": 5, "*": 6, "/": 6, "MOD": 6, "**": 7,
 }  # fmt: skip
 _UNARY: Final = 8
+_SELF_TYPED: Final = ("TIME", "LTIME", "STRING", "WSTRING", "DATE", "LDATE", "TOD", "LTOD", "DT", "LDT")
+"""Types whose literals say themselves what they are."""
 _INDENT: Final = "  "
 
 
@@ -33,18 +36,21 @@ def _declaration(node: ast.Declaration) -> list[str]:
     bounds = ", ".join(f"{print_expression(b.low)}..{print_expression(b.high)}" for b in node.type_name.bounds)
     type_name = f"ARRAY [{bounds}] OF {node.type_name.name}" if bounds else node.type_name.name
     initial = ""
-    if isinstance(node.initial, tuple):
-        initial = f" := [{', '.join(_element(item) for item in node.initial)}]"
+    if isinstance(node.initial, ast.Elements):
+        initial = f" := {_element(node.initial)}"
     elif node.initial is not None:
         initial = f" := {print_expression(node.initial)}"
     keyword = "VAR CONSTANT" if node.constant else "VAR"
     return [keyword, f"{_INDENT}{node.name} : {type_name}{initial};", "END_VAR"]
 
 
-def _element(item: ast.Expression | ast.Repeated) -> str:
-    return (
-        f"{item.count}({print_expression(item.value)})" if isinstance(item, ast.Repeated) else print_expression(item)
-    )
+def _element(item: ast.Expression | ast.Repeated | ast.Elements) -> str:
+    match item:
+        case ast.Elements(items=items):
+            return f"[{', '.join(map(_element, items))}]"
+        case ast.Repeated(count=count, value=value):
+            return f"{count}({print_expression(value)})"
+    return print_expression(item)
 
 
 def _body(body: tuple[ast.Statement, ...], indent: str) -> list[str]:
@@ -99,10 +105,11 @@ def _expression(node: ast.Expression, minimum: int) -> str:
     match node:
         case ast.Literal():
             return _literal(node)
-        case ast.VariableAccess(name=name, indices=indices):
-            return f"{name}[{', '.join(_expression(i, 0) for i in indices)}]" if indices else name
-        case ast.Call(function=function, arguments=arguments):
-            return f"{function}({', '.join(_expression(a, 0) for a in arguments)})"
+        case ast.VariableAccess(name=name, steps=steps):
+            return name + "".join(map(_step, steps)).replace("][", ", ")
+        case ast.Call(function=function, arguments=arguments, names=names):
+            given = zip(names or [""] * len(arguments), arguments, strict=True)
+            return f"{function}({', '.join(f'{n} := ' * bool(n) + _expression(a, 0) for n, a in given)})"
         case ast.Unary(operator=operator, operand=operand):
             space = " " if operator == "NOT" else ""
             text, level = f"{operator}{space}{_expression(operand, _UNARY)}", _UNARY
@@ -111,6 +118,15 @@ def _expression(node: ast.Expression, minimum: int) -> str:
             # operators of one level associate to the left
             text = f"{_expression(left, level)} {operator} {_expression(right, level + 1)}"
     return text if level >= minimum else f"({text})"
+
+
+def _step(step: ast.Expression | ast.Member | ast.Part) -> str:
+    match step:
+        case ast.Member(name=name):
+            return f".{name}"
+        case ast.Part(size=size, number=number):
+            return f".%{size}{number}"
+    return f"[{_expression(step, 0)}]"
 
 
 def _literal(node: ast.Literal) -> str:
@@ -124,4 +140,4 @@ def _literal(node: ast.Literal) -> str:
             else str(value)
         )
     text = format_literal(value, ELEMENTARY[node.type_name])
-    return text if node.type_name in ("TIME", "LTIME", "STRING", "WSTRING") else f"{node.type_name}#{text}"
+    return text if node.type_name in _SELF_TYPED else f"{node.type_name}#{text}"

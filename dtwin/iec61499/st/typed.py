@@ -12,11 +12,11 @@ from functools import cache
 from typing import Any, Final, Literal, TypeAlias
 
 from dtwin.iec61499.st.ast import Position
-from dtwin.iec61499.types import ArrayType, DataType, ElementaryType
+from dtwin.iec61499.types import Aggregate, ArrayType, DataType, ElementaryType, Member, StructType
 
 COMPARISONS: Final = frozenset({"<", ">", "<=", ">=", "=", "<>"})
 """Operators of a Binary that give BOOL, whatever the operands' type is."""
-CastKind = Literal["to", "trunc", "s", "ms", "us", "ns"]
+CastKind = Literal["to", "trunc", "s", "ms", "us", "ns", "to_bcd", "from_bcd"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +38,16 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class Element:
-    """An element of the array `name`; `arrays` has the ArrayType that each index applies to."""
+    """What is inside the array or structure `name`; `arrays` has the type that each index applies to.
+
+    The index of a structure is the constant place of the member.
+    """
 
     at: Position
     type: DataType
     name: str
     indices: tuple[Expression, ...]
-    arrays: tuple[ArrayType, ...]
+    arrays: tuple[Aggregate, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +61,11 @@ class Convert:
 
 @dataclass(frozen=True, slots=True)
 class Cast:
-    """A conversion by function: `X_TO_Y`, `X_TRUNC_Y`, `TRUNC`, or `TIME_IN_<unit>_TO_Y`, whose unit is `how`."""
+    """A conversion by function; `how` tells which.
+
+    `to` and `trunc` are X_TO_Y and X_TRUNC_Y, `to_bcd` and `from_bcd` those of binary-coded decimals, a unit that of
+    TIME_IN_<unit>_TO_Y.
+    """
 
     at: Position
     type: ElementaryType
@@ -106,7 +113,7 @@ class Store:
     type: DataType
     name: str
     indices: tuple[Expression, ...]
-    arrays: tuple[ArrayType, ...]
+    arrays: tuple[Aggregate, ...]
     value: Expression
 
 
@@ -221,7 +228,7 @@ def walk(node: Any) -> Iterator[Any]:
 @cache
 def _parts(kind: type[Any]) -> tuple[str, ...]:
     """Names of what a kind of node consists of, the last first; none for what is no node."""
-    is_node = is_dataclass(kind) and not issubclass(kind, ElementaryType | ArrayType)
+    is_node = is_dataclass(kind) and not issubclass(kind, ElementaryType | ArrayType | StructType | Member)
     return tuple(field.name for field in reversed(fields(kind))) if is_node else ()
 
 

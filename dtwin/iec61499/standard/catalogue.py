@@ -7,16 +7,28 @@ from collections.abc import Callable
 from typing import Final
 
 from dtwin.iec61499 import model
-from dtwin.iec61499.standard import events, functions, services
+from dtwin.iec61499.standard import adapters, events, function_blocks, functions, services, utilities
 
-_FIXED: Final[dict[str, model.FBType]] = {**events.FIXED, **functions.FIXED, **services.FIXED}
+_FIXED: Final[dict[str, model.FBType]] = {
+    **events.FIXED,
+    **adapters.FIXED,
+    **functions.FIXED,
+    **function_blocks.FIXED,
+    **utilities.FIXED,
+    **services.FIXED,
+}
 _SIZED: Final[dict[str, tuple[Callable[[str, int], model.FBType], int]]] = {**events.SIZED, **functions.SIZED}
-_PATTERNS: Final = ("SERVER_n_m", "CLIENT_n_m", "PUBLISH_n", "SUBSCRIBE_n", "F_X_TO_Y")
+_PATTERNS: Final = ("SERVER_n_m", "CLIENT_n_m", "PUBLISH_n", "SUBSCRIBE_n", "F_X_TO_Y", "FB_CTU_X", "X2X")
 
 
 def standard_names() -> tuple[str, ...]:
     """Names of the blocks, and the patterns of those whose names carry sizes or types."""
     return (*sorted((*_FIXED, *_SIZED)), *(f"{name}_n" for name in sorted(_SIZED)), *_PATTERNS)
+
+
+def find_adapter(name: str) -> model.AdapterType | None:
+    """The standard adapter type of that name, or None."""
+    return adapters.ADAPTERS.get(name)
 
 
 def find_standard(name: str) -> model.FBType | None:
@@ -29,4 +41,9 @@ def find_standard(name: str) -> model.FBType | None:
     base, _, number = name.rpartition("_")
     if base in _SIZED and re.fullmatch(r"[1-9]\d{0,2}", number) and 2 <= int(number) <= events.MAXIMUM_FAN:
         return _SIZED[base][0](name, int(number))
-    return services.communication(name) or functions.converter(name)
+    return (
+        services.communication(name)
+        or functions.converter(name)
+        or function_blocks.counter(name)
+        or utilities.utility(name)
+    )

@@ -29,11 +29,28 @@ _ONE: Final = {
 }
 _COMPARISONS: Final = {"F_GT": ">", "F_GE": ">=", "F_EQ": "=", "F_LE": "<=", "F_LT": "<", "F_NE": "<>"}
 _SHIFTS: Final = ("SHL", "SHR", "ROL", "ROR")
+_DATES: Final = (
+    ("ADD_DT_TIME", "DT", "TIME", "DT"),
+    ("SUB_DT_TIME", "DT", "TIME", "DT"),
+    ("SUB_DT_DT", "DT", "DT", "TIME"),
+    ("ADD_TOD_TIME", "TOD", "TIME", "TOD"),
+    ("SUB_TOD_TIME", "TOD", "TIME", "TOD"),
+    ("SUB_TOD_TOD", "TOD", "TOD", "TIME"),
+    ("SUB_DATE_DATE", "DATE", "DATE", "TIME"),
+    ("CONCAT_DATE_TOD", "DATE", "TOD", "DT"),
+)
 _OTHERS: Final = {
     "F_SEL": ("G: BOOL; IN0, IN1: ANY -> OUT: ANY", "SEL(G, IN0, IN1)"),
     "F_LIMIT": ("MN, IN, MX: ANY_ELEMENTARY -> OUT: ANY_ELEMENTARY", "LIMIT(MN, IN, MX)"),
     "F_MULTIME": ("IN1: TIME; IN2: ANY_NUM -> OUT: TIME", "IN1 * IN2"),
     "F_DIVTIME": ("IN1: TIME; IN2: ANY_NUM -> OUT: TIME", "IN1 / IN2"),
+    "F_TRUNC": ("IN: ANY_REAL -> OUT: LINT", "TRUNC(IN)"),
+    **{
+        f"F_{name}": (f"IN1: {first}; IN2: {second} -> OUT: {result}", f"{name}(IN1, IN2)")
+        for name, first, second, result in _DATES
+    },
+    "F_DT_TO_DATE": ("IN: DT -> OUT: DATE", "DT_TO_DATE(IN)"),
+    "F_DT_TO_TOD": ("IN: DT -> OUT: TOD", "DT_TO_TOD(IN)"),
     "F_LEN": ("IN: ANY_STRING -> OUT: INT", "LEN(IN)"),
     "F_FIND": ("IN1, IN2: ANY_STRING -> OUT: INT", "FIND(IN1, IN2)"),
     "F_LEFT": ("IN: ANY_STRING; L: ANY_INT -> OUT: ANY_STRING", "LEFT(IN, L)"),
@@ -65,6 +82,10 @@ _OPERATORS: Final = {
     "F_AND": ("AND", "ANY_BIT"),
     "F_OR": ("OR", "ANY_BIT"),
     "F_XOR": ("XOR", "ANY_BIT"),
+    "ADD": ("+", "ANY_MAGNITUDE"),
+    "AND": ("AND", "ANY_BIT"),
+    "OR": ("OR", "ANY_BIT"),
+    "XOR": ("XOR", "ANY_BIT"),
 }
 
 

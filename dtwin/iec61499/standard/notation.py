@@ -66,7 +66,7 @@ def basic(
     )
 
 
-def function(name: str, comment: str, data: str, text: str) -> model.SimpleFBType:
+def function(name: str, comment: str, data: str, text: str, internals: str = "") -> model.SimpleFBType:
     """A block that computes its outputs from its inputs on REQ and confirms with CNF."""
     ports = interface("", data)
     inputs = tuple(variable.name for variable in ports.inputs)
@@ -76,7 +76,9 @@ def function(name: str, comment: str, data: str, text: str) -> model.SimpleFBTyp
     )
     state = model.ECState("REQ", (model.ECAction("REQ", "CNF"),))
     algorithm = model.Algorithm("REQ", model.Source(text))
-    return model.SimpleFBType(model.TypeHeader(name, comment=comment), ports, (), (state,), (algorithm,))
+    return model.SimpleFBType(
+        model.TypeHeader(name, comment=comment), ports, variables(internals), (state,), (algorithm,)
+    )
 
 
 def composite(

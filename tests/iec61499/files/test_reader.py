@@ -79,7 +79,7 @@ def test_a_block_without_body_is_known_by_its_interface(write: Write) -> None:
         ('Name="Y" Type', 'Name="x" Type', "unknown output variable Y in WITH of CNF: expected x"),
         ('Name="DT" Type', 'Name="y" Type', "port Y is already declared in line 18"),
         ('Name="K"', 'Name="Y"', "variable Y is already declared in line 21"),
-        ('Type="LREAL"/>', 'Type="COLOUR"/>', "variable X: type 'COLOUR' is not supported: expected BOOL, SINT"),
+        ('Type="LREAL"/>', 'Type="COLOUR"/>', "variable X: unknown type 'COLOUR': expected BOOL, SINT"),
         ('Type="LREAL"/>', 'Type="ANY_THING"/>', "unknown generic type ANY_THING: expected ANY, "),
         ('"2.5"', '"fast"', "'fast' is not a LREAL: expected a number such as 1.5"),
         ('ArraySize="4"', 'ArraySize="four"', "array size 'four': expected a number or bounds such as 1..3"),
@@ -103,7 +103,11 @@ def test_a_block_without_body_is_known_by_its_interface(write: Write) -> None:
             "<InternalVars><FB Name='F' Type='E_SR'/>",
             "block F inside a basic block is not supported",
         ),
-        ("</OutputVars>", "</OutputVars><Plugs><AdapterDeclaration Name='A'/></Plugs>", "adapter A is not supported"),
+        (
+            "</OutputVars>",
+            "</OutputVars><Plugs><AdapterDeclaration Name='A' Type='T'/></Plugs>",
+            "unknown adapter type T",
+        ),
         (
             "</OutputVars>",
             "</OutputVars><InOutVars><VarDeclaration Name='V'/></InOutVars>",

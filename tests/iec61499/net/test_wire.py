@@ -16,7 +16,7 @@ from dtwin.errors import CommunicationError
 from dtwin.iec61499.net.wire import FIXED, MessageReader, Signature
 from dtwin.iec61499.types import ELEMENTARY, LTIME, ArrayType, DataType, ElementaryType, elementary
 
-ENCODABLE = [kind for kind in ELEMENTARY.values() if kind != LTIME]
+ENCODABLE = [kind for kind in ELEMENTARY.values() if kind != LTIME and kind.kind not in ("char", "date")]
 
 
 def signature(*names: str, **options: int) -> Signature:
@@ -30,6 +30,7 @@ def trickle(reader: MessageReader, data: bytes) -> list[list[Any]]:
 def values_of(kind: DataType) -> st.SearchStrategy[Any]:
     if isinstance(kind, ArrayType):
         return st.lists(values_of(kind.element), min_size=kind.length, max_size=kind.length)
+    assert isinstance(kind, ElementaryType)
     if kind.kind == "bool":
         return st.booleans()
     if kind.kind == "real":

@@ -9,7 +9,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from dtwin.iec61499.st import ast
-from dtwin.iec61499.types import ArrayType, DataType, elementary
+from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, elementary
 
 AT = ast.Position()
 SCOPE: dict[str, DataType] = {
@@ -236,6 +236,7 @@ def value(name: str) -> st.SearchStrategy[Any]:
     t = SCOPE[name]
     if isinstance(t, ArrayType):
         return st.lists(reals, min_size=t.length, max_size=t.length)
+    assert isinstance(t, ElementaryType)
     if t.kind == "real":
         return (reals | st.sampled_from([math.inf, -math.inf, math.nan, -0.0])).map(t.wrap)
     if t.kind == "bool":

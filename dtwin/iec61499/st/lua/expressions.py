@@ -11,7 +11,7 @@ from dtwin.iec61499.st import typed
 from dtwin.iec61499.st.ast import fail
 from dtwin.iec61499.st.fragment import Fragment, bounds, combine, is_integral, quotient_bounds, remainder_bounds
 from dtwin.iec61499.st.typed import COMPARISONS
-from dtwin.iec61499.types import LREAL, REAL, ArrayType, DataType, ElementaryType
+from dtwin.iec61499.types import LREAL, REAL, Aggregate, ArrayType, DataType, ElementaryType, StructType
 
 # Lua's precedence
 OR, AND, COMPARISON, CONCATENATION, SUM, PRODUCT, UNARY, ATOM = range(8)
@@ -31,6 +31,8 @@ def refuse(data_type: DataType, node: Any) -> None:
     """Raises for types whose values a Lua number does not hold."""
     while isinstance(data_type, ArrayType):
         data_type = data_type.element
+    if isinstance(data_type, StructType):
+        fail(node.at, f"structure {data_type} is not available in Lua: expected variables of elementary types")
     if is_integral(data_type) and data_type.bits == 64:
         other = _NARROWER.get(data_type.name, "LREAL seconds or DINT ticks")
         fail(node.at, f"{data_type} has 64 bit and a number in Lua holds integers of 53 bit: expected {other}")
@@ -100,11 +102,13 @@ class LuaExpressions:
             case typed.Call():
                 return self._call(node)
 
-    def subscripts(self, indices: tuple[typed.Expression, ...], arrays: tuple[ArrayType, ...]) -> str:
+    def subscripts(self, indices: tuple[typed.Expression, ...], arrays: tuple[Aggregate, ...]) -> str:
         """`[i][j]`, counted from 1; checked where an index can lie outside."""
         return "".join(f"[{self._offset(i, array)}]" for i, array in zip(indices, arrays, strict=True))
 
-    def _offset(self, node: typed.Expression, array: ArrayType) -> str:
+    def _offset(self, node: typed.Expression, array: Aggregate) -> str:
+        refuse(array, node)
+        assert isinstance(array, ArrayType)
         if isinstance(node, typed.Const):
             return str(node.value - array.lower + 1)
         return self.call("_index", self.text(node), array.lower, array.upper, where(node))
@@ -136,6 +140,8 @@ class LuaExpressions:
             return Fragment(f"{inner.at_least(SUM)} + 0.0", SUM)
         if isinstance(operand.type, ElementaryType) and operand.type.kind == "bool":
             return Fragment(f"({inner.at_least(AND)} and 1 or 0)", ATOM, 0, 1)
+        if data_type.limit:
+            return Fragment(f"string.sub({inner.text}, 1, {data_type.limit})", ATOM)
         return inner
 
     def _binary(self, node: typed.Binary) -> Fragment:
@@ -148,6 +154,8 @@ class LuaExpressions:
                 return Fragment(self.call(f"_{operator.lower()}", a.text, b.text), ATOM, *bounds(node.type))
             symbol, level = _LOGICAL[operator]
             return Fragment(f"{a.at_least(level)} {symbol} {b.at_least(level + 1)}", level)
+        if operator == "**" and is_integral(node.type):
+            fail(node.at, "** of integers is not available in Lua: expected a product, or LREAL")
         if node.type.kind == "real":
             result = self._real(operator, left, right)
             return self._rounded(result) if node.type == REAL else result
@@ -221,6 +229,8 @@ class LuaExpressions:
         source, target, inner = node.operand.type, node.type, self.value(node.operand)
         assert isinstance(source, ElementaryType)
         text, period = inner.text, 1 << target.bits
+        if node.how in ("to_bcd", "from_bcd") or "char" in (source.kind, target.kind):
+            fail(node.at, f"conversion of {source} to {target} is not available in Lua: expected arithmetic")
         match source.kind, target.kind:
             case "string", "string":
                 return inner

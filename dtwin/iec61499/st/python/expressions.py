@@ -12,7 +12,7 @@ from typing import Any, Final
 from dtwin.iec61499.st import typed
 from dtwin.iec61499.st.fragment import Fragment, bounds, combine, is_integral, quotient_bounds, remainder_bounds
 from dtwin.iec61499.st.typed import COMPARISONS
-from dtwin.iec61499.types import LREAL, REAL, ArrayType, DataType, ElementaryType
+from dtwin.iec61499.types import LREAL, REAL, Aggregate, ArrayType, DataType, ElementaryType, StructType
 
 # Python's precedence; walrus and conditional expressions are always put in parentheses
 OR, AND, NOT, COMPARISON, BIT_OR, BIT_XOR, BIT_AND, SHIFT, SUM, PRODUCT, UNARY, ATOM = range(12)
@@ -26,6 +26,7 @@ _LOGICAL: Final = {"AND": ("and", AND), "OR": ("or", OR), "XOR": ("!=", COMPARIS
 _BITWISE: Final = {"AND": ("&", BIT_AND), "OR": ("|", BIT_OR), "XOR": ("^", BIT_XOR)}
 _REAL_FUNCTIONS: Final = frozenset({"SQRT", "LN", "LOG", "EXP", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN", "ATAN2"})
 _TEXT_FUNCTIONS: Final = frozenset({"CONCAT", "LEFT", "RIGHT", "MID", "INSERT", "REPLACE", "DELETE"})
+_DAY: Final = 86_400_000_000_000
 _UNITS: Final = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 
 
@@ -119,11 +120,14 @@ class PythonExpressions:
             case typed.Call():
                 return self._call(node)
 
-    def subscripts(self, indices: tuple[typed.Expression, ...], arrays: tuple[ArrayType, ...]) -> str:
+    def subscripts(self, indices: tuple[typed.Expression, ...], arrays: tuple[Aggregate, ...]) -> str:
         """`[i][j]` with offsets from the lower bounds; checked where an index can lie outside."""
         return "".join(f"[{self._offset(i, array)}]" for i, array in zip(indices, arrays, strict=True))
 
-    def _offset(self, node: typed.Expression, array: ArrayType) -> str:
+    def _offset(self, node: typed.Expression, array: Aggregate) -> str:
+        if isinstance(array, StructType):
+            assert isinstance(node, typed.Const)
+            return str(node.value)
         if isinstance(node, typed.Const):
             return str(node.value - array.lower)
         index = self.value(node)
@@ -139,6 +143,9 @@ class PythonExpressions:
             if value and all(repr(item) == repr(value[0]) for item in value) and not isinstance(value[0], list):
                 return Fragment(f"[{value[0]!r}] * {len(value)}", PRODUCT)
             return Fragment(repr(value), ATOM)
+        if isinstance(data_type, StructType):
+            members = zip(data_type.members, value, strict=True)
+            return Fragment(f"[{', '.join(self._constant(m.type, item).text for m, item in members)}]", ATOM)
         if isinstance(value, float) and not math.isfinite(value):
             name = self.helper("_nan" if value != value else "_inf")
             return Fragment(f"-{name}" if value < 0 else name, UNARY)
@@ -153,6 +160,8 @@ class PythonExpressions:
             return inner if operand.type.kind == "real" else Fragment(f"float({inner.text})", ATOM)
         if operand.type.kind == "bool":
             return Fragment(f"int({inner.text})", ATOM, 0, 1)
+        if data_type.limit and not 0 < operand.type.limit <= data_type.limit:
+            return Fragment(f"{inner.at_least(ATOM)}[:{data_type.limit}]", ATOM)
         return inner
 
     def _binary(self, node: typed.Binary) -> Fragment:
@@ -167,6 +176,11 @@ class PythonExpressions:
         if node.type.kind == "real":
             result = self._real(operator, left, right)
             return self._round(result) if node.type == REAL else result
+        if operator == "**":
+            name = self.helper("_ipow")
+            period = 1 << node.type.bits
+            call = f"{name}({self.text(left)}, {self.text(right)}, {node.type.minimum}, {period})"
+            return Fragment(call, ATOM, *bounds(node.type))
         if operator in ("+", "-", "*") and is_integral(right.type):
             a, b = self.raw(left), self.raw(right)
             return self._infix(operator, a, b, *combine(operator, a, b))
@@ -285,6 +299,12 @@ class PythonExpressions:
         text, limits = inner.text, bounds(target)
         if node.how in _UNITS:
             return self._time_in(node.how, target, inner)
+        if node.how in ("to_bcd", "from_bcd"):
+            return self.wrap(Fragment(f"{self.helper('_' + node.how)}({text})", ATOM, 0, 1 << 80), target)
+        if source.kind == "date":
+            return self._cast_date(source, target, inner)
+        if "char" in (source.kind, target.kind):
+            return self._cast_char(source, target, inner)
         if source.kind == "string":
             return inner if target.kind == "string" else self._from_string(target, text)
         if target.kind == "string":
@@ -306,6 +326,23 @@ class PythonExpressions:
         if target.kind == "bool":
             return Fragment(f"{inner.at_least(BIT_OR)} != 0", COMPARISON)
         return Fragment(f"int({text})", ATOM, 0, 1) if source.kind == "bool" else inner
+
+    def _cast_date(self, source: ElementaryType, target: ElementaryType, inner: Fragment) -> Fragment:
+        if source.name.removeprefix("L") == target.name.removeprefix("L"):
+            return inner
+        time = Fragment(f"{inner.at_least(PRODUCT)} % {_DAY}", PRODUCT, 0, _DAY)
+        if target.name.endswith("TOD"):
+            return time
+        return Fragment(f"{inner.at_least(SUM)} - {time.text}", SUM, *bounds(target))
+
+    def _cast_char(self, source: ElementaryType, target: ElementaryType, inner: Fragment) -> Fragment:
+        if source.kind == "bits":
+            return Fragment(f"chr({inner.at_least(BIT_AND + 1)} & {(1 << target.bits) - 1})", ATOM)
+        if target.kind == "bits":
+            return self.wrap(Fragment(f"ord({inner.text})", ATOM, 0, 65535), target)
+        if target.kind == "char":
+            return Fragment(f"({inner.at_least(ATOM)}[:1] or chr(0))", ATOM)
+        return inner
 
     def _time_in(self, unit: str, target: ElementaryType, inner: Fragment) -> Fragment:
         nanoseconds = _UNITS[unit]

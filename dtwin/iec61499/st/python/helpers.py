@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, Final, NoReturn
 
 from dtwin.errors import FunctionBlockError
+from dtwin.iec61499.literals import format_duration, parse_duration
 from dtwin.iec61499.st.semantics import (
     COMPUTING_TIME,
     ITERATION_LIMIT,
@@ -20,7 +21,7 @@ from dtwin.iec61499.st.semantics import (
     integer_divide,
     integer_modulo,
 )
-from dtwin.iec61499.types import format_duration, parse_duration, round_to_real
+from dtwin.iec61499.types import round_to_real
 
 _INT64: Final = 1 << 63
 
@@ -85,6 +86,23 @@ def power(a: float, b: float) -> float:
         if a != 0:
             return math.nan  # negative base, fractional exponent
         return math.copysign(math.inf, a) if b % 2 == 1 else math.inf
+
+
+def integer_power(base: int, exponent: int, minimum: int, period: int) -> int:
+    """The power of integers, wrapped; a negative exponent gives what an integer division of 1 would."""
+    if exponent < 0:
+        return base if base in (1, -1) and exponent % 2 else int(base in (1, -1))
+    return (pow(base, exponent, period) - minimum) % period + minimum
+
+
+def to_decimal(value: int) -> int:
+    """The binary-coded decimal of a number: a nibble for every decimal digit."""
+    return int(str(value), 16)
+
+
+def from_decimal(value: int) -> int:
+    """The number of a binary-coded decimal; nibbles beyond 9 count as they are."""
+    return sum((value >> 4 * place & 15) * 10**place for place in range(16))
 
 
 def exp(x: float) -> float:
@@ -295,6 +313,9 @@ COMMON: Final[dict[str, Any]] = {
     "_f32": round_to_real,
     "_idiv": integer_divide,
     "_imod": integer_modulo,
+    "_ipow": integer_power,
+    "_to_bcd": to_decimal,
+    "_from_bcd": from_decimal,
     "_time_div": time_divide,
     "_time_scale": time_scale,
     "_time_div_real": time_divide_real,

@@ -19,7 +19,7 @@ from dtwin.iec61499.st.dataflow import Accesses, accesses
 from dtwin.iec61499.st.fragment import Fragment, bounds, is_integral
 from dtwin.iec61499.st.python import helpers
 from dtwin.iec61499.st.python.expressions import SUM, PythonExpressions, python_name, where
-from dtwin.iec61499.types import BOOL, ArrayType, ElementaryType
+from dtwin.iec61499.types import BOOL, ElementaryType
 
 CONDITION_GLOBALS: Final[dict[str, Any]] = {**helpers.COMMON, **helpers.EXACT}
 """What the expressions of `compile_condition` may name beside the instance."""
@@ -196,7 +196,7 @@ class _PythonGenerator:
         if node.indices:
             value = self._expressions.value(node.value)
             return [f"{target}{self._expressions.subscripts(node.indices, node.arrays)} = {value.text}"]
-        if isinstance(node.type, ArrayType):
+        if not isinstance(node.type, ElementaryType):
             text = self._expressions.text(node.value)
             copied = text if isinstance(node.value, typed.Const) else f"{self._expressions.helper('_copy')}({text})"
             return [f"{target} = {copied}"]
