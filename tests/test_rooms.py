@@ -34,7 +34,7 @@ SUBROOMS = [
     {f"{ALONE}.literals"},
     {f"{ALONE}.model", f"{ALONE}.st"},
     {f"{ALONE}.mapping", f"{ALONE}.files"},
-    {f"{ALONE}.standard"},
+    {f"{ALONE}.standard", f"{ALONE}.distribution"},
     {f"{ALONE}.library"},
     {f"{ALONE}.runtime"},
     {f"{ALONE}.net"},

@@ -10,10 +10,11 @@ from typing import Final, Literal
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
+from dtwin.iec61499.distribution import distributed
 from dtwin.iec61499.files.block_types import read_adapter, read_type
 from dtwin.iec61499.files.data_types import read_constants, read_data_type
 from dtwin.iec61499.files.systems import read_system
-from dtwin.iec61499.standard.catalogue import find_adapter, find_standard, standard_names
+from dtwin.iec61499.standard.catalogue import find_adapter, find_standard, find_structure, standard_names
 from dtwin.iec61499.standard.utilities import STRUCTURE, structure_block
 from dtwin.iec61499.types import ELEMENTARY, DataType, StructType, elementary
 
@@ -102,6 +103,9 @@ class Library:
                 )
             if standard is None or not isinstance(found, model.ServiceInterfaceFBType):
                 return found
+            if isinstance(standard, model.ServiceInterfaceFBType) and _same_ports(found, standard):
+                # types of ports differ between versions of 4diac, such as ID, which was a WSTRING
+                return found
         if standard is None:
             raise FunctionBlockError(f"unknown block type {name}: {self._hint(name)}", file, line)
         return standard
@@ -111,7 +115,7 @@ class Library:
         plain = name.rpartition("::")[2]
         path = self._files["data type"].get(plain)
         if path is None or plain.upper() in ELEMENTARY:
-            return elementary(plain)
+            return find_structure(plain) or elementary(plain)
         if plain not in self._data_types:
             with self._no_circle(plain):
                 self._data_types[plain] = read_data_type(path, self)
@@ -159,9 +163,13 @@ class Library:
         return f"{expected}; searched {folders} and the standard blocks"
 
     def load_system(self, path: Path) -> model.System:
-        """Reads a system configuration (.sys).
+        """Reads a system configuration (.sys); connections between resources get communication blocks.
 
         Raises:
             FunctionBlockError: the file is unreadable or wrong; names file and line.
         """
-        return read_system(path, self)
+        return distributed(read_system(path, self), self.find)
+
+
+def _same_ports(first: model.FBType, second: model.FBType) -> bool:
+    return sorted(first.interface.names()) == sorted(second.interface.names())

@@ -35,6 +35,12 @@ def resource_network(system: System, name: str = "") -> FBNetwork:
     return _ResourceNetwork(system, f"{device.name}.{resource.name}", resource).build()
 
 
+def management_address(device: DeviceDeclaration) -> str:
+    """What a device says of where it is managed, such as `localhost:61499`; "" when it says nothing."""
+    given = next((p.value for p in device.parameters if p.name == "MGR_ID"), "")
+    return given.strip("'\"")
+
+
 def configured(system: System, values: Mapping[str, float]) -> System:
     """The system with other parameters of its blocks.
 
@@ -131,32 +137,10 @@ class _ResourceNetwork:
         )
 
     def _mapped(self) -> dict[str, set[str]]:
-        elements = {
-            f"{application.name}.{element.name}"
-            for application in self.system.applications
-            for element in _elements(application.network)
+        return {
+            application: {element for element, resource in places.items() if resource == self.full_name}
+            for application, places in places_of(self.system).items()
         }
-        resources = [f"{d.name}.{r.name}" for d in self.system.devices for r in d.resources]
-        mapped: dict[str, set[str]] = {}
-        for mapping in self.system.mappings:
-            if mapping.source not in elements:
-                valid = choices(sorted(elements)) if elements else "a block of an application, and there is none"
-                raise FunctionBlockError(
-                    f"mapping of unknown block {mapping.source!r}: expected {valid}", self.file, mapping.line
-                )
-            application, _, element = mapping.source.partition(".")
-            destination = mapping.destination
-            if destination not in resources:
-                destination = destination.removesuffix(f".{element}")
-            if destination not in resources:
-                raise FunctionBlockError(
-                    f"mapping to unknown resource {mapping.destination!r}: expected {choices(resources)}",
-                    self.file,
-                    mapping.line,
-                )
-            if destination == self.full_name:
-                mapped.setdefault(application, set()).add(element)
-        return mapped
 
     def _inside(self, connections: tuple[Connection, ...], here: set[str], application: str) -> list[Connection]:
         inside = []
@@ -181,6 +165,38 @@ class _ResourceNetwork:
     def _strip(self, endpoint: str) -> str:
         first, _, rest = endpoint.partition(".")
         return rest if first in self.applications and "." in rest else endpoint
+
+
+def places_of(system: System) -> dict[str, dict[str, str]]:
+    """For every application the resource, `DEVICE.RESOURCE`, of each of its blocks that is mapped.
+
+    Raises:
+        FunctionBlockError: a mapping of or to something unknown; names file and line.
+    """
+    elements = {
+        f"{application.name}.{element.name}"
+        for application in system.applications
+        for element in _elements(application.network)
+    }
+    resources = [f"{d.name}.{r.name}" for d in system.devices for r in d.resources]
+    places: dict[str, dict[str, str]] = {}
+    for mapping in system.mappings:
+        if mapping.source not in elements:
+            valid = choices(sorted(elements)) if elements else "a block of an application, and there is none"
+            raise FunctionBlockError(
+                f"mapping of unknown block {mapping.source!r}: expected {valid}", system.header.file, mapping.line
+            )
+        # older tools write the block behind the resource
+        destination = ".".join(mapping.destination.split(".")[:2])
+        if destination not in resources:
+            raise FunctionBlockError(
+                f"mapping to unknown resource {mapping.destination!r}: expected {choices(resources)}",
+                system.header.file,
+                mapping.line,
+            )
+        application, _, element = mapping.source.partition(".")
+        places.setdefault(application, {})[element] = destination
+    return places
 
 
 def _elements(network: FBNetwork) -> list[Block | SubApplication]:

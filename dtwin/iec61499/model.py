@@ -234,7 +234,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """An instance of a block type in a network."""
+    """An instance of a block type in a network; `types` are those of generic ports that connections may not tell."""
 
     name: str
     type_name: str
@@ -243,6 +243,7 @@ class Block:
     y: float = 0.0
     comment: str = ""
     line: int = 0
+    types: tuple[tuple[str, DataType], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -357,12 +358,13 @@ class Mapping:
 
 @dataclass(frozen=True, slots=True)
 class System:
-    """A system configuration."""
+    """A system configuration; `inserted` says which communication blocks its file does not have."""
 
     header: TypeHeader
     applications: tuple[ApplicationDeclaration, ...] = ()
     devices: tuple[DeviceDeclaration, ...] = ()
     mappings: tuple[Mapping, ...] = ()
+    inserted: tuple[str, ...] = ()
 
 
 def initial_value(variable: Variable, file: str = "") -> Any:

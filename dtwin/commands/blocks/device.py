@@ -5,8 +5,11 @@ from __future__ import annotations
 import itertools
 import logging
 import signal
+import subprocess
+import sys
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,11 +19,13 @@ import tyro
 
 from dtwin.controller.sequence import SequenceName, with_sequence
 from dtwin.errors import FunctionBlockError, ParameterError, choices
+from dtwin.iec61499 import model
 from dtwin.iec61499.device.embedded import EmbeddedDevice
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import load_boot_file
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.server import ManagementServer
+from dtwin.iec61499.mapping import management_address
 from dtwin.iec61499.net.address import parse_listening_address, parse_stream_address
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.parameters import ROOT
@@ -37,8 +42,13 @@ class FbRun:
 
     file: Annotated[Path | None, tyro.conf.Positional] = None
     """System (.sys) or boot file (.fboot) to begin with."""
-    listen: str = "127.0.0.1:61499"
-    """HOST:PORT for device management. Whoever reaches it controls the device. Port 0 takes a free one.
+    device: str = ""
+    """Device of the system to be; it listens where the system says. Without it every device of FILE is here."""
+    all: bool = False
+    """Run every device of the system, each as a process of its own; when one ends, all do."""
+    listen: str = ""
+    """HOST:PORT for device management; 127.0.0.1:61499 if neither this nor --device says where. Whoever reaches it
+    controls the device. Port 0 takes a free one.
 
     With unix:FOLDER/PORT management and SERVER blocks listen on Unix domain sockets in a folder for you alone.
     """
@@ -53,12 +63,15 @@ class FbRun:
         handler.setFormatter(LineFormatter("%(asctime)s %(levelname)s %(message)s"))
         handler.addFilter(RateLimit())
         logging.basicConfig(handlers=[handler])
-        address = parse_listening_address(self.listen)
         library = Library([self.blocks or (self.file.parent if self.file else ROOT / "fb")])
-        with Reactor() as reactor, _ended_by_signals(reactor):
+        system = self._system(library)
+        if self.all:
+            return self._run_all(system)
+        address = parse_listening_address(self.listen or self._address(system) or "127.0.0.1:61499")
+        with Reactor() as reactor, _signals_to(reactor.stop):
             device = EmbeddedDevice(reactor, library, address)
             try:
-                self._load(device, library)
+                self._load(device, system)
                 server = ManagementServer(reactor, address, device.handle)
                 print(f"management on {server.address}")
                 for name, where in device.addresses().items():
@@ -70,24 +83,90 @@ class FbRun:
                 device.close()
         return 0
 
-    def _load(self, device: EmbeddedDevice, library: Library) -> None:
-        if self.sequence and (self.file is None or self.file.suffix != ".sys"):
-            raise ParameterError(f"--sequence {self.sequence}: expected a system (.sys) whose blocks have one")
-        if self.file is None:
-            return
-        if self.file.suffix == ".sys":
-            device.load_system(with_sequence(library.load_system(self.file), self.sequence))
-        elif self.file.suffix == ".fboot":
-            device.load_commands(load_boot_file(self.file), str(self.file))
-        else:
+    def _system(self, library: Library) -> model.System | None:
+        """The system of FILE, which has the device of --device; None for no file or a boot file."""
+        for option, given in (("--sequence", self.sequence), ("--device", self.device), ("--all", self.all)):
+            if given and (self.file is None or self.file.suffix != ".sys"):
+                raise ParameterError(f"{option}: expected FILE to be a system (.sys)")
+        if self.file is None or self.file.suffix == ".fboot":
+            return None
+        if self.file.suffix != ".sys":
             raise FunctionBlockError("expected a system (.sys) or a boot file (.fboot)", str(self.file))
+        system = with_sequence(library.load_system(self.file), self.sequence)
+        names = [device.name for device in system.devices]
+        if self.device and self.device not in names:
+            valid = choices(names) if names else "a system with a device"
+            raise ParameterError(f"--device {self.device}: expected {valid}")
+        for line in system.inserted if not self.device or self.all else ():
+            print(printable(f"inserted: {line}"))
+        return system
+
+    def _address(self, system: model.System | None) -> str:
+        """Where the device of --device is managed, as the system says."""
+        devices = system.devices if system is not None else ()
+        return next((management_address(device) for device in devices if device.name == self.device), "")
+
+    def _load(self, device: EmbeddedDevice, system: model.System | None) -> None:
+        if system is not None:
+            device.load_system(system, self.device)
+        elif self.file is not None:
+            device.load_commands(load_boot_file(self.file), str(self.file))
+
+    def _run_all(self, system: model.System | None) -> int:
+        """Runs a process for every device until a signal comes or one of them ends."""
+        assert system is not None
+        if self.device or self.listen:
+            raise ParameterError(
+                "--all: expected neither --device nor --listen, as the system says where devices are"
+            )
+        command = [sys.executable, "-m", "dtwin", "fb", "run", str(self.file)]
+        command += ["--blocks", str(self.blocks)] if self.blocks else []
+        command += ["--sequence", self.sequence] if self.sequence else []
+        stop = threading.Event()
+        with _signals_to(stop.set), _Processes() as processes:
+            # the first device starts last, so that it finds the others listening
+            for device in reversed(system.devices):
+                processes.start(device.name, [*command, "--device", device.name])
+            while not stop.wait(0.1) and processes.all_run():
+                pass
+            return 0 if stop.is_set() else 1
+
+
+class _Processes:
+    """Processes whose lines are printed behind their names; they end with the block."""
+
+    def __init__(self) -> None:
+        self._running: list[subprocess.Popen[str]] = []
+
+    def __enter__(self) -> _Processes:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in self._running:
+            process.terminate()
+        for process in self._running:
+            process.wait()
+
+    def start(self, name: str, command: list[str]) -> None:
+        """Starts a process and waits until it runs or has ended."""
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self._running.append(process)
+        assert process.stdout is not None
+        for line in process.stdout:
+            print(printable(f"{name}: {line.rstrip()}"), flush=True)
+            if line.startswith("running"):
+                break
+
+    def all_run(self) -> bool:
+        """Whether no process has ended."""
+        return all(process.poll() is None for process in self._running)
 
 
 @contextmanager
-def _ended_by_signals(reactor: Reactor) -> Iterator[None]:
-    """Lets Ctrl-C and SIGTERM stop the reactor."""
+def _signals_to(stop: Callable[[], None]) -> Iterator[None]:
+    """Lets Ctrl-C and SIGTERM stop what runs."""
     numbers = (signal.SIGINT, signal.SIGTERM)
-    previous = {number: signal.signal(number, lambda *_: reactor.stop()) for number in numbers}
+    previous = {number: signal.signal(number, lambda *_: stop()) for number in numbers}
     try:
         yield
     finally:

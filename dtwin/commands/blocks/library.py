@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -9,17 +10,17 @@ from typing import Literal
 import tyro
 
 from dtwin.controller.sequence import SequenceName, with_sequence
-from dtwin.errors import FunctionBlockError, ParameterError, choices
+from dtwin.errors import DtwinError, FunctionBlockError, ParameterError, choices
 from dtwin.files import replacing
 from dtwin.iec61499 import model
-from dtwin.iec61499.deploy.build import deploy
+from dtwin.iec61499.deploy.build import deploy, remove
 from dtwin.iec61499.deploy.lua_export import export_type
 from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
 from dtwin.iec61499.inspection import SUFFIXES, inspect
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import Command, print_boot_file
 from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.mapping import resource_network
+from dtwin.iec61499.mapping import management_address, resource_network
 from dtwin.iec61499.net.address import parse_stream_address
 from dtwin.iec61499.runtime.generic_ports import unconnected
 from dtwin.parameters import ROOT
@@ -89,12 +90,16 @@ class FbExport:
 
 @dataclass(frozen=True)
 class FbDeploy:
-    """Build a system on a device (4diac FORTE or `dtwin fb run`) in place of the resources of the same names."""
+    """Build a system on devices (4diac FORTE or `dtwin fb run`) in place of the resources of the same names.
+
+    With a system (.sys) in place of the address every device of it is built, each at the address that the system
+    gives it (MGR_ID), and all of them or none.
+    """
 
     address: tyro.conf.Positional[str]
-    """HOST:PORT or unix:FOLDER/PORT of the device management."""
+    """HOST:PORT or unix:FOLDER/PORT of the device management; or a system (.sys), all of whose devices are built."""
     system: Path = SYSTEM
-    """System (.sys) to build."""
+    """System (.sys) to build, if the address is that of one device."""
     device: str = ""
     """Device of the system that shall be built; needed only if the system has several."""
     blocks: Path | None = None
@@ -104,17 +109,55 @@ class FbDeploy:
     the system."""
 
     def execute(self) -> int:
-        library = Library([self.blocks or self.system.parent])
-        plans = _plans(library, with_sequence(library.load_system(self.system), self.sequence))
+        whole = self.address.endswith(".sys")
+        file = Path(self.address) if whole else self.system
+        library = Library([self.blocks or file.parent])
+        system = with_sequence(library.load_system(file), self.sequence)
+        plans = _plans(library, system)
+        for line in system.inserted:
+            print(printable(f"inserted: {line}"))
+        if whole:
+            if self.device:
+                raise ParameterError(f"--device {self.device}: expected an address, as {self.address} is built whole")
+            self._deploy_all(system, plans)
+            return 0
         if self.device not in plans and (self.device or len(plans) != 1):
             valid = choices(plans) if plans else "a system with a device"
             raise ParameterError(f"--device {self.device!r}: expected {valid}")
         with ManagementClient(parse_stream_address(self.address)) as client:
             for plan in plans.get(self.device) or next(iter(plans.values())):
                 deploy(client, plan)
-                requests = f"{len(plan.types)} block types, {len(plan.commands)} requests"
-                print(printable(f"{plan.resource} runs: {requests}"))
+                print(printable(_done(plan)))
         return 0
+
+    def _deploy_all(self, system: model.System, plans: dict[str, list[Deployment]]) -> None:
+        """Builds every device; what was built before one refuses is taken away again."""
+        addresses = {device.name: management_address(device) for device in system.devices}
+        for name, address in addresses.items():
+            if not address:
+                raise ParameterError(f"device {name} says no address: expected its parameter MGR_ID")
+        with ExitStack() as open_clients:
+            clients = {
+                name: open_clients.enter_context(ManagementClient(parse_stream_address(address)))
+                for name, address in addresses.items()
+            }
+            built: list[tuple[ManagementClient, Deployment]] = []
+            try:
+                # the first device starts last, so that it finds the others listening
+                for name, client in reversed(clients.items()):
+                    for plan in plans[name]:
+                        deploy(client, plan)
+                        built.append((client, plan))
+                        print(printable(f"{name} at {client.address}: {_done(plan)}"), flush=True)
+            except DtwinError:
+                for client, plan in built:
+                    remove(client, plan.resource)
+                    print(printable(f"{plan.resource} at {client.address} removed"), flush=True)
+                raise
+
+
+def _done(plan: Deployment) -> str:
+    return f"{plan.resource} runs: {len(plan.types)} block types, {len(plan.commands)} requests"
 
 
 def _files(path: Path) -> list[Path]:

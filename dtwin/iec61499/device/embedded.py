@@ -54,17 +54,25 @@ class EmbeddedDevice:
         """Where SERVER and SUBSCRIBE blocks listen, by dotted name."""
         return {name: address for runner in self._runners for name, address in runner.addresses.items()}
 
-    def load_system(self, system: model.System) -> None:
-        """Creates and starts every resource of a system configuration.
+    def load_system(self, system: model.System, name: str = "") -> None:
+        """Creates and starts the resources of a system configuration.
+
+        Args:
+            system: the system.
+            name: the device of the system that this one is; "" for all of them together.
 
         Raises:
             FunctionBlockError: the system is wrong.
         """
-        for device in system.devices:
+        for device in [device for device in system.devices if name in ("", device.name)]:
             for declared in device.resources:
                 network = resource_network(system, f"{device.name}.{declared.name}")
                 if declared.name in self._resources:
-                    raise FunctionBlockError(f"two resources {declared.name}", system.header.file, declared.line)
+                    raise FunctionBlockError(
+                        f"two resources {declared.name}: expected one device of the system, or all as processes",
+                        system.header.file,
+                        declared.line,
+                    )
                 resource = ManagedResource(declared.name, RESOURCE_TYPE, self._library, self._launch, network)
                 self._resources[declared.name] = resource
                 try:

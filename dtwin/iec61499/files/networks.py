@@ -86,9 +86,11 @@ def _read_subapplication(element: XmlElement, names: Names) -> model.SubApplicat
 
 
 def _read_connections(group: XmlElement) -> tuple[model.Connection, ...]:
+    # 4diac IDE keeps what is left of a connection whose block is gone, and passes over it as here
     return tuple(
-        model.Connection(c.require("Source"), c.require("Destination"), c.get("Comment"), c.line)
+        model.Connection(c.get("Source"), c.get("Destination"), c.get("Comment"), c.line)
         for c in group.children("Connection")
+        if c.get("Source") and c.get("Destination")
     )
 
 

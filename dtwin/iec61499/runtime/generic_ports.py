@@ -87,6 +87,8 @@ class _Groups:
                     )
                 assert isinstance(variable.type, model.GenericType)
                 self._generic[self._group(number, variable)] = variable.type
+                if variable.name in node.types:
+                    self._known[self._group(number, variable)] = node.types[variable.name]
 
     def _group(self, number: int, variable: model.Variable) -> PortGroup:
         own = isinstance(self._nodes[number].type, model.ServiceInterfaceFBType)

@@ -13,6 +13,7 @@ from typing import Final, NoReturn
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
+from dtwin.iec61499.types import DataType
 
 MAXIMUM_DEPTH: Final = 32
 """Most levels of composites and subapplications inside one another."""
@@ -31,6 +32,7 @@ class Node:
     file: str
     line: int
     parameters: dict[str, model.Parameter] = field(default_factory=dict)
+    types: dict[str, DataType] = field(default_factory=dict)
 
     @property
     def is_junction(self) -> bool:
@@ -166,6 +168,8 @@ class _Builder:
         prefix: str,
     ) -> int:
         node = Node(prefix + element.name, found, interface, file, element.line)
+        if isinstance(element, model.Block):
+            node.types.update(element.types)
         inputs = [variable.name for variable in interface.inputs]
         for parameter in element.parameters:
             if parameter.name not in inputs:

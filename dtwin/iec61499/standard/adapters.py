@@ -1,4 +1,4 @@
-"""The adapter types of 4diac FORTE's event library, and the blocks that serve them."""
+"""The adapter types and structures that 4diac FORTE has by itself, and the blocks that serve the adapters."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from typing import Final
 
 from dtwin.iec61499 import model
 from dtwin.iec61499.files.interface import with_adapters
-from dtwin.iec61499.standard.notation import composite, interface
+from dtwin.iec61499.standard.notation import composite, interface, simple
+from dtwin.iec61499.types import STRING, Member, StructType
 
 
 def _timeout(name: str) -> model.AdapterType:
@@ -18,6 +19,12 @@ def _timeout(name: str) -> model.AdapterType:
 
 ADAPTERS: Final = {name: _timeout(name) for name in ("ATimeOut", "ARTimeOut")}
 """Adapter types by name."""
+
+
+STRUCTURES: Final = {
+    "LocalizedText": StructType("LocalizedText", (Member("text", STRING, ""), Member("locale", STRING, ""))),
+}
+"""Structures by name; a LocalizedText is that of OPC UA (part 3, 8.5)."""
 
 
 def _service(name: str, adapter: str, delay: str) -> model.CompositeFBType:
@@ -32,7 +39,17 @@ def _service(name: str, adapter: str, delay: str) -> model.CompositeFBType:
     )
 
 
-FIXED: Final = {
+_TEXT: Final = STRUCTURES["LocalizedText"]
+FIXED: Final[dict[str, model.FBType]] = {
+    "String2LocalizedText": simple(
+        "String2LocalizedText",
+        (model.Variable("locale", STRING), model.Variable("text", STRING)),
+        (model.Variable("RD", _TEXT),),
+        "RD.locale := locale; RD.text := text;",
+    ),
+    "LocalizedText2LocalizedText": simple(
+        "LocalizedText2LocalizedText", (model.Variable("IN", _TEXT),), (model.Variable("OUT", _TEXT),), "OUT := IN;"
+    ),
     "E_TimeOut": _service("E_TimeOut", "ATimeOut", "E_DELAY"),
     "E_RTimeOut": _service("E_RTimeOut", "ARTimeOut", "E_RDELAY"),
 }

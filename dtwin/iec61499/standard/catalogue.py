@@ -8,6 +8,7 @@ from typing import Final
 
 from dtwin.iec61499 import model
 from dtwin.iec61499.standard import adapters, events, function_blocks, functions, services, utilities
+from dtwin.iec61499.types import StructType
 
 _FIXED: Final[dict[str, model.FBType]] = {
     **events.FIXED,
@@ -29,6 +30,11 @@ def standard_names() -> tuple[str, ...]:
 def find_adapter(name: str) -> model.AdapterType | None:
     """The standard adapter type of that name, or None."""
     return adapters.ADAPTERS.get(name)
+
+
+def find_structure(name: str) -> StructType | None:
+    """The standard structure of that name, or None."""
+    return adapters.STRUCTURES.get(name)
 
 
 def find_standard(name: str) -> model.FBType | None:

@@ -81,6 +81,17 @@ def function(name: str, comment: str, data: str, text: str, internals: str = "")
     )
 
 
+def simple(
+    name: str, inputs: tuple[model.Variable, ...], outputs: tuple[model.Variable, ...], text: str
+) -> model.SimpleFBType:
+    """A block that computes on REQ and confirms with CNF, its ports given as variables."""
+    block = function(name, "", "", text)
+    request = model.EventPort("REQ", tuple(variable.name for variable in inputs))
+    confirmation = model.EventPort("CNF", tuple(variable.name for variable in outputs))
+    ports = model.Interface((request,), (confirmation,), inputs, outputs)
+    return model.SimpleFBType(block.header, ports, (), block.states, block.algorithms)
+
+
 def composite(
     name: str, comment: str, ports: model.Interface, blocks: str, events: str, data: str
 ) -> model.CompositeFBType:

@@ -6,7 +6,7 @@ import re
 from typing import Final
 
 from dtwin.iec61499 import model
-from dtwin.iec61499.standard.notation import basic, function, interface
+from dtwin.iec61499.standard.notation import basic, function, interface, simple
 from dtwin.iec61499.types import ELEMENTARY, ArrayType, DataType, StructType
 
 _COPY: Final = re.compile(r"([A-Z]+)2([A-Z]+)")
@@ -28,8 +28,8 @@ def structure_block(name: str, structure: StructType) -> model.SimpleFBType:
     whole = (model.Variable("OUT" if name.startswith("STRUCT_MUX") else "IN", structure),)
     if name.startswith("STRUCT_MUX"):
         text = "".join(f"OUT.{member.name} := {member.name};\n" for member in members)
-        return _simple(name, members, whole, text)
-    return _simple(name, whole, members, "".join(f"{member.name} := IN.{member.name};\n" for member in members))
+        return simple(name, members, whole, text)
+    return simple(name, whole, members, "".join(f"{member.name} := IN.{member.name};\n" for member in members))
 
 
 def _copy(name: str) -> model.SimpleFBType | None:
@@ -47,25 +47,15 @@ def _array(name: str) -> model.SimpleFBType | None:
     array: DataType = ArrayType(element, 0, count - 1)
     places = range(1, count + 1)
     if kind == "ARRAY2ARRAY":
-        return _simple(name, (model.Variable("IN", array),), (model.Variable("OUT", array),), "OUT := IN;")
+        return simple(name, (model.Variable("IN", array),), (model.Variable("OUT", array),), "OUT := IN;")
     if kind == "ARRAY2VALUES":
         outputs = tuple(model.Variable(f"OUT_{i}", element) for i in places)
         text = "".join(f"OUT_{i} := IN[{i - 1}];\n" for i in places)
-        return _simple(name, (model.Variable("IN", array),), outputs, text)
+        return simple(name, (model.Variable("IN", array),), outputs, text)
     inputs = tuple(model.Variable(f"IN_{i}", element) for i in places)
-    return _simple(
+    return simple(
         name, inputs, (model.Variable("OUT", array),), "".join(f"OUT[{i - 1}] := IN_{i};\n" for i in places)
     )
-
-
-def _simple(
-    name: str, inputs: tuple[model.Variable, ...], outputs: tuple[model.Variable, ...], text: str
-) -> model.SimpleFBType:
-    block = function(name, "", "", text)
-    request = model.EventPort("REQ", tuple(variable.name for variable in inputs))
-    confirmation = model.EventPort("CNF", tuple(variable.name for variable in outputs))
-    ports = model.Interface((request,), (confirmation,), inputs, outputs)
-    return model.SimpleFBType(block.header, ports, (), block.states, block.algorithms)
 
 
 def _selection(name: str) -> model.BasicFBType | None:

@@ -98,11 +98,10 @@ def test_systems_that_are_wrong(write: Write, old: str, new: str, message: str) 
         assert caught.value.line == line_of(new, path)
 
 
-def test_connections_stay_on_a_resource(write: Write) -> None:
-    path = write("test.sys", SYSTEM, ('To="FORTE_PC.RES"', 'To="FORTE_PC.OTHER"'))
-    system = Library().load_system(path)
+def test_connections_to_blocks_without_a_place_are_refused(write: Write) -> None:
+    path = write("test.sys", SYSTEM, ('<Mapping From="APP.COUNT" To="FORTE_PC.RES"/>', ""))
     with pytest.raises(FunctionBlockError, match=r"of application APP leaves resource FORTE_PC\.RES") as caught:
-        resource_network(system, "RES")
+        resource_network(Library().load_system(path), "RES")
     assert caught.value.line == line_of('"COUNT.CUO"', path)
 
 

@@ -157,7 +157,7 @@ END_ALGORITHM
         ("x := T#5;", "f.fbt:3:10: 'T#5' is not a TIME: expected a duration such as T#10ms or T#1h30m"),
         ("x := 1.0e999;", "f.fbt:3:10: 1.0e999 is beyond the range of LREAL"),
         ("END_IF;", "f.fbt:3:5: unexpected 'END_IF'"),
-        ("IF a THEN x := 1; END_IF", "expected ;"),
+        ("IF a THEN x := 1;", "unexpected end of text"),
         ("x := (* open", "comment is not closed: expected *)"),
         ("then := 1;", "f.fbt:3:5: unexpected 'then'"),
     ],
