@@ -80,6 +80,8 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "gains set": Subcommand("live.settings", "GainsSet", "set gains of the running controller"),
         "model set": Subcommand("live.settings", "ModelSet", "set the arm model of the running controller"),
         "target set": Subcommand("live.settings", "TargetSet", "set how long the motions take"),
+        "console": Subcommand("live.console", "ConsoleCommandLine", "show a cell to its operators on a web page"),
+        "console user": Subcommand("live.console", "ConsoleUser", "let somebody log in at consoles"),
         "stop": Subcommand("live.stop", "StopCommand", "let the function blocks stop the arm"),
         "release": Subcommand("live.stop", "ReleaseCommand", "let a stopped arm move again"),
         "bench start": Subcommand("live.bench", "BenchStart", "time the start of a cell with all services"),

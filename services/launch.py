@@ -37,7 +37,7 @@ from dtwin.run.loop import tick_count
 from dtwin.run.options import ArmOptions, ControlOptions, PlantOptions
 from dtwin.run.settings import CellSettings, metadata, sequence_name
 from dtwin.simulation.history import HISTORY
-from dtwin.view.viewer import Ports, Viewer, free_ports
+from dtwin.view.viewer import LOOPBACK, Ports, Viewer, free_ports
 from services import runfile
 from services.parts.fence import fence_warning
 from services.parts.journal import carry_over
@@ -47,6 +47,8 @@ from services.runfile import OPERATOR, RunFile
 from services.service import current_processor, free_port
 from services.supervisor import Program, Supervisor
 
+AUDIT: Final = Path("console-audit.jsonl")
+"""Default file of the commands that are given at the console, in the working directory."""
 MANAGEMENT: Final = 61499
 """Port of device management, here the name of a socket."""
 READY_TIMEOUT: Final = 120.0
@@ -87,6 +89,8 @@ class CellOptions(PlantOptions, ControlOptions):
     """Start the simulation service too, which checks, uploads and watches new settings (dtwin upload, gains set)."""
     history: Path = HISTORY
     """History of the settings that the simulation service keeps."""
+    console: bool = False
+    """Start the operators' console too: a web page of the cell on this machine, whose address is printed."""
     cell: str = "cell"
     """Name of the cell, first in the keys."""
     arm: str = "arm"
@@ -144,8 +148,15 @@ class CellOptions(PlantOptions, ControlOptions):
         session = open_configured(self.zenoh, OPERATOR) if self.zenoh else open_peer(meet)
         return Bus(session, self.cell, self.arm, key)
 
-    def programs(self, meet: str, file: Path, ports: Ports) -> list[Program]:
-        """The services in the order to be started; each waits for those it needs."""
+    def programs(self, meet: str, file: Path, ports: Ports, console: int) -> list[Program]:
+        """The services in the order to be started; each waits for those it needs.
+
+        Args:
+            meet: where the peers of this machine meet.
+            file: run file of the cell.
+            ports: ports of the viewer.
+            console: port of the console.
+        """
         link = ["--cell", self.cell, "--arm", self.arm]
         link += ["--zenoh", str(self.zenoh.resolve())] if self.zenoh else ["--meet", meet]
         turns = self._turns()
@@ -177,6 +188,8 @@ class CellOptions(PlantOptions, ControlOptions):
             programs.append(_service("monitoring", [*link, *arm, *stop]))
         if self.simulation:
             programs.append(_service("simulation", [*link, "--history", str(self.history.resolve())]))
+        if self.console:
+            programs.append(_service("console", [*link, *self._console_options(ports, console)]))
         programs.append(_service("emulator", [*link, *emulator, "--wait-for", "bridge"], leading=True))
         return programs
 
@@ -216,6 +229,11 @@ class CellOptions(PlantOptions, ControlOptions):
     def marked(self) -> Path | None:
         """The file beside which recorders leave marks for those that follow them."""
         return self.log or self.record
+
+    def _console_options(self, ports: Ports, port: int) -> list[str]:
+        options = ["--port", str(port), "--store", str(self.store.resolve())]
+        options += ["--history", str(self.history.resolve()), "--audit", str(AUDIT.resolve())]
+        return [*options, "--viewer", ports.page_url] if self.viewer == "web" else options
 
     def _recorder_options(self, ports: Ports) -> list[str]:
         notes = msgspec.json.encode(metadata(self.settings())).decode()
@@ -287,12 +305,19 @@ def launched(options: CellOptions) -> Iterator[Launched]:
         state.unlink(missing_ok=True)
         if options.marked is not None:
             discard_parts(options.marked)
-        ports = free_ports()
-        supervisor = Supervisor(bus, options.programs(meet, file.path, ports), key)
+        ports, console = free_ports(), free_port()
+        supervisor = Supervisor(bus, options.programs(meet, file.path, ports, console), key)
         zenoh = None if options.zenoh is None else str(options.zenoh.resolve())
         page = ports.page_url if options.viewer == "web" else ""
         up = runfile.Up(
-            os.getpid(), options.arm, meet, zenoh, options.management(file.path), page=page, warning=warning
+            os.getpid(),
+            options.arm,
+            meet,
+            zenoh,
+            options.management(file.path),
+            page=page,
+            console=f"http://{LOOPBACK}:{console}/" if options.console else "",
+            warning=warning,
         )
         file.write(up)
         stop = threading.Event()

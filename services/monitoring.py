@@ -29,7 +29,7 @@ from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.signals import MONITOR, Event, Sensors, Voltages
-from services.demands import Demands
+from services.parts.demands import Demands
 from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)

@@ -22,7 +22,8 @@ OPERATOR: Final = "operator"
 
 class Up(msgspec.Struct, frozen=True):
     """A cell that is up: its supervisor's process, how to join its bus, where its controller is managed, whether all
-    services were ready, the page that shows it, if any, and what its user was warned of, if anything."""
+    services were ready, the page that shows it, if any, the page of its operators, if any, and what its user was
+    warned of, if anything."""
 
     pid: int
     arm: str
@@ -31,6 +32,7 @@ class Up(msgspec.Struct, frozen=True):
     controller: str
     ready: bool = False
     page: str = ""
+    console: str = ""
     warning: str = ""
 
 
@@ -124,14 +126,19 @@ def _lock(file: IO[str]) -> bool:
     return True
 
 
-def join(cell: str, zenoh: Path | None = None) -> Bus:
+def join(cell: str, zenoh: Path | None = None, name: str = OPERATOR) -> Bus:
     """The bus of a cell: as a configuration file says, or of one that is up on this machine.
+
+    Args:
+        cell: name of the cell.
+        zenoh: Zenoh configuration file, or a folder with one for each name; None for a cell on this machine.
+        name: name of the configuration file in such a folder.
 
     Raises:
         CommunicationError: it is not up, or its bus cannot be joined.
     """
     if zenoh is not None:
-        return Bus(open_configured(zenoh, OPERATOR), cell)
+        return Bus(open_configured(zenoh, name), cell)
     up = require(cell)
-    session = open_configured(Path(up.zenoh), OPERATOR) if up.zenoh else open_peer(up.meet)
+    session = open_configured(Path(up.zenoh), name) if up.zenoh else open_peer(up.meet)
     return Bus(session, cell, up.arm)

@@ -1,1 +1,1 @@
-"""The operator's seat: what a cell and its twin do, on one page."""
+"""The operator's console: a web page of one cell, its displays, its commands, and who may give them."""

@@ -16,7 +16,7 @@ from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.errors import CommunicationError
 from dtwin.monitoring.verdict import Finding
 from dtwin.signals import Event, Sensors
-from services.demands import Demands
+from services.parts.demands import Demands
 from services.runfile import join
 from tests.support.bus import noting
 from tests.support.desk import Desk, boxes, new_desk

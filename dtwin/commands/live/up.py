@@ -160,4 +160,5 @@ def _warn(up: runfile.Up) -> None:
 def _addresses(up: runfile.Up) -> list[str]:
     """Lines that tell where the controller is managed, and where the cell is shown, if it is."""
     lines = [f"the controller's device management is at {up.controller}"]
-    return [*lines, f"the cell is shown at {up.page}"] if up.page else lines
+    lines += [f"the cell is shown at {up.page}"] if up.page else []
+    return [*lines, f"its operators' console is at {up.console}"] if up.console else lines

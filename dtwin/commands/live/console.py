@@ -1,0 +1,61 @@
+"""`dtwin console`: the operator's page of a cell that is up, and those who may use it."""
+
+from __future__ import annotations
+
+import getpass
+import sys
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from services.console import NAME, ConsoleOptions
+from services.runfile import find, join
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConsoleCommandLine(ConsoleOptions):
+    """Show a running cell to its operators on a web page, until Ctrl-C."""
+
+    cell: str = "cell"
+    """Name of the cell."""
+    arm: str = "arm"
+    """Name of the arm, for a cell on another machine."""
+    zenoh: Path | None = None
+    """Zenoh configuration file, for a cell on another machine."""
+
+    def execute(self) -> int:
+        up = find(self.cell) if self.zenoh is None else None
+        arm = self.arm if up is None else up.arm
+        with join(self.cell, self.zenoh, NAME) as bus, self.serving(bus, self.cell, arm) as web:
+            bus.announce(NAME)
+            print(f"the console of cell {self.cell!r} is at {web.address}; Ctrl-C ends it", flush=True)
+            threading.Event().wait()
+        return 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConsoleUser:
+    """Let somebody log in at consoles, or give them another role and password, which is asked for.
+
+    The password is read from standard input when that is no terminal.
+    """
+
+    name: tyro.conf.Positional[str]
+    """Name that the person logs in with."""
+    role: str = "viewer"
+    """viewer (watches), operator (also stops, releases, identifies) or engineer (also changes settings)."""
+    users: Path = Path("console-users.json")
+    """File of those who may log in."""
+
+    def execute(self) -> int:
+        from dtwin.console.users import Users
+
+        if sys.stdin.isatty():
+            password = getpass.getpass(f"password of {self.name}: ")
+        else:
+            password = sys.stdin.readline().rstrip("\n")
+        Users(self.users).set(self.name, self.role, password)
+        print(f"{self.name} may log in as {self.role}")
+        return 0

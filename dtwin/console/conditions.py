@@ -1,0 +1,86 @@
+"""What is abnormal in a cell, and what its arm does, from what its services say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Final
+
+from dtwin.bus.twin_messages import IdentificationState, MonitoringVerdict, Upload
+from dtwin.console.telling import Condition, Health
+from dtwin.signals import Stop
+
+STALE: Final = 1.0
+"""Age from which on a value counts as stale, s."""
+GOOD: Final = frozenset({"running", "waiting", "starting", "stopped"})
+"""States of a service that are no condition of their own; a stop has one already."""
+_MEANING: Final[Mapping[Stop, str]] = {
+    "none": "",
+    "braking": "the arm brakes for a stop",
+    "standstill": "the arm is stopped and held where it is",
+    "torque off": "the arm is stopped, its motors have no voltage",
+}
+
+
+def conditions(
+    services: Mapping[str, Health],
+    stop: Stop,
+    verdict: MonitoringVerdict | None,
+    settings: Upload | None,
+    age: float | None,
+) -> tuple[Condition, ...]:
+    """The abnormal conditions of a cell, the severe ones first.
+
+    Args:
+        services: health of the services by name.
+        stop: safe stop in force.
+        verdict: last word of the monitor.
+        settings: settings in force.
+        age: time since the last sample, s; None before the first one.
+    """
+    return tuple(sorted(_found(services, stop, verdict, settings, age), key=lambda found: not found.severe))
+
+
+def _found(
+    services: Mapping[str, Health],
+    stop: Stop,
+    verdict: MonitoringVerdict | None,
+    settings: Upload | None,
+    age: float | None,
+) -> Iterator[Condition]:
+    if age is None or age > STALE:
+        yield Condition("stale", "stale", "no samples of the arm arrive", True)
+    if stop != "none":
+        yield Condition("stop", "stop", _MEANING[stop], True)
+    for name, health in services.items():
+        if health.state not in GOOD:
+            reason = f": {health.reason}" if health.reason else ""
+            yield Condition(f"service {name}", "service", f"{name} is {health.state}{reason}", True)
+    for name, unit in ({} if verdict is None else verdict.units).items():
+        if unit.state != "nominal":
+            text = f"{name} {unit.state}" + (f": {unit.text}" if unit.text else "")
+            yield Condition(f"finding {name}", "finding", text, unit.state == "failed")
+    if settings is not None and settings.on_trial:
+        yield Condition("trial", "trial", f"version {settings.version} of the settings is on trial")
+
+
+def doing(
+    stop: Stop, states: Iterable[str], identification: IdentificationState | None, held: str, waiting: str
+) -> str:
+    """What the arm does, in one line.
+
+    Args:
+        stop: safe stop in force.
+        states: states of the services.
+        identification: state of the identification.
+        held: colour of the box in the gripper, "" for none.
+        waiting: colour of the box that waits, "" for none.
+    """
+    if stop != "none":
+        return _MEANING[stop]
+    if "safe" in states:
+        return "the arm has no voltage: commands stay away"
+    if identification is not None and identification.phase == "measuring" and identification.samples:
+        return f"{identification.text}: {identification.samples} of {identification.of}"
+    if held:
+        return f"carries a {held} box to its place"
+    return f"fetches a {waiting} box" if waiting else "waits for a box"

@@ -1,0 +1,270 @@
+"""Gathers what a cell says on its bus, for everybody who looks at it; one hub serves all pages."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final, TypeVar
+
+import msgspec
+
+from dtwin.bus.following import Following
+from dtwin.bus.messages import (
+    ACTED,
+    EVENTS,
+    IDENTIFICATION,
+    IDENTIFY,
+    MONITORING,
+    PATH,
+    RESIDUALS,
+    SENSORS,
+    STATUS,
+    STOP,
+    SUMMARY,
+    UPLOAD,
+    VOLTAGES,
+    Acted,
+    Path,
+    Status,
+    StopState,
+    Summary,
+    Topic,
+)
+from dtwin.bus.session import Bus, Subscription
+from dtwin.bus.twin_messages import IdentificationState, MonitoringResiduals, MonitoringVerdict, Upload
+from dtwin.console.conditions import conditions, doing
+from dtwin.console.telling import CellState, Frame, Health
+from dtwin.errors import CommunicationError
+from dtwin.signals import Event, EventKind, Sensors, Stop, Voltages
+
+log = logging.getLogger(__name__)
+
+ASKING: Final = 1.0
+"""Time between two rounds of questions, s."""
+PATIENCE: Final = 1.0
+"""Longest wait for one answer, s."""
+SILENT: Final = 3.0
+"""Time without a word of a service after which its last word does not count any more, s."""
+EVENTS_KEPT: Final = 60
+"""Number of the last events that pages are told."""
+M = TypeVar("M", bound=msgspec.Struct)
+
+
+@dataclass(frozen=True)
+class Clocks:
+    """The clocks of a console.
+
+    Attributes:
+        steady: gives a time that only grows, s.
+        wall: gives the time since 1970, s.
+    """
+
+    steady: Callable[[], float]
+    wall: Callable[[], float]
+
+
+class Hub:
+    """The last word of everybody in a cell.
+
+    What comes over the bus is put into attributes by Zenoh's threads; each is replaced as a whole, so a reader sees
+    the old or the new one.
+
+    Args:
+        bus: session on which the hub listens and asks.
+        cell: name of the cell.
+        arm: name of the arm.
+        clocks: clocks of the console.
+    """
+
+    def __init__(self, bus: Bus, cell: str, arm: str, clocks: Clocks) -> None:
+        self._bus = bus
+        self._names = (cell, arm)
+        self._clocks = clocks
+        self._sensors: Sensors | None = None
+        self._heard = (0.0, 0.0)
+        self._acted: Voltages | Acted | None = None
+        self._path: Path | None = None
+        self._residuals: MonitoringResiduals | None = None
+        self._last: dict[type, Any] = {}
+        self._statuses: dict[str, tuple[float, Status]] = {}
+        self._here: dict[str, bool] = {}
+        self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
+        self._stop: Stop = "none"
+        self._ask_stop = True
+        self._colours = ("", "")
+        self._followed: Subscription | None = None
+        self._over = threading.Event()
+        self._news = threading.Event()
+        self._asking = threading.Thread(target=self._ask_all, name="ask", daemon=True)
+
+    def listen(self) -> None:
+        """Subscribes to all that is shown, and begins to ask for what is not published."""
+        bus = self._bus
+        bus.subscribe(SENSORS, Sensors, Following(self._take_sensors, bus.refuse))
+        bus.subscribe(VOLTAGES, Voltages, self._take_acted)
+        bus.subscribe(ACTED, Acted, self._take_acted)
+        bus.subscribe(RESIDUALS, MonitoringResiduals, self._take_residuals)
+        bus.subscribe(MONITORING, MonitoringVerdict, self._take_last)
+        bus.subscribe(IDENTIFICATION, IdentificationState, self._take_last)
+        bus.subscribe(EVENTS, Event, self._take_event)
+        bus.subscribe(STATUS, Status, self._take_status)
+        bus.watch_alive(self._take_token)
+        self._asking.start()
+
+    def close(self) -> None:
+        """Ends the questions."""
+        self._over.set()
+        self._news.set()
+        self._asking.join()
+
+    def follow_path(self, wanted: bool) -> None:
+        """Has the path sent or not; it costs the bridge a look at the controller in every tick."""
+        if wanted and self._followed is None:
+            self._followed = self._bus.subscribe(PATH, Path, self._take_path)
+        elif not wanted and self._followed is not None:
+            self._followed.end()
+            self._followed = self._path = None
+
+    def ask_again(self) -> None:
+        """Asks at once for what may have changed by a command."""
+        self._ask_stop = True
+        self._news.set()
+
+    @property
+    def age(self) -> float | None:
+        """Time since the last sample arrived, s; None before the first one."""
+        return None if self._sensors is None else self._clocks.steady() - self._heard[0]
+
+    def frame(self) -> Frame:
+        """The arm as it was last heard of."""
+        sensors, acted, path, residuals = self._sensors, self._acted, self._path, self._residuals
+        if sensors is None:
+            return Frame()
+        watched = residuals if residuals is not None and sensors.time - residuals.time < SILENT else None
+        return Frame(
+            sensors.time,
+            round(max(0.0, self._clocks.steady() - self._heard[0]), 3),
+            round(1e3 * self._heard[1], 1),
+            sensors.theta,
+            None if path is None else path.theta,
+            None if acted is None else acted.volts,
+            sensors.gripper,
+            acted is not None and acted.box_gripped,
+            sensors.box_colour if sensors.box_present else "",
+            None if watched is None else watched.predicted,
+            None if watched is None else watched.deviation,
+            None if watched is None else watched.evidence,
+            None if watched is None else watched.threshold,
+        )
+
+    def state(self) -> CellState:
+        """All that changes seldom."""
+        services = self._services()
+        summary = self._last.get(Summary) or Summary({})
+        verdict = self._of("monitoring", MonitoringVerdict)
+        identification = self._of("identification", IdentificationState)
+        settings = self._of("simulation", Upload)
+        states = [health.state for health in services.values()]
+        held = self._colours[1] if self._acted is not None and self._acted.box_gripped else ""
+        waiting = self._colours[0]
+        return CellState(
+            *self._names,
+            doing=doing(self._stop, states, identification, held, waiting),
+            stop=self._stop,
+            services=services,
+            ticks=summary.ticks,
+            late_ticks=summary.late_ticks,
+            real_time_factor=summary.real_time_factor,
+            latency_ms=summary.latency_ms,
+            boxes=summary.boxes,
+            verdict=verdict,
+            identification=identification,
+            settings=settings,
+            events=tuple(self._events),
+            conditions=conditions(services, self._stop, verdict, settings, self.age),
+        )
+
+    def is_here(self, service: str) -> bool:
+        """Whether the token of a service is there."""
+        return self._here.get(service, False)
+
+    def _of(self, service: str, message: type[M]) -> M | None:
+        """The last message of a service, as long as the service is there."""
+        found: M | None = self._last.get(message) if self.is_here(service) else None
+        return found
+
+    def _services(self) -> dict[str, Health]:
+        now = self._clocks.steady()
+        found = {}
+        summary: Summary | None = self._last.get(Summary)
+        for name, service in ({} if summary is None else summary.services).items():
+            found[name] = Health(
+                service.state, service.last_error, round(service.rate_hz, 1), service.restarts, self.is_here(name)
+            )
+        for name, (heard, status) in list(self._statuses.items()):
+            if name not in found:
+                state = status.state if self.is_here(name) and now - heard < SILENT else "gone"
+                found[name] = Health(state, status.last_error, round(status.rate_hz, 1), 0, self.is_here(name))
+        return dict(sorted(found.items()))
+
+    def _take_sensors(self, sensors: Sensors) -> None:
+        self._sensors, self._heard = sensors, (self._clocks.steady(), self._clocks.wall())
+        waiting, held = self._colours
+        if self._acted is None or not self._acted.box_gripped:
+            held = waiting  # A box is held from the tick on in which it no longer waits.
+        waiting = sensors.box_colour if sensors.box_present else ""
+        self._colours = (waiting, held or waiting)
+
+    def _take_acted(self, acted: Voltages | Acted) -> None:
+        self._acted = acted
+
+    def _take_path(self, path: Path) -> None:
+        self._path = path
+
+    def _take_residuals(self, residuals: MonitoringResiduals) -> None:
+        self._residuals = residuals
+
+    def _take_last(self, message: msgspec.Struct) -> None:
+        self._last[type(message)] = message
+
+    def _take_event(self, event: Event) -> None:
+        self._events.append(event)
+        if event.kind in (EventKind.STOP, EventKind.UPLOAD, EventKind.CONFIRM, EventKind.ROLL_BACK):
+            self.ask_again()
+
+    def _take_status(self, status: Status) -> None:
+        self._statuses[status.service] = (self._clocks.steady(), status)
+
+    def _take_token(self, service: str, alive: bool) -> None:
+        self._here[service] = alive
+        self.ask_again()
+
+    def _ask_all(self) -> None:
+        while not self._over.is_set():
+            self._ask(SUMMARY, Summary)
+            if self.is_here("simulation"):
+                self._ask(UPLOAD, Upload)
+            if self.is_here("identification") and IdentificationState not in self._last:
+                self._ask(IDENTIFY, IdentificationState)
+            # The blocks are looked at only when there is a reason, since that costs the bridge time.
+            if self.is_here("bridge") and (self._ask_stop or self._stop != "none"):
+                self._ask_stop = False
+                if (answer := self._ask(STOP, StopState)) is not None:
+                    self._stop = answer.stop
+                else:
+                    self._ask_stop = True
+            self._news.wait(ASKING)
+            self._news.clear()
+
+    def _ask(self, topic: Topic, reply: type[M]) -> M | None:
+        """The answer of a topic without a message, remembered; None without one."""
+        try:
+            answer = self._bus.ask(topic, None, reply, PATIENCE)
+        except CommunicationError as error:
+            log.debug("%s", error)
+            return None
+        self._last[reply] = answer
+        return answer

@@ -1,0 +1,95 @@
+// Level 1: the cell at a glance.
+import { el, figures, number, panel, rebuild, short, table } from "../dom.js";
+import { commandButton } from "../command.js";
+import { drawArm } from "../arm.js";
+import { drawIndicators } from "../indicator.js";
+import { drawTrend } from "../trend.js";
+import { store } from "../store.js";
+
+const LIMIT = 8;
+const FAR = 100;
+
+export function makeOverview() {
+  const arm = el("canvas", { class: "arm", role: "img", "aria-label": "The arm from the side, drawn from its angles" });
+  const scene = el("div", {}, arm);
+  const indicators = [1, 2, 3].map((joint) =>
+    el("canvas", { class: "indicator", role: "img", "aria-label": `Joint ${joint}: angle, distance from the path, voltage` }));
+  const values = [1, 2, 3].map(() => el("span", { class: "value" }));
+  const trend = el("canvas", { class: "trend low", role: "img", "aria-label": "Distance of the joints from their path, last minute" });
+  const figure = el("div", { class: "value" });
+  const boxes = el("div");
+  const services = el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Services" });
+  const events = el("div", { class: "scroll short", tabindex: "0", role: "region", "aria-label": "Last events" });
+  const stop = commandButton({ name: "stop", title: "Stop the arm", confirm: "The arm brakes and is held until it is released. This is no emergency stop." });
+  const release = commandButton({ name: "release", title: "Release the arm", confirm: "The arm moves again, from where it is to where it was going." });
+  const node = el(
+    "div", { class: "grid" },
+    panel("The arm", "w4", scene, el("div", { class: "row" }, stop.node, release.node)),
+    panel("Joints", "w5",
+      el("div", { class: "joints" }, ...[0, 1, 2].map((k) => el("div", {}, el("h3", {}, `Joint ${k + 1}`), indicators[k], values[k]))),
+      trend,
+      el("p", { class: "legend" }, "▷ target of the path; ◀ measured; grey: normal band; thick line: limit")),
+    panel("Work", "w3", figure, el("h3", {}, "Boxes"), boxes),
+    panel("Services", "w7", services),
+    panel("Last events", "w5", events),
+  );
+  let viewer = null;
+
+  function state() {
+    stop.refresh();
+    release.refresh();
+    const now = store.state;
+    if (!viewer && store.session?.viewer && webgl()) {
+      viewer = el("iframe", { class: "viewer", title: "The arm in 3D", src: store.session.viewer });
+      scene.prepend(viewer);
+    }
+    if (!now) return;
+    const latency = now.latency_ms;
+    rebuild(figure, [now.ticks, now.late_ticks, now.real_time_factor, latency, Math.round(store.latency ?? 0)], () => figures([
+      ["Real-time factor", short(now.real_time_factor, 3)],
+      ["Sample to command", latency ? `${number(latency.p50, 2)} ms, 99 %: ${number(latency.p99, 2)} ms` : "–"],
+      ["Late ticks", `${now.late_ticks} of ${now.ticks}`],
+      ["Sample to pixels", store.latency == null ? "–" : `${Math.round(store.latency)} ms`],
+    ]));
+    rebuild(boxes, now.boxes, () => now.boxes && figures([
+      ["Delivered", now.boxes.delivered], ["Picked", now.boxes.picked], ["Arrived", now.boxes.arrived],
+      ["Misplaced", now.boxes.misplaced], ["Turned away", now.boxes.dropped_arrivals], ["Held", now.boxes.held],
+    ]));
+    rebuild(services, now.services, () => table("What each service says of itself", ["Service", "State", "Rate, 1/s", "Restarts", "Reason"],
+      Object.entries(now.services).map(([name, health]) => [name, mark(health.state), short(health.rate_hz, 4), String(health.restarts || ""), health.reason]), [2, 3]));
+    rebuild(events, now.events.slice(-20), () => table("Plant time, newest first", ["s", "Kind", "What"],
+      now.events.slice(-20).reverse().map((event) => [number(event.time, 2), event.kind.replaceAll("_", " "), event.text]), [0]));
+  }
+
+  function draw() {
+    const frame = store.frame;
+    drawArm(arm, frame);
+    const expected = store.state?.settings?.predicted;
+    indicators.forEach((canvas, k) => {
+      const error = frame?.theta && frame.path ? 1000 * (frame.theta[k] - frame.path[k]) : null;
+      const bound = expected ? 1500 * expected[k] + 10 : null;
+      drawIndicators(canvas, [
+        { unit: "rad", low: -Math.PI * 1.2, high: Math.PI * 1.2, value: frame?.theta?.[k], target: frame?.path?.[k], digits: 3 },
+        { unit: "mrad off", low: -FAR * 1.2, high: FAR * 1.2, value: error == null ? null : error + 0, band: bound ? [-bound, bound] : [-30, 30], limits: [-FAR, FAR], digits: 1 },
+        { unit: "V", low: -9, high: 9, value: frame?.volts?.[k], limits: [-LIMIT, LIMIT], digits: 2 },
+      ]);
+      values[k].textContent = frame?.theta ? `${number(frame.theta[k], 2)} rad` : "no value";
+    });
+    drawTrend(trend, store.trends, {
+      title: "Off the path, joints 1 —, 2 – –, 3 · ·", unit: "mrad", least: 30,
+      lines: [1, 2, 3].map((joint, k) => ({ of: (v) => 1000 * (v(`theta_${joint}`) - v(`path_${joint}`)), dash: k })),
+    });
+  }
+  return { node, state, draw };
+}
+
+const GOOD = ["running", "waiting"];
+const mark = (state) => (GOOD.includes(state) ? state : el("span", { class: "tag warn" }, `△ ${state}`));
+
+function webgl() {
+  try {
+    return Boolean(document.createElement("canvas").getContext("webgl2"));
+  } catch {
+    return false;
+  }
+}

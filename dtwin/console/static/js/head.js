@@ -1,0 +1,69 @@
+// The head of every display: cell, whether it is live, the desk, the theme; and the line of what is abnormal.
+import { el, rebuild, setText } from "./dom.js";
+import { post } from "./api.js";
+import { store } from "./store.js";
+import { forgetPalette } from "./canvas.js";
+
+const THEMES = ["light", "dark"];
+
+export function makeHead(node) {
+  const title = el("h1", {}, "Cell console");
+  const live = el("span", { class: "tag", id: "live", role: "status" });
+  const doing = el("span", { id: "doing", class: "grow" });
+  const desk = el("span", { id: "desk" });
+  const answer = el("span", { role: "status" });
+  const occupy = el("button", { type: "button", id: "occupy" });
+  occupy.addEventListener("click", async () => {
+    const result = await post(`/api/desk/${store.you?.yours ? "leave" : "occupy"}`);
+    setText(answer, result.done ? "" : `✕ ${result.text}`);
+  });
+  const theme = el("button", { type: "button", id: "theme" });
+  theme.addEventListener("click", () => setTheme(THEMES[1 - THEMES.indexOf(document.documentElement.dataset.theme)]));
+  const logout = el("button", { type: "button", hidden: true }, "Log out");
+  logout.addEventListener("click", async () => {
+    await post("/api/logout");
+    location.assign("/login");
+  });
+  node.replaceChildren(title, live, doing, desk, occupy, answer, theme, logout);
+
+  function setTheme(name) {
+    document.documentElement.dataset.theme = name;
+    localStorage.setItem("theme", name);
+    setText(theme, name === "dark" ? "Light" : "Dark");
+    theme.setAttribute("aria-label", `Change to the ${name === "dark" ? "light" : "dark"} theme`);
+    forgetPalette();
+    store.tell("frame");
+  }
+  const dark = matchMedia("(prefers-color-scheme: dark)").matches;
+  setTheme(localStorage.getItem("theme") ?? (dark ? "dark" : "light"));
+
+  return function refresh() {
+    const state = store.state;
+    setText(title, state ? `${state.cell} / ${state.arm}` : "Cell console");
+    document.title = state ? `${state.cell}: console` : "Cell console";
+    const [words, kind] = liveness();
+    setText(live, words);
+    live.className = `tag ${kind}`;
+    setText(doing, state ? `The arm: ${state.doing}` : "");
+    const you = store.you;
+    setText(desk, you ? `Desk: ${you.yours ? "yours" : you.desk || "free"}; ${you.user}, ${you.role}` : "");
+    setText(occupy, you?.yours ? "Leave the desk" : "Occupy the desk");
+    logout.hidden = !store.session?.login;
+  };
+}
+
+function liveness() {
+  if (store.past) return ["◷ not live: the past", "warn"];
+  if (!store.connected) return ["✕ no connection to the console", "severe"];
+  if (store.stale) return [`▲ stale: ${Number.isFinite(store.age) ? `last sample ${store.age.toFixed(0)} s ago` : "no sample yet"}`, "severe"];
+  return ["● live", ""];
+}
+
+export function refreshAlarmLine(node) {
+  const found = store.connected || store.past ? (store.state?.conditions ?? []) : [{ text: "the page has lost the console; it comes back by itself", severe: true, key: "lost" }];
+  rebuild(node, found, () =>
+    found.length
+      ? found.slice(0, 4).map((each) => el("span", { class: `tag ${each.severe ? "severe" : "warn"}` }, `${each.severe ? "▲" : "△"} ${each.text}`))
+        .concat(found.length > 4 ? [el("span", {}, `and ${found.length - 4} more`)] : [])
+      : [el("span", { class: "quiet" }, "nothing abnormal")]);
+}

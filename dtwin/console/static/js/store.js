@@ -1,0 +1,113 @@
+// What the page knows: the last frame, the state of the cell, the own session, and a minute of trends of fixed size.
+
+const ROWS = 1400;
+const LATENCIES = 200;
+export const SPAN = 60;
+export const COLUMNS = [
+  "time", "theta_1", "theta_2", "theta_3", "path_1", "path_2", "path_3", "predicted_1", "predicted_2", "predicted_3",
+  "deviation_1", "deviation_2", "deviation_3", "volts_1", "volts_2", "volts_3", "evidence", "threshold",
+];
+
+/** Rows of numbers, of which the newest take the place of the oldest. */
+export class Trends {
+  constructor() {
+    this.data = new Float64Array(ROWS * COLUMNS.length);
+    this.first = 0;
+    this.length = 0;
+  }
+  clear() { this.first = this.length = 0; }
+  value(row, column) {
+    return this.data[((this.first + row) % ROWS) * COLUMNS.length + column];
+  }
+  get last() { return this.length ? this.value(this.length - 1, 0) : NaN; }
+  add(values) {
+    if (this.length && values[0] < this.last) this.clear();
+    if (this.length && values[0] === this.last) return;
+    const place = (this.first + this.length) % ROWS;
+    this.data.set(values, place * COLUMNS.length);
+    if (this.length < ROWS) this.length += 1;
+    else this.first = (this.first + 1) % ROWS;
+  }
+}
+
+const none = [NaN, NaN, NaN];
+const or = (value) => (value == null ? NaN : value);
+const rowOf = (frame) => [
+  frame.time, ...frame.theta, ...(frame.path ?? none), ...(frame.predicted ?? none), ...(frame.deviation ?? none),
+  ...(frame.volts ?? none).slice(0, 3), or(frame.evidence), or(frame.threshold),
+];
+
+class Store extends EventTarget {
+  constructor() {
+    super();
+    this.live = { frame: null, state: null, trends: new Trends() };
+    this.past = null;
+    this.session = null;
+    this.you = null;
+    this.connected = false;
+    this.received = 0;
+    this.latencies = new Float32Array(LATENCIES);
+    this.measured = 0;
+  }
+  /** What displays show: the past while it is looked at, the present otherwise. */
+  get shown() { return this.past ?? this.live; }
+  get frame() { return this.shown.frame; }
+  get state() { return this.shown.state; }
+  get trends() { return this.shown.trends; }
+  /** Age of the newest sample, s. */
+  get age() {
+    const frame = this.live.frame;
+    if (!this.connected || !frame || frame.age == null) return Infinity;
+    return frame.age + (performance.now() - this.received) / 1000;
+  }
+  get stale() { return this.past === null && this.age > 1; }
+  take(message) {
+    if (message.tell === "frame") {
+      this.live.frame = message;
+      this.received = performance.now();
+      if (message.theta) this.live.trends.add(rowOf(message));
+    } else if (message.tell === "state") this.live.state = message;
+    else this.you = message;
+    this.tell(message.tell);
+  }
+  tell(kind) { this.dispatchEvent(new Event(kind)); }
+  connect(connected) {
+    if (connected === this.connected) return;
+    this.connected = connected;
+    this.tell("state");
+    this.tell("frame");
+  }
+  show(past) {
+    this.past = past;
+    this.tell("state");
+    this.tell("frame");
+  }
+  measure(latency) {
+    this.latencies[this.measured % LATENCIES] = latency;
+    this.measured += 1;
+  }
+  /** Median time from a sample to its pixels, ms. */
+  get latency() {
+    const count = Math.min(this.measured, LATENCIES);
+    return count ? Array.from(this.latencies.subarray(0, count)).sort((a, b) => a - b)[count >> 1] : null;
+  }
+}
+
+export const store = new Store();
+
+/** Trends and frame from rows of the past. */
+export function pastOf(told) {
+  const index = Object.fromEntries(told.columns.map((name, place) => [name, place]));
+  const trends = new Trends();
+  for (const row of told.rows) trends.add(COLUMNS.map((name) => or(row[index[name]])));
+  const row = told.rows.at(-1);
+  const triple = (name) => [1, 2, 3].map((joint) => row[index[`${name}_${joint}`]]);
+  const known = (values) => (values.some((value) => value == null) ? null : values);
+  const frame = row && {
+    time: row[index.time], at: row[index.at], age: 0, theta: triple("theta"), path: known(triple("path")),
+    predicted: known(triple("predicted")), deviation: known(triple("deviation")), volts: known(triple("volts")),
+    gripper: row[index.gripper], gripped: row[index.gripped] > 0, box: told.colours[row[index.box] ?? 0],
+    evidence: row[index.evidence], threshold: row[index.threshold],
+  };
+  return { frame: frame ?? null, state: told.state, trends };
+}

@@ -1,0 +1,141 @@
+"""Sends frames and states to all pages that are open: each page gets the newest, and none waits for a slow one."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from typing import Final
+
+import msgspec
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from dtwin.console.console import Console
+from dtwin.console.sessions import Session
+from dtwin.console.telling import CellState
+
+log = logging.getLogger(__name__)
+
+RATE: Final = 20.0
+"""Number of frames in a second."""
+STATE_EVERY: Final = 5
+"""Number of frames between two looks at the state."""
+KEEP_EVERY: Final = 2
+"""Number of frames of which one is kept for replays."""
+MOST: Final = 64
+"""Number of pages at one time."""
+
+
+class Reader:
+    """One open page: what waits to be sent to it, of each kind the newest.
+
+    Args:
+        session: session of the page.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.told: dict[str, bytes] = {}
+        self.waiting: dict[str, bytes] = {}
+        self.news = asyncio.Event()
+
+    def put(self, kind: str, message: bytes) -> None:
+        """Replaces what waits of a kind."""
+        self.waiting[kind] = message
+        self.news.set()
+
+    def put_changed(self, kind: str, message: bytes) -> None:
+        """Replaces what waits of a kind, if it differs from what was told."""
+        if self.told.get(kind) != message:
+            self.told[kind] = message
+            self.put(kind, message)
+
+
+class Stream:
+    """The pages that are open, and the loop that feeds them.
+
+    Args:
+        console: console whose cell is shown.
+    """
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._readers: set[Reader] = set()
+        self._closed = False
+
+    async def run(self) -> None:
+        """Feeds all pages until it is cancelled."""
+        loop = asyncio.get_running_loop()
+        due, count = loop.time(), 0
+        while True:
+            try:
+                self._tell(count)
+            except Exception:  # The loop serves everybody: nothing that is shown may end it.
+                log.exception("a frame was not told")
+            count += 1
+            due = max(due + 1.0 / RATE, loop.time())
+            await asyncio.sleep(due - loop.time())
+
+    def close(self) -> None:
+        """Ends all connections."""
+        self._closed = True
+        for reader in self._readers:
+            reader.news.set()
+
+    def _tell(self, count: int) -> None:
+        console = self._console
+        hub, ring = console.hub, console.ring
+        hub.follow_path(bool(self._readers))
+        frame = hub.frame()
+        if count % KEEP_EVERY == 0:
+            ring.add(frame)
+        encoded = msgspec.json.encode(frame)
+        for reader in self._readers:
+            reader.put("frame", encoded)
+        if count % STATE_EVERY == 0:
+            state = hub.state()
+            told = msgspec.json.encode(state)
+            ring.add_state(console.clocks.wall(), told)
+            for reader in self._readers:
+                self._tell_state(reader, state, told)
+
+    def _tell_state(self, reader: Reader, state: CellState, told: bytes) -> None:
+        reader.put_changed("state", told)
+        reader.put_changed("you", msgspec.json.encode(self._console.you(reader.session, state)))
+
+    async def serve(self, socket: WebSocket, session: Session) -> None:
+        """Serves one page until it is closed or its session has ended."""
+        if len(self._readers) >= MOST:
+            await socket.close(1013, "too many pages are open")
+            return
+        await socket.accept()
+        reader = Reader(session)
+        state = self._console.hub.state()
+        self._tell_state(reader, state, msgspec.json.encode(state))
+        self._readers.add(reader)
+        listening = asyncio.create_task(self._listen(socket, session))
+        try:
+            while not (listening.done() or self._closed or self._ended(session)):
+                await reader.news.wait()
+                reader.news.clear()
+                waiting, reader.waiting = reader.waiting, {}
+                for message in waiting.values():
+                    await socket.send_text(message.decode())
+            if not listening.done():
+                await socket.close(1001 if self._closed else 1008)
+        except (WebSocketDisconnect, RuntimeError):
+            pass  # The page has gone.
+        finally:
+            self._readers.discard(reader)
+            listening.cancel()
+
+    def _ended(self, session: Session) -> bool:
+        return not self._console.sessions.holds(session)
+
+    async def _listen(self, socket: WebSocket, session: Session) -> None:
+        """Takes signs of life, the only thing that a page says here."""
+        try:
+            while True:
+                await socket.receive_text()
+                self._console.desk.touch(session.key, self._console.clocks.steady())
+        except (WebSocketDisconnect, RuntimeError, KeyError):
+            return

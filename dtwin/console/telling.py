@@ -1,0 +1,121 @@
+"""What a page is told: a frame twenty times a second, and the state of the cell whenever it changes."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from dtwin.bus.messages import Latency
+from dtwin.bus.twin_messages import IdentificationState, MonitoringVerdict, Upload
+from dtwin.parameters import Triple
+from dtwin.signals import BoxCounts, Event, Quad, Stop
+
+Kind = Literal["service", "finding", "stop", "trial", "stale"]
+"""Kinds of abnormal conditions."""
+
+
+class Frame(msgspec.Struct, frozen=True, gc=False, tag_field="tell", tag="frame"):
+    """The arm at one sample.
+
+    Attributes:
+        time: plant time of the sample, s.
+        age: time since the sample arrived here, s; None before the first one.
+        heard: wall time at which the sample arrived here, ms since 1970.
+        theta: measured angles, rad.
+        path: angles of the controller's path, rad; None while nobody asks for it.
+        volts: voltages of joints 1 to 3 and the gripper, V.
+        gripper: measured angle of the gripper, rad.
+        gripped: whether the controller holds a box.
+        box: colour of the box that waits, "" for none.
+        predicted: angles that the monitor expected, rad.
+        deviation: standard deviation of a healthy arm's residuals, rad.
+        evidence: evidence of a sudden change, 2 log likelihood ratio.
+        threshold: evidence from which on a change is diagnosed.
+    """
+
+    time: float = 0.0
+    age: float | None = None
+    heard: float = 0.0
+    theta: Triple | None = None
+    path: Triple | None = None
+    volts: Quad | None = None
+    gripper: float = 0.0
+    gripped: bool = False
+    box: str = ""
+    predicted: Triple | None = None
+    deviation: Triple | None = None
+    evidence: float | None = None
+    threshold: float | None = None
+
+
+class Health(msgspec.Struct, frozen=True):
+    """How a service does.
+
+    Attributes:
+        state: state that the service or its supervisor tells; gone when nobody tells of it any more.
+        reason: last thing that went wrong, "" for nothing.
+        rate_hz: rate of its main work, 1/s.
+        restarts: number of its restarts.
+        here: whether its token is there.
+    """
+
+    state: str
+    reason: str = ""
+    rate_hz: float = 0.0
+    restarts: int = 0
+    here: bool = True
+
+
+class Condition(msgspec.Struct, frozen=True):
+    """Something abnormal that is so now.
+
+    Attributes:
+        key: name that stays the same while the condition lasts, such as `finding joint 2`.
+        kind: what the condition is about.
+        text: the condition in words.
+        severe: whether the arm is stopped, has failed or is not controlled.
+    """
+
+    key: str
+    kind: Kind
+    text: str
+    severe: bool = False
+
+
+class CellState(msgspec.Struct, frozen=True, tag_field="tell", tag="state"):
+    """All of a cell that changes seldom.
+
+    Attributes:
+        cell: name of the cell.
+        arm: name of the arm.
+        doing: what the arm does, in one line.
+        stop: safe stop in force.
+        services: health of the services by name.
+        ticks: number of ticks of the emulator.
+        late_ticks: number of ticks without a command in time.
+        real_time_factor: plant time over wall time.
+        latency_ms: latency from sample to command.
+        boxes: what became of the boxes.
+        verdict: last word of the monitor; None without one.
+        identification: state of the identification; None without that service.
+        settings: settings in force; None without the simulation service.
+        events: last events, oldest first.
+        conditions: what is abnormal now, the gravest first.
+    """
+
+    cell: str
+    arm: str
+    doing: str = ""
+    stop: Stop = "none"
+    services: dict[str, Health] = {}
+    ticks: int = 0
+    late_ticks: int = 0
+    real_time_factor: float = 0.0
+    latency_ms: Latency | None = None
+    boxes: BoxCounts | None = None
+    verdict: MonitoringVerdict | None = None
+    identification: IdentificationState | None = None
+    settings: Upload | None = None
+    events: tuple[Event, ...] = ()
+    conditions: tuple[Condition, ...] = ()

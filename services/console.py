@@ -1,0 +1,108 @@
+"""Shows a cell to its operators on a web page, and passes their commands on to the bus.
+
+The main thread keeps the service going; the web server has a thread of its own.
+"""
+
+from __future__ import annotations
+
+import getpass
+import logging
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from dtwin.bus.session import Bus
+from dtwin.errors import ParameterError
+from services.service import Link, Service, main
+
+if TYPE_CHECKING:
+    from dtwin.console.web import Web
+
+log = logging.getLogger(__name__)
+
+NAME: Final = "console"
+MISSING: Final = "the console needs packages that are not installed: pip install 'dtwin[console]'"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConsoleOptions:
+    """Where a console listens, who may use it, and what it reads."""
+
+    listen: str = "127.0.0.1"
+    """Address to listen at; beyond loopback TLS and users are needed."""
+    port: int = 0
+    """TCP port to listen at, a free one if not given."""
+    certificate: Path | None = None
+    """File of the TLS certificate, PEM."""
+    key: Path | None = None
+    """File of the private key of the certificate, PEM."""
+    users: Path | None = None
+    """File of those who may log in, which `dtwin console user` makes; on loopback nobody need log in without it."""
+    audit: Path = Path("console-audit.jsonl")
+    """File that every command is appended to."""
+    store: Path = Path("identified")
+    """Folder of the identified models."""
+    history: Path = Path("uploads.jsonl")
+    """History of the settings."""
+    recordings: Path | None = None
+    """Folder of the logs that can be replayed."""
+    viewer: str = ""
+    """Address of the Rerun viewer that shows the arm in 3D, as a page."""
+
+    @contextmanager
+    def serving(self, bus: Bus, cell: str, arm: str) -> Iterator[Web]:
+        """The web server while it listens.
+
+        Raises:
+            DtwinError: an option cannot be used, or a package is missing.
+        """
+        try:
+            from dtwin.console.web import Listening, Web  # the packages of the web server are an extra
+        except ImportError:
+            raise ParameterError(MISSING) from None
+        from dtwin.console.audit import Audit
+        from dtwin.console.commands import Files
+        from dtwin.console.console import Console
+        from dtwin.console.hub import Clocks, Hub
+        from dtwin.console.users import Users
+
+        listening = Listening(
+            host=self.listen, port=self.port, certificate=self.certificate, key=self.key, viewer=self.viewer
+        )
+        listening.check(self.users is not None)
+        users = None if self.users is None else Users(self.users)
+        if users is not None:
+            users.read()
+        clocks = Clocks(time.monotonic, time.time)
+        hub = Hub(bus, cell, arm, clocks)
+        files = Files(self.store, self.history, self.recordings)
+        web = Web(Console(bus, hub, clocks, Audit(self.audit), files, users, getpass.getuser()), listening)
+        hub.listen()
+        try:
+            yield web
+        finally:
+            web.close()
+            hub.close()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(ConsoleOptions, Link):
+    """Show a running cell to its operators on a web page."""
+
+    def run(self) -> int:
+        with Service(NAME, self) as service, self.serving(service.bus, self.cell, self.arm) as web:
+            log.info("the console is at %s", web.address)
+            service.ready()
+            while not service.stopping:
+                service.next(0.2)
+                if service.report_due():
+                    service.report("running")
+        return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(NAME, Options))

@@ -1,0 +1,72 @@
+"""A browser for the tests of the pages, and a cell that they look at."""
+
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect, sync_playwright
+
+from services import runfile
+from tests.support.desk import Desk, new_desk
+
+CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
+AWAY = ("ERR_CONNECTION", "status of 401", "WebSocket connection")
+"""What a browser says while a console is away and after it has come back without the old sessions."""
+CELL = ("--pace", "lockstep", "--console", "--monitoring", "--simulation", "--identification", "--noise", "0.002")
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    if CHROMIUM is None:
+        pytest.skip("needs a browser: apt install chromium, or set CHROMIUM to the path of one")
+    with sync_playwright() as play:
+        # In a container there is no room for chromium's own sandbox; what it opens here is the project's own page.
+        browser = play.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
+    """A cell with all services and a console."""
+    folder = tmp_path_factory.mktemp("cell")
+    with new_desk() as desk, pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        desk.detach(*CELL)
+        yield desk
+        desk.run("down")
+
+
+@pytest.fixture
+def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
+    """open_page(address, display): a page in a browser of its own, which must not complain of anything."""
+    contexts: list[BrowserContext] = []
+    complaints: list[str] = []
+
+    def note(message: ConsoleMessage) -> None:
+        if message.type in ("error", "warning") and not any(word in message.text for word in AWAY):
+            complaints.append(message.text)
+
+    def open_it(address: str, display: str = "overview", **options: Any) -> Page:
+        context = browser.new_context(viewport={"width": 1280, "height": 720}, **options)
+        contexts.append(context)
+        page = context.new_page()
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("console", note)
+        page.goto(f"{address}#{display}")
+        return page
+
+    yield open_it
+    for context in contexts:
+        context.close()
+    assert complaints == []
+
+
+@pytest.fixture
+def console_page(cell: Desk, open_page: Callable[..., Page]) -> Page:
+    """The page of the cell, live."""
+    page = open_page(runfile.require("cell").console)
+    expect(page.locator("#live")).to_have_text("● live", timeout=20_000)
+    return page

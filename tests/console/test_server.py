@@ -1,0 +1,155 @@
+"""The server without a browser: origins, tokens, headers, the desk, and what is noted."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Origin
+
+from dtwin.console.commands import COMMANDS
+from dtwin.console.occupancy import TIME_OUT
+from tests.support.console import Served, Visitor, serve
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[Served]:
+    with serve(tmp_path) as served:
+        yield served
+
+
+@pytest.fixture
+def visitor(served: Served) -> Visitor:
+    visitor = served.visitor()
+    visitor.enter()
+    return visitor
+
+
+CONTENT = {"fault": {"fault": "K2*=0.1"}, "upload": {"why": "to try", "based_on": 1}}
+
+
+def test_a_command_needs_the_desk_and_is_noted_with_its_answer(served: Served, visitor: Visitor) -> None:
+    served.live()
+    assert visitor.post("/api/command/stop") == (409, {"done": False, "text": "occupy the desk first", "reply": None})
+    assert visitor.post("/api/desk/occupy")[0] == 200
+    status, answer = visitor.post("/api/command/stop", {"why": "to see"})
+    assert (status, answer["done"], answer["reply"]["stop"]) == (200, True, "standstill")
+    assert [(request.who, request.why) for request in served.cell.asked] == [("somebody", "to see")]
+    noted = [(entry["command"], entry["done"], entry["user"]) for entry in served.entries()]
+    assert noted == [
+        ("stop", False, "somebody"),
+        ("desk, occupy", True, "somebody"),
+        ("stop, given", False, "somebody"),
+        ("stop", True, "somebody"),
+    ]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_is_refused_without_token_desk_or_own_origin(
+    served: Served, visitor: Visitor, name: str
+) -> None:
+    served.live()
+    path, content = f"/api/command/{name}", CONTENT.get(name, {})
+    assert visitor.post("/api/desk/occupy")[0] == 200
+    assert visitor.post(path, content, X_CSRF_Token="")[0] == 403
+    assert visitor.post(path, content, X_CSRF_Token="wrong")[0] == 403
+    assert visitor.post(path, content, Origin="http://evil.example")[0] == 403
+    assert visitor.post(path, content, Origin="null")[0] == 403
+    assert visitor.post(path, content, Cookie="")[0] == 401
+    served.clock.ahead = TIME_OUT + 1
+    served.live()
+    assert visitor.post(path, content)[0] == 409
+    assert served.cell.asked == []
+
+
+def test_one_has_the_desk_until_it_is_left_or_times_out(served: Served, visitor: Visitor) -> None:
+    other = served.visitor()
+    other.enter()
+    served.live()
+    assert visitor.post("/api/desk/occupy")[0] == 200
+    assert other.post("/api/desk/occupy") == (409, {"done": False, "text": "somebody has the desk", "reply": None})
+    assert other.post("/api/command/stop")[1]["text"] == "somebody has the desk"
+    served.clock.ahead = TIME_OUT + 1
+    assert other.post("/api/desk/occupy")[0] == 200
+    assert visitor.post("/api/command/stop")[1]["text"] == "somebody has the desk"
+    assert other.post("/api/desk/leave")[0] == 200
+    assert visitor.post("/api/desk/occupy")[0] == 200
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [{"Origin": "http://evil.example"}, {"Host": "evil.example"}, {"Sec_Fetch_Site": "cross-site"}],
+    ids=str,
+)
+def test_a_foreign_origin_or_name_gets_nothing(served: Served, visitor: Visitor, headers: dict[str, str]) -> None:
+    for path in ("/", "/api/session", "/api/past", "/static/js/main.js"):
+        status, found, body = visitor.ask("GET", path, **headers)
+        assert status == 403
+        assert len(body) < 100
+        assert "access-control-allow-origin" not in found
+
+
+def test_the_stream_is_for_sessions_of_the_own_origin(served: Served, visitor: Visitor) -> None:
+    url = f"ws://{visitor.host}/api/stream"
+    cookie = {"Cookie": visitor.cookie}
+    served.live()
+    with connect(url, origin=Origin(f"http://{visitor.host}"), additional_headers=cookie) as socket:
+        assert {json.loads(socket.recv(10))["tell"] for _ in range(3)} <= {"state", "you", "frame"}
+    refused = [
+        (Origin("http://evil.example"), cookie),
+        (None, cookie),
+        (Origin(f"http://{visitor.host}"), {"Cookie": "dtwin=guessed"}),
+    ]
+    for origin, headers in refused:
+        with pytest.raises(InvalidStatus, match="403"):
+            connect(url, origin=origin, additional_headers=headers)
+
+
+def test_every_answer_carries_a_strict_policy(served: Served, visitor: Visitor) -> None:
+    for path in ("/", "/api/session", "/static/js/main.js", "/nowhere", "/static/../console.py"):
+        _, headers, _ = visitor.ask("GET", path)
+        policy = headers["content-security-policy"]
+        assert "unsafe" not in policy
+        assert {"default-src 'none'", "script-src 'self'", "frame-ancestors 'none'"} <= set(policy.split("; "))
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["referrer-policy"] == "no-referrer"
+
+
+def test_scripts_cannot_read_the_cookie(served: Served) -> None:
+    _, headers, _ = served.visitor().ask("GET", "/")
+    assert {"httponly", "samesite=strict"} <= {part.strip().lower() for part in headers["set-cookie"].split(";")}
+
+
+@pytest.mark.parametrize("content", ["{", "[]", '{"why": 7}', '{"nobody": "knows"}', '"' + "x" * 70_000 + '"'])
+def test_bad_contents_are_refused_in_words(served: Served, visitor: Visitor, content: str) -> None:
+    served.live()
+    visitor.post("/api/desk/occupy")
+    raw = json.loads(content) if content not in ("{",) else "{"
+    status, answer = visitor.post("/api/command/stop", raw)
+    assert status in (400, 409)
+    assert answer["text"]
+    assert "Traceback" not in answer["text"]
+    assert served.cell.asked == []
+
+
+def test_values_that_are_stale_lock_all_but_the_stop(served: Served, visitor: Visitor) -> None:
+    served.live()
+    visitor.post("/api/desk/occupy")
+    served.clock.ahead += 2.0
+    assert visitor.post("/api/command/fault", CONTENT["fault"])[1]["text"] == "the values are older than 1 s"
+    assert visitor.post("/api/command/stop")[0] == 200
+
+
+def test_without_room_for_the_audit_nothing_but_a_stop_is_done(served: Served, visitor: Visitor) -> None:
+    served.live()
+    visitor.post("/api/desk/occupy")
+    served.audit.unlink()
+    served.audit.mkdir()
+    status, answer = visitor.post("/api/command/fault", CONTENT["fault"])
+    assert (status, served.cell.asked) == (500, [])
+    assert "cannot be written" in answer["text"]
+    status, answer = visitor.post("/api/command/stop")
+    assert (status, len(served.cell.asked)) == (200, 1)
+    assert "not noted" in answer["text"]

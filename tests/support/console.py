@@ -1,0 +1,183 @@
+"""A console in this process with a cell made of answers, and somebody who uses it without a browser."""
+
+import http.client
+import json
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from dtwin.bus.messages import (
+    FAULT,
+    RELEASE,
+    SENSORS,
+    STOP,
+    SUMMARY,
+    Done,
+    FaultRequest,
+    ReleaseRequest,
+    ServiceSummary,
+    StopRequest,
+    StopState,
+    Summary,
+    SummaryRequest,
+)
+from dtwin.bus.opening import open_peer
+from dtwin.bus.session import Bus
+from dtwin.console.audit import Audit
+from dtwin.console.commands import Files
+from dtwin.console.console import Console
+from dtwin.console.hub import Clocks, Hub
+from dtwin.console.users import Users
+from dtwin.console.web import Listening, Web
+from dtwin.signals import Sensors, Stop
+from tests.support.ports import free_port
+from tests.support.waiting import until
+
+
+class Clock:
+    """A steady clock that a test can put forward."""
+
+    def __init__(self) -> None:
+        self.ahead = 0.0
+
+    def __call__(self) -> float:
+        return time.monotonic() + self.ahead
+
+
+@dataclass
+class FakeCell:
+    """A cell that answers stop, release and faults, and sends samples when it is told to."""
+
+    meet: str = field(default_factory=lambda: f"tcp/127.0.0.1:{free_port()}")
+    asked: list[Any] = field(default_factory=list)
+    stop: Stop = "none"
+    name: str = "cell"
+
+    def __post_init__(self) -> None:
+        self.bus = Bus(open_peer(self.meet), self.name)
+        self.publish = self.bus.publisher(SENSORS)
+        self.bus.answer(STOP, StopRequest, self._note("standstill"), lambda: StopState(0.0, self.stop))
+        self.bus.answer(RELEASE, ReleaseRequest, self._note("none"), lambda: StopState(0.0, self.stop))
+        self.bus.answer(FAULT, FaultRequest, self._fault)
+        services = {name: ServiceSummary("running", 100.0, 0, "") for name in ("bridge", "emulator")}
+        self.bus.answer(SUMMARY, SummaryRequest, None, lambda: Summary(services))
+        for name in services:
+            self.bus.announce(name)
+
+    def _note(self, stop: Stop) -> Callable[[Any], StopState]:
+        def answer(request: Any) -> StopState:
+            self.asked.append(request)
+            self.stop = stop
+            return StopState(0.0, stop)
+
+        return answer
+
+    def _fault(self, request: FaultRequest) -> Done:
+        self.asked.append(request)
+        return Done(0.0, f"takes {request.faults[0]}")
+
+    def sample(self, number: int, colour: str = "") -> None:
+        """Sends a sample."""
+        self.publish(Sensors(number, 0.01 * number, (0.1, 0.2, 0.3), 0.9, bool(colour), colour))
+
+
+class Visitor:
+    """Somebody who speaks HTTP with a console, with a cookie and a token of his own."""
+
+    def __init__(self, address: str) -> None:
+        self.host = address.split("/")[2]
+        self.cookie = ""
+        self.token = ""
+
+    def ask(self, method: str, path: str, content: Any = None, **headers: str) -> tuple[int, dict[str, str], bytes]:
+        """Status, headers and body of the answer; headers with _ for -, replaced by what is given."""
+        connection = http.client.HTTPConnection(self.host, timeout=20)
+        sent = {"Host": self.host, "Origin": f"http://{self.host}", "Cookie": self.cookie, "X-CSRF-Token": self.token}
+        sent |= {name.replace("_", "-"): value for name, value in headers.items()}
+        body = None if content is None else json.dumps(content)
+        connection.request(method, path, body, {name: value for name, value in sent.items() if value})
+        answer = connection.getresponse()
+        found = {name.lower(): value for name, value in answer.getheaders()}
+        read = answer.read()
+        connection.close()
+        if "set-cookie" in found:
+            self.cookie = found["set-cookie"].partition(";")[0]
+        return answer.status, found, read
+
+    def enter(self) -> None:
+        """Loads the page, and finds the token of the session."""
+        assert self.ask("GET", "/")[0] == 200
+        self.find_token()
+
+    def find_token(self) -> None:
+        self.token = json.loads(self.ask("GET", "/api/session")[2])["token"]
+
+    def login(self, name: str, password: str) -> int:
+        status = self.ask("POST", "/api/login", {"name": name, "password": password})[0]
+        if status == 200:
+            self.find_token()
+        return status
+
+    def post(self, path: str, content: Any = None, **headers: str) -> tuple[int, dict[str, Any]]:
+        status, _, body = self.ask("POST", path, {} if content is None else content, **headers)
+        return status, json.loads(body) if body.startswith(b"{") else {"text": body.decode()}
+
+
+@dataclass
+class Served:
+    """A console that listens, its cell, and its clock."""
+
+    web: Web
+    console: Console
+    cell: FakeCell
+    clock: Clock
+    audit: Path
+
+    def visitor(self) -> Visitor:
+        return Visitor(self.web.address)
+
+    def entries(self) -> list[dict[str, Any]]:
+        """The entries of the audit file."""
+        return [json.loads(line) for line in self.audit.read_text().splitlines()]
+
+    def live(self) -> None:
+        """Has a sample sent and waits until the console knows of it, and of the services."""
+        number = round(1000 * time.monotonic())
+
+        def seen() -> bool:
+            self.cell.sample(number)
+            age = self.console.hub.age
+            return age is not None and age < 0.5 and len(self.console.hub.state().services) == 2
+
+        until(seen, "the console hears the cell")
+
+
+@contextmanager
+def serve(folder: Path, users: Users | None = None, files: Files | None = None) -> Iterator[Served]:
+    """A console of a made cell while it listens."""
+    cell, clock = FakeCell(), Clock()
+    clocks = Clocks(clock, time.time)
+    bus = Bus(open_peer(cell.meet), cell.name)
+    hub = Hub(bus, cell.name, "arm", clocks)
+    audit = folder / "audit.jsonl"
+    console = Console(bus, hub, clocks, Audit(audit), files or Files(folder / "store"), users, "somebody")
+    web = Web(console, Listening())
+    hub.listen()
+    try:
+        yield Served(web, console, cell, clock, audit)
+    finally:
+        web.close()
+        hub.close()
+        bus.close()
+        cell.bus.close()
+
+
+def told(message: Any) -> dict[str, Any]:
+    """A message as the page reads it."""
+    found: dict[str, Any] = json.loads(msgspec.json.encode(message))
+    return found
