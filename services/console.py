@@ -20,7 +20,7 @@ from dtwin.errors import ParameterError
 from services.service import Link, Service, main
 
 if TYPE_CHECKING:
-    from dtwin.console.web import Web
+    from dtwin.console.web.listening import Web
 
 log = logging.getLogger(__name__)
 
@@ -61,14 +61,14 @@ class ConsoleOptions:
             DtwinError: an option cannot be used, or a package is missing.
         """
         try:
-            from dtwin.console.web import Listening, Web  # the packages of the web server are an extra
+            from dtwin.console.web.listening import Listening, Web  # the packages of the web server are an extra
         except ImportError:
             raise ParameterError(MISSING) from None
-        from dtwin.console.audit import Audit
         from dtwin.console.commands import Files
         from dtwin.console.console import Console
         from dtwin.console.hub import Clocks, Hub
-        from dtwin.console.users import Users
+        from dtwin.console.people.audit import Audit
+        from dtwin.console.people.users import Users
 
         listening = Listening(
             host=self.listen, port=self.port, certificate=self.certificate, key=self.key, viewer=self.viewer

@@ -35,8 +35,8 @@ from dtwin.bus.twin_messages import (
     RollBackRequest,
     UploadRequest,
 )
+from dtwin.console.people.users import Role
 from dtwin.console.telling import CellState
-from dtwin.console.users import Role
 from dtwin.errors import ParameterError
 from dtwin.identification.store import STORE, ModelStore
 from dtwin.parameters import Gains

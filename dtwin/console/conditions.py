@@ -79,8 +79,8 @@ def doing(
         return _MEANING[stop]
     if "safe" in states:
         return "the arm has no voltage: commands stay away"
-    if identification is not None and identification.phase == "measuring" and identification.samples:
-        return f"{identification.text}: {identification.samples} of {identification.of}"
+    if identification is not None and identification.phase == "measuring" and identification.of:
+        return f"{identification.text}: {identification.samples} of {identification.of} samples"
     if held:
-        return f"carries a {held} box to its place"
-    return f"fetches a {waiting} box" if waiting else "waits for a box"
+        return f"the arm carries a {held} box to its place"
+    return f"the arm fetches a {waiting} box" if waiting else "the arm waits for a box"

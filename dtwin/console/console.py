@@ -8,15 +8,15 @@ from typing import Any, Final
 import msgspec
 
 from dtwin.bus.session import Bus
-from dtwin.console.audit import Audit, AuditEntry
 from dtwin.console.commands import COMMANDS, ConsoleCommand, Files
 from dtwin.console.conditions import STALE
 from dtwin.console.hub import Clocks, Hub
-from dtwin.console.occupancy import TIME_OUT, Occupancy
+from dtwin.console.people.audit import Audit, AuditEntry
+from dtwin.console.people.occupancy import TIME_OUT, Occupancy
+from dtwin.console.people.sessions import Attempts, Session, Sessions
+from dtwin.console.people.users import Users, may
 from dtwin.console.ring import Ring
-from dtwin.console.sessions import Attempts, Session, Sessions
 from dtwin.console.telling import CellState
-from dtwin.console.users import Users, may
 from dtwin.errors import CommunicationError, DtwinError, ParameterError, RecordingError
 
 log = logging.getLogger(__name__)

@@ -36,6 +36,7 @@ from dtwin.bus.messages import (
 from dtwin.bus.session import Bus, Subscription
 from dtwin.bus.twin_messages import IdentificationState, MonitoringResiduals, MonitoringVerdict, Upload
 from dtwin.console.conditions import conditions, doing
+from dtwin.console.excited import ExcitedMotion
 from dtwin.console.telling import CellState, Frame, Health
 from dtwin.errors import CommunicationError
 from dtwin.signals import Event, EventKind, Sensors, Stop, Voltages
@@ -77,12 +78,16 @@ class Hub:
         cell: name of the cell.
         arm: name of the arm.
         clocks: clocks of the console.
+
+    Attributes:
+        excited: motion of the last identification.
     """
 
     def __init__(self, bus: Bus, cell: str, arm: str, clocks: Clocks) -> None:
         self._bus = bus
         self._names = (cell, arm)
         self._clocks = clocks
+        self.excited = ExcitedMotion()
         self._sensors: Sensors | None = None
         self._heard = (0.0, 0.0)
         self._acted: Voltages | Acted | None = None
@@ -108,7 +113,7 @@ class Hub:
         bus.subscribe(ACTED, Acted, self._take_acted)
         bus.subscribe(RESIDUALS, MonitoringResiduals, self._take_residuals)
         bus.subscribe(MONITORING, MonitoringVerdict, self._take_last)
-        bus.subscribe(IDENTIFICATION, IdentificationState, self._take_last)
+        bus.subscribe(IDENTIFICATION, IdentificationState, self._take_identification)
         bus.subscribe(EVENTS, Event, self._take_event)
         bus.subscribe(STATUS, Status, self._take_status)
         bus.watch_alive(self._take_token)
@@ -212,6 +217,7 @@ class Hub:
 
     def _take_sensors(self, sensors: Sensors) -> None:
         self._sensors, self._heard = sensors, (self._clocks.steady(), self._clocks.wall())
+        self.excited.take_sensors(sensors)
         waiting, held = self._colours
         if self._acted is None or not self._acted.box_gripped:
             held = waiting  # A box is held from the tick on in which it no longer waits.
@@ -220,6 +226,7 @@ class Hub:
 
     def _take_acted(self, acted: Voltages | Acted) -> None:
         self._acted = acted
+        self.excited.take_acted(acted)
 
     def _take_path(self, path: Path) -> None:
         self._path = path
@@ -229,6 +236,10 @@ class Hub:
 
     def _take_last(self, message: msgspec.Struct) -> None:
         self._last[type(message)] = message
+
+    def _take_identification(self, state: IdentificationState) -> None:
+        self._take_last(state)
+        self.excited.take_state(state)
 
     def _take_event(self, event: Event) -> None:
         self._events.append(event)

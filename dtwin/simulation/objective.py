@@ -17,12 +17,12 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.errors import DivergenceError, ParameterError, choices
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.simulation.checks import Motion
-from dtwin.simulation.figures import Array, Figures
+from dtwin.simulation.figures import Array, Figures, triple
 from dtwin.simulation.margins.demands import DEMANDS
 from dtwin.simulation.margins.loop import linear_loop
 from dtwin.simulation.margins.measures import margins
 from dtwin.simulation.places import angles_of
-from dtwin.simulation.whatif import MotionCase, Simulator
+from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
 
 TERMS: Final = ("time", "tracking", "energy", "voltage")
 """Terms of the cost: settling time (s), largest distance from the path (rad), energy (J) and peak voltage (V)."""
@@ -144,7 +144,7 @@ def score(objective: Objective, target_time: float, gains: Gains) -> CandidateSc
     found: list[tuple[Scenario, Figures]] = []
     for done, scenario in enumerate(objective.scenarios, 1):
         try:
-            outcome = simulator.run(_case(scenario, settings)).figures
+            outcome = _judged(simulator.run(_case(scenario, settings)))
         except DivergenceError:
             return CandidateScore(target_time, gains, {}, "divergence", UNUSABLE * _UNSTABLE, done)
         broken, excess = _broken(outcome, objective.limits, must_settle=not scenario.noise)
@@ -238,6 +238,14 @@ def _case(scenario: Scenario, settings: ControlSettings) -> MotionCase:
 def _resting_points(scenarios: Sequence[Scenario]) -> list[Scenario]:
     """One scenario for every goal, with and without a box, at which stability is checked."""
     return list({(s.motion.goal, s.motion.carries): s for s in scenarios}.values())
+
+
+def _judged(outcome: Outcome) -> Figures:
+    """The figures of a motion, where only what lies beyond the path counts as overshoot: some paths make a detour."""
+    way = np.sign(np.array(outcome.target) - outcome.path[0])
+    detour = np.maximum(0.0, (way * (outcome.path - np.array(outcome.target))).max(axis=0))
+    beyond = triple(np.maximum(0.0, np.array(outcome.figures.overshoot) - detour))
+    return msgspec.structs.replace(outcome.figures, overshoot=beyond)
 
 
 def _broken(figures: Figures, limits: Limits, must_settle: bool) -> tuple[str, float]:

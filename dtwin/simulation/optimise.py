@@ -32,9 +32,9 @@ TIME_DIGITS: Final = 3
 POPULATION: Final = 40
 """Number of candidates in a generation, four per variable."""
 LOWEST: Final = (50.0, 10.0, 0.5)
-"""Lower bounds of kp, ki and kd in the search."""
-HIGHEST: Final = (2000.0, 5000.0, 100.0)
-"""Upper bounds of kp, ki and kd in the search."""
+"""Lower bounds of kp, ki and kd in the search, unless half of a gain in use is less."""
+HIGHEST: Final = (2000.0, 2000.0, 100.0)
+"""Upper bounds of kp, ki and kd in the search, unless twice a gain in use is more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +100,7 @@ def optimise(
     if reference.broken:
         raise ParameterError(f"the settings in use cannot be compared with: {reference.broken}")
     objective = replace(objective, reference=reference.terms)
-    lower = np.log([low, *(value for value in LOWEST for _ in range(3))])
-    upper = np.log([high, *(value for value in HIGHEST for _ in range(3))])
+    lower, upper = _bounds(low, high, base.gains)
     scores: list[CandidateScore] = []
 
     def judge(workers: Workers, _: Any, rows: Iterable[Array]) -> list[float]:
@@ -143,6 +142,14 @@ def check_search(target_times: tuple[float, float], candidates: int, processes: 
         raise ParameterError(f"candidates: expected at least {2 * POPULATION}, got {candidates}")
     if processes is not None and processes < 1:
         raise ParameterError(f"processes: expected at least 1, got {processes}")
+
+
+def _bounds(low: float, high: float, gains: Gains) -> tuple[Array, Array]:
+    """Bounds of the search, (10,) each, natural logarithms; half and twice of every gain in use lie within them."""
+    in_use = np.array([*gains.kp, *gains.ki, *gains.kd])
+    least, most = np.repeat(LOWEST, 3), np.repeat(HIGHEST, 3)
+    lower = np.where(in_use > 0.0, np.minimum(least, in_use / 2.0), least)
+    return np.log([low, *lower]), np.log([high, *np.maximum(most, 2.0 * in_use)])
 
 
 def _first_generation(lower: Array, upper: Array, target_time: float, gains: Gains, seed: int) -> Array:

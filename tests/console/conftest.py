@@ -12,8 +12,8 @@ from services import runfile
 from tests.support.desk import Desk, new_desk
 
 CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
-AWAY = ("ERR_CONNECTION", "status of 401", "WebSocket connection")
-"""What a browser says while a console is away and after it has come back without the old sessions."""
+AWAY = ("Failed to load resource", "WebSocket connection")
+"""What a browser says of refusals, while a console is away, and after it has come back without the old sessions."""
 CELL = ("--pace", "lockstep", "--console", "--monitoring", "--simulation", "--identification", "--noise", "0.002")
 
 

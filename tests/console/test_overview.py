@@ -15,7 +15,7 @@ from tests.support.waiting import until
 
 def test_the_overview_shows_what_the_cell_says(console_page: Page) -> None:
     page = console_page
-    expect(page.locator("#doing")).to_contain_text("The arm:")
+    expect(page.locator("#doing")).to_contain_text("The arm")
     for service in ("emulator", "bridge", "monitoring", "console"):
         expect(page.get_by_role("cell", name=service, exact=True)).to_be_visible()
     expect(page.get_by_text("Real-time factor")).to_be_visible()

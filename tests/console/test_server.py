@@ -10,7 +10,7 @@ from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from dtwin.console.commands import COMMANDS
-from dtwin.console.occupancy import TIME_OUT
+from dtwin.console.people.occupancy import TIME_OUT
 from tests.support.console import Served, Visitor, serve
 
 

@@ -22,7 +22,16 @@ from tests.support.secured import SECURED, copy_secured
 from tests.support.waiting import until
 
 ROUTER: Final = SECURED / "router.json5"
-SERVICES: Final = ("emulator", "bridge", "controller", "recorder", "identification", "monitoring", "simulation")
+SERVICES: Final = (
+    "emulator",
+    "bridge",
+    "controller",
+    "recorder",
+    "identification",
+    "monitoring",
+    "simulation",
+    "console",
+)
 ROLES: Final = (*SERVICES, "operator")
 PROBE: Final = b"a probe of rights"
 DENIED: Final = 1.5

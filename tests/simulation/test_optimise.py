@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.simulation.checks import MOTIONS, Motion
@@ -142,3 +142,13 @@ def test_wrong_searches_are_refused() -> None:
         optimise(SMALL, (1.0, 2.0), candidates=10)
     with pytest.raises(ParameterError, match="processes: expected at least 1"):
         optimise(SMALL, (1.0, 2.0), processes=0)
+
+
+def test_the_usual_settings_of_the_cascade_keep_the_limits_on_paths_with_detours() -> None:
+    """Some of its paths go beyond their goal on purpose, which is no overshoot; its gains lie within the search."""
+    settings = ControlSettings(2.0, usual_gains("cascade"), "cascade", ArmParameters(), 0.2)
+    objective = Objective(settings, scenarios_for(MOTIONS, ArmParameters(), (0.2, 0.2), (), 0.0))
+    assert score(objective, 2.0, settings.gains).broken == ""
+    found = optimise(objective, (2.0, 2.0), candidates=80, processes=1)
+    assert not found.best.broken
+    assert found.best.cost <= 1.0

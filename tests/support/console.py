@@ -28,12 +28,12 @@ from dtwin.bus.messages import (
 )
 from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
-from dtwin.console.audit import Audit
 from dtwin.console.commands import Files
 from dtwin.console.console import Console
 from dtwin.console.hub import Clocks, Hub
-from dtwin.console.users import Users
-from dtwin.console.web import Listening, Web
+from dtwin.console.people.audit import Audit
+from dtwin.console.people.users import Users
+from dtwin.console.web.listening import Listening, Web
 from dtwin.signals import Sensors, Stop
 from tests.support.ports import free_port
 from tests.support.waiting import until

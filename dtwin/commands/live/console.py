@@ -50,7 +50,7 @@ class ConsoleUser:
     """File of those who may log in."""
 
     def execute(self) -> int:
-        from dtwin.console.users import Users
+        from dtwin.console.people.users import Users
 
         if sys.stdin.isatty():
             password = getpass.getpass(f"password of {self.name}: ")

@@ -44,7 +44,7 @@ export function makeHead(node) {
     const [words, kind] = liveness();
     setText(live, words);
     live.className = `tag ${kind}`;
-    setText(doing, state ? `The arm: ${state.doing}` : "");
+    setText(doing, state ? state.doing.charAt(0).toUpperCase() + state.doing.slice(1) : "");
     const you = store.you;
     setText(desk, you ? `Desk: ${you.yours ? "yours" : you.desk || "free"}; ${you.user}, ${you.role}` : "");
     setText(occupy, you?.yours ? "Leave the desk" : "Occupy the desk");

@@ -10,7 +10,7 @@ import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from dtwin.console.console import Console
-from dtwin.console.sessions import Session
+from dtwin.console.people.sessions import Session
 from dtwin.console.telling import CellState
 
 log = logging.getLogger(__name__)

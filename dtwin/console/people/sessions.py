@@ -8,7 +8,7 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from typing import Final
 
-from dtwin.console.users import Role
+from dtwin.console.people.users import Role
 
 LIFETIME: Final = 12 * 3600.0
 """Time without a request after which a session ends, s."""

@@ -14,7 +14,8 @@ from typing import Final
 import uvicorn
 
 from dtwin.console.console import Console
-from dtwin.console.server import LARGEST, Place, Server
+from dtwin.console.web.replies import LARGEST
+from dtwin.console.web.server import Place, Server
 from dtwin.errors import CommunicationError, ParameterError
 
 log = logging.getLogger(__name__)

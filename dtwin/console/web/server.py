@@ -22,15 +22,15 @@ from starlette.websockets import WebSocket
 
 from dtwin.console.commands import COMMANDS
 from dtwin.console.console import Answer, Console
-from dtwin.console.gatekeeper import Gatekeeper
-from dtwin.console.replay import Replay
-from dtwin.console.sessions import LIFETIME, Session
-from dtwin.console.stream import Stream
-from dtwin.errors import DtwinError, ParameterError, RecordingError
+from dtwin.console.people.sessions import LIFETIME, Session
+from dtwin.console.web.gatekeeper import Gatekeeper
+from dtwin.console.web.inquiries import Inquiries
+from dtwin.console.web.jobs import Jobs
+from dtwin.console.web.replies import body, told
+from dtwin.console.web.stream import Stream
+from dtwin.errors import DtwinError, RecordingError
 
-STATIC: Final = Path(__file__).resolve().parent / "static"
-LARGEST: Final = 65536
-"""Length of the longest body of a request, bytes."""
+STATIC: Final = Path(__file__).resolve().parents[1] / "static"
 HASHING: Final = 2
 """Number of passwords that are checked at one time; each takes 32 MB."""
 
@@ -74,7 +74,8 @@ class Server:
         self.console = console
         self._place = place
         self._stream = Stream(console)
-        self._replay = Replay(console.ring, console.files)
+        self._inquiries = Inquiries(console)
+        self._jobs = Jobs(self._inquiries.prepare)
         self._hashing = asyncio.Semaphore(HASHING)
 
     def app(self) -> ASGIApp:
@@ -88,7 +89,8 @@ class Server:
             Route("/api/session", self._known(self._session)),
             Route("/api/desk/{action}", self._known(self._desk), methods=post),
             Route("/api/command/{name}", self._known(self._command), methods=post),
-            *self._replay.routes(self._known),
+            *self._inquiries.routes(self._known),
+            *self._jobs.routes(self._known),
             WebSocketRoute("/api/stream", self._follow),
             Mount("/static", StaticFiles(directory=STATIC)),
         ]
@@ -107,6 +109,7 @@ class Server:
             yield
         finally:
             feeding.cancel()
+            self._jobs.close()
 
     def _find(self, connection: Request | WebSocket) -> Session | None:
         key = connection.cookies.get(self._place.cookie)
@@ -213,25 +216,6 @@ class Server:
             await socket.close(1008, "log in first")
             return
         await self._stream.serve(socket, session)
-
-
-def told(content: Any, status: int = 200) -> Response:
-    """An answer in JSON."""
-    return Response(msgspec.json.encode(content), status, media_type="application/json")
-
-
-async def body(request: Request) -> bytes:
-    """The body of a request.
-
-    Raises:
-        ParameterError: it is too long.
-    """
-    content = b""
-    async for chunk in request.stream():
-        content += chunk
-        if len(content) > LARGEST:
-            raise ParameterError(f"expected at most {LARGEST} bytes")
-    return content
 
 
 def address_of(request: Request) -> str:

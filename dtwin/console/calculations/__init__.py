@@ -1,0 +1,1 @@
+"""Calculations that a page may have made, each in a process of its own."""

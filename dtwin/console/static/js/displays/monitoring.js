@@ -1,0 +1,81 @@
+// Level 2: is it still that arm? Measured against predicted, residuals, evidence, findings.
+import { el, number, panel, rebuild, short, table } from "../dom.js";
+import { commandButton } from "../command.js";
+import { drawTrend } from "../trend.js";
+import { store } from "../store.js";
+
+const JOINTS = [1, 2, 3];
+const SIGMAS = 4;
+const WIDEST = 3;
+
+export function makeMonitoring() {
+  const canvas = (words, kind = "trend low") => el("canvas", { class: kind, role: "img", "aria-label": words });
+  const angles = JOINTS.map((joint) => canvas(`Joint ${joint}: measured and predicted angle`));
+  const residuals = JOINTS.map((joint) => canvas(`Joint ${joint}: residual with its band`));
+  const evidence = canvas("Evidence of a sudden change with its threshold", "trend");
+  const findings = el("div");
+  const words = el("div", { class: "scroll short", tabindex: "0", role: "region", "aria-label": "What the monitor says" });
+  const acknowledge = commandButton({ name: "acknowledge", title: "Acknowledge all findings", confirm: "The arm as it is now counts as normal; only further change is reported." });
+  const fault = el("input", { id: "fault", value: "K2*=0.1@0", "aria-describedby": "fault-help" });
+  const inject = commandButton({
+    name: "fault", title: "Inject the fault", form: () => ({ fault: fault.value }),
+    confirm: () => `For training: the emulated machine gets the fault ${fault.value} now. The arm may move otherwise.`,
+  });
+  const buttons = [acknowledge, inject];
+  const node = el(
+    "div", { class: "grid" },
+    panel("Findings", "w8", findings, el("div", { class: "row" }, acknowledge.node)),
+    panel("Evidence", "w4", evidence, words),
+    panel("Measured — and predicted – –, the last 20 s", "w6", ...angles),
+    panel("Residuals, with the band of a healthy arm", "w6", ...residuals),
+    panel("Training: faults of the emulated machine", "w12",
+      el("div", { class: "row" }, el("label", { for: "fault" }, "Fault"), fault,
+        el("span", { id: "fault-help", class: "quiet" }, "as for dtwin run --fault; @0 begins now: K2*=0.1@0, D1*=1.5@0, lock3@0"), inject.node)),
+  );
+
+  function state() {
+    buttons.forEach((button) => button.refresh());
+    const verdict = store.state?.verdict;
+    rebuild(findings, verdict?.units, () => verdict
+      ? table("What the monitor says of each part of the arm", ["Part", "State", "Cause", "Changed", "Size", "Confidence", "Since, s"],
+        Object.entries(verdict.units).map(([name, unit]) => [
+          name, mark(unit.state), unit.cause.replaceAll("_", " "), unit.parameter,
+          unit.parameter ? `${short(unit.size, 3)} ± ${short(unit.deviation, 2)}` : "",
+          unit.confidence ? `${Math.round(100 * unit.confidence)} %` : "", unit.since ? number(unit.since, 2) : "",
+        ]), [4, 5, 6])
+      : el("p", {}, "Nobody monitors the arm: no word of a monitoring service."));
+    const said = verdict && [Object.values(verdict.units).map((unit) => unit.text), verdict.forecasts, verdict.unobservable, verdict.missed, verdict.restarts];
+    rebuild(words, said, () => verdict && [
+      ...Object.entries(verdict.units).filter(([, unit]) => unit.text).map(([name, unit]) => el("p", {}, `${name}: ${unit.text}`)),
+      ...verdict.forecasts.map((text) => el("p", {}, `forecast: ${text}`)),
+      el("p", { class: "quiet" }, verdict.unobservable.length ? `The last seconds could not show: ${verdict.unobservable.join(", ")}.` : ""),
+      el("p", { class: "quiet" }, `Samples missed: ${verdict.missed}; estimates started anew: ${verdict.restarts}`),
+    ]);
+  }
+
+  function draw() {
+    const trends = store.trends;
+    const scale = (store.frame?.deviation ?? [0.001, 0.001, 0.001]).map((deviation) => 1000 * SIGMAS * deviation);
+    JOINTS.forEach((joint, k) => {
+      const residual = (v) => 1000 * (v(`theta_${joint}`) - v(`predicted_${joint}`));
+      const width = (v) => 1000 * SIGMAS * v(`deviation_${joint}`);
+      drawTrend(angles[k], trends, {
+        title: `Joint ${joint}`, unit: "rad", span: 20,
+        lines: [{ of: (v) => v(`theta_${joint}`) }, { of: (v) => v(`predicted_${joint}`) }],
+        band: { low: (v) => v(`predicted_${joint}`) - SIGMAS * v(`deviation_${joint}`), high: (v) => v(`predicted_${joint}`) + SIGMAS * v(`deviation_${joint}`) },
+      });
+      drawTrend(residuals[k], trends, {
+        title: `Joint ${joint}`, unit: "mrad", range: [-WIDEST * scale[k], WIDEST * scale[k]],
+        lines: [{ of: residual }], band: { low: (v) => -width(v), high: width },
+      });
+    });
+    const threshold = store.frame?.threshold ?? NaN;
+    drawTrend(evidence, trends, { title: "2 log likelihood ratio", unit: "–", least: 5, lines: [{ of: (v) => v("evidence") }], levels: [{ value: threshold, name: "threshold" }] });
+  }
+  return { node, state, draw };
+}
+
+const mark = (state) => {
+  if (state === "nominal") return "nominal";
+  return el("span", { class: `tag ${state === "failed" ? "severe" : "warn"}` }, `${state === "failed" ? "▲" : "△"} ${state}`);
+};

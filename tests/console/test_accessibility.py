@@ -1,0 +1,59 @@
+"""WCAG 2.1 AA by axe-core on every display in both themes, keyboard alone, and no state by colour alone."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Page, expect
+
+from services import runfile
+from tests.support.desk import Desk
+
+DISPLAYS = ("overview", "identification", "monitoring", "simulation", "alarms", "replay")
+RULES = {"runOnly": {"type": "tag", "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]}}
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("display", DISPLAYS)
+def test_axe_finds_no_violation(cell: Desk, open_page: Callable[..., Page], display: str, scheme: str) -> None:
+    page = open_page(runfile.require("cell").console, display, color_scheme=scheme)
+    expect(page.locator("#live")).to_have_text("● live", timeout=30_000)
+    expect(page.locator("main section").first).to_be_visible()
+    found: Any = Axe().run(page, options=RULES)
+    assert [(each["id"], each["nodes"][0]["html"][:200]) for each in found.response["violations"]] == []
+    assert len(found.response["passes"]) > 10
+
+
+def test_the_keyboard_alone_reaches_every_button(console_page: Page) -> None:
+    page = console_page
+    wanted = page.evaluate("document.querySelectorAll('button:not([hidden]), a, input, select').length")
+    seen: set[str] = set()
+    for _ in range(3 * wanted):
+        page.keyboard.press("Tab")
+        seen.add(page.evaluate("document.activeElement.textContent.slice(0, 30)"))
+    assert {"Occupy the desk", "Simulation", "Stop the arm", "Release the arm"} <= seen
+
+
+def test_nothing_is_wider_than_a_small_screen(console_page: Page) -> None:
+    page = console_page
+    for width, height in ((1280, 720), (820, 1180)):
+        page.set_viewport_size({"width": width, "height": height})
+        for display in DISPLAYS:
+            page.evaluate("(name) => { location.hash = name; }", display)
+            expect(page.locator("main")).to_have_attribute("data-display", display)
+            assert page.evaluate("document.documentElement.scrollWidth") <= width, (display, width)
+
+
+def test_states_carry_a_shape_and_a_word_beside_their_colour(console_page: Page) -> None:
+    page = console_page
+    page.evaluate("""async () => {
+        const { store } = await import("/static/js/store.js");
+        const state = structuredClone(store.live.state);
+        state.conditions = [{ key: "a", kind: "stop", text: "the arm is stopped", severe: true },
+            { key: "b", kind: "trial", text: "on trial", severe: false }];
+        store.show({ ...store.live, state });
+    }""")
+    tags = page.locator("#alarm-line .tag")
+    expect(tags.nth(0)).to_have_text("▲ the arm is stopped")
+    expect(tags.nth(1)).to_have_text("△ on trial")

@@ -1,0 +1,178 @@
+"""The thesis's tasks through the page alone, and how many clicks each takes, as docs/console.md lists them."""
+
+import re
+from typing import Any
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from dtwin.parameters import ROOT
+from tests.support.desk import Desk
+
+SLOW = 60_000
+"""Deadline of what the cell has to do first, ms."""
+
+
+def listed(task: str) -> int:
+    """Number of clicks that the page of the console lists for a task."""
+    page = (ROOT / "docs" / "console.md").read_text()
+    found = re.search(rf"^\| {task} \|.*\| (\d+) \|$", page, re.M)
+    assert found, f"no row {task}"
+    return int(found[1])
+
+
+class Hand:
+    """Clicks, and counts it."""
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.clicks = 0
+
+    def click(self, target: Locator) -> None:
+        target.click(timeout=SLOW)
+        self.clicks += 1
+
+    def press(self, name: str) -> None:
+        self.click(self.page.get_by_role("button", name=name, exact=True).first)
+
+    def confirm(self) -> None:
+        self.click(self.page.locator("[data-confirm=yes]"))
+
+    def open(self, display: str) -> None:
+        self.click(self.page.get_by_role("link", name=display, exact=True))
+
+    def occupy(self) -> None:
+        self.press("Occupy the desk")
+        expect(self.page.get_by_role("button", name="Leave the desk")).to_be_visible(timeout=SLOW)
+
+
+@pytest.fixture
+def hand(console_page: Page) -> Any:
+    hand = Hand(console_page)
+    hand.occupy()
+    yield hand
+    console_page.get_by_role("button", name="Leave the desk").click(timeout=SLOW)
+    expect(console_page.get_by_role("button", name="Occupy the desk")).to_be_visible()
+
+
+def answered(page: Page, words: str) -> None:
+    expect(page.locator(".answer:not(.refused)", has_text=words).first).to_be_visible(timeout=SLOW)
+
+
+def test_the_arm_is_stopped_and_released(hand: Hand) -> None:
+    page = hand.page
+    hand.press("Stop the arm")
+    hand.confirm()
+    answered(page, "stop:")
+    expect(page.locator("#doing")).to_contain_text("held", timeout=SLOW)
+    expect(page.locator("#alarm-line")).to_contain_text("stopped", timeout=SLOW)
+    expect(page.locator("[data-command=release]")).to_have_attribute("aria-disabled", "false", timeout=SLOW)
+    hand.press("Release the arm")
+    hand.confirm()
+    answered(page, "the arm moves")
+    expect(page.locator("#doing")).not_to_contain_text("held", timeout=SLOW)
+    assert hand.clicks == listed("Stop and release the arm")
+
+
+def test_a_confirmation_can_be_declined_with_the_keyboard(hand: Hand) -> None:
+    page = hand.page
+    page.locator("[data-command=stop]").focus()
+    page.keyboard.press("Enter")
+    expect(page.locator("dialog")).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(page.locator("dialog")).to_have_count(0)
+    expect(page.locator("#doing")).not_to_contain_text("stopped")
+
+
+def test_settings_are_simulated_optimised_uploaded_and_rolled_back(hand: Hand) -> None:
+    page = hand.page
+    hand.open("Simulation")
+    expect(page.get_by_label("kp, 1/s², joint 1")).not_to_have_value("", timeout=SLOW)
+    page.get_by_label("Target time, s").fill("1.8")
+    hand.press("Simulate")
+    expect(page.get_by_role("columnheader", name="the form")).to_be_visible(timeout=SLOW)
+    expect(page.get_by_role("columnheader", name="in force")).to_be_visible()
+    page.get_by_label("Candidates to judge").fill("80")
+    hand.press("Optimise")
+    hand.press("Take the best into the form")
+    page.get_by_label("Target time, s").fill("2.2")
+    hand.press("Upload gains and target time")
+    hand.confirm()
+    expect(page.get_by_text("on trial").first).to_be_visible(timeout=SLOW)
+    expect(page.locator("[data-command=rollback]")).to_have_attribute("aria-disabled", "false", timeout=SLOW)
+    hand.press("Roll back")
+    hand.confirm()
+    expect(page.get_by_role("cell", name=re.compile("^roll back")).first).to_be_visible(timeout=SLOW)
+    assert hand.clicks == listed("Simulate, optimise, upload on trial, roll back")
+
+
+def test_the_arm_is_identified_and_the_model_accepted(hand: Hand) -> None:
+    page = hand.page
+    hand.open("Identification")
+    hand.press("Excite and identify")
+    hand.confirm()
+    expect(page.locator("main")).to_contain_text("proposed:", timeout=SLOW)
+    expect(page.get_by_role("cell", name="K2", exact=True)).to_be_visible()
+    hand.press("Show the models against the motion")
+    expect(page.get_by_text("of the proposed one:")).to_be_visible(timeout=SLOW)
+    fits = re.findall(r"of the proposed one: ([\d., ]+)", page.locator("main").inner_text())
+    assert all(float(value) > 0.9 for value in fits[0].strip(" ,").split(", "))
+    anyway = page.get_by_label("keep it even if it is in doubt")
+    if page.get_by_text("in doubt:").count():
+        hand.click(anyway)
+    hand.press("Accept the model")
+    hand.confirm()
+    expect(page.locator("main")).to_contain_text("kept as arm@1", timeout=SLOW)
+    assert hand.clicks <= listed("Identify the arm, accept the model")
+
+
+def test_a_weak_motor_is_found_and_acknowledged(hand: Hand, cell: Desk) -> None:
+    """The fault comes from the training panel; the page names joint, cause and size."""
+    page = hand.page
+    hand.open("Monitoring")
+    hand.press("Inject the fault")
+    hand.confirm()
+    answered(page, "K2")
+    row = page.get_by_role("row").filter(has=page.get_by_role("cell", name="joint 2", exact=True))
+    expect(row).to_contain_text("failed", timeout=SLOW)
+    expect(row).to_contain_text("K2", timeout=SLOW)
+    expect(page.locator("#alarm-line")).to_contain_text("joint 2 failed")
+    hand.press("Acknowledge all findings")
+    hand.confirm()
+    expect(row).to_contain_text("nominal", timeout=SLOW)
+    assert hand.clicks == listed("Find the weak motor, acknowledge it")
+
+
+def test_the_past_is_marked_and_takes_no_commands(console_page: Page) -> None:
+    page = console_page
+    page.get_by_role("link", name="Replay").click()
+    page.get_by_role("button", name="Look at the last hour").click()
+    expect(page.locator("#live")).to_contain_text("not live", timeout=SLOW)
+    page.get_by_role("button", name="◀ 1 s").click()
+    page.get_by_role("link", name="Overview").click()
+    expect(page.locator("#live")).to_contain_text("not live")
+    expect(page.locator("#why-stop-stop-the-arm")).to_contain_text("not live")
+    page.get_by_role("link", name="Replay").click()
+    page.get_by_role("button", name="Back to the present").click()
+    expect(page.locator("#live")).to_have_text("● live", timeout=SLOW)
+
+
+def test_texts_with_markup_are_shown_as_text(console_page: Page, cell: Desk) -> None:
+    """Whatever comes from the bus is text on the page, also on its way through the audit and the events."""
+    page = console_page
+    page.evaluate("""async () => {
+        const { store } = await import("/static/js/store.js");
+        const text = "<img src=x onerror='document.title=1'><script>document.title=1</scr" + "ipt>";
+        const state = structuredClone(store.live.state);
+        Object.assign(state, { cell: text, doing: text, events: [{ time: 1, kind: text, text }],
+            conditions: [{ key: "x", kind: "finding", text, severe: true }],
+            services: { [text]: { state: text, reason: text, rate_hz: 0, restarts: 0, here: true } } });
+        store.show({ ...store.live, state });
+    }""")
+    expect(page.locator("#doing")).to_contain_text("<img src=x")
+    expect(page.locator("h1")).to_contain_text("<script>")
+    assert page.locator("main img, main script, #alarm-line img, header img").count() == 0
+    for display in ("Alarms", "Overview"):
+        page.get_by_role("link", name=display).click()
+        expect(page.locator("main")).to_contain_text("onerror")
+    assert page.title() != "1"
