@@ -118,6 +118,8 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
     },
     "monitoring": {
         "monitor": Subcommand("monitoring.monitor", "MonitorCommand", "find faults of the arm in a log"),
+        "monitor start": Subcommand("monitoring.watch", "MonitorStart", "let the monitor watch the arm, anew"),
+        "monitor stop": Subcommand("monitoring.watch", "MonitorStop", "let the monitor leave the arm alone"),
         "monitor acknowledge": Subcommand(
             "monitoring.acknowledge",
             "MonitorAcknowledge",

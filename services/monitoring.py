@@ -18,17 +18,23 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from dtwin.bus.following import Following
-from dtwin.bus.messages import ACKNOWLEDGE, ACTED, EVENTS, MONITORING, RESIDUALS, SENSORS, VOLTAGES, Acted
+from dtwin.bus.messages import ACKNOWLEDGE, ACTED, EVENTS, MONITORING, RESIDUALS, SENSORS, VOLTAGES, WATCH, Acted
 from dtwin.bus.ticks import Ticks
-from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringResiduals, MonitoringVerdict
-from dtwin.errors import CommunicationError, DtwinError
+from dtwin.bus.twin_messages import (
+    AcknowledgeRequest,
+    MonitoringResiduals,
+    MonitoringVerdict,
+    WatchRequest,
+    WatchState,
+)
+from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.identification.machine.record import read_record
 from dtwin.identification.model import read_model
 from dtwin.monitoring.estimation.belief import Belief, assumed, commissioned, identified
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
 from dtwin.parameters import ArmParameters, Triple
-from dtwin.signals import MONITOR, Event, Sensors, Voltages
+from dtwin.signals import MONITOR, Event, EventKind, Sensors, Voltages
 from services.parts.demands import Demands
 from services.service import Link, Service, main
 
@@ -64,8 +70,13 @@ class Options(Link):
         warm_up(belief)
         with Service(NAME, self) as service:
             demands = Demands(service.bus) if self.safe_stop else None
-            Monitoring(service, Monitor(belief, settings), demands).run()
+            Monitoring(service, lambda: Monitor(belief, settings), self._words(), demands).run()
         return 0
+
+    def _words(self) -> str:
+        if self.commissioned is not None:
+            return f"record {self.commissioned.name}"
+        return "the data sheet's arm" if self.model is None else f"model {self.model.parent.name}/{self.model.name}"
 
     def _belief(self) -> Belief:
         if self.commissioned is not None:
@@ -74,14 +85,27 @@ class Options(Link):
 
 
 class Monitoring:
-    """One arm under watch."""
+    """One arm under watch.
 
-    def __init__(self, service: Service, monitor: Monitor, demands: Demands | None = None) -> None:
+    Args:
+        service: frame of the service.
+        made: makes a monitor that begins with the model.
+        model: model or record of the healthy arm in words.
+        demands: passes failures on to the safe stop; None without it.
+    """
+
+    def __init__(
+        self, service: Service, made: Callable[[], Monitor], model: str, demands: Demands | None = None
+    ) -> None:
         self._service = service
-        self._monitor = monitor
+        self._made = made
+        self._model = model
+        self._monitor = made()
+        self._running = True
         self._ticks = Ticks()
         self._demands = demands
         self._told = self._confirmed = 0
+        self._time = 0.0
         bus = service.bus
         self._tell_event: Callable[[Event], None] = bus.publisher(EVENTS)
         self._tell_verdict: Callable[[MonitoringVerdict], None] = bus.publisher(MONITORING)
@@ -90,6 +114,7 @@ class Monitoring:
         bus.subscribe(VOLTAGES, Voltages, service.inbox.put)
         bus.subscribe(ACTED, Acted, service.inbox.put)
         bus.answer(ACKNOWLEDGE, AcknowledgeRequest, self._ask, lambda: self._ask(None))
+        bus.answer(WATCH, WatchRequest, self._switch, lambda: WatchState(self._running, self._model))
 
     def run(self) -> None:
         """Works until it is asked to end."""
@@ -100,12 +125,17 @@ class Monitoring:
             before = done
             if isinstance(item, _Asked):
                 self._acknowledge(item)
+            elif isinstance(item, WatchRequest):
+                self._change(item)
             elif item is not None:
                 for sensors, acted in self._ticks.take(item):
-                    self._watch(sensors, acted)
-                    done += 1
+                    self._time = sensors.time
+                    if self._running:
+                        self._watch(sensors, acted)
+                        done += 1
             if service.report_due() or (done and not before):
-                service.report("running" if done else "waiting", done, time=max(self._monitor.time, 0.0))
+                working = done and self._running
+                service.report("running" if working else "waiting", done, time=self._time)
 
     def _ask(self, request: AcknowledgeRequest | None) -> MonitoringVerdict:
         """Answers on Zenoh's thread; the monitor is the main thread's."""
@@ -116,8 +146,28 @@ class Monitoring:
         except TimeoutError:
             raise CommunicationError(f"the monitor did not answer within {PATIENCE:g} s") from None
 
+    def _switch(self, request: WatchRequest) -> WatchState:
+        """Answers on Zenoh's thread; the monitor is the main thread's."""
+        self._service.inbox.put(request)
+        return WatchState(request.run, self._model)
+
+    def _change(self, request: WatchRequest) -> None:
+        """Begins anew, or leaves the arm alone; demands of findings that nobody looks after any more end."""
+        if request.run == self._running:
+            return
+        self._running = request.run
+        self._monitor = self._made()
+        self._told = self._confirmed = 0
+        if self._demands is not None:
+            self._demands.stand(frozenset())
+        said = f"{request.who} {'started' if request.run else 'stopped'} the monitor"
+        log.warning("%s", said)
+        self._tell_event(Event(self._time, EventKind.OPERATOR, said))
+
     def _acknowledge(self, asked: _Asked) -> None:
         try:
+            if not self._running:
+                raise ParameterError("the monitor is stopped: expected `dtwin monitor start` before")
             if asked.request is not None:
                 self._monitor.acknowledge(asked.request.parameter)
                 self._tell_news()

@@ -48,6 +48,7 @@ def test_what_only_waits_or_asks_loads_no_library_of_numbers(module: str) -> Non
         ("controller", {"lark"}),
         ("emulator", {"numpy", "mujoco"}),
         ("recorder", {"numpy", "pyarrow"}),
+        ("console", set()),
         ("identification", set()),
         ("monitoring", {"numpy", "scipy", "numba"}),
         ("simulation", {"numpy", "scipy", "numba", "lark"}),

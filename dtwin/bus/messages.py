@@ -22,6 +22,8 @@ from dtwin.bus.twin_messages import (
     RollBackRequest,
     Upload,
     UploadRequest,
+    WatchRequest,
+    WatchState,
 )
 from dtwin.parameters import ArmParameters, Gains, Law, PayloadModel, Triple
 from dtwin.signals import (
@@ -331,10 +333,11 @@ MONITORING: Final = Topic("twin/monitoring/verdict", "publication", MonitoringVe
 ACKNOWLEDGE: Final = Topic(
     "twin/monitoring/acknowledge", "query", AcknowledgeRequest, MonitoringVerdict, "monitoring"
 )
+WATCH: Final = Topic("twin/monitoring/watch", "query", WatchRequest, WatchState, "monitoring")
 RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, ACTED, PATH, TRUTH, EVENTS, STATUS, ALIVE),
     *(SETTINGS, SIGNAL, STOP, RELEASE, FAULT, RESET, LATCH, SUMMARY),
-    *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, MONITORING, RESIDUALS, ACKNOWLEDGE),
+    *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, MONITORING, RESIDUALS, ACKNOWLEDGE, WATCH),
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""

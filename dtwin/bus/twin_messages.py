@@ -284,6 +284,30 @@ class AcknowledgeRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SC
     parameter: Word = ""
 
 
+class WatchRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The monitor shall watch the arm, or leave it alone; it begins anew from its model.
+
+    Attributes:
+        who: name of who wants it.
+        run: whether to watch.
+    """
+
+    who: Word
+    run: bool
+
+
+class WatchState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Whether the monitor watches the arm, and what with.
+
+    Attributes:
+        running: whether it watches.
+        model: model or record of the healthy arm in words.
+    """
+
+    running: bool
+    model: Line
+
+
 class MonitoringResiduals(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA):
     """What the encoders said beyond what was expected, rad; ten times a second.
 

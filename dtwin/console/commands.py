@@ -21,6 +21,7 @@ from dtwin.bus.messages import (
     ROLL_BACK,
     STOP,
     UPLOAD,
+    WATCH,
     FaultRequest,
     ReleaseRequest,
     StopRequest,
@@ -34,6 +35,7 @@ from dtwin.bus.twin_messages import (
     Name,
     RollBackRequest,
     UploadRequest,
+    WatchRequest,
 )
 from dtwin.console.people.users import Role
 from dtwin.console.telling import CellState
@@ -172,6 +174,18 @@ def _acknowledge_blocked(state: CellState) -> str:
     return "" if found else "there is no finding"
 
 
+def _start_blocked(state: CellState) -> str:
+    if reason := _missing(state, "monitoring", "--monitoring"):
+        return reason
+    return "the monitor watches already" if state.watch is not None and state.watch.running else ""
+
+
+def _leave_blocked(state: CellState) -> str:
+    if reason := _missing(state, "monitoring", "--monitoring"):
+        return reason
+    return "the monitor is stopped already" if state.watch is not None and not state.watch.running else ""
+
+
 def _identify_blocked(state: CellState) -> str:
     if reason := _missing(state, "identification", "--identification"):
         return reason
@@ -252,6 +266,22 @@ COMMANDS: Final = {
             ACKNOWLEDGE,
             lambda form, user, files: AcknowledgeRequest(form.parameter),
             _acknowledge_blocked,
+        ),
+        ConsoleCommand(
+            "watch",
+            "operator",
+            Form,
+            WATCH,
+            lambda form, user, files: WatchRequest(user, True),
+            _start_blocked,
+        ),
+        ConsoleCommand(
+            "leave",
+            "engineer",
+            Form,
+            WATCH,
+            lambda form, user, files: WatchRequest(user, False),
+            _leave_blocked,
         ),
         ConsoleCommand(
             "identify",

@@ -27,6 +27,7 @@ def conditions(
     verdict: MonitoringVerdict | None,
     settings: Upload | None,
     age: float | None,
+    watched: bool = True,
 ) -> tuple[Condition, ...]:
     """The abnormal conditions of a cell, the severe ones first.
 
@@ -36,8 +37,12 @@ def conditions(
         verdict: last word of the monitor.
         settings: settings in force.
         age: time since the last sample, s; None before the first one.
+        watched: whether the monitor, if there is one, watches the arm.
     """
-    return tuple(sorted(_found(services, stop, verdict, settings, age), key=lambda found: not found.severe))
+    found = [*_found(services, stop, verdict, settings, age)]
+    if not watched:
+        found.append(Condition("unwatched", "service", "the monitor is stopped"))
+    return tuple(sorted(found, key=lambda found: not found.severe))
 
 
 def _found(

@@ -14,7 +14,7 @@ from dtwin.console.hub import Clocks, Hub
 from dtwin.console.people.audit import Audit, AuditEntry
 from dtwin.console.people.occupancy import TIME_OUT, Occupancy
 from dtwin.console.people.sessions import Attempts, Session, Sessions
-from dtwin.console.people.users import Users, may
+from dtwin.console.people.users import Role, Users, may
 from dtwin.console.ring import Ring
 from dtwin.console.telling import CellState
 from dtwin.errors import CommunicationError, DtwinError, ParameterError, RecordingError
@@ -162,6 +162,16 @@ class Console:
             raise ParameterError(f"desk: expected occupy or leave, got {action[:50]!r}")
         self._note(f"desk, {action}", {}, session, address, Answer(done, text))
         return done, text
+
+    def note_login(self, name: str, address: str, role: Role | None) -> None:
+        """Notes an attempt to log in; role is None when it has failed.
+
+        Raises:
+            RecordingError: the audit file cannot be written.
+        """
+        visitor = Session("", "", name[:32], role or "viewer", 0.0)
+        text = "the name or the password is wrong" if role is None else "welcome"
+        self._note("log in", {}, visitor, address, Answer(role is not None, text))
 
     def _noted(self, name: str, content: Any, session: Session, address: str, answer: Answer) -> Answer:
         try:

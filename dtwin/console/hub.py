@@ -26,6 +26,7 @@ from dtwin.bus.messages import (
     SUMMARY,
     UPLOAD,
     VOLTAGES,
+    WATCH,
     Acted,
     Path,
     Status,
@@ -34,7 +35,7 @@ from dtwin.bus.messages import (
     Topic,
 )
 from dtwin.bus.session import Bus, Subscription
-from dtwin.bus.twin_messages import IdentificationState, MonitoringResiduals, MonitoringVerdict, Upload
+from dtwin.bus.twin_messages import IdentificationState, MonitoringResiduals, MonitoringVerdict, Upload, WatchState
 from dtwin.console.conditions import conditions, doing
 from dtwin.console.excited import ExcitedMotion
 from dtwin.console.telling import CellState, Frame, Health
@@ -51,6 +52,10 @@ SILENT: Final = 3.0
 """Time without a word of a service after which its last word does not count any more, s."""
 EVENTS_KEPT: Final = 60
 """Number of the last events that pages are told."""
+NEWS: Final = frozenset(
+    {EventKind.OPERATOR, EventKind.STOP, EventKind.UPLOAD, EventKind.CONFIRM, EventKind.ROLL_BACK}
+)
+"""Events after which what is not published may be another."""
 M = TypeVar("M", bound=msgspec.Struct)
 
 
@@ -98,7 +103,7 @@ class Hub:
         self._here: dict[str, bool] = {}
         self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
         self._stop: Stop = "none"
-        self._ask_stop = True
+        self._ask_stop = self._ask_watch = True
         self._colours = ("", "")
         self._followed: Subscription | None = None
         self._over = threading.Event()
@@ -135,7 +140,7 @@ class Hub:
 
     def ask_again(self) -> None:
         """Asks at once for what may have changed by a command."""
-        self._ask_stop = True
+        self._ask_stop = self._ask_watch = True
         self._news.set()
 
     @property
@@ -169,7 +174,8 @@ class Hub:
         """All that changes seldom."""
         services = self._services()
         summary = self._last.get(Summary) or Summary({})
-        verdict = self._of("monitoring", MonitoringVerdict)
+        watch = self._of("monitoring", WatchState)
+        verdict = None if watch is not None and not watch.running else self._of("monitoring", MonitoringVerdict)
         identification = self._of("identification", IdentificationState)
         settings = self._of("simulation", Upload)
         states = [health.state for health in services.values()]
@@ -186,10 +192,11 @@ class Hub:
             latency_ms=summary.latency_ms,
             boxes=summary.boxes,
             verdict=verdict,
+            watch=watch,
             identification=identification,
             settings=settings,
             events=tuple(self._events),
-            conditions=conditions(services, self._stop, verdict, settings, self.age),
+            conditions=conditions(services, self._stop, verdict, settings, self.age, watch is None or watch.running),
         )
 
     def is_here(self, service: str) -> bool:
@@ -243,7 +250,7 @@ class Hub:
 
     def _take_event(self, event: Event) -> None:
         self._events.append(event)
-        if event.kind in (EventKind.STOP, EventKind.UPLOAD, EventKind.CONFIRM, EventKind.ROLL_BACK):
+        if event.kind in NEWS:
             self.ask_again()
 
     def _take_status(self, status: Status) -> None:
@@ -258,6 +265,9 @@ class Hub:
             self._ask(SUMMARY, Summary)
             if self.is_here("simulation"):
                 self._ask(UPLOAD, Upload)
+            if self.is_here("monitoring") and (self._ask_watch or WatchState not in self._last):
+                self._ask_watch = False
+                self._ask(WATCH, WatchState)
             if self.is_here("identification") and IdentificationState not in self._last:
                 self._ask(IDENTIFY, IdentificationState)
             # The blocks are looked at only when there is a reason, since that costs the bridge time.

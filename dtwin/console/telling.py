@@ -7,7 +7,7 @@ from typing import Literal
 import msgspec
 
 from dtwin.bus.messages import Latency
-from dtwin.bus.twin_messages import IdentificationState, MonitoringVerdict, Upload
+from dtwin.bus.twin_messages import IdentificationState, MonitoringVerdict, Upload, WatchState
 from dtwin.parameters import Triple
 from dtwin.signals import BoxCounts, Event, Quad, Stop
 
@@ -98,6 +98,7 @@ class CellState(msgspec.Struct, frozen=True, tag_field="tell", tag="state"):
         latency_ms: latency from sample to command.
         boxes: what became of the boxes.
         verdict: last word of the monitor; None without one.
+        watch: whether the monitor watches, and what with; None without one.
         identification: state of the identification; None without that service.
         settings: settings in force; None without the simulation service.
         events: last events, oldest first.
@@ -115,6 +116,7 @@ class CellState(msgspec.Struct, frozen=True, tag_field="tell", tag="state"):
     latency_ms: Latency | None = None
     boxes: BoxCounts | None = None
     verdict: MonitoringVerdict | None = None
+    watch: WatchState | None = None
     identification: IdentificationState | None = None
     settings: Upload | None = None
     events: tuple[Event, ...] = ()

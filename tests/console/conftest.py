@@ -1,7 +1,5 @@
 """A browser for the tests of the pages, and a cell that they look at."""
 
-import os
-import shutil
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -9,9 +7,9 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect, sync_playwright
 
 from services import runfile
+from tests.support.browsers import ARGUMENTS, find_chromium
 from tests.support.desk import Desk, new_desk
 
-CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
 AWAY = ("Failed to load resource", "WebSocket connection")
 """What a browser says of refusals, while a console is away, and after it has come back without the old sessions."""
 CELL = ("--pace", "lockstep", "--console", "--monitoring", "--simulation", "--identification", "--noise", "0.002")
@@ -19,11 +17,11 @@ CELL = ("--pace", "lockstep", "--console", "--monitoring", "--simulation", "--id
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    if CHROMIUM is None:
+    chromium = find_chromium()
+    if chromium is None:
         pytest.skip("needs a browser: apt install chromium, or set CHROMIUM to the path of one")
     with sync_playwright() as play:
-        # In a container there is no room for chromium's own sandbox; what it opens here is the project's own page.
-        browser = play.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        browser = play.chromium.launch(executable_path=chromium, args=ARGUMENTS)
         yield browser
         browser.close()
 

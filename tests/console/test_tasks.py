@@ -8,7 +8,10 @@ from playwright.sync_api import Locator, Page, expect
 
 from dtwin.parameters import ROOT
 from tests.support.desk import Desk
+from tests.support.waiting import until
 
+LEARNT = 4000
+"""Number of ticks after which the monitor knows the arm."""
 SLOW = 60_000
 """Deadline of what the cell has to do first, ms."""
 
@@ -130,6 +133,7 @@ def test_a_weak_motor_is_found_and_acknowledged(hand: Hand, cell: Desk) -> None:
     """The fault comes from the training panel; the page names joint, cause and size."""
     page = hand.page
     hand.open("Monitoring")
+    until(lambda: cell.tick() > LEARNT, "the monitor knows the arm", 120.0)
     hand.press("Inject the fault")
     hand.confirm()
     answered(page, "K2")
@@ -141,6 +145,22 @@ def test_a_weak_motor_is_found_and_acknowledged(hand: Hand, cell: Desk) -> None:
     hand.confirm()
     expect(row).to_contain_text("nominal", timeout=SLOW)
     assert hand.clicks == listed("Find the weak motor, acknowledge it")
+
+
+def test_the_monitor_is_stopped_and_started(hand: Hand, cell: Desk) -> None:
+    page = hand.page
+    hand.open("Monitoring")
+    expect(page.locator("main")).to_contain_text("Watched with: the data sheet's arm", timeout=SLOW)
+    hand.press("Stop the monitor")
+    hand.confirm()
+    expect(page.locator("main")).to_contain_text("Nobody watches the arm", timeout=SLOW)
+    expect(page.locator("#alarm-line")).to_contain_text("the monitor is stopped")
+    assert "expected `dtwin monitor start`" in cell.run("monitor", "acknowledge", status=2)
+    hand.press("Start the monitor")
+    expect(page.get_by_role("cell", name="joint 2", exact=True)).to_be_visible(timeout=SLOW)
+    assert "is stopped" in cell.run("monitor", "stop")
+    expect(page.locator("main")).to_contain_text("Nobody watches the arm", timeout=SLOW)
+    assert "watches" in cell.run("monitor", "start")
 
 
 def test_the_past_is_marked_and_takes_no_commands(console_page: Page) -> None:

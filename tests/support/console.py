@@ -158,15 +158,15 @@ class Served:
 
 
 @contextmanager
-def serve(folder: Path, users: Users | None = None, files: Files | None = None) -> Iterator[Served]:
+def serve(folder: Path, users: Users | None = None, listening: Listening | None = None) -> Iterator[Served]:
     """A console of a made cell while it listens."""
     cell, clock = FakeCell(), Clock()
     clocks = Clocks(clock, time.time)
     bus = Bus(open_peer(cell.meet), cell.name)
     hub = Hub(bus, cell.name, "arm", clocks)
     audit = folder / "audit.jsonl"
-    console = Console(bus, hub, clocks, Audit(audit), files or Files(folder / "store"), users, "somebody")
-    web = Web(console, Listening())
+    console = Console(bus, hub, clocks, Audit(audit), Files(folder / "store"), users, "somebody")
+    web = Web(console, listening or Listening())
     hub.listen()
     try:
         yield Served(web, console, cell, clock, audit)

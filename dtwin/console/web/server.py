@@ -84,7 +84,7 @@ class Server:
         routes = [
             Route("/", self._page),
             Route("/login", self._login_page),
-            Route("/api/login", self._login, methods=post),
+            Route("/api/login", said(self._login), methods=post),
             Route("/api/logout", self._known(self._logout), methods=post),
             Route("/api/session", self._known(self._session)),
             Route("/api/desk/{action}", self._known(self._desk), methods=post),
@@ -126,12 +126,7 @@ class Server:
                 return told({"text": "log in first"}, 401)
             if request.method == "POST" and request.headers.get("x-csrf-token") != session.token:
                 return told({"text": "the token of this session is missing: load the page again"}, 403)
-            try:
-                return await handle(request, session)
-            except RecordingError as error:
-                return told(Answer(False, str(error)), 500)
-            except DtwinError as error:
-                return told(Answer(False, str(error)), 400)
+            return await said(lambda asked: handle(asked, session))(request)
 
         return checked
 
@@ -162,6 +157,7 @@ class Server:
         console.attempts.fail(keys, now)  # It counts as failed until it is known to be right, also while others try.
         async with self._hashing:
             role = await run_in_threadpool(console.users.role_of, given.name, given.password)
+        await run_in_threadpool(console.note_login, given.name, address, role)
         if role is None:
             return told({"text": "the name or the password is wrong"}, 401)
         console.attempts.clear(keys)
@@ -216,6 +212,20 @@ class Server:
             await socket.close(1008, "log in first")
             return
         await self._stream.serve(socket, session)
+
+
+def said(handle: Callable[[Request], Awaitable[Response]]) -> Callable[[Request], Awaitable[Response]]:
+    """Says in words what went wrong."""
+
+    async def answered(request: Request) -> Response:
+        try:
+            return await handle(request)
+        except RecordingError as error:
+            return told(Answer(False, str(error)), 500)
+        except DtwinError as error:
+            return told(Answer(False, str(error)), 400)
+
+    return answered
 
 
 def address_of(request: Request) -> str:

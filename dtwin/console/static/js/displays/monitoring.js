@@ -1,5 +1,5 @@
 // Level 2: is it still that arm? Measured against predicted, residuals, evidence, findings.
-import { el, number, panel, rebuild, short, table } from "../dom.js";
+import { el, number, panel, rebuild, setText, short, table } from "../dom.js";
 import { commandButton } from "../command.js";
 import { drawTrend } from "../trend.js";
 import { store } from "../store.js";
@@ -21,10 +21,13 @@ export function makeMonitoring() {
     name: "fault", title: "Inject the fault", form: () => ({ fault: fault.value }),
     confirm: () => `For training: the emulated machine gets the fault ${fault.value} now. The arm may move otherwise.`,
   });
-  const buttons = [acknowledge, inject];
+  const watch = commandButton({ name: "watch", title: "Start the monitor" });
+  const leave = commandButton({ name: "leave", title: "Stop the monitor", confirm: "Nothing is found any more, and no finding stops the arm, until the monitor is started again." });
+  const model = el("p", { class: "quiet" });
+  const buttons = [acknowledge, inject, watch, leave];
   const node = el(
     "div", { class: "grid" },
-    panel("Findings", "w8", findings, el("div", { class: "row" }, acknowledge.node)),
+    panel("Findings", "w8", findings, model, el("div", { class: "row" }, acknowledge.node, watch.node, leave.node)),
     panel("Evidence", "w4", evidence, words),
     panel("Measured — and predicted – –, the last 20 s", "w6", ...angles),
     panel("Residuals, with the band of a healthy arm", "w6", ...residuals),
@@ -36,6 +39,8 @@ export function makeMonitoring() {
   function state() {
     buttons.forEach((button) => button.refresh());
     const verdict = store.state?.verdict;
+    const watched = store.state?.watch;
+    setText(model, watched ? `${watched.running ? "Watched with" : "Stopped; would watch with"}: ${watched.model}` : "");
     rebuild(findings, verdict?.units, () => verdict
       ? table("What the monitor says of each part of the arm", ["Part", "State", "Cause", "Changed", "Size", "Confidence", "Since, s"],
         Object.entries(verdict.units).map(([name, unit]) => [
@@ -43,7 +48,7 @@ export function makeMonitoring() {
           unit.parameter ? `${short(unit.size, 3)} ± ${short(unit.deviation, 2)}` : "",
           unit.confidence ? `${Math.round(100 * unit.confidence)} %` : "", unit.since ? number(unit.since, 2) : "",
         ]), [4, 5, 6])
-      : el("p", {}, "Nobody monitors the arm: no word of a monitoring service."));
+      : el("p", {}, "Nobody watches the arm."));
     const said = verdict && [Object.values(verdict.units).map((unit) => unit.text), verdict.forecasts, verdict.unobservable, verdict.missed, verdict.restarts];
     rebuild(words, said, () => verdict && [
       ...Object.entries(verdict.units).filter(([, unit]) => unit.text).map(([name, unit]) => el("p", {}, `${name}: ${unit.text}`)),

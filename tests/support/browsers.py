@@ -1,0 +1,13 @@
+"""Where the browser of the tests is."""
+
+import os
+import shutil
+from typing import Final
+
+ARGUMENTS: Final = ["--no-sandbox"]
+"""In a container there is no room for chromium's own sandbox; what it opens here is the project's own page."""
+
+
+def find_chromium() -> str | None:
+    """Path of a chromium, None without one."""
+    return os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")

@@ -1,0 +1,93 @@
+"""Takes the pictures of docs/console.md: every display of a cell at work, in a browser."""
+
+import os
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from playwright.sync_api import Page, sync_playwright
+
+from dtwin.parameters import ROOT
+from services import runfile
+from tests.support.browsers import ARGUMENTS, find_chromium
+from tests.support.desk import Desk, new_desk
+from tests.support.waiting import until
+
+CELL = ("--pace", "lockstep", "--console", "--monitoring", "--simulation", "--identification", "--noise", "0.002")
+SLOW = 120_000
+"""ms"""
+
+
+def main() -> int:
+    """Takes all pictures into a folder, docs/ if none is given."""
+    folder = Path(sys.argv[1]).resolve() if len(sys.argv) > 1 else ROOT / "docs"
+    chromium = find_chromium()
+    if chromium is None:
+        print("needs a browser: apt install chromium, or set CHROMIUM to the path of one", file=sys.stderr)
+        return 2
+    with new_desk() as desk, TemporaryDirectory() as work, sync_playwright() as play:
+        os.chdir(work)
+        desk.detach(*CELL)
+        until(lambda: desk.tick() > 4000, "the monitor knows the arm", 120.0)
+        browser = play.chromium.launch(executable_path=chromium, args=ARGUMENTS)
+        page = browser.new_page(viewport={"width": 1280, "height": 720}, color_scheme="light")
+        page.goto(runfile.require("cell").console)
+        page.get_by_role("button", name="Occupy the desk").click(timeout=SLOW)
+        _take_all(page, desk, folder)
+        browser.close()
+        desk.run("down")
+    return 0
+
+
+def _take_all(page: Page, desk: Desk, folder: Path) -> None:
+    tick = desk.tick()
+    until(lambda: desk.tick() > tick + 3000, "the trends are full", 120.0)
+    _take(page, folder, "overview")
+    page.locator("#theme").click()
+    _take(page, folder, "overview-dark")
+    page.locator("#theme").click()
+    _open(page, "Identification")
+    _press(page, "Excite and identify", True)
+    page.get_by_text("proposed:").wait_for(timeout=SLOW)
+    _press(page, "Show the models against the motion")
+    page.get_by_text("of the proposed one").wait_for(timeout=SLOW)
+    _take(page, folder, "identification")
+    _open(page, "Simulation")
+    page.get_by_label("Target time, s").fill("1.5")
+    _press(page, "Simulate")
+    page.get_by_role("columnheader", name="the form").wait_for(timeout=SLOW)
+    _press(page, "Optimise")
+    page.get_by_role("button", name="Take the best into the form").click(timeout=SLOW)
+    _press(page, "Upload gains and target time", True)
+    page.get_by_text("on trial").first.wait_for(timeout=SLOW)
+    _take(page, folder, "simulation")
+    _open(page, "Monitoring")
+    _press(page, "Inject the fault", True)
+    page.locator("#alarm-line").get_by_text("failed").wait_for(timeout=SLOW)
+    _take(page, folder, "monitoring")
+    _open(page, "Alarms")
+    _take(page, folder, "alarms")
+    _open(page, "Replay")
+    _press(page, "Look at the last hour")
+    page.get_by_text("Not live:").wait_for(timeout=SLOW)
+    _take(page, folder, "replay")
+
+
+def _open(page: Page, display: str) -> None:
+    page.get_by_role("link", name=display, exact=True).click()
+
+
+def _press(page: Page, name: str, confirmed: bool = False) -> None:
+    page.get_by_role("button", name=name, exact=True).click(timeout=SLOW)
+    if confirmed:
+        page.locator("[data-confirm=yes]").click()
+
+
+def _take(page: Page, folder: Path, name: str) -> None:
+    page.wait_for_function("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    page.screenshot(path=folder / f"console-{name}.png", full_page=True)
+    print(f"console-{name}.png", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
