@@ -33,7 +33,10 @@ PHYSICS_STEP: Final = 0.0025
 """Integration step of the emulation, s."""
 COULOMB_WIDTH: Final = 0.1
 """Velocity over which Coulomb friction mu tanh(q'/width) changes sign, rad/s; the same in emulation and twin."""
-ROOT: Final = Path(__file__).resolve().parent.parent
+SOURCE: Final = Path(__file__).resolve().parent.parent
+"""Folder that holds this package: a checkout, or where packages are installed."""
+ROOT: Final = SOURCE if (SOURCE / "models" / "arm.xml").exists() else Path(__file__).resolve().parent / "data"
+"""Folder that holds fb, models, config and machines: the checkout, or the package where it is installed."""
 
 _SYMBOLS: Final = {
     "K": "voltage_constant",

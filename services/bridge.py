@@ -45,13 +45,13 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, ParameterError, RecordingError
 from dtwin.iec61499.net.address import StreamAddress, parse_stream_address
 from dtwin.parameters import PERIOD, ArmParameters, Gains
+from dtwin.services.parts.gate import STALE
+from dtwin.services.parts.recent import Recent
+from dtwin.services.parts.state_file import StateFile, to_message
+from dtwin.services.parts.strides import strides
+from dtwin.services.service import Link, Service, main
+from dtwin.services.stops import Stops
 from dtwin.signals import Event, EventKind, Sensors, Voltages
-from services.parts.gate import STALE
-from services.parts.recent import Recent
-from services.parts.state_file import StateFile, to_message
-from services.parts.strides import strides
-from services.service import Link, Service, main
-from services.stops import Stops
 
 log = logging.getLogger(__name__)
 

@@ -8,7 +8,7 @@ from typing import Final
 
 from dtwin.run.emulate import emulate
 from dtwin.run.options import PlantOptions
-from services.service import main
+from dtwin.services.service import main
 
 NAME: Final = "check"
 

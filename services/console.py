@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Final
 
 from dtwin.bus.session import Bus
 from dtwin.errors import ParameterError
-from services.service import Link, Service, main
+from dtwin.services.service import Link, Service, main
 
 if TYPE_CHECKING:
     from dtwin.console.web.listening import Web

@@ -20,7 +20,7 @@ from dtwin.iec61499.mapping import configured, resource_network
 from dtwin.iec61499.net.address import Address, parse_listening_address
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.run.options import ControlOptions
-from services.service import REPORT_PERIOD, Link, Service, main
+from dtwin.services.service import REPORT_PERIOD, Link, Service, main
 
 log = logging.getLogger(__name__)
 

@@ -40,13 +40,13 @@ from dtwin.errors import CommunicationError, DivergenceError, DtwinError
 from dtwin.parameters import PERIOD
 from dtwin.run.loop import tick_count
 from dtwin.run.options import PlantOptions
+from dtwin.services.parts.gate import STALE, Gate
+from dtwin.services.parts.journaled import JournaledCell
+from dtwin.services.parts.latencies import Latencies
+from dtwin.services.parts.pace import Pace
+from dtwin.services.parts.revival import revive
+from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors, Voltages
-from services.parts.gate import STALE, Gate
-from services.parts.journaled import JournaledCell
-from services.parts.latencies import Latencies
-from services.parts.pace import Pace
-from services.parts.revival import revive
-from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)
 

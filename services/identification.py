@@ -46,8 +46,8 @@ from dtwin.identification.model import IdentifiedModel, read_model
 from dtwin.identification.operating_data import PIECES, OperatingData
 from dtwin.identification.store import STORE, ModelStore
 from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors, Voltages
-from services.service import Link, Service, main
 
 if TYPE_CHECKING:
     from dtwin.identification.collector import SignalCollector

@@ -32,20 +32,20 @@ from dtwin.files import ensure_writable
 from dtwin.identification.store import STORE
 from dtwin.iec61499.net.address import LocalAddress, parse_address
 from dtwin.options import arguments
-from dtwin.parameters import ROOT
+from dtwin.parameters import SOURCE
 from dtwin.run.loop import tick_count
 from dtwin.run.options import ArmOptions, ControlOptions, PlantOptions
 from dtwin.run.settings import CellSettings, metadata, sequence_name
+from dtwin.services import runfile
+from dtwin.services.parts.fence import fence_warning
+from dtwin.services.parts.journal import carry_over
+from dtwin.services.parts.pace import Pace
+from dtwin.services.parts.part_files import discard_markers, discard_parts
+from dtwin.services.runfile import OPERATOR, RunFile
+from dtwin.services.service import current_processor, free_port
+from dtwin.services.supervisor import Program, Supervisor
 from dtwin.simulation.history import HISTORY
 from dtwin.view.viewer import LOOPBACK, Ports, Viewer, free_ports
-from services import runfile
-from services.parts.fence import fence_warning
-from services.parts.journal import carry_over
-from services.parts.pace import Pace
-from services.parts.part_files import discard_markers, discard_parts
-from services.runfile import OPERATOR, RunFile
-from services.service import current_processor, free_port
-from services.supervisor import Program, Supervisor
 
 AUDIT: Final = Path("console-audit.jsonl")
 """Default file of the commands that are given at the console, in the working directory."""
@@ -128,9 +128,9 @@ class CellOptions(PlantOptions, ControlOptions):
         check_seed(self.seed)
         check_noise(self.noise_kind, self.noise)
         if arguments(replace(self, seed=0, noise=0.0, noise_kind="uniform"), PlantOptions):
-            command = [sys.executable, "-m", "services.check", *arguments(self, PlantOptions)]
+            command = [sys.executable, "-m", "dtwin.services.check", *arguments(self, PlantOptions)]
             made = subprocess.run(
-                command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=False
+                command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(SOURCE)}, check=False
             )
             if made.returncode:
                 raise ParameterError(made.stderr.strip().splitlines()[-1].removeprefix("check: "))
@@ -163,7 +163,7 @@ class CellOptions(PlantOptions, ControlOptions):
         programs = []
         management = self.management(file)
         if self.controller.startswith("forte://"):
-            from services.controller import deploy_cell  # loads the reader of function blocks
+            from dtwin.services.controller import deploy_cell  # loads the reader of function blocks
 
             deploy_cell(parse_address(self.controller, "forte"), self.control())
         if self.controller == "embedded":
@@ -360,7 +360,7 @@ def _own_folder(path: Path) -> Iterator[None]:
 
 
 def _service(name: str, options: list[str], leading: bool = False) -> Program:
-    return Program(name, [sys.executable, "-m", f"services.{name}", *options], leading)
+    return Program(name, [sys.executable, "-m", f"dtwin.services.{name}", *options], leading)
 
 
 @contextmanager

@@ -34,9 +34,9 @@ from dtwin.monitoring.estimation.belief import Belief, assumed, commissioned, id
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
 from dtwin.parameters import ArmParameters, Triple
+from dtwin.services.parts.demands import Demands
+from dtwin.services.service import Link, Service, main
 from dtwin.signals import MONITOR, Event, EventKind, Sensors, Voltages
-from services.parts.demands import Demands
-from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)
 

@@ -25,12 +25,12 @@ from dtwin.errors import NoSpaceError, ParameterError, RecordingError
 from dtwin.parameters import ArmParameters
 from dtwin.run.options import ArmOptions
 from dtwin.run.recording import Log, RunLog
+from dtwin.services.parts.log_parts import Parts
+from dtwin.services.parts.part_files import begin, begun, discard_parts, numbered
+from dtwin.services.parts.rows import Rows
+from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors, StepRecord, Truth, Voltages
 from dtwin.view.viewer import Ports, Viewer, ViewerProcess
-from services.parts.log_parts import Parts
-from services.parts.part_files import begin, begun, discard_parts, numbered
-from services.parts.rows import Rows
-from services.service import Link, Service, main
 
 if TYPE_CHECKING:
     from dtwin.view.live import LiveView

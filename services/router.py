@@ -12,7 +12,7 @@ from typing import Final
 
 from dtwin.bus.opening import open_configured
 from dtwin.parameters import ROOT
-from services.service import Link, hurry, main, watch_lifeline
+from dtwin.services.service import Link, hurry, main, watch_lifeline
 
 log = logging.getLogger(__name__)
 

@@ -29,8 +29,8 @@ from dtwin.bus.session import Bus
 from dtwin.bus.signature import KEY_SIZE
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.options import parse_apart
+from dtwin.services.supervisor import KEY, LIFELINE
 from dtwin.terminal import LineFormatter
-from services.supervisor import KEY, LIFELINE
 
 REPORT_PERIOD: Final = 1.0
 """s"""
@@ -199,7 +199,7 @@ def main(name: str, options: type[Runnable], arguments: Sequence[str] | None = N
     logging.basicConfig(level=logging.INFO, handlers=[handler])
     words = sys.argv[1:] if arguments is None else arguments
     try:
-        command: Runnable = parse_apart(options, f"python -m services.{name}", words)
+        command: Runnable = parse_apart(options, f"python -m dtwin.services.{name}", words)
         return command.run()
     except DtwinError as error:
         logging.error("%s", error)

@@ -44,12 +44,12 @@ from dtwin.controller.bounds import check_bounds, check_model
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.services.parts.state_file import from_message
+from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors
 from dtwin.simulation.checks import MOTIONS, Checker
 from dtwin.simulation.history import HISTORY, Entry, History
 from dtwin.simulation.upload import Proposal, Uploader, changed
-from services.parts.state_file import from_message
-from services.service import Link, Service, main
 
 log = logging.getLogger(__name__)
 

@@ -25,8 +25,8 @@ from dtwin.bus.messages import (
 from dtwin.bus.session import Bus
 from dtwin.controller.device import SafeStop
 from dtwin.errors import CommunicationError
+from dtwin.services.parts.latch import stronger
 from dtwin.signals import Event, EventKind, Stop
-from services.parts.latch import stronger
 
 log = logging.getLogger(__name__)
 

@@ -19,7 +19,7 @@ from typing import Final
 from dtwin.bus.messages import STATUS, SUMMARY, ServiceSummary, Status, Summary, SummaryRequest
 from dtwin.bus.session import Bus
 from dtwin.errors import CommunicationError
-from dtwin.parameters import ROOT
+from dtwin.parameters import SOURCE
 
 LIFELINE: Final = "DTWIN_LIFELINE"
 """Environment variable of the children: the descriptor that is at its end when the supervisor has gone."""
@@ -87,7 +87,7 @@ class _Child:
                 **os.environ,
                 LIFELINE: str(self._lifeline),
                 KEY: self._key.hex(),
-                "PYTHONPATH": str(ROOT),
+                "PYTHONPATH": str(SOURCE),
             },
             pass_fds=(self._lifeline,),
             start_new_session=True,

@@ -59,8 +59,8 @@ def test_the_added_block_type_limits(extended: Path, value: float, limited: floa
 
 
 def test_a_service_is_added_by_its_file_and_its_line(tmp_path: Path) -> None:
-    for folder in ("dtwin", "services", "fb", "models", "config"):
-        shutil.copytree(ROOT / folder, tmp_path / folder)
+    for folder in ("dtwin", "services", "fb", "models", "config", "machines"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, symlinks=True)
     module, line = blocks("A service", "python")
     (tmp_path / "services" / "counter.py").write_text(module)
     launch = tmp_path / "services" / "launch.py"

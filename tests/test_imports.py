@@ -28,9 +28,9 @@ def loaded(*modules: str) -> set[str]:
 @pytest.mark.parametrize(
     "module",
     [
-        "services.launch",
-        "services.supervisor",
-        "services.bridge",
+        "dtwin.services.launch",
+        "dtwin.services.supervisor",
+        "dtwin.services.bridge",
         "dtwin.commands.live.up",
         "dtwin.commands.live.stop",
         "dtwin.commands.live.watch",
@@ -55,13 +55,13 @@ def test_what_only_waits_or_asks_loads_no_library_of_numbers(module: str) -> Non
     ],
 )
 def test_services_load_what_they_need(name: str, needed: set[str]) -> None:
-    found = loaded(f"services.{name}")
+    found = loaded(f"dtwin.services.{name}")
     assert found & HEAVY == needed
     assert not found & DEAREST
 
 
 def test_the_monitor_at_work_has_loaded_of_scipy_only_the_products_of_matrices() -> None:
-    found = after("import services.monitoring as service; service.warm_up(service.Options()._belief())")
+    found = after("import dtwin.services.monitoring as service; service.warm_up(service.Options()._belief())")
     assert {name for name in found if name.startswith(("scipy.linalg", "scipy.special"))} == {BLAS}
     assert not found & {"numpy.f2py", "unittest"}
 

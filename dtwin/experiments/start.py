@@ -17,7 +17,7 @@ import msgspec
 from dtwin.bus.messages import STATUS, Status
 from dtwin.errors import CommunicationError
 from dtwin.parameters import ROOT
-from services.runfile import join, require
+from dtwin.services.runfile import join, require
 
 KILLED: Final = ("identification", "monitoring")
 """Services whose way back is measured."""

@@ -25,8 +25,8 @@ from typing import Final
 
 from dtwin.errors import RecordingError
 from dtwin.files import NO_SPACE, replacing
+from dtwin.services.parts.latch import Latched
 from dtwin.signals import STOPS, Quad
-from services.parts.latch import Latched
 
 log = logging.getLogger(__name__)
 

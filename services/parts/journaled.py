@@ -13,9 +13,9 @@ from dtwin.errors import RecordingError
 from dtwin.parameters import PERIOD
 from dtwin.run.emulate import emulate
 from dtwin.run.settings import CellSettings
+from dtwin.services.parts.journal import Journal
+from dtwin.services.parts.latch import Latch, Latched
 from dtwin.signals import Quad, Voltages
-from services.parts.journal import Journal
-from services.parts.latch import Latch, Latched
 
 
 class Checkpoint(msgspec.Struct, frozen=True):

@@ -21,7 +21,7 @@ from typing import Any, Final
 from dtwin.errors import NoSpaceError, RecordingError
 from dtwin.files import NO_SPACE, ensure_writable
 from dtwin.run.recording import Log, concatenate, count_rows, is_log, join_logs, read_log
-from services.parts.part_files import WHOLE, discard_parts, folder_of
+from dtwin.services.parts.part_files import WHOLE, discard_parts, folder_of
 
 log = logging.getLogger(__name__)
 

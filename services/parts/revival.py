@@ -9,8 +9,8 @@ from typing import Final
 from dtwin.errors import DtwinError, RecordingError
 from dtwin.run.emulate import emulate
 from dtwin.run.settings import CellSettings
-from services.parts.journal import Journal
-from services.parts.journaled import JournaledCell
+from dtwin.services.parts.journal import Journal
+from dtwin.services.parts.journaled import JournaledCell
 
 KEPT: Final = 8
 """Number of journals set aside that are kept; a further one takes the place of the last."""

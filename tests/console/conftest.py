@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect, sync_playwright
 
-from services import runfile
+from dtwin.services import runfile
 from tests.support.browsers import ARGUMENTS, find_chromium
 from tests.support.desk import Desk, new_desk
 

@@ -7,7 +7,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
-from services import runfile
+from dtwin.services import runfile
 from tests.support.desk import Desk
 
 DISPLAYS = ("overview", "identification", "monitoring", "simulation", "alarms", "replay")

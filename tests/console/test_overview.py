@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
-from services import runfile
+from dtwin.services import runfile
 from tests.support.desk import Desk
 from tests.support.waiting import until
 
@@ -48,7 +48,7 @@ def test_frames_come_twenty_times_a_second(console_page: Page) -> None:
 def test_a_killed_console_is_noticed_and_comes_back(console_page: Page, cell: Desk) -> None:
     """The page says so within 2 s, the cell goes on meanwhile, and the page comes back without a hand."""
     tick = cell.tick()
-    os.kill(cell.find("services.console"), signal.SIGKILL)
+    os.kill(cell.find("dtwin.services.console"), signal.SIGKILL)
     began = time.monotonic()
     expect(console_page.locator("#live")).to_contain_text("no connection", timeout=5_000)
     assert time.monotonic() - began < 2.5
@@ -60,7 +60,7 @@ def test_stale_values_are_marked_and_lock_what_depends_on_them(console_page: Pag
     page = console_page
     page.get_by_role("button", name="Occupy the desk").click()
     expect(page.get_by_role("button", name="Leave the desk")).to_be_visible()
-    number = cell.find("services.emulator")
+    number = cell.find("dtwin.services.emulator")
     os.kill(number, signal.SIGSTOP)
     try:
         expect(page.locator("#live")).to_contain_text("stale", timeout=10_000)

@@ -14,9 +14,9 @@ from dtwin.emulation.emulation import Emulation
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.parameters import PERIOD
 from dtwin.run.options import ControlOptions
+from dtwin.services.parts.recent import Recent
+from dtwin.services.parts.strides import strides
 from dtwin.signals import Sensors, Voltages
-from services.parts.recent import Recent
-from services.parts.strides import strides
 
 STOP = "TWIN.MONITORING.DECISION.STOP"
 LATE = 5

@@ -19,8 +19,8 @@ from dtwin.experiments.soak.chaos import Borne, ChaosRun
 from dtwin.experiments.soak.latency import LatencyRun
 from dtwin.experiments.soak.proxy import Proxy
 from dtwin.experiments.soak.troubles import TROUBLES, Aftermath
+from dtwin.services.runfile import find, folder
 from dtwin.signals import BoxCounts, Event
-from services.runfile import find, folder
 from tests.support.desk import new_desk
 from tests.support.waiting import until
 

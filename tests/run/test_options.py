@@ -18,9 +18,9 @@ from dtwin.errors import DtwinError, ModelError
 from dtwin.options import arguments, parse_apart, parse_options
 from dtwin.parameters import Law
 from dtwin.run.options import ArmOptions, ControlOptions, PlantOptions
-from services.controller import Options as ControllerOptions
-from services.emulator import Options as EmulatorOptions
-from services.recorder import Options as RecorderOptions
+from dtwin.services.controller import Options as ControllerOptions
+from dtwin.services.emulator import Options as EmulatorOptions
+from dtwin.services.recorder import Options as RecorderOptions
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 words = st.tuples() | st.tuples(st.just("K2*=0.1@45"), st.just("-1"))
@@ -94,7 +94,7 @@ PLAIN = {
 
 @pytest.mark.parametrize("service", PLAIN)
 def test_plain_options_are_read_without_the_parser_as_with_it(service: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    options = import_module(f"services.{service}").Options
+    options = import_module(f"dtwin.services.{service}").Options
     words = PLAIN[service].split()
     expected = parse_options(options, service, words)
     monkeypatch.setattr("dtwin.options.os.fork", lambda: pytest.fail("the parser was loaded in a child"))
@@ -114,4 +114,4 @@ def test_plain_options_are_read_without_the_parser_as_with_it(service: str, monk
 )
 def test_options_that_are_not_plain_get_to_the_parser(words: str, said: str) -> None:
     with pytest.raises(DtwinError, match=said):
-        parse_apart(import_module("services.emulator").Options, "emulator", words.split())
+        parse_apart(import_module("dtwin.services.emulator").Options, "emulator", words.split())

@@ -33,11 +33,11 @@ from dtwin.run.cell import Cell
 from dtwin.run.options import ControlOptions
 from dtwin.run.recording import read_log
 from dtwin.run.settings import CellSettings
+from dtwin.services import runfile
+from dtwin.services.controller import deploy_cell
+from dtwin.services.runfile import join
 from dtwin.signals import Event, EventKind, Voltages
 from dtwin.simulation.history import History
-from services import runfile
-from services.controller import deploy_cell
-from services.runfile import join
 from tests.support.desk import Desk
 from tests.support.forte import FORTE, NO_FORTE, forte
 from tests.support.waiting import until

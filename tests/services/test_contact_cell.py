@@ -6,8 +6,8 @@ import os
 import signal
 
 from dtwin.bus.messages import EVENTS
+from dtwin.services.runfile import join
 from dtwin.signals import Event, EventKind
-from services.runfile import join
 from tests.support.desk import Desk, boxes
 from tests.support.waiting import until
 
@@ -23,7 +23,7 @@ def test_bodies_are_sorted_and_a_killed_controller_touches_nothing(desk: Desk) -
         bus.subscribe(EVENTS, Event, events.append)
         until(lambda: delivered() >= 2, "two boxes are delivered", 60.0)
         assert boxes(desk).misplaced == 0
-        os.kill(desk.find("services.controller"), signal.SIGKILL)
+        os.kill(desk.find("dtwin.services.controller"), signal.SIGKILL)
         before = delivered()
         until(lambda: delivered() > before and events[-1].time > 60.0, "the cell works on for a minute", 60.0)
     assert not {event.kind for event in events} & {EventKind.COLLISION, EventKind.HELP}

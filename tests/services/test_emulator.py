@@ -34,8 +34,8 @@ from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
 from dtwin.errors import CommunicationError
 from dtwin.parameters import HANGING, ROOT, GripperParameters
+from dtwin.services.emulator import ASKED_TO_END
 from dtwin.signals import Event, Sensors, Truth, Voltages
-from services.emulator import ASKED_TO_END
 from tests.support.disks import full_disk
 from tests.support.ports import free_port
 from tests.support.waiting import until
@@ -63,7 +63,7 @@ class Emulator:
         self.start()
 
     def start(self) -> None:
-        command = [sys.executable, "-m", "services.emulator", "--meet", self.meet, *self._options]
+        command = [sys.executable, "-m", "dtwin.services.emulator", "--meet", self.meet, *self._options]
         self.process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
 
     def close(self) -> None:
@@ -329,7 +329,7 @@ def test_bad_options_are_one_line() -> None:
         (["--fault", "K9"], "K9"),
         (["--zenoh", "missing.json5"], "no Zenoh configuration"),
     ):
-        command = [sys.executable, "-m", "services.emulator", *options]
+        command = [sys.executable, "-m", "dtwin.services.emulator", *options]
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=30)
         assert done.returncode == 2
         assert expected in done.stderr

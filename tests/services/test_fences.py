@@ -13,7 +13,7 @@ from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell
 from dtwin.run.options import ControlOptions
 from dtwin.run.settings import CellSettings
-from services import runfile
+from dtwin.services import runfile
 from tests.support.desk import Desk
 from tests.support.devices import DeployedApplication, embedded
 from tests.support.ports import listening
@@ -63,7 +63,7 @@ def test_a_secured_cell_logs_what_a_headless_run_logs(desk: Desk, secured: Path,
 @pytest.mark.skipif(os.getuid() != 0, reason="needs root to become another user")
 def test_another_user_reaches_no_port_of_the_controller_in_a_secured_cell(desk: Desk, secured: Path) -> None:
     desk.detach("--zenoh", str(secured), "--pace", "lockstep")
-    ports = listening(desk.find("services.controller"))
+    ports = listening(desk.find("dtwin.services.controller"))
     names = [port.removeprefix(f"unix:{desk.folder}/dtwin/cell.ports/") for port in ports]
     assert names == ["61499", "61500", "61501", "61502", "61503", "61504", "61505", "61506"]
     for folder in (desk.folder, desk.folder / "dtwin"):
@@ -82,7 +82,7 @@ def test_a_cell_tells_its_user_where_its_controller_is(desk: Desk) -> None:
     assert f"device management is at {address}\n" in said
     assert f"controller: {address}\n" in desk.run("status")
     assert desk.run("fb", "watch", address, "PLANNER.T", "--count", "1") == "PLANNER.T\n2.0\n"
-    os.kill(desk.find("services.controller"), signal.SIGKILL)
+    os.kill(desk.find("dtwin.services.controller"), signal.SIGKILL)
     until(lambda: desk.summary()["services"]["controller"]["restarts"] == 1, "the controller is started again")
     ticks = desk.tick()
     until(lambda: desk.tick() > ticks + 200, "the cell goes on at the ports that were left behind", 60.0)

@@ -16,9 +16,9 @@ from dtwin.experiments.monitoring.trial import true_cause
 from dtwin.monitoring.estimation.belief import assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, ArmParameters, Triple
+from dtwin.services.bridge import LISTEN
+from dtwin.services.monitoring import UNHEARD
 from dtwin.signals import EventKind, Sensors, Voltages
-from services.bridge import LISTEN
-from services.monitoring import UNHEARD
 from tests.support.by_hand import PATIENCE, ByHand
 from tests.support.waiting import until
 

@@ -13,9 +13,9 @@ from dtwin.bus.twin_messages import MonitoredUnit, MonitoringResiduals, Monitori
 from dtwin.monitoring.estimation.belief import assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.parameters import ArmParameters
+from dtwin.services.monitoring import residuals
+from dtwin.services.runfile import join
 from dtwin.signals import Event
-from services.monitoring import residuals
-from services.runfile import join
 from tests.support.desk import Desk
 from tests.support.waiting import until
 
@@ -56,7 +56,7 @@ def test_a_fault_of_the_running_cell_is_published(desk: Desk) -> None:
         until(lambda: len(verdicts) > seen + 3, "it stays known")
         assert {verdict.units["joint 1"].state for verdict in verdicts[seen:]} == {"nominal"}
         assert "no finding 'K1'" in desk.run("monitor", "acknowledge", "K1", status=2)
-        os.kill(desk.find("services.monitoring"), signal.SIGKILL)
+        os.kill(desk.find("dtwin.services.monitoring"), signal.SIGKILL)
         seen = len(verdicts)
         until(lambda: len(verdicts) > seen + 2, "the service is back and goes on")
         assert verdicts[-1].missed >= 0

@@ -12,10 +12,10 @@ import pytest
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.run.recording import Log, read_log
+from dtwin.services.parts.part_files import begin, discard_markers
+from dtwin.services.recorder import Options, Recorder
 from dtwin.signals import Event, Sensors, Truth, Voltages
 from dtwin.view import live
-from services.parts.part_files import begin, discard_markers
-from services.recorder import Options, Recorder
 from tests.services.parts.test_log_parts import log as rows_of
 from tests.support.desk import Desk
 from tests.support.disks import full_disk
@@ -176,7 +176,7 @@ def end_the_recorder(desk: Desk, restarts: int) -> None:
     """Asks the recorder to end after some ticks, and waits until it has been started again so often."""
     before = desk.tick()
     until(lambda: desk.tick() > before + 300, "the cell runs", 60.0)
-    os.kill(desk.find("services.recorder"), signal.SIGTERM)
+    os.kill(desk.find("dtwin.services.recorder"), signal.SIGTERM)
 
     def is_back() -> bool:
         found = desk.summary()["services"]["recorder"]
@@ -188,7 +188,7 @@ def end_the_recorder(desk: Desk, restarts: int) -> None:
 def test_a_cell_lives_through_a_full_disk(desk: Desk, tmp_path: Path) -> None:
     desk.detach("--pace", "lockstep", "--log", str(tmp_path / "run.parquet"))
     until(lambda: desk.tick() > 100, "the cell runs", 60.0)
-    pids = [desk.find(f"services.{name}") for name in ("recorder", "emulator")]
+    pids = [desk.find(f"dtwin.services.{name}") for name in ("recorder", "emulator")]
     with full_disk(1000, pids[0]), full_disk(1000, pids[1]):
         before = desk.tick()
         until(lambda: desk.tick() > before + 1000, "the cell goes on", 60.0)

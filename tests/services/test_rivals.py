@@ -31,8 +31,8 @@ from dtwin.bus.twin_messages import IdentificationState, Upload
 from dtwin.run.cell import Cell, CellSettings
 from dtwin.run.options import ControlOptions
 from dtwin.run.recording import read_log
+from dtwin.services import runfile
 from dtwin.signals import Event, Sensors, Voltages
-from services import runfile
 from tests.support.by_hand import FAR, PATIENCE, ByHand
 from tests.support.desk import Desk
 from tests.support.waiting import until

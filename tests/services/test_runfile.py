@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from services.runfile import RunFile, Up, find
+from dtwin.services.runfile import RunFile, Up, find
 from tests.support.desk import Desk
 
 

@@ -15,9 +15,9 @@ from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.errors import CommunicationError
 from dtwin.monitoring.verdict import Finding
+from dtwin.services.parts.demands import Demands
+from dtwin.services.runfile import join
 from dtwin.signals import Event, Sensors
-from services.parts.demands import Demands
-from services.runfile import join
 from tests.support.bus import noting
 from tests.support.desk import Desk, boxes, new_desk
 from tests.support.ports import free_port
@@ -94,7 +94,7 @@ def sorts_on(desk: Desk, watch: Watch, delivered: int) -> bool:
 
 def kill_controller(desk: Desk, watch: Watch) -> None:
     """It comes back stopped: nobody has released the arm. It may hang so that it is held."""
-    os.kill(desk.find("services.controller"), signal.SIGKILL)
+    os.kill(desk.find("dtwin.services.controller"), signal.SIGKILL)
     until(lambda: desk.summary()["services"]["controller"]["restarts"] == 1, "the controller is back")
     reached = watch.time
     until(lambda: watch.time > reached + 5.0, "the cell goes on")

@@ -53,8 +53,8 @@ from dtwin.bus.twin_messages import (
 )
 from dtwin.errors import CommunicationError
 from dtwin.parameters import ArmParameters, Gains
+from dtwin.services.runfile import join
 from dtwin.signals import Event, Sensors, Voltages
-from services.runfile import join
 from tests.support.bus import noting
 from tests.support.desk import Desk
 from tests.support.secured import SECURED

@@ -32,10 +32,10 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, RecordingError
 from dtwin.iec61499.net.address import Address
 from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.services import bridge
+from dtwin.services.parts.state_file import StateFile
+from dtwin.services.service import Service
 from dtwin.signals import ArmState, Event, EventKind, Sensors, Stop, Voltages
-from services import bridge
-from services.parts.state_file import StateFile
-from services.service import Service
 from tests.services.test_stop_lasts import PATIENCE, watched
 from tests.support.desk import Desk
 from tests.support.ports import free_port

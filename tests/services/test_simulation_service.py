@@ -27,10 +27,10 @@ from dtwin.identification.excitation.rig import Rig
 from dtwin.identification.model import write_model
 from dtwin.identification.result import from_estimate
 from dtwin.parameters import ArmParameters, Gains, Triple, scaled
+from dtwin.services.runfile import join
 from dtwin.signals import Sensors
 from dtwin.simulation.checks import MOTIONS
 from dtwin.simulation.history import History
-from services.runfile import join
 from tests.support.desk import Desk, new_desk
 from tests.support.waiting import until
 
@@ -287,7 +287,7 @@ def test_a_killed_service_finds_old_or_new_settings_and_watches_the_new(started:
             request = UploadRequest("anna", moment, before.version, gains=wanted)
             asked = pool.submit(bus.ask, UPLOAD, request, Upload)
             until(when, moment, between=lambda: None)
-            os.kill(started.find("services.simulation"), signal.SIGKILL)
+            os.kill(started.find("dtwin.services.simulation"), signal.SIGKILL)
             asked.exception()
             after = until_there(bus)
             in_force = bus.ask(SETTINGS, None, SettingsInForce).gains

@@ -31,10 +31,10 @@ from dtwin.bus.messages import (
 from dtwin.bus.session import Bus
 from dtwin.errors import CommunicationError
 from dtwin.parameters import HANGING, PERIOD, ArmParameters
+from dtwin.services.runfile import join
 from dtwin.signals import STOPS, ArmState, Truth
 from dtwin.twin.dynamics import Array, gravity
 from dtwin.twin.rollout import rollout
-from services.runfile import join
 from tests.support.desk import Desk, new_desk
 from tests.support.waiting import until
 
@@ -158,7 +158,7 @@ class Watch:
     def kill(self, names: tuple[str, ...]) -> None:
         """Kills services at once and waits until all are back."""
         before = self.restarts(names)
-        pids = [self.desk.find(f"services.{name}") for name in names]
+        pids = [self.desk.find(f"dtwin.services.{name}") for name in names]
         for pid in pids:
             os.kill(pid, signal.SIGKILL)
         until(lambda: self.restarts(names) == [n + 1 for n in before], "they start again", PATIENCE, self.stop)
@@ -264,7 +264,7 @@ def test_a_reset_ends_no_stop(stopped: tuple[Watch, str]) -> None:
 def test_a_release_that_the_emulator_does_not_hear_is_refused(stopped: tuple[Watch, str]) -> None:
     watch, stop = stopped
     watch.demand(stop)
-    emulator = watch.desk.find("services.emulator")
+    emulator = watch.desk.find("dtwin.services.emulator")
     os.kill(emulator, signal.SIGSTOP)
     try:
         with pytest.raises(CommunicationError, match="not released, the torque is off"):

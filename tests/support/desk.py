@@ -20,9 +20,9 @@ from dtwin.bus.session import Bus
 from dtwin.cli import main
 from dtwin.errors import CommunicationError
 from dtwin.parameters import PERIOD, ROOT
+from dtwin.services import runfile
+from dtwin.services.supervisor import KEY
 from dtwin.signals import BoxCounts
-from services import runfile
-from services.supervisor import KEY
 from tests.support.waiting import until
 
 
@@ -102,7 +102,7 @@ class Desk:
     def join_as_service(self) -> Bus:
         """The bus of the cell that is up, with the key that its services were given."""
         up = runfile.require("cell")
-        pid = self.find("services.bridge")
+        pid = self.find("dtwin.services.bridge")
         environment = (Path("/proc") / str(pid) / "environ").read_bytes().decode().split("\0")
         key = next(word.partition("=")[2] for word in environment if word.startswith(f"{KEY}="))
         return Bus(open_peer(up.meet), "cell", up.arm, bytes.fromhex(key))

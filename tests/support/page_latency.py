@@ -10,7 +10,7 @@ from typing import Any
 
 from playwright.sync_api import CDPSession, Page, sync_playwright
 
-from services import runfile
+from dtwin.services import runfile
 from tests.support.browsers import ARGUMENTS, find_chromium
 from tests.support.desk import Desk, new_desk
 from tests.support.waiting import until

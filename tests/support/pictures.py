@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 from playwright.sync_api import Page, sync_playwright
 
 from dtwin.parameters import ROOT
-from services import runfile
+from dtwin.services import runfile
 from tests.support.browsers import ARGUMENTS, find_chromium
 from tests.support.desk import Desk, new_desk
 from tests.support.waiting import until

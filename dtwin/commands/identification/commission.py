@@ -27,8 +27,8 @@ from dtwin.identification.machine.record import MachineRecord, write_record
 from dtwin.monitoring.calibration import LEAST
 from dtwin.parameters import ArmParameters, load_arm
 from dtwin.run.recording import Log, read_log
+from dtwin.services.runfile import join
 from dtwin.terminal import as_text, print_json, print_table
-from services.runfile import join
 
 if TYPE_CHECKING:
     from dtwin.bus.session import Bus

@@ -17,8 +17,8 @@ from dtwin.bus.twin_messages import DataSource, IdentificationDecision, Identifi
 from dtwin.errors import CommunicationError, IdentificationError
 from dtwin.identification.estimation.estimate import NINETY_FIVE
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
+from dtwin.services.runfile import join
 from dtwin.terminal import as_text, print_json, print_table, printable
-from services.runfile import join
 
 _LOOK = 0.2
 """s between two looks at the progress"""

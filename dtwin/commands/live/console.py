@@ -10,8 +10,8 @@ from pathlib import Path
 
 import tyro
 
-from services.console import NAME, ConsoleOptions
-from services.runfile import find, join
+from dtwin.services.console import NAME, ConsoleOptions
+from dtwin.services.runfile import find, join
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Final
 
 from dtwin.bus.messages import RELEASE, STOP, ReleaseRequest, StopRequest, StopState
+from dtwin.services.runfile import join
 from dtwin.signals import Stop
-from services.runfile import join
 
 MEANING: Final[dict[Stop, str]] = {
     "none": "the arm moves",

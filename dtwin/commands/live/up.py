@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 
 from dtwin.bus.messages import SUMMARY, Summary
 from dtwin.errors import CommunicationError
+from dtwin.services import runfile
+from dtwin.services.launch import LOOK, READY_TIMEOUT, CellOptions, launched
+from dtwin.services.runfile import join
+from dtwin.services.supervisor import Supervisor
 from dtwin.terminal import as_text, folding, print_json, printable
-from services import runfile
-from services.launch import LOOK, READY_TIMEOUT, CellOptions, launched
-from services.runfile import join
-from services.supervisor import Supervisor
 
 if TYPE_CHECKING:
     from rich.live import Live

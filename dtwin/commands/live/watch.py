@@ -12,8 +12,8 @@ import tyro
 from dtwin.bus.codec import SIZE_LIMIT, MessageError, Reader, encode
 from dtwin.bus.messages import TOPICS
 from dtwin.errors import ParameterError
+from dtwin.services.runfile import join
 from dtwin.terminal import printable
-from services.runfile import join
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from rich.console import Console
 from dtwin.bus.messages import ACKNOWLEDGE
 from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringVerdict
 from dtwin.commands.monitoring.monitor import STATE_COLOURS
+from dtwin.services.runfile import join
 from dtwin.terminal import as_text, print_json
-from services.runfile import join
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from typing import ClassVar
 
 from dtwin.bus.messages import WATCH
 from dtwin.bus.twin_messages import WatchRequest, WatchState
+from dtwin.services.runfile import join
 from dtwin.terminal import printable
-from services.runfile import join
 
 
 @dataclass(frozen=True, kw_only=True)

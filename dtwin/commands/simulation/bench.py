@@ -14,8 +14,8 @@ from dtwin.bus.messages import ROLL_BACK, SUMMARY, UPLOAD, Summary
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
 from dtwin.commands.frame import at_least
+from dtwin.services.runfile import join
 from dtwin.terminal import print_json
-from services.runfile import join
 
 _WHY = "dtwin bench upload"
 _CHANGE = 1.001

@@ -21,9 +21,9 @@ from dtwin.experiments.report import Report
 from dtwin.files import ensure_writable
 from dtwin.pool import Progress
 from dtwin.run.options import MachineOption
+from dtwin.services.emulator import Pace
+from dtwin.services.launch import CellOptions
 from dtwin.terminal import as_text, print_json, print_table
-from services.emulator import Pace
-from services.launch import CellOptions
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import PERIOD, PLACES, ArmParameters, Law, Triple
 from dtwin.run.options import CompensationOptions
 from dtwin.run.recording import Log, read_log
+from dtwin.services.runfile import join
 from dtwin.signals import Sensors
 from dtwin.simulation.candidates import vary
 from dtwin.simulation.figures import Figures, triple
@@ -31,7 +32,6 @@ from dtwin.simulation.measured import MotionComparison, compare, find, settings_
 from dtwin.simulation.places import parse_goal, parse_start
 from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
 from dtwin.terminal import as_text, print_json, print_table
-from services.runfile import join
 
 _SAMPLES = 9
 """number of samples that the velocity of a running arm is taken from"""

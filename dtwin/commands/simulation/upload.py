@@ -18,8 +18,8 @@ from dtwin.controller.proposed import read_settings
 from dtwin.errors import CommunicationError, ModelError, ParameterError, UnansweredError
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.services.runfile import join
 from dtwin.terminal import print_json
-from services.runfile import join
 
 _LOOK = 0.2
 """Time between two looks at a trial, s."""

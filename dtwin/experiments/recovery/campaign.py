@@ -12,7 +12,7 @@ from dtwin.experiments.recovery.demonstration import recover
 from dtwin.experiments.recovery.outcome import Recovery, fault_text
 from dtwin.experiments.report import Report
 from dtwin.pool import Progress
-from services.launch import CellOptions
+from dtwin.services.launch import CellOptions
 
 RIGHT: Final = 0.95
 """Least share of the runs with the right answer."""

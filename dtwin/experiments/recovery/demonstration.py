@@ -27,8 +27,8 @@ from dtwin.recovery.desk import Desk, Late
 from dtwin.recovery.measures import Measures
 from dtwin.recovery.operator import Operator
 from dtwin.run.recording import read_log
+from dtwin.services.launch import CellOptions, launched
 from dtwin.signals import EventKind
-from services.launch import CellOptions, launched
 
 LIMIT: Final = 60.0
 """s of plant time after the fault in which the arm has to have recovered"""

@@ -19,10 +19,10 @@ from dtwin.errors import CommunicationError
 from dtwin.experiments.soak.proxy import Proxy
 from dtwin.experiments.soak.small_disk import SmallDisk
 from dtwin.parameters import ROOT
+from dtwin.services.launch import READY_TIMEOUT
+from dtwin.services.runfile import find, join
+from dtwin.services.service import free_port
 from dtwin.signals import Event
-from services.launch import READY_TIMEOUT
-from services.runfile import find, join
-from services.service import free_port
 
 _ROUTED: Final = ROOT / "config" / "routed"
 _ADDRESS: Final = "127.0.0.1:7447"
@@ -106,8 +106,8 @@ class TroubledCell:
                 words = (entry / "cmdline").read_bytes().decode().split("\0") if entry.name.isdigit() else []
             except (OSError, UnicodeDecodeError):
                 continue
-            if len(words) > 2 and words[2].startswith("services.") and self.name in words:
-                found[words[2].removeprefix("services.")] = int(entry.name)
+            if len(words) > 2 and words[2].startswith("dtwin.services.") and self.name in words:
+                found[words[2].removeprefix("dtwin.services.")] = int(entry.name)
         return found
 
     def is_calm(self) -> bool:
@@ -155,7 +155,7 @@ class TroubledCell:
             raise CommunicationError(lines[-1].removeprefix("dtwin: ") if lines else "the cell does not come up")
 
     def _start_router(self) -> None:
-        command = [sys.executable, "-m", "services.router", "--zenoh", str(self.folder), "--urgent"]
+        command = [sys.executable, "-m", "dtwin.services.router", "--zenoh", str(self.folder), "--urgent"]
         with (self.folder / "router.log").open("ab") as output:
             self._router = subprocess.Popen(command, cwd=ROOT, stdout=output, stderr=output)
 

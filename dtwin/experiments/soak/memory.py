@@ -22,10 +22,10 @@ from dtwin.pool import Progress
 from dtwin.run.emulate import emulate
 from dtwin.run.loop import run, tick_count
 from dtwin.run.settings import CellSettings, sequence_of
+from dtwin.services.parts.journal import Journal
+from dtwin.services.parts.journaled import JournaledCell
+from dtwin.services.recorder import Options, Recorder
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
-from services.parts.journal import Journal
-from services.parts.journaled import JournaledCell
-from services.recorder import Options, Recorder
 
 HOURS: Final = 10.0
 """Plant time of a run, h, unless asked for another time."""

@@ -7,7 +7,7 @@ import threading
 import time
 from typing import Final
 
-from services.service import hurry
+from dtwin.services.service import hurry
 
 _LOOK: Final = 0.01
 """s between two looks at a cut network"""

@@ -6,7 +6,7 @@ from contextlib import closing
 import pytest
 
 from dtwin.iec61499.net.address import LOOPBACK, Address
-from services.parts.fence import fence_warning
+from dtwin.services.parts.fence import fence_warning
 
 
 def listening(host: str) -> tuple[socket.socket, Address]:

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import ParameterError
+from dtwin.services.parts.gate import RIVAL_COMMANDS, RIVAL_GAP, STALE, Gate
 from dtwin.signals import Voltages
-from services.parts.gate import RIVAL_COMMANDS, RIVAL_GAP, STALE, Gate
 
 
 def command(sequence: int) -> Voltages:

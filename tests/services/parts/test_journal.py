@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import RecordingError
-from services.parts.journal import MAGIC, RETRY, ROTATION, Entry, Journal, carry_over
-from services.parts.latch import Latched
+from dtwin.services.parts.journal import MAGIC, RETRY, ROTATION, Entry, Journal, carry_over
+from dtwin.services.parts.latch import Latched
 from tests.support.disks import full_disk
 
 volts = st.floats(-8, 8)

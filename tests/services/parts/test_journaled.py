@@ -9,9 +9,9 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.faults import parse_fault
 from dtwin.errors import RecordingError
 from dtwin.run.cell import CellSettings
+from dtwin.services.parts.journal import ROTATION, Journal
+from dtwin.services.parts.journaled import JournaledCell
 from dtwin.signals import Event, Sensors, Truth, Voltages
-from services.parts.journal import ROTATION, Journal
-from services.parts.journaled import JournaledCell
 
 SETTINGS = CellSettings(seed=3, noise=0.002, noise_kind="gaussian", faults=(parse_fault("D1*=1.2@40-70"),))
 INJECTED = 3000

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import ParameterError
+from dtwin.services.parts.journal import Journal, carry_over
+from dtwin.services.parts.latch import Latch, Latched
 from dtwin.signals import STOPS
-from services.parts.journal import Journal, carry_over
-from services.parts.latch import Latch, Latched
 
 BRIDGE, OTHER = b"bridge", b"another"
 events = st.lists(

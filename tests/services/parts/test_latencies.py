@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from services.parts.latencies import MINUTE, RESOLUTION, Latencies
+from dtwin.services.parts.latencies import MINUTE, RESOLUTION, Latencies
 
 
 def test_nothing_measured_is_nothing() -> None:

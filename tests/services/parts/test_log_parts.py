@@ -7,10 +7,10 @@ import pytest
 
 from dtwin.errors import RecordingError
 from dtwin.run.recording import Log, RunLog, concatenate, join_logs, read_log
+from dtwin.services.parts import log_parts
+from dtwin.services.parts.log_parts import MERGED, WAITING_LIMIT, Parts, Span
+from dtwin.services.parts.part_files import SUFFIX
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
-from services.parts import log_parts
-from services.parts.log_parts import MERGED, WAITING_LIMIT, Parts, Span
-from services.parts.part_files import SUFFIX
 from tests.support.disks import full_disk
 
 

@@ -6,8 +6,8 @@ import pytest
 
 from dtwin.controller.device import SETTLING
 from dtwin.parameters import PERIOD
+from dtwin.services.parts.recent import CAUGHT, FALL, Recent
 from dtwin.signals import Sensors
-from services.parts.recent import CAUGHT, FALL, Recent
 
 
 def sample(tick: int, speed: float) -> Sensors:

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from dtwin.errors import ModelError
 from dtwin.run.cell import CellSettings
+from dtwin.services.parts.journal import MAGIC, Journal
+from dtwin.services.parts.journaled import JournaledCell
+from dtwin.services.parts.revival import KEPT, revive
 from dtwin.signals import Sensors
-from services.parts.journal import MAGIC, Journal
-from services.parts.journaled import JournaledCell
-from services.parts.revival import KEPT, revive
 
 HEAD = MAGIC + struct.pack("<Q", 3)
 DIVERGING = struct.pack("<c4d?", b"V", *4 * [1e300], False)

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.bus.messages import Acted, Path
+from dtwin.services.parts.rows import EARLY_LIMIT, PATIENCE, Rows
 from dtwin.signals import UNKNOWN, Sensors, StepRecord, Truth, Voltages
-from services.parts.rows import EARLY_LIMIT, PATIENCE, Rows
 
 COUNT = 12
 

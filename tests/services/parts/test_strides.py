@@ -6,8 +6,8 @@ import pytest
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.emulation import Emulation
 from dtwin.parameters import PERIOD
+from dtwin.services.parts.strides import MOST, STRIDE, strides
 from dtwin.signals import Sensors, Voltages
-from services.parts.strides import MOST, STRIDE, strides
 
 
 def sample(*theta: float, sequence: int = 0) -> Sensors:

@@ -1,0 +1,86 @@
+"""The package as it is installed: built from a checkout, it works in an empty folder and has but one name."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from dtwin.parameters import ROOT
+
+LINKS = ("services", "data/fb", "data/models", "data/config", "data/machines")
+"""what of dtwin/ lies elsewhere in a checkout"""
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A wheel of a copy of the checkout, built from its source distribution."""
+    folder = tmp_path_factory.mktemp("wheel")
+    copy = folder / "checkout"
+    ignored = shutil.ignore_patterns("__pycache__")
+    for name in ("dtwin", "services", "fb", "models", "config", "machines"):
+        shutil.copytree(ROOT / name, copy / name, symlinks=True, ignore=ignored)
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, copy / name)
+    build = "import sys, setuptools.build_meta as b; print(getattr(b, f'build_{sys.argv[1]}')(sys.argv[2]))"
+
+    def built(kind: str, where: Path) -> Path:
+        command = [sys.executable, "-c", build, kind, str(folder)]
+        done = subprocess.run(command, cwd=where, capture_output=True, text=True, timeout=120, check=True)
+        return folder / done.stdout.split()[-1]
+
+    source = built("sdist", copy)
+    shutil.unpack_archive(source, folder, filter="data")
+    return built("wheel", folder / source.name.removesuffix(".tar.gz"))
+
+
+@pytest.fixture(scope="module")
+def site(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which the wheel is installed."""
+    folder = tmp_path_factory.mktemp("site")
+    with zipfile.ZipFile(wheel) as content:
+        content.extractall(folder)
+    return folder
+
+
+def run(site: Path, folder: Path, *arguments: str) -> str:
+    """What the installed `dtwin` prints in a folder."""
+    environment = {**os.environ, "PYTHONPATH": str(site), "XDG_RUNTIME_DIR": str(folder)}
+    done = subprocess.run(
+        [sys.executable, "-m", "dtwin", *arguments],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=150,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_wheel_holds_all_that_a_checkout_has_and_one_package(wheel: Path) -> None:
+    names = zipfile.ZipFile(wheel).namelist()
+    assert {name.partition("/")[0] for name in names if "dist-info" not in name} == {"dtwin"}
+    assert "dtwin/py.typed" in names
+    for link in LINKS:
+        folder = (ROOT / "dtwin" / link).resolve()
+        held = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
+        held = {name for name in held if "__pycache__" not in name}
+        assert held
+        assert held <= {name.removeprefix(f"dtwin/{link}/") for name in names}
+
+
+def test_the_installed_cell_runs_in_an_empty_folder(site: Path, tmp_path: Path) -> None:
+    run(site, tmp_path, "run", "--duration", "15", "--log", "run.parquet")
+    assert {path.name for path in tmp_path.iterdir()} == {"run.rrd", "run.parquet"}
+    assert "problems: 0" in run(site, tmp_path, "fb", "check")
+    assert "servo" in run(site, tmp_path, "machine", "list")
+
+
+def test_the_installed_services_run_in_an_empty_folder(site: Path, tmp_path: Path) -> None:
+    summary = json.loads(run(site, tmp_path, "up", "--pace", "lockstep", "--duration", "3", "--json"))
+    assert summary["ticks"] == 300
