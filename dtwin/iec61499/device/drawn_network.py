@@ -141,11 +141,26 @@ class DrawnNetwork:
         return kind
 
     def is_event(self, name: str) -> bool:
-        """Whether `BLOCK.PORT` is an event input or output."""
-        if name.rpartition(".")[0] not in self._blocks:
+        """Whether `BLOCK.PORT` is an event input or output; the block may be inside a composite one."""
+        path, _, port = name.rpartition(".")
+        block = self._inner(path)
+        if block is None:
             return False
-        block, port = self._type(name)
         return port in [event.name for event in (*block.interface.event_inputs, *block.interface.event_outputs)]
+
+    def _inner(self, path: str) -> model.LibraryElement | None:
+        """The type of a block, also inside composite ones; None if there is no such block."""
+        names = path.split(".")
+        outer = next((n for n in range(len(names), 0, -1) if ".".join(names[:n]) in self._blocks), 0)
+        if not outer:
+            return None
+        element = self._library.find(self._blocks[".".join(names[:outer])].type_name)
+        for name in names[outer:]:
+            inside = {block.name: block for block in getattr(element, "network", model.FBNetwork()).blocks}
+            if name not in inside:
+                return None
+            element = self._library.find(inside[name].type_name)
+        return element
 
     def expect_block(self, name: str) -> None:
         if name not in self._blocks:

@@ -8,8 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from dtwin.controller.ports import EMULATOR
+from dtwin.controller.ports import BLOCKS, EMULATOR
+from dtwin.iec61499 import model
+from dtwin.iec61499.device.drawn_network import DrawnNetwork
 from dtwin.iec61499.device.embedded import EmbeddedDevice
+from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.protocol import (
     ManagedBlock,
@@ -57,6 +60,16 @@ def test_an_event_is_triggered_at_an_input_and_at_an_output(counting: Management
     wait_for(counting, "R", "M.CV", lambda value: value == "3")
     assert counting.read("R", "N.CV") == "2"
     assert counting.request("R", "WRITE", ManagedConnection("$e", "N.NONE")).reason == "NO_SUCH_OBJECT"
+
+
+def test_an_event_is_triggered_inside_a_composite_block() -> None:
+    library = Library([BLOCKS])
+    drawn = DrawnNetwork("R", library, model.FBNetwork())
+    drawn.create_block("TWIN", "DIGITAL_TWIN")
+    assert drawn.is_event("TWIN.SIMULATION.GAIN_PORT.INIT")
+    assert not drawn.is_event("TWIN.SIMULATION.GAIN_PORT.NONE")
+    assert not drawn.is_event("TWIN.NONE.GAIN_PORT.INIT")
+    assert not drawn.is_event("NONE.SIMULATION.GAIN_PORT.INIT")
 
 
 def test_the_device_tells_the_watches_of_all_resources_and_counts_events(counting: ManagementClient) -> None:
