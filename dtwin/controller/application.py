@@ -115,8 +115,8 @@ class Application:
         """On a FORTE, closes the port of a SERVER block and opens it again; no sample may be on its way meanwhile.
 
         A FORTE takes half a message that a client left behind for the beginning of the next message, whoever sends
-        that. The embedded device keeps clients apart; it is told from a FORTE by refusing to trigger events. A FORTE
-        that closes a port while another one is in use crashes now and then.
+        that. The embedded device keeps clients apart; it is told from a FORTE by having no states of blocks inside
+        others. A FORTE that closes a port while another one is in use crashes now and then.
 
         Raises:
             CommunicationError: the port does not open again.
@@ -124,12 +124,11 @@ class Application:
         name = port.block
         with self._lock:
             try:
-                self._management.trigger(self._resource, f"{name}.INIT")
+                self._management.reset_block(self._resource, name)
             except ManagementError as error:
-                if error.reason != "UNSUPPORTED_CMD":
+                if error.reason != "NO_SUCH_OBJECT":
                     raise
                 return
-            self._management.reset_block(self._resource, name)
             self._management.write(self._resource, f"{name}.QO", "FALSE")
             self._management.trigger(self._resource, f"{name}.INIT")
         deadline = time.monotonic() + TIMEOUT
