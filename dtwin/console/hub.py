@@ -34,6 +34,7 @@ from dtwin.bus.messages import (
     Summary,
     Topic,
 )
+from dtwin.bus.pairs import Pairs
 from dtwin.bus.session import Bus, Subscription
 from dtwin.bus.twin_messages import IdentificationState, MonitoringResiduals, MonitoringVerdict, Upload, WatchState
 from dtwin.console.conditions import conditions, doing
@@ -48,6 +49,8 @@ ASKING: Final = 1.0
 """Time between two rounds of questions, s."""
 PATIENCE: Final = 1.0
 """Longest wait for one answer, s."""
+BEHIND: Final = 50
+"""Number of samples by which the last one with a path may be older than the last one."""
 SILENT: Final = 3.0
 """Time without a word of a service after which its last word does not count any more, s."""
 EVENTS_KEPT: Final = 60
@@ -96,7 +99,9 @@ class Hub:
         self._sensors: Sensors | None = None
         self._heard = (0.0, 0.0)
         self._acted: Voltages | Acted | None = None
-        self._path: Path | None = None
+        self._pairs: Pairs[Sensors, Path] = Pairs()
+        self._pairing = threading.Lock()
+        self._on_path: tuple[Sensors, Path] | None = None
         self._residuals: MonitoringResiduals | None = None
         self._last: dict[type, Any] = {}
         self._statuses: dict[str, tuple[float, Status]] = {}
@@ -136,7 +141,7 @@ class Hub:
             self._followed = self._bus.subscribe(PATH, Path, self._take_path)
         elif not wanted and self._followed is not None:
             self._followed.end()
-            self._followed = self._path = None
+            self._followed = self._on_path = None
 
     def ask_again(self) -> None:
         """Asks at once for what may have changed by a command."""
@@ -150,14 +155,17 @@ class Hub:
 
     def frame(self) -> Frame:
         """The arm as it was last heard of."""
-        sensors, acted, path, residuals = self._sensors, self._acted, self._path, self._residuals
-        if sensors is None:
+        newest, acted, residuals = self._sensors, self._acted, self._residuals
+        if newest is None:
             return Frame()
+        # An angle and a path of two samples would look like a distance from the path.
+        sensors, path = self._on_path or (newest, None)
+        heard = self._heard[1] - (newest.time - sensors.time if self._on_path else 0.0)
         watched = residuals if residuals is not None and sensors.time - residuals.time < SILENT else None
         return Frame(
             sensors.time,
             round(max(0.0, self._clocks.steady() - self._heard[0]), 3),
-            round(1e3 * self._heard[1], 1),
+            round(1e3 * heard, 1),
             sensors.theta,
             None if path is None else path.theta,
             None if acted is None else acted.volts,
@@ -165,6 +173,7 @@ class Hub:
             acted is not None and acted.box_gripped,
             sensors.box_colour if sensors.box_present else "",
             None if watched is None else watched.predicted,
+            None if watched is None else watched.residual,
             None if watched is None else watched.deviation,
             None if watched is None else watched.evidence,
             None if watched is None else watched.threshold,
@@ -224,6 +233,12 @@ class Hub:
 
     def _take_sensors(self, sensors: Sensors) -> None:
         self._sensors, self._heard = sensors, (self._clocks.steady(), self._clocks.wall())
+        with self._pairing:
+            pair = self._pairs.first(sensors)
+        if pair is not None and self._followed is not None:
+            self._on_path = pair
+        elif self._on_path is not None and sensors.sequence - self._on_path[0].sequence not in range(BEHIND):
+            self._on_path = None
         self.excited.take_sensors(sensors)
         waiting, held = self._colours
         if self._acted is None or not self._acted.box_gripped:
@@ -236,7 +251,10 @@ class Hub:
         self.excited.take_acted(acted)
 
     def _take_path(self, path: Path) -> None:
-        self._path = path
+        with self._pairing:
+            pair = self._pairs.second(path)
+        if pair is not None and self._followed is not None:
+            self._on_path = pair
 
     def _take_residuals(self, residuals: MonitoringResiduals) -> None:
         self._residuals = residuals

@@ -18,10 +18,12 @@ RATE: Final = 10.0
 """Number of frames kept in a second."""
 STATE_EVERY: Final = 2.0
 """Time between two states that are kept, s."""
+TRIPLES: Final = ("theta", "path", "predicted", "residual", "deviation", "volts")
+"""Fields of a frame with three values, of joints 1 to 3."""
 COLUMNS: Final = (
     "at",
     "time",
-    *(f"{name}_{joint}" for name in ("theta", "path", "predicted", "deviation", "volts") for joint in (1, 2, 3)),
+    *(f"{name}_{joint}" for name in TRIPLES for joint in (1, 2, 3)),
     "gripper",
     "gripped",
     "box",
@@ -43,6 +45,7 @@ def row(frame: Frame) -> bytes:
         *(frame.theta or _NONE),
         *(frame.path or _NONE),
         *(frame.predicted or _NONE),
+        *(frame.residual or _NONE),
         *(frame.deviation or _NONE),
         *volts,
         frame.gripper,

@@ -16,7 +16,7 @@ Kind = Literal["service", "finding", "stop", "trial", "stale"]
 
 
 class Frame(msgspec.Struct, frozen=True, gc=False, tag_field="tell", tag="frame"):
-    """The arm at one sample.
+    """The arm at one sample, and what the monitor said last, which may be up to ten samples older.
 
     Attributes:
         time: plant time of the sample, s.
@@ -28,7 +28,8 @@ class Frame(msgspec.Struct, frozen=True, gc=False, tag_field="tell", tag="frame"
         gripper: measured angle of the gripper, rad.
         gripped: whether the controller holds a box.
         box: colour of the box that waits, "" for none.
-        predicted: angles that the monitor expected, rad.
+        predicted: angles that the monitor expected of its last sample, rad.
+        residual: reading minus prediction of that sample, rad.
         deviation: standard deviation of a healthy arm's residuals, rad.
         evidence: evidence of a sudden change, 2 log likelihood ratio.
         threshold: evidence from which on a change is diagnosed.
@@ -44,6 +45,7 @@ class Frame(msgspec.Struct, frozen=True, gc=False, tag_field="tell", tag="frame"
     gripped: bool = False
     box: str = ""
     predicted: Triple | None = None
+    residual: Triple | None = None
     deviation: Triple | None = None
     evidence: float | None = None
     threshold: float | None = None

@@ -101,7 +101,7 @@ def test_settings_are_simulated_optimised_uploaded_and_rolled_back(hand: Hand) -
     page.get_by_label("Target time, s").fill("2.2")
     hand.press("Upload gains and target time")
     hand.confirm()
-    expect(page.get_by_text("on trial").first).to_be_visible(timeout=SLOW)
+    expect(page.locator("#alarm-line")).to_contain_text("on trial", timeout=SLOW)
     expect(page.locator("[data-command=rollback]")).to_have_attribute("aria-disabled", "false", timeout=SLOW)
     hand.press("Roll back")
     hand.confirm()

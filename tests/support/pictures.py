@@ -59,7 +59,7 @@ def _take_all(page: Page, desk: Desk, folder: Path) -> None:
     _press(page, "Optimise")
     page.get_by_role("button", name="Take the best into the form").click(timeout=SLOW)
     _press(page, "Upload gains and target time", True)
-    page.get_by_text("on trial").first.wait_for(timeout=SLOW)
+    page.locator("#alarm-line").get_by_text("on trial").wait_for(timeout=SLOW)
     _take(page, folder, "simulation")
     _open(page, "Monitoring")
     _press(page, "Inject the fault", True)
@@ -69,7 +69,7 @@ def _take_all(page: Page, desk: Desk, folder: Path) -> None:
     _take(page, folder, "alarms")
     _open(page, "Replay")
     _press(page, "Look at the last hour")
-    page.get_by_text("Not live:").wait_for(timeout=SLOW)
+    page.get_by_text("Not live:").last.wait_for(timeout=SLOW)
     _take(page, folder, "replay")
 
 

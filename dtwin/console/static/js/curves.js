@@ -40,15 +40,15 @@ export function drawCurves(canvas, { title, unit, across, lines = [], marks = []
   for (const [a, b] of points) context.fillRect(x(a) - 1.5, y(b) - 1.5, 3, 3);
   lines.forEach((line, index) => stroke(line.x.map((value, k) => [value, line.y[k]]), DASHES[line.dash ?? index] ?? [],
     line.faint ? colours.edge : index ? colours.second : colours.ink, line.wide ? 2.5 : 1.4));
-  for (const mark of marks) {
+  marks.forEach((mark, index) => {
     context.fillStyle = colours.ink;
     context.strokeStyle = colours.ink;
     context.beginPath();
     context.arc(x(mark.x), y(mark.y), 5, 0, 2 * Math.PI);
     if (mark.filled) context.fill();
     else context.stroke();
-    context.fillText(mark.name, Math.min(x(mark.x) + 8, right - 60), y(mark.y) - 5);
-  }
+    context.fillText(mark.name, Math.min(x(mark.x) + 8, right - 60), y(mark.y) - 5 - 13 * index);
+  });
   function stroke(places, dash, colour, wide) {
     context.setLineDash(dash);
     context.strokeStyle = colour;

@@ -5,6 +5,7 @@ const LATENCIES = 200;
 export const SPAN = 60;
 export const COLUMNS = [
   "time", "theta_1", "theta_2", "theta_3", "path_1", "path_2", "path_3", "predicted_1", "predicted_2", "predicted_3",
+  "residual_1", "residual_2", "residual_3",
   "deviation_1", "deviation_2", "deviation_3", "volts_1", "volts_2", "volts_3", "evidence", "threshold",
 ];
 
@@ -33,7 +34,7 @@ export class Trends {
 const none = [NaN, NaN, NaN];
 const or = (value) => (value == null ? NaN : value);
 const rowOf = (frame) => [
-  frame.time, ...frame.theta, ...(frame.path ?? none), ...(frame.predicted ?? none), ...(frame.deviation ?? none),
+  frame.time, ...frame.theta, ...(frame.path ?? none), ...(frame.predicted ?? none), ...(frame.residual ?? none), ...(frame.deviation ?? none),
   ...(frame.volts ?? none).slice(0, 3), or(frame.evidence), or(frame.threshold),
 ];
 
@@ -105,7 +106,7 @@ export function pastOf(told) {
   const known = (values) => (values.some((value) => value == null) ? null : values);
   const frame = row && {
     time: row[index.time], at: row[index.at], age: 0, theta: triple("theta"), path: known(triple("path")),
-    predicted: known(triple("predicted")), deviation: known(triple("deviation")), volts: known(triple("volts")),
+    predicted: known(triple("predicted")), residual: known(triple("residual")), deviation: known(triple("deviation")), volts: known(triple("volts")),
     gripper: row[index.gripper], gripped: row[index.gripped] > 0, box: told.colours[row[index.box] ?? 0],
     evidence: row[index.evidence], threshold: row[index.threshold],
   };

@@ -62,11 +62,11 @@ export function makeMonitoring() {
     const trends = store.trends;
     const scale = (store.frame?.deviation ?? [0.001, 0.001, 0.001]).map((deviation) => 1000 * SIGMAS * deviation);
     JOINTS.forEach((joint, k) => {
-      const residual = (v) => 1000 * (v(`theta_${joint}`) - v(`predicted_${joint}`));
+      const residual = (v) => 1000 * v(`residual_${joint}`);
       const width = (v) => 1000 * SIGMAS * v(`deviation_${joint}`);
       drawTrend(angles[k], trends, {
         title: `Joint ${joint}`, unit: "rad", span: 20,
-        lines: [{ of: (v) => v(`theta_${joint}`) }, { of: (v) => v(`predicted_${joint}`) }],
+        lines: [{ of: (v) => v(`predicted_${joint}`) + v(`residual_${joint}`) }, { of: (v) => v(`predicted_${joint}`) }],
         band: { low: (v) => v(`predicted_${joint}`) - SIGMAS * v(`deviation_${joint}`), high: (v) => v(`predicted_${joint}`) + SIGMAS * v(`deviation_${joint}`) },
       });
       drawTrend(residuals[k], trends, {

@@ -43,6 +43,10 @@ export function makeOverview() {
       viewer = el("iframe", { class: "viewer", title: "The arm in 3D", src: store.session.viewer });
       scene.prepend(viewer);
     }
+    if (viewer) {
+      viewer.hidden = Boolean(store.past);
+      arm.hidden = !viewer.hidden;
+    }
     if (!now) return;
     const latency = now.latency_ms;
     rebuild(figure, [now.ticks, now.late_ticks, now.real_time_factor, latency, Math.round(store.latency ?? 0)], () => figures([
@@ -88,7 +92,8 @@ const mark = (state) => (GOOD.includes(state) ? state : el("span", { class: "tag
 
 function webgl() {
   try {
-    return Boolean(document.createElement("canvas").getContext("webgl2"));
+    // A renderer in software would take the time that the rest of the page needs.
+    return Boolean(document.createElement("canvas").getContext("webgl2", { failIfMajorPerformanceCaveat: true }));
   } catch {
     return false;
   }
