@@ -44,6 +44,8 @@ class ConsoleOptions:
     """File of those who may log in, which `dtwin console user` makes; on loopback nobody need log in without it."""
     audit: Path = Path("console-audit.jsonl")
     """File that every command is appended to."""
+    alarms: Path = Path("console-alarms.jsonl")
+    """Journal of the alarms."""
     store: Path = Path("identified")
     """Folder of the identified models."""
     history: Path = Path("uploads.jsonl")
@@ -64,6 +66,7 @@ class ConsoleOptions:
             from dtwin.console.web.listening import Listening, Web  # the packages of the web server are an extra
         except ImportError:
             raise ParameterError(MISSING) from None
+        from dtwin.console.annunciator import Annunciator
         from dtwin.console.commands import Files
         from dtwin.console.console import Console
         from dtwin.console.hub import Clocks, Hub
@@ -80,7 +83,9 @@ class ConsoleOptions:
         clocks = Clocks(time.monotonic, time.time)
         hub = Hub(bus, cell, arm, clocks)
         files = Files(self.store, self.history, self.recordings)
-        web = Web(Console(bus, hub, clocks, Audit(self.audit), files, users, getpass.getuser()), listening)
+        annunciator = Annunciator(self.alarms)
+        user = getpass.getuser()
+        web = Web(Console(bus, hub, clocks, Audit(self.audit), files, users, user, annunciator), listening)
         hub.listen()
         try:
             yield web

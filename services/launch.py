@@ -49,6 +49,8 @@ from dtwin.view.viewer import LOOPBACK, Ports, Viewer, free_ports
 
 AUDIT: Final = Path("console-audit.jsonl")
 """Default file of the commands that are given at the console, in the working directory."""
+ALARMS: Final = Path("console-alarms.jsonl")
+"""Default journal of the alarms at the console, in the working directory."""
 MANAGEMENT: Final = 61499
 """Port of device management, here the name of a socket."""
 READY_TIMEOUT: Final = 120.0
@@ -233,6 +235,7 @@ class CellOptions(PlantOptions, ControlOptions):
     def _console_options(self, ports: Ports, port: int) -> list[str]:
         options = ["--port", str(port), "--store", str(self.store.resolve())]
         options += ["--history", str(self.history.resolve()), "--audit", str(AUDIT.resolve())]
+        options += ["--alarms", str(ALARMS.resolve())]
         return [*options, "--viewer", ports.page_url] if self.viewer == "web" else options
 
     def _recorder_options(self, ports: Ports) -> list[str]:

@@ -8,6 +8,7 @@ from typing import Any, Final
 import msgspec
 
 from dtwin.bus.session import Bus
+from dtwin.console.annunciator import Annunciator, Treatment
 from dtwin.console.commands import COMMANDS, ConsoleCommand, Files
 from dtwin.console.conditions import STALE
 from dtwin.console.hub import Clocks, Hub
@@ -63,13 +64,23 @@ class Console:
         files: folders and files that the console reads.
         users: users who may log in; None lets everybody who reaches the server in, with all rights.
         user: name of those who need not log in.
+        annunciator: alarms of the cell.
     """
 
     def __init__(
-        self, bus: Bus, hub: Hub, clocks: Clocks, audit: Audit, files: Files, users: Users | None, user: str
+        self,
+        bus: Bus,
+        hub: Hub,
+        clocks: Clocks,
+        audit: Audit,
+        files: Files,
+        users: Users | None,
+        user: str,
+        annunciator: Annunciator,
     ) -> None:
         self.hub = hub
         self.clocks = clocks
+        self.annunciator = annunciator
         self.files = files
         self.users = users
         self.user = user
@@ -172,6 +183,27 @@ class Console:
         visitor = Session("", "", name[:32], role or "viewer", 0.0)
         text = "the name or the password is wrong" if role is None else "welcome"
         self._note("log in", {}, visitor, address, Answer(role is not None, text))
+
+    def treat(self, action: str, treatment: Treatment, session: Session, address: str) -> Answer:
+        """Does something about an alarm, and notes it.
+
+        Raises:
+            RecordingError: the audit file cannot be written.
+        """
+        holder = self.desk.holder(self.clocks.steady())
+        if not may(session.role, "operator"):
+            answer = Answer(False, f"needs the role operator, {session.user} is {session.role}")
+        elif holder is None or holder.session != session.key:
+            answer = Answer(False, NOT_YOURS if holder is None else f"{holder.user} has the desk")
+        else:
+            try:
+                self.annunciator.treat(action, treatment, self.clocks.wall(), session.user)
+                self.desk.touch(session.key, self.clocks.steady())
+                answer = Answer(True, "done")
+            except ParameterError as error:
+                answer = Answer(False, str(error))
+        self._note(f"alarm, {action[:50]}", msgspec.to_builtins(treatment), session, address, answer)
+        return answer
 
     def _noted(self, name: str, content: Any, session: Session, address: str, answer: Answer) -> Answer:
         try:

@@ -53,6 +53,8 @@ BEHIND: Final = 50
 """Number of samples by which the last one with a path may be older than the last one."""
 SILENT: Final = 3.0
 """Time without a word of a service after which its last word does not count any more, s."""
+FRESH: Final = 1000
+"""Number of events that wait to be taken."""
 EVENTS_KEPT: Final = 60
 """Number of the last events that pages are told."""
 NEWS: Final = frozenset(
@@ -107,6 +109,7 @@ class Hub:
         self._statuses: dict[str, tuple[float, Status]] = {}
         self._here: dict[str, bool] = {}
         self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
+        self._fresh: deque[Event] = deque(maxlen=FRESH)
         self._stop: Stop = "none"
         self._ask_stop = self._ask_watch = True
         self._colours = ("", "")
@@ -208,6 +211,13 @@ class Hub:
             conditions=conditions(services, self._stop, verdict, settings, self.age, watch is None or watch.running),
         )
 
+    def fresh_events(self) -> list[Event]:
+        """The events since the last call, oldest first."""
+        found = []
+        while self._fresh:
+            found.append(self._fresh.popleft())
+        return found
+
     def is_here(self, service: str) -> bool:
         """Whether the token of a service is there."""
         return self._here.get(service, False)
@@ -268,6 +278,7 @@ class Hub:
 
     def _take_event(self, event: Event) -> None:
         self._events.append(event)
+        self._fresh.append(event)
         if event.kind in NEWS:
             self.ask_again()
 

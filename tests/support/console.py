@@ -28,6 +28,7 @@ from dtwin.bus.messages import (
 )
 from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
+from dtwin.console.annunciator import Annunciator
 from dtwin.console.commands import Files
 from dtwin.console.console import Console
 from dtwin.console.hub import Clocks, Hub
@@ -165,7 +166,7 @@ def serve(folder: Path, users: Users | None = None, listening: Listening | None 
     bus = Bus(open_peer(cell.meet), cell.name)
     hub = Hub(bus, cell.name, "arm", clocks)
     audit = folder / "audit.jsonl"
-    console = Console(bus, hub, clocks, Audit(audit), Files(folder / "store"), users, "somebody")
+    console = Console(bus, hub, clocks, Audit(audit), Files(folder / "store"), users, "somebody", Annunciator(None))
     web = Web(console, listening or Listening())
     hub.listen()
     try:

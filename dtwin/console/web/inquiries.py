@@ -11,12 +11,14 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from dtwin.console.alarms.export import COLUMNS as COLUMNS_OF_ALARMS
+from dtwin.console.annunciator import Treatment
 from dtwin.console.calculations.logs import logs_in
 from dtwin.console.calculations.tasks import Compare, Task, Work
 from dtwin.console.console import Console
 from dtwin.console.people.sessions import Session
 from dtwin.console.ring import COLOURS, COLUMNS
-from dtwin.console.web.replies import number_in, told
+from dtwin.console.web.replies import address_of, body, number_in, told
 from dtwin.errors import ParameterError
 from dtwin.identification.store import ModelStore
 from dtwin.simulation.history import Entry, History
@@ -45,6 +47,9 @@ class Inquiries:
             Route("/api/history", known(self._history)),
             Route("/api/models", known(self._models)),
             Route("/api/logs", known(self._logs)),
+            Route("/api/alarms", known(self._alarms)),
+            Route("/api/alarms.csv", known(self._csv)),
+            Route("/api/alarm/{action}", known(self._treat), methods=["POST"]),
         ]
 
     def prepare(self, kind: str, content: bytes) -> bytes:
@@ -96,6 +101,25 @@ class Inquiries:
 
     async def _logs(self, request: Request, session: Session) -> Response:
         return told({"logs": logs_in(self._console.files.recordings)})
+
+    async def _alarms(self, request: Request, session: Session) -> Response:
+        words = request.query_params.get("words", "")[:200]
+        return told({"columns": COLUMNS_OF_ALARMS, "rows": self._console.annunciator.history(words)})
+
+    async def _csv(self, request: Request, session: Session) -> Response:
+        text = self._console.annunciator.csv(request.query_params.get("words", "")[:200])
+        headers = {"Content-Disposition": 'attachment; filename="alarms.csv"'}
+        return Response(text, media_type="text/csv", headers=headers)
+
+    async def _treat(self, request: Request, session: Session) -> Response:
+        content = await body(request)
+        try:
+            treatment = msgspec.json.decode(content, type=Treatment)
+        except msgspec.MsgspecError as error:
+            raise ParameterError(f"alarm: {error}") from None
+        # On the loop's own thread, as everything that the list of alarms is told.
+        answer = self._console.treat(request.path_params["action"], treatment, session, address_of(request))
+        return told(answer, 200 if answer.done else 409)
 
 
 def _with_differences(entries: list[Entry]) -> list[dict[str, Any]]:

@@ -44,3 +44,8 @@ def number_in(request: Request, name: str, otherwise: float) -> float:
         return otherwise if text is None else float(text)
     except ValueError:
         raise ParameterError(f"{name}: expected a number, got {text!r}") from None
+
+
+def address_of(request: Request) -> str:
+    """The address that a request came from."""
+    return request.client.host if request.client is not None else ""

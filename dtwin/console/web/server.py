@@ -26,7 +26,7 @@ from dtwin.console.people.sessions import LIFETIME, Session
 from dtwin.console.web.gatekeeper import Gatekeeper
 from dtwin.console.web.inquiries import Inquiries
 from dtwin.console.web.jobs import Jobs
-from dtwin.console.web.replies import body, told
+from dtwin.console.web.replies import address_of, body, told
 from dtwin.console.web.stream import Stream
 from dtwin.errors import DtwinError, RecordingError
 
@@ -226,8 +226,3 @@ def said(handle: Callable[[Request], Awaitable[Response]]) -> Callable[[Request]
             return told(Answer(False, str(error)), 400)
 
     return answered
-
-
-def address_of(request: Request) -> str:
-    """The address that a request came from."""
-    return request.client.host if request.client is not None else ""

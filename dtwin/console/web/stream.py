@@ -92,11 +92,13 @@ class Stream:
         for reader in self._readers:
             reader.put("frame", encoded)
         if count % STATE_EVERY == 0:
-            state = hub.state()
-            told = msgspec.json.encode(state)
-            ring.add_state(console.clocks.wall(), told)
+            state, at = hub.state(), console.clocks.wall()
+            console.annunciator.look(state, hub.fresh_events(), hub.age, at)
+            told, alarms = msgspec.json.encode(state), msgspec.json.encode(console.annunciator.told(at))
+            ring.add_state(at, told)
             for reader in self._readers:
                 self._tell_state(reader, state, told)
+                reader.put_changed("alarms", alarms)
 
     def _tell_state(self, reader: Reader, state: CellState, told: bytes) -> None:
         reader.put_changed("state", told)

@@ -61,9 +61,12 @@ function liveness() {
 
 export function refreshAlarmLine(node) {
   const found = store.connected || store.past ? (store.state?.conditions ?? []) : [{ text: "the page has lost the console; it comes back by itself", severe: true, key: "lost" }];
-  rebuild(node, found, () =>
+  const alarms = store.past ? null : store.alarms;
+  const open = alarms?.alarms.filter((one) => one.unacknowledged && !one.suppressed && one.shelved_until == null).length ?? 0;
+  const count = () => el("a", { href: "#alarms" }, `${open} unacknowledged${alarms?.flood ? `, flood: ${alarms.rate} in 10 minutes` : ""}`);
+  rebuild(node, [found, open, alarms?.flood && alarms.rate], () => (open ? [count()] : []).concat(
     found.length
       ? found.slice(0, 4).map((each) => el("span", { class: `tag ${each.severe ? "severe" : "warn"}` }, `${each.severe ? "▲" : "△"} ${each.text}`))
         .concat(found.length > 4 ? [el("span", {}, `and ${found.length - 4} more`)] : [])
-      : [el("span", { class: "quiet" }, "nothing abnormal")]);
+      : [el("span", { class: "quiet" }, "nothing abnormal")]));
 }

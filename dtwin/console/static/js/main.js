@@ -52,7 +52,7 @@ function draw() {
   });
 }
 
-for (const kind of ["state", "you"]) store.addEventListener(kind, refresh);
+for (const kind of ["state", "you", "alarms"]) store.addEventListener(kind, refresh);
 store.addEventListener("frame", draw);
 window.addEventListener("hashchange", open);
 window.addEventListener("resize", draw);

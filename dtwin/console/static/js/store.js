@@ -42,6 +42,7 @@ class Store extends EventTarget {
   constructor() {
     super();
     this.live = { frame: null, state: null, trends: new Trends() };
+    this.alarms = null;
     this.past = null;
     this.session = null;
     this.you = null;
@@ -68,6 +69,7 @@ class Store extends EventTarget {
       this.received = performance.now();
       if (message.theta) this.live.trends.add(rowOf(message));
     } else if (message.tell === "state") this.live.state = message;
+    else if (message.tell === "alarms") this.alarms = message;
     else this.you = message;
     this.tell(message.tell);
   }
