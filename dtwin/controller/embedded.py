@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from dtwin.controller.ports import BLOCKS, EMULATOR, LAST_SAMPLE, PATH, SYSTEM, sensor_values, voltages
@@ -21,6 +22,7 @@ class EmbeddedController:
         settings: values for the inputs of the blocks; the default settings when None.
         blocks: folder of the function-block library.
         sequence: how boxes are fetched and brought to their places.
+        prepare: does something to the application before it starts.
 
     Attributes:
         resource: the running application, whose block variables can be read and written between steps.
@@ -34,9 +36,12 @@ class EmbeddedController:
         settings: ControlSettings | None = None,
         blocks: Path = BLOCKS,
         sequence: SequenceSettings = STRAIGHT,
+        prepare: Callable[[Resource], None] | None = None,
     ) -> None:
         library = Library([blocks])
         self.resource = Resource(resource_network(library.load_system(blocks / SYSTEM)), library)
+        if prepare is not None:
+            prepare(self.resource)
         for name, value in {**(settings or ControlSettings()).inputs(), **sequence.inputs()}.items():
             self.resource.write(name, value)
         server = self.resource.server(EMULATOR.block)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import re
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -12,7 +13,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
 from dtwin.errors import CommunicationError, DtwinError
 from dtwin.experiments.hostile.inputs import DATAGRAMS, TARGETS, Inputs
@@ -26,6 +27,8 @@ from dtwin.iec61499.types import UINT
 PERIOD: Final = 0.01
 """Time between two ticks of the resource that must not be disturbed, s."""
 TIMEOUT: Final = 20.0
+SO_TIMESTAMPNS: Final = 35
+"""Option of a Linux socket that Python has no name for."""
 REBUILT: Final = 500
 """Inputs after which the targets are built anew, since some of the inputs kill them."""
 WARM_UP: Final = 0.05
@@ -41,6 +44,7 @@ class Outcome:
         answered: how many of them had an answer.
         datagrams: how many datagrams were sent.
         latest: longest time that a tick of another resource was late, s.
+        undisturbed: the same of a device that nobody sent anything, s: what the machine does to both.
         ticks: how many ticks were seen.
         growth: by how much the memory of the device has grown, bytes.
         lines: lines in the log of the device.
@@ -51,6 +55,7 @@ class Outcome:
     answered: int
     datagrams: int
     latest: float
+    undisturbed: float
     ticks: int
     growth: int
     lines: int
@@ -70,37 +75,58 @@ def fuzz(requests: int, datagrams: int, seed: int, log: Path, progress: Callable
     Raises:
         DtwinError: the device has ended, or does not answer.
     """
-    command = [sys.executable, "-m", "dtwin", "fb", "run", "--listen", f"{LOOPBACK}:0"]
-    with (
-        log.open("w") as errors,
-        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True) as process,
-    ):
-        assert process.stdout is not None
-        try:
-            line = process.stdout.readline()
-            match = re.search(r"management on (\S+)", line)
-            if match is None:
-                raise DtwinError(f"the device did not start: {line!r}, see {log}")
-            trial = _Trial(process, Address(LOOPBACK, int(match[1].rpartition(":")[2])), random.Random(seed))
-            outcome = trial.run(requests, datagrams, progress)
-        finally:
-            process.terminate()
-            process.wait(TIMEOUT)
-    return Outcome(*outcome[:6], sum(1 for _ in log.open(errors="replace")), outcome[6])
+    with log.open("w") as errors, _Served(errors) as device, _Served(errors) as other:
+        trial = _Trial(device, random.Random(seed))
+        outcome = trial.run(other, requests, datagrams, progress)
+    lines = log.read_text(errors="replace").count("\n")
+    return Outcome(*outcome[:7], lines, outcome[7])
+
+
+class _Served:
+    """A device in a process of its own."""
+
+    def __init__(self, errors: IO[str]) -> None:
+        command = [sys.executable, "-m", "dtwin", "fb", "run", "--listen", f"{LOOPBACK}:0"]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True)
+        assert self.process.stdout is not None
+        line = self.process.stdout.readline()
+        match = re.search(r"management on \S+:(\d+)", line)
+        if match is None:
+            self.process.kill()
+            raise DtwinError(f"the device did not start: {line!r}")
+        self.address = Address(LOOPBACK, int(match[1]))
+
+    def __enter__(self) -> _Served:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.process.terminate()
+        self.process.wait(TIMEOUT)
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+
+    def memory(self) -> int:
+        """What the device has of the memory, bytes."""
+        status = Path(f"/proc/{self.process.pid}/status").read_text()
+        found = re.search(r"VmRSS:\s+(\d+) kB", status)
+        assert found is not None
+        return int(found[1]) * 1024
 
 
 class _Ticks:
     """Receives the ticks of the resource that must not be disturbed, each with its number."""
 
-    def __init__(self) -> None:
+    def __init__(self, device: _Served) -> None:
         self.offsets: list[float] = []
         self._signature = Signature([UINT])
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind((LOOPBACK, 0))
         self._socket.settimeout(0.5)
+        # the kernel says when a datagram was sent, which this process may read much later
+        self._socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         self._ended = False
         self._thread = threading.Thread(target=self._receive, daemon=True)
-        self.address = Address(*self._socket.getsockname())
+        _build_ticks(device.address, Address(*self._socket.getsockname()))
 
     def __enter__(self) -> _Ticks:
         self._thread.start()
@@ -115,14 +141,14 @@ class _Ticks:
         turns, before = 0, 0
         while not self._ended:
             try:
-                data = self._socket.recv(64)
+                data, notes, _, _ = self._socket.recvmsg(64, 256)
             except TimeoutError:
                 continue
-            now = time.monotonic()
+            seconds, nanoseconds = struct.unpack("qq", notes[0][2])
             number = self._signature.decode(data)[0]
             turns += number < before
             before = number
-            self.offsets.append(now - PERIOD * (number + turns * 65536))
+            self.offsets.append(seconds + nanoseconds / 1e9 - PERIOD * (number + turns * 65536))
 
     def latest(self) -> float:
         """Longest time that a tick came after its time, which the earliest of them gives, s."""
@@ -130,22 +156,26 @@ class _Ticks:
 
 
 class _Trial:
-    def __init__(self, process: subprocess.Popen[str], address: Address, generator: random.Random) -> None:
-        self._process = process
-        self._address = address
+    def __init__(self, device: _Served, generator: random.Random) -> None:
+        self._device = device
+        self._process = device.process
+        self._address = device.address
         self._inputs = Inputs(generator)
         self._random = generator
         self._ports = [_free_port() for _ in DATAGRAMS]
         self._answered = 0
 
     def run(
-        self, requests: int, datagrams: int, progress: Callable[[int], None]
-    ) -> tuple[int, int, int, float, int, int, float]:
+        self, other: _Served, requests: int, datagrams: int, progress: Callable[[int], None]
+    ) -> tuple[int, int, int, float, float, int, int, float]:
         began = time.monotonic()
         total = requests + datagrams
         memory = 0
-        with _Ticks() as ticks, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-            self._build_ticks(ticks.address)
+        with (
+            _Ticks(self._device) as ticks,
+            _Ticks(other) as others,
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+        ):
             client = self._client()
             for number in range(total):
                 if number % REBUILT == 0:
@@ -154,8 +184,9 @@ class _Trial:
                     client = self._client()
                     progress(number)
                 if number == int(WARM_UP * total):
-                    memory = self._memory()
+                    memory = self._device.memory()
                     ticks.offsets.clear()
+                    others.offsets.clear()
                 # the datagrams are spread evenly among the requests
                 if (number + 1) * datagrams // total > number * datagrams // total:
                     kind, data = self._inputs.datagram()
@@ -163,9 +194,9 @@ class _Trial:
                 else:
                     client = self._ask(client)
             client.close()
-            growth = self._memory() - memory
-            latest, count = ticks.latest(), len(ticks.offsets)
-        return requests, self._answered, datagrams, latest, count, growth, time.monotonic() - began
+            growth = self._device.memory() - memory
+            latest, undisturbed, count = ticks.latest(), others.latest(), len(ticks.offsets)
+        return requests, self._answered, datagrams, latest, undisturbed, count, growth, time.monotonic() - began
 
     def _client(self) -> BlockingClient:
         return BlockingClient(self._address, REQUESTS, RESPONSES, TIMEOUT)
@@ -190,17 +221,6 @@ class _Trial:
         self._answered += 1
         return client
 
-    def _build_ticks(self, address: Address) -> None:
-        with ManagementClient(self._address, TIMEOUT) as client:
-            _build(
-                client,
-                "TICK",
-                {"C": "E_CYCLE", "N": "E_CTU", "P": "PUBLISH_1", "R": "E_SWITCH"},
-                {"C.DT": "T#10ms", "P.QI": "1", "P.ID": f'"{address}"', "N.PV": "65535"},
-                "START.COLD P.INIT, P.INITO C.START, C.EO N.CU, N.CUO P.REQ, N.CV P.SD_1, N.Q R.G, P.CNF R.EI, "
-                "R.EO1 N.R",
-            )
-
     def _build_targets(self) -> None:
         with ManagementClient(self._address, TIMEOUT) as client:
             there = [block.name for block in client.blocks("")]
@@ -218,12 +238,16 @@ class _Trial:
             _build(client, "T", blocks, values, wires)
             _build(client, "U", {"A": "E_CTU", "B": "E_CYCLE"}, {"B.DT": "T#1ms"}, "START.COLD B.START, B.EO A.CU")
 
-    def _memory(self) -> int:
-        """What the device has of the memory, bytes."""
-        status = Path(f"/proc/{self._process.pid}/status").read_text()
-        found = re.search(r"VmRSS:\s+(\d+) kB", status)
-        assert found is not None
-        return int(found[1]) * 1024
+
+def _build_ticks(device: Address, receiver: Address) -> None:
+    with ManagementClient(device, TIMEOUT) as client:
+        _build(
+            client,
+            "TICK",
+            {"C": "E_CYCLE", "N": "E_CTU", "P": "PUBLISH_1", "R": "E_SWITCH"},
+            {"C.DT": "T#10ms", "P.QI": "1", "P.ID": f'"{receiver}"', "N.PV": "65535"},
+            "START.COLD P.INIT, P.INITO C.START, C.EO N.CU, N.CUO P.REQ, N.CV P.SD_1, N.Q R.G, P.CNF R.EI, R.EO1 N.R",
+        )
 
 
 def _build(client: ManagementClient, name: str, blocks: dict[str, str], values: dict[str, str], wires: str) -> None:

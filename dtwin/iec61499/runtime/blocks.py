@@ -4,17 +4,29 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
 from typing import Any
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
+from dtwin.iec61499.runtime.communication import CommunicationPort
 from dtwin.iec61499.runtime.compile import CompiledType
 from dtwin.iec61499.runtime.netlist import Node
 from dtwin.iec61499.runtime.wiring import checked_value
 from dtwin.iec61499.st.python.expressions import python_name
 from dtwin.iec61499.types import DataType
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """The state of a resource between events: the values of all variables and charts, pending timers, time in ns."""
+
+    time: int
+    sequence: int
+    timers: tuple[tuple[int, int, int], ...]
+    values: tuple[tuple[Any, ...], ...]
 
 
 class Blocks:
@@ -77,6 +89,30 @@ class Blocks:
             raise FunctionBlockError(str(error)) from None
         setattr(self._instances[index], python_name(variable.name), checked)
 
+    def states(self) -> dict[str, dict[str, Any]]:
+        """The values of all variables, by block and name."""
+        return {
+            name: {
+                variable.name: getattr(self._instances[index], python_name(variable.name))
+                for variable in _variables(self._types[index].block)
+            }
+            for name, index in self._index.items()
+        }
+
+    def port(self, name: str) -> CommunicationPort:
+        """The outer side of a communication block.
+
+        Raises:
+            FunctionBlockError: there is no such block, or it does not communicate.
+        """
+        instance = self._instances[self._find(name)]
+        if not hasattr(instance, "port__"):
+            ports = [i.name__ for i in self._instances if hasattr(i, "port__")]
+            valid = choices(ports) if ports else "a communication block, and there is none"
+            raise FunctionBlockError(f"{name} does not communicate: expected {valid}")
+        found: CommunicationPort = instance.port__
+        return found
+
     def variable_type(self, name: str) -> DataType:
         """The type of a variable, `BLOCK.VARIABLE`. Raises FunctionBlockError as `read` does."""
         _, variable = self._locate(name)
@@ -129,3 +165,10 @@ def initial_state(node: Node, kind: CompiledType) -> tuple[Any, ...]:
 def _hint(name: str, valid: Sequence[str]) -> str:
     close = difflib.get_close_matches(name, valid, n=5, cutoff=0.5) or list(valid[:20])
     return f"expected {choices(close)}" if close else "there is none"
+
+
+def located(error: Exception, event: str) -> FunctionBlockError:
+    """The error as one of the block that got the event."""
+    if isinstance(error, FunctionBlockError):
+        return FunctionBlockError(f"{event}: {error.message}", error.file, error.line, error.column)
+    return FunctionBlockError(f"{event}: {type(error).__name__}: {error}")

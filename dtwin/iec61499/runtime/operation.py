@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from dtwin.iec61499 import model
+
 QueueEntry = Callable[[], None]
 """Delivers one event to one block."""
 
@@ -13,17 +15,21 @@ QueueEntry = Callable[[], None]
 class Observer(Protocol):
     """Sees the events of a resource; both methods are called once for every port when the network is connected."""
 
-    def delivering(self, block: Any, event: str, deliver: QueueEntry) -> QueueEntry:
+    def delivering(self, block: Any, kind: model.FBType, event: str, deliver: QueueEntry) -> QueueEntry:
         """What delivers an event to a block in place of `deliver`, which it calls.
 
         Args:
             block: the instance of the block.
+            kind: the type of the block.
             event: the name of the event input.
             deliver: samples the inputs of the block and executes it.
         """
 
-    def issued(self, block: Any, event: str) -> QueueEntry | None:
+    def issued(self, block: Any, kind: model.FBType, event: str) -> QueueEntry | None:
         """What is done when the event output of a block has come, before its receivers have it; None for nothing."""
+
+    def written(self, time: int, name: str, value: Any) -> None:
+        """A variable, `BLOCK.VARIABLE`, has been given a value from outside, at a time of the resource in ns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +40,13 @@ class Operation:
         stopped: the names of blocks that get no events; what is inside a composite stops with it.
         forced: values by `BLOCK.PORT` that data ports have, whatever is written or connected to them.
         observers: who sees the events.
+        is_passive: whether service interface blocks only sample their inputs; what they issue comes from elsewhere.
     """
 
     stopped: frozenset[str] = frozenset()
     forced: Mapping[str, Any] = field(default_factory=dict)
     observers: tuple[Observer, ...] = ()
+    is_passive: bool = False
 
     def stops(self, name: str) -> bool:
         """Whether the block with this dotted name gets no events."""
@@ -58,8 +66,8 @@ class EventCounts:
     def watch(self, port: str) -> None:
         self.counts.setdefault(port, 0)
 
-    def delivering(self, block: Any, event: str, deliver: QueueEntry) -> QueueEntry:
-        count = self.issued(block, event)
+    def delivering(self, block: Any, kind: model.FBType, event: str, deliver: QueueEntry) -> QueueEntry:
+        count = self.issued(block, kind, event)
         if count is None:
             return deliver
 
@@ -69,7 +77,10 @@ class EventCounts:
 
         return counted
 
-    def issued(self, block: Any, event: str) -> QueueEntry | None:
+    def written(self, time: int, name: str, value: Any) -> None:
+        """Values are no events."""
+
+    def issued(self, block: Any, kind: model.FBType, event: str) -> QueueEntry | None:
         port = f"{block.name__}.{event}"
         if port not in self.counts:
             return None

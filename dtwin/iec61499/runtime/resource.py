@@ -8,23 +8,23 @@ from __future__ import annotations
 
 import heapq
 from collections import deque
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any, Final, NoReturn
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
-from dtwin.iec61499.runtime.blocks import Blocks, initial_state
-from dtwin.iec61499.runtime.communication import AttachedServer, CommunicationPort, Transport
+from dtwin.iec61499.runtime.blocks import Blocks, Snapshot, initial_state, located
+from dtwin.iec61499.runtime.communication import AttachedServer, Transport
 from dtwin.iec61499.runtime.compile import CompiledType, compile_type
 from dtwin.iec61499.runtime.generic_ports import check_types, resolve
 from dtwin.iec61499.runtime.local_transport import LocalTransport
 from dtwin.iec61499.runtime.netlist import Node, flatten
-from dtwin.iec61499.runtime.operation import Operation, QueueEntry
+from dtwin.iec61499.runtime.operation import Observer, Operation, QueueEntry
 from dtwin.iec61499.runtime.wiring import queue_entries
-from dtwin.iec61499.st.python.expressions import wiring_name
+from dtwin.iec61499.st.python.expressions import python_name, wiring_name
 from dtwin.iec61499.st.semantics import ITERATION_LIMIT
 
 ACTIVATION_LIMIT: Final = 100_000
@@ -37,16 +37,6 @@ TICK: Final = 1_000_000
 """Shortest delay of a timed block, ns: the tick of a FORTE with its standard settings."""
 SHOWN: Final = 1000
 """Most events that are delivered to find the names of an endless loop."""
-
-
-@dataclass(frozen=True, slots=True)
-class Snapshot:
-    """The state of a resource between events: the values of all variables and charts, pending timers, time in ns."""
-
-    time: int
-    sequence: int
-    timers: tuple[tuple[int, int, int], ...]
-    values: tuple[tuple[Any, ...], ...]
 
 
 def _iterations() -> Iterator[int]:
@@ -137,10 +127,45 @@ class Resource(Blocks):
                 instance.port__.close()
         self._types, self._instances, self._initial = types, instances, initial
         self._operation = operated
+        self._network = network
         self._index = {node.name: number for number, node in enumerate(netlist.nodes)}
         self._timers[:] = [(due, order, kept[index]) for due, order, index in self._timers if index in kept]
         for name, value in operated.forced.items():
-            self.write(name, value)
+            super().write(name, value)
+
+    def observe(self, observer: Observer) -> None:
+        """Lets another observer see the events from the next one on. Raises FunctionBlockError while events wait."""
+        operation = self._operation
+        self.change(self._network, replace(operation, observers=(*operation.observers, observer)))
+
+    def write(self, name: str, value: Any) -> None:
+        super().write(name, value)
+        for observer in self._operation.observers:
+            observer.written(self.time, name, value)
+
+    def issue_recorded(self, block: str, event: str, values: Mapping[str, Any], time: int) -> None:
+        """Lets a passive block issue an event with values, by the names of its outputs, before the events that wait.
+
+        Args:
+            block: the dotted name of the block.
+            event: the name of the event output.
+            values: the values of outputs.
+            time: the time of the resource then, ns.
+        """
+        if not self._queue:
+            self._end_chain()
+        instance = self._instances[self._find(block)]
+        self.time = time
+        for name, value in values.items():
+            setattr(instance, python_name(name), value)
+        self._queue.extendleft(reversed(getattr(instance, wiring_name(event))))
+
+    def deliver_next(self) -> bool:
+        """Delivers one event; returns whether one waited. Raises FunctionBlockError as `run_until_idle`."""
+        if not self._queue:
+            return False
+        self.run_batch(1)
+        return True
 
     def halt_block(self, name: str) -> None:
         """Cancels the timers of a block and of what is inside it, and closes their channels."""
@@ -275,7 +300,7 @@ class Resource(Blocks):
                 entry()
             except Exception as error:
                 self._drop_events()
-                raise _located(error, self._names[entry]) from None
+                raise located(error, self._names[entry]) from None
         self._activations += size
         if self._activations < ACTIVATION_LIMIT and len(queue) < QUEUE_LIMIT:
             return True
@@ -338,20 +363,6 @@ class Resource(Blocks):
         self._timers[:] = [timer for timer in self._timers if timer[2] != index]
         heapq.heapify(self._timers)
 
-    def port(self, name: str) -> CommunicationPort:
-        """The outer side of a communication block.
-
-        Raises:
-            FunctionBlockError: there is no such block, or it does not communicate.
-        """
-        instance = self._instances[self._find(name)]
-        if not hasattr(instance, "port__"):
-            ports = [i.name__ for i in self._instances if hasattr(i, "port__")]
-            valid = choices(ports) if ports else "a communication block, and there is none"
-            raise FunctionBlockError(f"{name} does not communicate: expected {valid}")
-        found: CommunicationPort = instance.port__
-        return found
-
     def server(self, name: str) -> AttachedServer:
         """Attaches to a SERVER block, so that values are exchanged with it by calls.
 
@@ -378,10 +389,3 @@ class Resource(Blocks):
         self._timers[:] = snapshot.timers
         for kind, instance, values in zip(self._types, self._instances, snapshot.values, strict=True):
             kind.load(instance, values)
-
-
-def _located(error: Exception, event: str) -> FunctionBlockError:
-    """The error as one of the block that got the event."""
-    if isinstance(error, FunctionBlockError):
-        return FunctionBlockError(f"{event}: {error.message}", error.file, error.line, error.column)
-    return FunctionBlockError(f"{event}: {type(error).__name__}: {error}")

@@ -76,7 +76,9 @@ class _Wiring:
         for observer in self._operation.observers:
             for port, entry in self._entries.items():
                 if not port.inner:
-                    self._entries[port] = observer.delivering(self._instances[port.node], port.name, entry)
+                    self._entries[port] = observer.delivering(
+                        self._instances[port.node], self._types[port.node].block, port.name, entry
+                    )
         self._connect()
         return {entry: self._name(port) for port, entry in self._entries.items()} | self._observing
 
@@ -86,6 +88,8 @@ class _Wiring:
             self._function(port, [*samples, f"extend({self._targets(Terminal(port.node, port.name, inner=True))})"])
             return
         handler = self._types[port.node].handlers[event.name]
+        if self._operation.is_passive and isinstance(node.type, model.ServiceInterfaceFBType):
+            handler = _sample_only
         if samples:
             name = f"execute{len(self._functions)}"
             self._space[name] = handler
@@ -161,8 +165,10 @@ class _Wiring:
             composite = isinstance(node.type, model.CompositeFBType)
             for event in node.interface.event_outputs:
                 port = Terminal(number, event.name)
-                instance, observers = self._instances[number], self._operation.observers
-                for entry in filter(None, (observer.issued(instance, event.name) for observer in observers)):
+                for observer in self._operation.observers:
+                    entry = observer.issued(self._instances[number], self._types[number].block, event.name)
+                    if entry is None:
+                        continue
                     targets.setdefault(port, []).insert(0, entry)
                     self._observing[entry] = self._name(port)
                 if composite:
@@ -172,6 +178,10 @@ class _Wiring:
             for event in node.interface.event_inputs if composite else ():
                 port = Terminal(number, event.name, inner=True)
                 self._space[self._targets(port)] = tuple(targets.get(port, ()))
+
+
+def _sample_only(instance: Any) -> None:
+    """What a passive block does."""
 
 
 def checked_value(value: Any, data_type: DataType, where: str) -> Any:

@@ -1,0 +1,190 @@
+"""Traces of networks: they are what the standard's readers read, and a replay finds the first event that differs."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dtwin.controller.embedded import EmbeddedController
+from dtwin.errors import FunctionBlockError
+from dtwin.iec61499 import model
+from dtwin.iec61499.library import Library
+from dtwin.iec61499.mapping import resource_network
+from dtwin.iec61499.runtime.resource import Resource
+from dtwin.iec61499.trace.ctf import LAYOUTS, TEXT, EventKind, Field, TraceWriter, read_trace
+from dtwin.iec61499.trace.recorder import Recorder
+from dtwin.iec61499.trace.replay import Replay, replay
+from dtwin.parameters import ROOT
+from dtwin.run.cell import Cell
+from dtwin.run.settings import CellSettings, sequence_of
+from tests.support.iec61499.networks import Types, chart, network
+
+SIZE = 50_000_000
+
+
+@pytest.fixture(scope="module")
+def traced(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The trace of 15 s of the cell."""
+    folder = tmp_path_factory.mktemp("trace") / "cell"
+    settings = CellSettings(15.0, 3)
+    writer = TraceWriter(folder, {"system": "dtwin.sys"}, SIZE)
+    recorder = Recorder(writer)
+
+    def prepare(resource: Resource) -> None:
+        recorder.begin(resource.time, resource.states())
+        resource.observe(recorder)
+
+    cell = Cell(settings, EmbeddedController(settings.control, settings.blocks, sequence_of(settings), prepare))
+    plain = Cell(settings)
+    cell.run()
+    plain.run()
+    recorder.flush()
+    writer.close()
+    assert (cell.log.freeze().stack("volts") == plain.log.freeze().stack("volts")).all()
+    return folder
+
+
+def repeated(folder: Path, blocks: Path = ROOT / "fb", until: str = "") -> Replay:
+    library = Library([blocks])
+    return replay(read_trace(folder), resource_network(library.load_system(blocks / "dtwin.sys")), library, until)
+
+
+def changed(tmp_path: Path, file: str, old: str, new: str) -> Path:
+    """The library of the cell with one thing changed."""
+    folder = tmp_path / "fb"
+    shutil.copytree(ROOT / "fb", folder)
+    text = (folder / file).read_text()
+    assert text.count(old) >= 1
+    (folder / file).write_text(text.replace(old, new, 1))
+    return folder
+
+
+def test_a_replay_is_equal_to_the_end(traced: Path) -> None:
+    found = repeated(traced)
+    assert found.stop is None
+    assert found.constants == ()
+    assert found.count > 15 * 100 * 10
+
+
+def test_a_changed_constant_of_an_algorithm_is_found_at_its_first_event(traced: Path, tmp_path: Path) -> None:
+    found = repeated(traced, changed(tmp_path, "COMPUTED_TORQUE_CONTROL_3.fbt", "9.81", "9.8101"))
+    assert found.stop is not None
+    # the controller computes with it, and the selector is the first that gets the voltages
+    assert found.stop.event == "SELECTOR.REQ"
+    assert " was " in found.stop.reason
+
+
+def test_a_changed_parameter_is_named_and_found_at_its_first_event(traced: Path, tmp_path: Path) -> None:
+    blocks = changed(tmp_path, "dtwin.sys", 'Name="LENGTH" Value="350"', 'Name="LENGTH" Value="351"')
+    found = repeated(traced, blocks)
+    assert [name for name, _, _ in found.constants] == ["TWIN.LENGTH"]
+    assert found.stop is not None
+    assert (found.stop.event, found.stop.reason) == ("TWIN.INIT", "LENGTH was 350, is 351")
+
+
+def test_a_breakpoint_stops_where_a_chart_enters_a_state(traced: Path) -> None:
+    blocks = Library([ROOT / "fb"])
+    kind = blocks.find("PATH_PLANNER")
+    assert isinstance(kind, model.BasicFBType)
+    found = repeated(traced, until=f"PLANNER.{kind.states[1].name}")
+    assert found.stop is not None
+    assert found.stop.is_breakpoint
+    assert found.stop.event.startswith("PLANNER.")
+    with pytest.raises(FunctionBlockError, match="PLANNER has no state 'NOWHERE': expected one of START, "):
+        repeated(traced, until="PLANNER.NOWHERE")
+
+
+def test_an_event_too_many_or_too_few_is_found(tmp_path: Path) -> None:
+    double = chart(
+        "DOUBLE",
+        "E(X) -> O(Q)",
+        "X: DINT -> Q: DINT",
+        {"START": [], "RUN": [("Q := 2 * X;", "O")]},
+        [("START", "E", "RUN"), ("RUN", "1", "START")],
+    )
+    library = Types(double)
+    blocks = "START: E_RESTART; A: DOUBLE; B: DOUBLE"
+    writer = TraceWriter(tmp_path / "t", {}, SIZE)
+    recorder = Recorder(writer)
+    resource = Resource(network(blocks, "START.COLD -> A.E; A.O -> B.E", "A.Q -> B.X", {"A.X": "4"}), library)
+    recorder.begin(0, resource.states())
+    resource.observe(recorder)
+    resource.write("B.X", 3)
+    resource.start()
+    recorder.flush()
+    trace = read_trace(tmp_path / "t")
+    assert replay(trace, network(blocks, "START.COLD -> A.E; A.O -> B.E", "A.Q -> B.X", {"A.X": "4"}), library) == (
+        Replay(3, (), None)
+    )
+    fewer = replay(trace, network(blocks, "START.COLD -> A.E", "", {"A.X": "4"}), library).stop
+    assert fewer is not None
+    assert (fewer.event, fewer.reason) == ("B.E", "nothing happens here now")
+    other = replay(trace, network(blocks, "START.COLD -> B.E; B.O -> A.E", "", {"A.X": "4"}), library).stop
+    assert other is not None
+    assert (other.event, other.reason) == ("A.E", "B.E comes now")
+
+
+def test_what_does_not_fit_is_left_out_and_counted(tmp_path: Path) -> None:
+    writer = TraceWriter(tmp_path / "t", {}, 200)
+    kind = writer.kind("A.B", (Field("X", "lreal_t"),))
+    for number in range(10):
+        writer.write([(kind.number, number, float(number))])
+    writer.close()
+    assert (writer.written, writer.left_out) == (3, 7)
+    assert list(read_trace(tmp_path / "t").records()) == [(0, n, float(n)) for n in range(3)]
+
+
+@given(st.data())
+def test_every_record_reads_back(data: st.DataObject) -> None:
+    bounds = {"b": 7, "h": 15, "i": 31, "q": 63}
+    values: list[object] = []
+    fields = []
+    for number, kind in enumerate(data.draw(st.lists(st.sampled_from(sorted(LAYOUTS)), max_size=6))):
+        code = LAYOUTS[kind][1]
+        count = data.draw(st.sampled_from((1, 1, 3)))
+        fields.append(Field(f"V{number}", kind, count))
+        one: st.SearchStrategy[object]
+        if kind == TEXT:
+            one = st.text()
+        elif code in "fd":
+            one = st.floats(width=32 if code == "f" else 64, allow_nan=False)
+        elif code == "?":
+            one = st.booleans()
+        else:
+            bits = bounds[code.lower()]
+            low, high = (-(1 << bits), (1 << bits) - 1) if code.islower() else (0, (2 << bits) - 1)
+            one = st.integers(low, high)
+        values += [data.draw(one) for _ in range(count)]
+    kind_of = EventKind(7, "A.B", tuple(fields))
+    record = (7, 123, *values)
+    encoded = kind_of.encoder()(*record)
+    assert kind_of.decode(encoded, 10, 123) == (record, len(encoded))
+
+
+@pytest.mark.parametrize("change", [lambda data: data[:-3], lambda data: b"x" + data, lambda data: data + b"\0"])
+def test_a_damaged_trace_is_an_error(traced: Path, tmp_path: Path, change: object) -> None:
+    shutil.copytree(traced, tmp_path / "t")
+    stream = tmp_path / "t" / "events"
+    stream.write_bytes(change(stream.read_bytes()))  # type: ignore[operator]
+    with pytest.raises(FunctionBlockError, match="is no stream of events at byte"):
+        list(read_trace(tmp_path / "t").records())
+
+
+def test_a_folder_without_a_trace_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(FunctionBlockError, match="holds no trace"):
+        read_trace(tmp_path)
+    with pytest.raises(FunctionBlockError, match="cannot be a new trace"):
+        TraceWriter(tmp_path, {}, SIZE)
+
+
+@pytest.mark.skipif(not shutil.which("babeltrace2"), reason="babeltrace2 is not installed")
+def test_babeltrace_reads_it(traced: Path) -> None:
+    shown = subprocess.run(["babeltrace2", traced], capture_output=True, text=True, check=True).stdout
+    lines = shown.splitlines()
+    assert len(lines) == sum(1 for _ in read_trace(traced).records())
+    assert any('EMULATOR.IND: { QO = 1, STATUS = "OK", RD_1 = ' in line for line in lines)
