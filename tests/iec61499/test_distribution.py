@@ -9,7 +9,7 @@ import pytest
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.runtime.local_transport import LocalTransport
+from dtwin.iec61499.runtime.communication import LocalTransport
 from dtwin.iec61499.runtime.resource import Resource
 
 SYSTEM = """<System Name="two"><Application Name="App"><SubAppNetwork>

@@ -25,7 +25,7 @@ from dtwin.iec61499.management.protocol import (
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.address import StreamAddress
 from dtwin.iec61499.net.reactor import Reactor
-from dtwin.iec61499.runtime.local_transport import LocalTransport
+from dtwin.iec61499.runtime.communication import LocalTransport
 
 log = logging.getLogger(__name__)
 

@@ -21,7 +21,7 @@ from dtwin.iec61499.library import Library
 from dtwin.iec61499.net.address import StreamAddress
 from dtwin.iec61499.net.reactor import Reactor, Timer
 from dtwin.iec61499.net.transport import NetworkTransport
-from dtwin.iec61499.runtime.local_transport import LocalTransport
+from dtwin.iec61499.runtime.communication import LocalTransport
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.st.semantics import COMPUTING_TIME
 from dtwin.iec61499.types import DataType

@@ -19,8 +19,7 @@ from dtwin.iec61499.net.stream import StreamServer
 from dtwin.iec61499.net.tcp import TcpClient
 from dtwin.iec61499.net.udp import UdpPublisher, UdpSubscriber
 from dtwin.iec61499.net.wire import Message, Signature
-from dtwin.iec61499.runtime.communication import Channel, CommunicationPort, Values
-from dtwin.iec61499.runtime.local_transport import LocalTransport
+from dtwin.iec61499.runtime.communication import Channel, CommunicationPort, LocalTransport, Values
 
 log = logging.getLogger(__name__)
 

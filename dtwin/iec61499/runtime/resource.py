@@ -17,10 +17,9 @@ from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime.blocks import Blocks, Snapshot, initial_state, located
-from dtwin.iec61499.runtime.communication import AttachedServer, Transport
+from dtwin.iec61499.runtime.communication import AttachedServer, LocalTransport, Transport
 from dtwin.iec61499.runtime.compile import CompiledType, compile_type
 from dtwin.iec61499.runtime.generic_ports import check_types, resolve
-from dtwin.iec61499.runtime.local_transport import LocalTransport
 from dtwin.iec61499.runtime.netlist import Node, flatten
 from dtwin.iec61499.runtime.operation import Observer, Operation, QueueEntry
 from dtwin.iec61499.runtime.wiring import queue_entries

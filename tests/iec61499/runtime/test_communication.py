@@ -8,8 +8,7 @@ import pytest
 
 from dtwin.errors import CommunicationError, FunctionBlockError
 from dtwin.iec61499.library import Library
-from dtwin.iec61499.runtime.communication import CommunicationPort
-from dtwin.iec61499.runtime.local_transport import LocalTransport
+from dtwin.iec61499.runtime.communication import CommunicationPort, LocalTransport
 from dtwin.iec61499.runtime.resource import Resource
 from tests.support.iec61499.networks import Types, chart, network
 
