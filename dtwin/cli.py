@@ -66,6 +66,7 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
             "blocks.device", "FbRun", "serve function blocks as a device that management can build on"
         ),
         "fb deploy": Subcommand("blocks.library", "FbDeploy", "build a system on a device"),
+        "fb diff": Subcommand("blocks.library", "FbDiff", "hold what a device has against a system"),
         "fb trace": Subcommand("blocks.trace", "FbTrace", "record every event of a run with its data"),
         "fb replay": Subcommand("blocks.trace", "FbReplay", "repeat a trace; stop at the first event that differs"),
         "fb fuzz": Subcommand("blocks.fuzz", "FbFuzz", "trouble a device of its own with mutated input; report"),

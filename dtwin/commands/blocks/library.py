@@ -1,4 +1,4 @@
-"""`dtwin fb check`, `export` and `deploy`: from the files of a function-block library to a device."""
+"""`dtwin fb check`, `export`, `deploy` and `diff`: from the files of a function-block library to a device."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from dtwin.errors import DtwinError, FunctionBlockError, ParameterError, choices
 from dtwin.files import replacing
 from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.build import deploy, remove
+from dtwin.iec61499.deploy.difference import change, difference
 from dtwin.iec61499.deploy.lua_export import export_type
 from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
 from dtwin.iec61499.inspection import SUFFIXES, inspect
@@ -108,6 +109,10 @@ class FbDeploy:
     """Sequence of the cell: straight in joint space, or among_bodies for a machine with contact; without it that of
     the system."""
 
+    online: bool = False
+    """Change the resources while they run, with the fewest requests; what stays keeps its state. They must have been
+    deployed before."""
+
     def execute(self) -> int:
         whole = self.address.endswith(".sys")
         file = Path(self.address) if whole else self.system
@@ -117,17 +122,21 @@ class FbDeploy:
         for line in system.inserted:
             print(printable(f"inserted: {line}"))
         if whole:
+            if self.online:
+                raise ParameterError("--online: expected the address of one device")
             if self.device:
                 raise ParameterError(f"--device {self.device}: expected an address, as {self.address} is built whole")
             self._deploy_all(system, plans)
             return 0
-        if self.device not in plans and (self.device or len(plans) != 1):
-            valid = choices(plans) if plans else "a system with a device"
-            raise ParameterError(f"--device {self.device!r}: expected {valid}")
+        chosen = _chosen(plans, self.device)
         with ManagementClient(parse_stream_address(self.address)) as client:
-            for plan in plans.get(self.device) or next(iter(plans.values())):
-                deploy(client, plan)
-                print(printable(_done(plan)))
+            for plan in chosen:
+                if self.online:
+                    lines = change(client, plan).lines()
+                    print(printable(f"{plan.resource}: {len(lines)} changes, read back"))
+                else:
+                    deploy(client, plan)
+                    print(printable(_done(plan)))
         return 0
 
     def _deploy_all(self, system: model.System, plans: dict[str, list[Deployment]]) -> None:
@@ -154,6 +163,44 @@ class FbDeploy:
                     remove(client, plan.resource)
                     print(printable(f"{plan.resource} at {client.address} removed"), flush=True)
                 raise
+
+
+@dataclass(frozen=True)
+class FbDiff:
+    """Hold what a device has against a system: blocks, connections and values.
+
+    The resources must have been built by `dtwin fb deploy`. Prints a line for every difference: - what only the
+    device has, + what only the system has, ~ a value that is another one. The exit status is 1 if there is one.
+    """
+
+    system: tyro.conf.Positional[Path]
+    """System (.sys) that the device is held against."""
+    address: tyro.conf.Positional[str]
+    """HOST:PORT or unix:FOLDER/PORT of the device management."""
+    device: str = ""
+    """Device of the system; needed only if the system has several."""
+    blocks: Path | None = None
+    """Folder of the block types; without it the folder of the system."""
+
+    def execute(self) -> int:
+        library = Library([self.blocks or self.system.parent])
+        plans = _plans(library, library.load_system(self.system))
+        chosen = _chosen(plans, self.device)
+        lines = []
+        with ManagementClient(parse_stream_address(self.address)) as client:
+            for plan in chosen:
+                lines += difference(client, plan).lines()
+        for line in lines:
+            print(printable(line))
+        print(f"differences: {len(lines)}")
+        return 1 if lines else 0
+
+
+def _chosen(plans: dict[str, list[Deployment]], device: str) -> list[Deployment]:
+    if device not in plans and (device or len(plans) != 1):
+        valid = choices(plans) if plans else "a system with a device"
+        raise ParameterError(f"--device {device!r}: expected {valid}")
+    return plans.get(device) or next(iter(plans.values()))
 
 
 def _done(plan: Deployment) -> str:

@@ -1,0 +1,149 @@
+"""What a resource on a device has against a plan, and the fewest requests that make it what the plan says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dtwin.iec61499.deploy.plan import Deployment
+from dtwin.iec61499.literals import parse_duration
+from dtwin.iec61499.management.client import ManagementClient
+from dtwin.iec61499.management.protocol import (
+    ANY,
+    ManagedBlock,
+    ManagedConnection,
+    ManagedType,
+    ManagementError,
+    RequestAction,
+    Subject,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """What must happen to a resource; nothing when every part is empty.
+
+    Attributes:
+        removed: blocks to delete, with their connections.
+        added: blocks to create; one whose type changes is removed and added.
+        cut: connections to delete between blocks that stay.
+        made: connections to create.
+        written: values to write: literal and port.
+        found: what the device has at the ports of `written`, by port; "" at a block that is added.
+    """
+
+    removed: tuple[ManagedBlock, ...]
+    added: tuple[ManagedBlock, ...]
+    cut: tuple[ManagedConnection, ...]
+    made: tuple[ManagedConnection, ...]
+    written: tuple[ManagedConnection, ...]
+    found: dict[str, str]
+
+    def __bool__(self) -> bool:
+        return bool(self.removed or self.added or self.cut or self.made or self.written)
+
+    def lines(self) -> list[str]:
+        """A line for every part: - what the device has, + what the plan has, ~ a value that is another one."""
+        return [
+            *(f"- {block.name}: {block.type_name}" for block in self.removed),
+            *(f"+ {block.name}: {block.type_name}" for block in self.added),
+            *(f"- {wire.source} -> {wire.destination}" for wire in self.cut),
+            *(f"+ {wire.source} -> {wire.destination}" for wire in self.made),
+            *(
+                f"~ {value.destination} is {self.found[value.destination]}, shall be {value.source}"
+                for value in self.written
+                if self.found[value.destination]
+            ),
+        ]
+
+
+def difference(client: ManagementClient, deployment: Deployment) -> Difference:
+    """Holds a resource on a device against the plan of it.
+
+    Blocks are compared by name and type, whose name ends with a digest of its code; so the resource must have been
+    built by `deploy`.
+
+    Raises:
+        ManagementError: the device has no such resource, or refuses.
+        CommunicationError: the device does not answer.
+    """
+    resource = deployment.resource
+    if all(block.name != resource for block in client.blocks("")):
+        raise ManagementError(
+            "INVALID_DST", f"{client.address}: no resource {resource}: expected one built by deploy"
+        )
+    subjects = [(c.request.action, c.request.subject) for c in deployment.commands if c.resource == resource]
+    wanted = {s.name: s for a, s in subjects if a == "CREATE" and isinstance(s, ManagedBlock)}
+    wires = {(s.source, s.destination): s for a, s in subjects if a == "CREATE" and isinstance(s, ManagedConnection)}
+    values = [s for a, s in subjects if a == "WRITE" and isinstance(s, ManagedConnection)]
+    there = {block.name: block for block in client.blocks(resource) if block.name != "START"}
+    links = client.demand(resource, "QUERY", ManagedConnection(ANY, ANY)).connections or ()
+    removed = tuple(block for name, block in there.items() if wanted.get(name) != block)
+    added = tuple(block for name, block in wanted.items() if there.get(name) != block)
+    gone = {block.name for block in removed}
+    staying = {
+        (link.source, link.destination): link
+        for link in links
+        if not {link.source.rpartition(".")[0], link.destination.rpartition(".")[0]} & gone
+    }
+    cut = tuple(link for ends, link in staying.items() if ends not in wires)
+    made = tuple(wire for ends, wire in wires.items() if ends not in staying)
+    new = {block.name for block in added}
+    found: dict[str, str] = {}
+    written = []
+    for value in values:
+        port = value.destination
+        is_new = port.rpartition(".")[0] in new
+        text = "" if is_new else client.read(resource, port)
+        if is_new or not _is_same(value.source, text):
+            written.append(value)
+            found[port] = text
+    return Difference(removed, added, cut, made, tuple(written), found)
+
+
+def change(client: ManagementClient, deployment: Deployment) -> Difference:
+    """Makes a resource that runs what the plan says, with the fewest requests; returns what was changed.
+
+    What stays keeps its state. A block that is added begins with its initial values, and gets no event of E_RESTART.
+
+    Raises:
+        ManagementError: the device refuses; names the request. What was changed before it stays changed.
+        CommunicationError: the device does not answer, or has something else afterwards.
+    """
+    resource = deployment.resource
+    found = difference(client, deployment)
+    steps: list[tuple[str, RequestAction, Subject]] = []
+    for block in found.removed:
+        steps += [(resource, "STOP", block), (resource, "DELETE", block)]
+    steps += [(resource, "DELETE", wire) for wire in found.cut]
+    needed = {block.type_name for block in found.added}
+    for command in deployment.commands:
+        subject = command.request.subject
+        if isinstance(subject, ManagedType) and subject.name in needed:
+            steps.append(("", "CREATE", subject))
+    steps += [(resource, "CREATE", block) for block in found.added]
+    steps += [(resource, "WRITE", value) for value in found.written]
+    steps += [(resource, "CREATE", wire) for wire in found.made]
+    steps += [(resource, "START", block) for block in found.added]
+    for where, action, subject in steps:
+        client.demand(where, action, subject)
+    left = difference(client, deployment)
+    if left:
+        raise ManagementError(
+            "INVALID_STATE", f"{client.address}: {resource} has after the change: {left.lines()[0]}"
+        )
+    return found
+
+
+def _is_same(literal: str, printed: str) -> bool:
+    """Whether a device prints the value of a literal so."""
+    quoted = literal[:1] in ("'", '"')
+    bare = literal[1:-1] if quoted else literal.rpartition("#")[2] if "#" in literal else literal
+    if quoted or bare == printed or literal == printed:
+        return bare.replace("$$", "$") == printed or literal == printed
+    durations = [parse_duration(text.partition("#")[2]) for text in (literal, printed) if "#" in text]
+    if len(durations) == 2 and None not in durations:
+        return durations[0] == durations[1]
+    try:
+        return float(bare) == float(printed.rpartition("#")[2])
+    except ValueError:
+        return bare.upper() == printed.upper()

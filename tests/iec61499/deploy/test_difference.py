@@ -1,0 +1,70 @@
+"""A device held against a system, and changed to it while it runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dtwin.controller.ports import EMULATOR
+from dtwin.errors import CommunicationError
+from dtwin.iec61499.deploy.build import deploy
+from dtwin.iec61499.deploy.difference import change, difference
+from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
+from dtwin.iec61499.library import Library
+from dtwin.iec61499.management.protocol import ManagedConnection
+from dtwin.iec61499.mapping import resource_network
+from dtwin.iec61499.net.client import BlockingClient
+from dtwin.parameters import ROOT
+from tests.support.iec61499.served_device import PATIENCE, ServedDevice, samples
+
+PORTS = dict.fromkeys(range(61500, 61507), 0)
+
+
+@pytest.fixture
+def library(tmp_path: Path) -> Library:
+    return Library([ROOT / "fb"])
+
+
+def plan(library: Library, text: str, tmp_path: Path) -> Deployment:
+    file = tmp_path / "cell.sys"
+    file.write_text(text)
+    return plan_deployment("CELL", resource_network(library.load_system(file)), library, PORTS)
+
+
+def test_the_smallest_change_is_made_while_the_cell_runs(served: ServedDevice, tmp_path: Path) -> None:
+    text = (ROOT / "fb" / "dtwin.sys").read_text()
+    before = plan(served.library, text, tmp_path)
+    block = '<FB Name="SEQUENCE" Type="PICK_AND_PLACE"'
+    assert text.count(block) >= 1
+    more = text.replace(block, '<FB Name="EXTRA" Type="E_CTU"><Parameter Name="PV" Value="7"/></FB>' + block)
+    more = more.replace('Name="KP1" Value="200.0"', 'Name="KP1" Value="201.0"')
+    more = more.replace('From="', 'From="', 1)
+    first = text.index("<Mapping ")
+    mapping = text[first : text.index("/>", first) + 2]
+    owner = mapping.split('From="')[1].split('"')[0].partition(".")
+    extra = mapping.replace(f"{owner[0]}.{owner[2]}", f"{owner[0]}.EXTRA")
+    after = plan(served.library, more.replace(mapping, mapping + extra, 1), tmp_path)
+    with served.client() as client:
+        with pytest.raises(CommunicationError, match="no resource CELL: expected one built by deploy"):
+            difference(client, before)
+        deploy(client, before)
+        assert not difference(client, before)
+        where = served.device.addresses()["EMULATOR"]
+        with BlockingClient(where, EMULATOR.receives, EMULATOR.sends, PATIENCE) as peer:
+            for sample in samples(50):
+                peer.exchange(sample)
+            found = difference(client, after)
+            assert sorted(found.lines()) == ["+ EXTRA: E_CTU", "~ CONTROLLER.KP1 is 200.0, shall be 201.0"]
+            assert change(client, after) == found
+            assert not difference(client, after)
+            for sample in samples(50):
+                peer.exchange(sample)
+        assert client.read("CELL", "EXTRA.PV") == "7"
+        client.connect("CELL", "SEQUENCE.CNF", "EXTRA.CU")
+        assert change(client, before).lines() == [
+            "- EXTRA: E_CTU",
+            "~ CONTROLLER.KP1 is 201.0, shall be 200.0",
+        ]
+        links = client.demand("CELL", "QUERY", ManagedConnection("*", "*")).connections or ()
+        assert all("EXTRA" not in link.destination for link in links)
