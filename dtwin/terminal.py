@@ -79,7 +79,7 @@ class RateLimit(logging.Filter):
         period: that time, s.
     """
 
-    def __init__(self, most: int = 5, period: float = 60.0) -> None:
+    def __init__(self, most: int = 3, period: float = 60.0) -> None:
         super().__init__()
         self._most = most
         self._period = period
