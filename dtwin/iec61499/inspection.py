@@ -14,6 +14,7 @@ from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import load_boot_file
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.checker import BlockChecker
+from dtwin.iec61499.runtime.compile import has_no_service
 from dtwin.iec61499.runtime.generic_ports import check_types, resolve, unconnected
 from dtwin.iec61499.runtime.netlist import Finder, flatten
 
@@ -61,13 +62,27 @@ def _inspect_type(file: Path, library: Library, problems: _Problems) -> None:
         problems.found[message] = FunctionBlockError(message, header.file, header.line)
     if isinstance(found, model.BasicFBType | model.SimpleFBType):
         _inspect_text(found, problems)
-    elif not isinstance(found, model.ServiceInterfaceFBType):
+    elif isinstance(found, model.ServiceInterfaceFBType):
+        with problems.noted():
+            _inspect_service(library.find(header.name))
+    else:
 
         def find(name: str, user: str, line: int) -> model.LibraryElement:
             return found if name == header.name else library.find(name, user, line)
 
         alone = model.FBNetwork((model.Block(header.name, header.name, line=header.line),), file=header.file)
         _inspect_network(alone, find, problems)
+
+
+def _inspect_service(found: model.LibraryElement) -> None:
+    """Raises FunctionBlockError for a block that has an interface and no behaviour here."""
+    if isinstance(found, model.ServiceInterfaceFBType) and has_no_service(found):
+        raise FunctionBlockError(
+            f"{found.header.name} is an interface only, a service that this device does not have: it cannot run, or "
+            "answers with QO = FALSE",
+            found.header.file,
+            found.header.line,
+        )
 
 
 def _inspect_text(block: model.BasicFBType | model.SimpleFBType, problems: _Problems) -> None:

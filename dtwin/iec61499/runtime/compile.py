@@ -19,6 +19,7 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.runtime import absent, clocked, communication, timers, utilities
 from dtwin.iec61499.runtime.chart import CHAIN_LIMIT, ChartWriter, handler_name
 from dtwin.iec61499.runtime.checker import BlockChecker
+from dtwin.iec61499.runtime.generic_ports import unconnected
 from dtwin.iec61499.runtime.service_interface import EventHandler, ServiceBehaviour
 from dtwin.iec61499.st import typed
 from dtwin.iec61499.st.python.expressions import python_name, wiring_name
@@ -69,21 +70,30 @@ def compile_type(block: model.FBType) -> CompiledType:
 
 
 def _behaviour(block: model.ServiceInterfaceFBType) -> ServiceBehaviour:
-    name = block.header.name
-    behaviour = (
-        timers.BEHAVIOURS.get(name)
-        or clocked.BEHAVIOURS.get(name)
-        or communication.behaviour(block)
-        or utilities.behaviour(block)
-        or absent.behaviour(block)
-    )
+    behaviour = _service(block) or absent.behaviour(block)
     if behaviour is None:
         raise FunctionBlockError(
-            f"block type {name} has an interface but no behaviour: expected <BasicFB>, <SimpleFB> or <FBNetwork>",
+            f"block type {block.header.name} has an interface but no behaviour: expected <BasicFB>, <SimpleFB> or "
+            "<FBNetwork>",
             block.header.file,
             block.header.line,
         )
     return behaviour
+
+
+def _service(block: model.ServiceInterfaceFBType) -> ServiceBehaviour | None:
+    name = block.header.name
+    return (
+        timers.BEHAVIOURS.get(name)
+        or clocked.BEHAVIOURS.get(name)
+        or communication.behaviour(block)
+        or utilities.behaviour(block)
+    )
+
+
+def has_no_service(block: model.ServiceInterfaceFBType) -> bool:
+    """Whether this runtime does not do what the block's interface promises."""
+    return _service(unconnected(block)) is None
 
 
 def _immediate(block: model.FBType) -> dict[str, str]:
