@@ -19,6 +19,8 @@ from dtwin.iec61499.types import (
     DataType,
     ElementaryType,
     StructType,
+    bytes_of,
+    text_of,
 )
 
 _PREFIXES: Final = {
@@ -191,6 +193,8 @@ def parse_string(text: str) -> str:
         FunctionBlockError: an unknown escape, or the quote itself inside.
     """
     quote, body = text[0], text[1:-1]
+    if quote == "'":
+        body = bytes_of(body)
     digits = 2 if quote == "'" else 4
 
     def resolve(match: re.Match[str]) -> str:
@@ -286,8 +290,18 @@ def format_real(value: float) -> str:
 def format_string(value: str, quote: str) -> str:
     """Quoted text with `$` escapes."""
     digits = 2 if quote == "'" else 4
+    whole = quote == '"' or bytes_of(text_of(value)) == value
+    if quote == "'" and whole:
+        value = text_of(value)
     names = {"\n": "$N", "\r": "$R", "\t": "$T", "\f": "$P", "$": "$$", quote: "$" + quote}
-    return quote + "".join(names.get(c, c if c.isprintable() else f"${ord(c):0{digits}X}") for c in value) + quote
+    plain = (c if c.isprintable() and (whole or c.isascii()) else _escaped(c, digits, whole) for c in value)
+    return quote + "".join(names.get(c, p) for c, p in zip(value, plain, strict=True)) + quote
+
+
+def _escaped(character: str, digits: int, whole: bool) -> str:
+    """A character that cannot be printed, as escapes: in the text of a STRING one for every byte."""
+    codes = [ord(c) for c in bytes_of(character)] if digits == 2 and whole else [ord(character)]
+    return "".join(f"${code:0{digits}X}" for code in codes)
 
 
 def format_duration(value: int) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, TypeAlias
 
 from dtwin.iec61499.literals import parse_literal
-from dtwin.iec61499.types import DataType, ElementaryType, StructType
+from dtwin.iec61499.types import DataType, ElementaryType, StructType, bytes_of
 
 GENERIC_TYPES: Final = (
     *("ANY", "ANY_ELEMENTARY", "ANY_MAGNITUDE", "ANY_NUM", "ANY_REAL", "ANY_INT", "ANY_SIGNED", "ANY_UNSIGNED"),
@@ -390,7 +390,7 @@ def literal(text: str, data_type: DataType, file: str = "", line: int = 0) -> An
     if isinstance(data_type, ElementaryType) and data_type.kind == "string":
         bare = stripped.partition("#")[2] if stripped.upper().startswith(("STRING#", "WSTRING#")) else stripped
         if not (len(bare) > 1 and bare[0] == bare[-1] and bare[0] in "'\""):
-            return bare
+            return bytes_of(bare) if data_type.name == "STRING" else bare
         quote = "'" if data_type.name == "STRING" else '"'
         stripped = quote + bare[1:-1] + quote
     return parse_literal(stripped, data_type, file, line)

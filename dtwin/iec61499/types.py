@@ -1,9 +1,10 @@
 """Data types of IEC 61131-3, elementary, arrays and structures: ranges, defaults and wrapping.
 
 Python representations: BOOL is bool; integers and bit strings are int; REAL and LREAL are float; STRING and
-WSTRING are str; CHAR and WCHAR are str of one character; TIME and the dates are int nanoseconds (dates since 1970,
-times of day since midnight); arrays are lists, and structures lists of their members' values. A list is never changed
-in place: whoever changes an element makes a new list, so that copying a reference copies the value.
+WSTRING are str, a STRING with one character for every byte of its UTF-8 text, as 4diac FORTE counts; CHAR and
+WCHAR are str of one character; TIME and the dates are int nanoseconds (dates since 1970, times of day since
+midnight); arrays are lists, and structures lists of their members' values. A list is never changed in place:
+whoever changes an element makes a new list, so that copying a reference copies the value.
 """
 
 from __future__ import annotations
@@ -234,3 +235,18 @@ def elementary(name: str) -> ElementaryType:
     if bounded is not None and int(bounded[2]):
         return replace(ELEMENTARY[bounded[1]], limit=int(bounded[2]))
     raise FunctionBlockError(f"unknown type {name!r}: expected {choices(ELEMENTARY)}, STRING[n] or a structure")
+
+
+def bytes_of(text: str) -> str:
+    """A text as a STRING holds it: a character for every byte of its UTF-8 form."""
+    return text if text.isascii() else text.encode("utf-8", "replace").decode("latin-1")
+
+
+def text_of(value: str) -> str:
+    """The text of a STRING; bytes that are no UTF-8 stand for themselves."""
+    if value.isascii():
+        return value
+    try:
+        return value.encode("latin-1").decode("utf-8")
+    except UnicodeError:
+        return value

@@ -12,10 +12,10 @@ from dtwin.iec61499.literals import format_literal, parse_literal
 from dtwin.iec61499.management.protocol import ManagedBlock, ManagedConnection, ManagementError
 from dtwin.iec61499.st.functions import widens
 from dtwin.iec61499.types import (
-    STRING,
-    WSTRING,
     DataType,
     ElementaryType,
+    bytes_of,
+    text_of,
 )
 
 Side = Literal["inputs", "outputs", "internals"]
@@ -211,12 +211,12 @@ def _fits(source: model.VariableType, destination: model.VariableType) -> bool:
 
 def value_of(literal: str, kind: DataType) -> Any:
     """The value of a literal; the quotes of texts may be missing or of the other kind, as FORTE accepts them."""
-    if kind in (STRING, WSTRING):
-        quote = "'" if kind == STRING else '"'
-        if literal[:1] not in ("'", '"') or literal[-1:] != literal[:1] or len(literal) < 2:
-            return literal
-        if literal[0] != quote:
-            return literal[1:-1]
+    if isinstance(kind, ElementaryType) and kind.kind == "string":
+        quote = "'" if kind.name == "STRING" else '"'
+        bare = literal[:1] not in ("'", '"') or literal[-1:] != literal[:1] or len(literal) < 2
+        if bare or literal[0] != quote:
+            text = literal if bare else literal[1:-1]
+            return kind.wrap(bytes_of(text) if kind.name == "STRING" else text)
     try:
         return parse_literal(literal, kind)
     except FunctionBlockError as error:
@@ -225,8 +225,8 @@ def value_of(literal: str, kind: DataType) -> Any:
 
 def printed(value: Any, kind: DataType) -> str:
     """A value as FORTE prints it: strings without quotes."""
-    if kind in (STRING, WSTRING):
-        return str(value)
+    if isinstance(kind, ElementaryType) and kind.kind == "string":
+        return text_of(value) if kind.name == "STRING" else str(value)
     try:
         return format_literal(value, kind)
     except FunctionBlockError:

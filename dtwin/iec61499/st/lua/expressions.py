@@ -11,7 +11,18 @@ from dtwin.iec61499.st import typed
 from dtwin.iec61499.st.ast import fail
 from dtwin.iec61499.st.fragment import Fragment, bounds, combine, is_integral, quotient_bounds, remainder_bounds
 from dtwin.iec61499.st.typed import COMPARISONS
-from dtwin.iec61499.types import LREAL, REAL, Aggregate, ArrayType, DataType, ElementaryType, StructType
+from dtwin.iec61499.types import (
+    LREAL,
+    REAL,
+    STRING,
+    Aggregate,
+    ArrayType,
+    DataType,
+    ElementaryType,
+    StructType,
+    bytes_of,
+    text_of,
+)
 
 # Lua's precedence
 OR, AND, COMPARISON, CONCATENATION, SUM, PRODUCT, UNARY, ATOM = range(8)
@@ -120,7 +131,9 @@ class LuaExpressions:
             case bool():
                 return Fragment("true" if value else "false", ATOM)
             case str():
-                return Fragment(quote(value), ATOM)
+                # a STRING has its bytes already, and the text of a WSTRING is UTF-8 in Lua
+                text = text_of(value) if data_type == STRING and bytes_of(text_of(value)) == value else value
+                return Fragment(quote(text), ATOM)
             case float():
                 return self._real_constant(value)
         return Fragment(str(value), UNARY if value < 0 else ATOM, value, value)

@@ -305,8 +305,10 @@ class PythonExpressions:
             return self._cast_date(source, target, inner)
         if "char" in (source.kind, target.kind):
             return self._cast_char(source, target, inner)
+        if source.kind == target.kind == "string":
+            return Fragment(f"{self.helper('_text_of' if source.name == 'STRING' else '_bytes_of')}({text})", ATOM)
         if source.kind == "string":
-            return inner if target.kind == "string" else self._from_string(target, text)
+            return self._from_string(target, text)
         if target.kind == "string":
             return self._to_string(source, text)
         if source.kind == "real":

@@ -21,7 +21,7 @@ from dtwin.iec61499.st.semantics import (
     integer_divide,
     integer_modulo,
 )
-from dtwin.iec61499.types import round_to_real
+from dtwin.iec61499.types import bytes_of, round_to_real, text_of
 
 _INT64: Final = 1 << 63
 
@@ -340,6 +340,8 @@ COMMON: Final[dict[str, Any]] = {
     "_string_to_bool": string_to_bool,
     "_string_to_time": string_to_time,
     "_time_to_string": time_to_string,
+    "_bytes_of": bytes_of,
+    "_text_of": text_of,
     "_to_bits": to_bits,
     "_from_bits": from_bits,
 }
