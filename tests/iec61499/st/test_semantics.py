@@ -192,7 +192,7 @@ def test_expressions(text: str, expected: Any, values: dict[str, Any]) -> None:
         ("X := TIME_IN_S_TO_LREAL(T);", 1.5, {"T": 1_500_000_000}),
         ("X := TIME_IN_MS_TO_LREAL(T);", 1500.0, {"T": 1_500_000_000}),
         ("J := TIME_IN_S_TO_DINT(T);", -1, {"T": -1_999_999_999}),
-        ("S := TIME_TO_STRING(T);", "T#1m500ms", {"T": 60_500_000_000}),
+        ("S := TIME_TO_STRING(T);", "T#60500ms", {"T": 60_500_000_000}),
         ("T := STRING_TO_TIME(S);", 1_500_000_000, {"S": "T#1.5s"}),
         ("T := STRING_TO_TIME(S);", 0, {"S": "1.5s"}),
         ("L := L * L;", 1, {"L": 2**63 - 1}),

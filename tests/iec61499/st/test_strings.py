@@ -50,3 +50,38 @@ def test_literals_read_back(text: str) -> None:
     assert parse_literal(format_literal(value, STRING), STRING) == value
     assert format_literal(parse_literal("'Größe'", STRING), STRING) == "'Größe'"
     assert parse_literal('"Größe"', WSTRING) == "Größe"
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "value"),
+    [
+        ("12 mm", "INT", 12),
+        (" -7", "INT", -7),
+        ("16#FF", "INT", 255),
+        ("16#FFFF", "INT", -1),
+        ("2#101x", "USINT", 5),
+        ("INT#5", "INT", 5),
+        ("DINT#5", "INT", 0),
+        ("40000", "INT", 0),
+        ("-1", "UINT", 0),
+        ("7#5", "INT", 0),
+        ("x", "INT", 0),
+        ("", "INT", 0),
+        ("9" * 900, "INT", 0),
+        ("true", "BOOL", True),
+        ("TRUEx", "BOOL", True),
+        ("BOOL#1", "BOOL", True),
+        ("no", "BOOL", False),
+    ],
+)
+def test_strings_become_numbers_as_in_forte(text: str, kind: str, value: Any) -> None:
+    types: dict[str, Any] = {"S": "STRING", "N": kind}
+    code = check(f"N := STRING_TO_{kind}(S);", **types)
+    assert run_python(code, scope_of(types), {"S": text})["N"] == value
+    for interpreter in LUA:
+        assert run_lua(code, scope_of(types), {"S": text}, interpreter)["N"] == value
+
+
+@pytest.mark.parametrize(("time", "text"), [("T#3s", "T#3000ms"), ("T#1500us", "T#1.500ms"), ("T#0s", "T#0ms")])
+def test_times_become_milliseconds(time: str, text: str) -> None:
+    assert run_python(check(f"S := TIME_TO_STRING({time});", **TYPES), scope_of(TYPES), {})["S"] == text

@@ -253,7 +253,11 @@ class LuaExpressions:
                 number = Fragment(self.call("_string_to_real", text), ATOM)
                 return self._rounded(number) if target == REAL else number
             case "string", _:
-                return Fragment(self.call("_string_to_int", text, target.minimum, period), ATOM, *bounds(target))
+                return Fragment(
+                    self.call("_string_to_int", text, target.minimum, period, quote(target.name)),
+                    ATOM,
+                    *bounds(target),
+                )
             case "bool", "string":
                 return Fragment(f'({inner.at_least(AND)} and "TRUE" or "FALSE")', ATOM)
             case "real", "string":

@@ -171,8 +171,27 @@ HELPERS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
         (),
     ),
     "_string_to_int": (
-        "local function _string_to_int(s, low, period)\n"
-        'local x = tonumber(string.match(s, "^%s*([+-]?%d+)") or "0") % period\n'
+        "local function _string_to_int(s, low, period, name)\n"
+        'if string.find(s, "#", 1, true) and not string.find(s, "^%d") then\n'
+        'local prefix, rest = string.match(s, "^([^#]*)#(.*)$")\n'
+        "if prefix ~= name then return 0 end\n"
+        "s = rest\n"
+        "end\n"
+        'local base, rest = string.match(s, "^(%d%d?)#(.*)$")\n'
+        "base = tonumber(base or 10)\n"
+        "if base ~= 2 and base ~= 8 and base ~= 10 and base ~= 16 then return 0 end\n"
+        'local sign, digits = string.match(rest or s, "^%s*([+-]?)(%w*)")\n'
+        "local x = 0\n"
+        'for c in string.gmatch(digits, ".") do\n'
+        "local d = tonumber(c, 36)\n"
+        "if d >= base then break end\n"
+        "x = x * base + d\n"
+        "if x >= period then return 0 end\n"
+        "end\n"
+        'if sign == "-" and x ~= 0 then x = -x end\n'
+        "local top = period\n"
+        "if low < 0 and base == 10 then top = period + low elseif x < 0 then return 0 end\n"
+        "if x < low or x >= top then return 0 end\n"
         "if x >= period + low then x = x - period end\n"
         "return x\n"
         "end",
@@ -189,7 +208,10 @@ HELPERS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
         (),
     ),
     "_string_to_bool": (
-        'local function _string_to_bool(s) return string.upper(s) == "TRUE" or s == "1" end',
+        "local function _string_to_bool(s)\n"
+        's = string.upper(string.gsub(s, "^BOOL#", ""))\n'
+        'return string.sub(s, 1, 4) == "TRUE" or string.sub(s, 1, 1) == "1"\n'
+        "end",
         (),
     ),
 }

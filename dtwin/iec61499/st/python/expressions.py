@@ -375,7 +375,7 @@ class PythonExpressions:
             case "time":
                 return Fragment(f"{self.helper('_string_to_time')}({text})", ATOM, *bounds(target))
         mask = (1 << target.bits) - 1
-        call = f"{self.helper('_string_to_int')}({text}, {target.minimum}, {mask})"
+        call = f"{self.helper('_string_to_int')}({text}, {target.minimum}, {mask}, {target.name!r})"
         return Fragment(call, ATOM, *bounds(target))
 
 

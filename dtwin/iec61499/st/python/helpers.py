@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, Final, NoReturn
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.literals import format_duration, parse_duration
+from dtwin.iec61499.literals import parse_duration
 from dtwin.iec61499.st.semantics import (
     COMPUTING_TIME,
     ITERATION_LIMIT,
@@ -24,6 +24,7 @@ from dtwin.iec61499.st.semantics import (
 from dtwin.iec61499.types import bytes_of, round_to_real, text_of
 
 _INT64: Final = 1 << 63
+_DIGITS: Final = {2: "01", 8: "0-7", 10: "0-9", 16: "0-9a-f"}
 
 
 def endless(where: str) -> NoReturn:
@@ -233,10 +234,26 @@ def format_number(value: float, digits: int) -> str:
     return f"{value:.{digits}g}"
 
 
-def string_to_integer(text: str, minimum: int, mask: int) -> int:
-    """The leading integer of at most 1,000 digits, wrapped; 0 when there is none."""
-    match = re.match(r"\s*([+-]?[0-9]{1,1000})", text)
-    return ((int(match[1]) if match else 0) - minimum & mask) + minimum
+def string_to_integer(text: str, minimum: int, mask: int, name: str) -> int:
+    """The number that the text begins with, as 4diac FORTE reads it: `12 mm`, `16#FF`, `INT#5`; else 0.
+
+    A number out of range is 0, too; one with a base has no sign and gives the bits.
+    """
+    if "#" in text and not text[0].isdigit():
+        prefix, _, text = text.partition("#")
+        if prefix != name:
+            return 0
+    base = 10
+    based = re.match(r"([0-9]{1,2})#", text)
+    if based:
+        base, text = int(based[1]), text[based.end() :]
+        if base not in _DIGITS:
+            return 0
+    match = re.match(rf"\s*([+-]?)([{_DIGITS[base]}]{{1,1000}})", text, re.IGNORECASE)
+    value = int(match[1] + match[2], base) if match else 0
+    if minimum and base == 10:
+        return value if minimum <= value <= minimum + mask else 0
+    return (value - minimum & mask) + minimum if 0 <= value <= mask else 0
 
 
 def string_to_real(text: str) -> float:
@@ -246,7 +263,8 @@ def string_to_real(text: str) -> float:
 
 
 def string_to_bool(text: str) -> bool:
-    return text.upper() in ("TRUE", "1")
+    """Whether the text begins with TRUE or 1, also behind `BOOL#`."""
+    return text.removeprefix("BOOL#").upper().startswith(("TRUE", "1"))
 
 
 def string_to_time(text: str) -> int:
@@ -257,7 +275,10 @@ def string_to_time(text: str) -> int:
 
 
 def time_to_string(value: int) -> str:
-    return "T#" + format_duration(value)
+    """Milliseconds, as 4diac FORTE writes a TIME: `T#3000ms`, `T#1.500ms`."""
+    micro = abs(value) // 1000
+    rest = f".{micro % 1000:03d}" if micro % 1000 else ""
+    return f"T#{'-' if value < 0 and micro else ''}{micro // 1000}{rest}ms"
 
 
 def to_bits(value: float, code: str) -> int:
