@@ -113,6 +113,13 @@ class _Plan:
     def _lua_type(self, node: Node) -> LuaType | None:
         """The node's type as Lua; None if the device has it by itself."""
         block = _type(node)
+        for adapter in block.interface.adapters:
+            raise FunctionBlockError(
+                f"block {node.name}: adapter {adapter.name} of {block.header.name} cannot be deployed: expected "
+                "events and data, or fb run with the system",
+                node.file,
+                node.line,
+            )
         if isinstance(block, model.ServiceInterfaceFBType):
             return None
         if find_standard(block.header.name) is not None and not block.header.file:

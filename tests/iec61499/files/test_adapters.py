@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import FunctionBlockError
+from dtwin.iec61499.deploy.plan import plan_deployment
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.model import Connection
 from dtwin.iec61499.runtime.resource import Resource
@@ -119,3 +120,9 @@ def test_time_outs_come_from_the_standard_blocks() -> None:
     resource = Resource(network("START: E_RESTART; T: E_TimeOut; U: E_RTimeOut"), Library())
     resource.start()
     assert resource.read("T.TimeOutSocket.DT") == resource.read("U.TimeOutSocket.DT") == 0
+
+
+@pytest.mark.parametrize("kind", ["Servant", "Wrapped", "E_TimeOut"])
+def test_a_block_with_adapters_is_not_deployed(library: Library, kind: str) -> None:
+    with pytest.raises(FunctionBlockError, match=f"block B: adapter .* of {kind} cannot be deployed"):
+        plan_deployment("RES", network(f"START: E_RESTART; B: {kind}"), library)
