@@ -16,11 +16,12 @@ from typing import Any, Final
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.runtime import absent, clocked, communication, timers, utilities
+from dtwin.iec61499.runtime import communication, timers
 from dtwin.iec61499.runtime.chart import CHAIN_LIMIT, ChartWriter, handler_name
 from dtwin.iec61499.runtime.checker import BlockChecker
 from dtwin.iec61499.runtime.generic_ports import unconnected
 from dtwin.iec61499.runtime.service_interface import EventHandler, ServiceBehaviour
+from dtwin.iec61499.runtime.services import absent, clocked, utilities
 from dtwin.iec61499.st import typed
 from dtwin.iec61499.st.python.expressions import python_name, wiring_name
 from dtwin.iec61499.st.python.translate import CONDITION_GLOBALS, compile_algorithm, compile_condition

@@ -1,0 +1,1 @@
+"""What service interface blocks do beside timing and communication."""
