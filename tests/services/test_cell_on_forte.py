@@ -89,9 +89,13 @@ def test_a_forte_that_starts_again_gets_application_and_settings_before_the_arm_
                 until(lambda: any(event.kind == EventKind.TROUBLE for event in events), "an event says why", 60.0)
                 (text,) = (event.text for event in events if event.kind == EventKind.TROUBLE)
                 assert "no sample is answered" in text
-                bridge = desk.summary()["services"]["bridge"]
-                assert bridge["state"] == "waiting"
-                assert "deploy the application first" in bridge["last_error"]
+
+                def waiting() -> bool:
+                    bridge = desk.summary()["services"]["bridge"]
+                    return bridge["state"] == "waiting" and "deploy the application first" in bridge["last_error"]
+
+                # The status of a service is a second old at most.
+                until(waiting, "the bridge waits and says for what", 60.0)
                 reached = len(volts)
                 deploy_cell(address, ControlOptions().control())
                 until(lambda: len(volts) > reached + 100, "the cell goes on", 60.0)
