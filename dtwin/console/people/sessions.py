@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import secrets
 import threading
 from collections import OrderedDict
@@ -41,7 +42,7 @@ class Session:
     @property
     def name(self) -> str:
         """A name of the session that tells nothing of its secrets."""
-        return self.token[:8]
+        return hashlib.blake2b(self.key.encode(), digest_size=4).hexdigest()
 
 
 class Sessions:
