@@ -8,9 +8,10 @@ from types import TracebackType
 
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.net.address import StreamAddress
+from dtwin.iec61499.net.encoding import Value
 from dtwin.iec61499.net.sockets import connected_socket
 from dtwin.iec61499.net.stream import CHUNK
-from dtwin.iec61499.net.wire import Message, MessageReader, Signature, Value
+from dtwin.iec61499.net.wire import Message, MessageReader, Signature
 
 
 class BlockingClient:

@@ -15,9 +15,10 @@ from typing import Final
 
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.net.address import StreamAddress
+from dtwin.iec61499.net.encoding import Value
 from dtwin.iec61499.net.reactor import READ, WRITE, Reactor
 from dtwin.iec61499.net.sockets import BACKLOG, ListeningSocket, tune
-from dtwin.iec61499.net.wire import Message, MessageReader, Signature, Value
+from dtwin.iec61499.net.wire import Message, MessageReader, Signature
 
 log = logging.getLogger(__name__)
 

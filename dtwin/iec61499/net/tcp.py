@@ -9,9 +9,10 @@ from collections.abc import Callable, Sequence
 
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.net.address import Address
+from dtwin.iec61499.net.encoding import Value
 from dtwin.iec61499.net.reactor import WRITE, Reactor, Timer
 from dtwin.iec61499.net.stream import StreamConnection
-from dtwin.iec61499.net.wire import Message, MessageReader, Signature, Value
+from dtwin.iec61499.net.wire import Message, MessageReader, Signature
 
 log = logging.getLogger(__name__)
 

@@ -10,8 +10,9 @@ from typing import Final
 
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.net.address import LOOPBACK, Address
+from dtwin.iec61499.net.encoding import Value
 from dtwin.iec61499.net.reactor import READ, Reactor
-from dtwin.iec61499.net.wire import Message, Signature, Value
+from dtwin.iec61499.net.wire import Message, Signature
 
 log = logging.getLogger(__name__)
 

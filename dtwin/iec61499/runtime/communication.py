@@ -14,7 +14,7 @@ from dtwin.errors import CommunicationError, FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.runtime.service_interface import ServiceBehaviour
 from dtwin.iec61499.standard.services import COMMUNICATION
-from dtwin.iec61499.types import DataType
+from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, StructType
 
 Values = Sequence[Any]
 Send = Callable[[tuple[Any, ...]], None]
@@ -77,7 +77,7 @@ class CommunicationPort:
         self.receives = _types(block.interface.outputs, "RD_")
         self.id = ""
         self._instance = instance
-        self._assign = _assigner(len(self.receives))
+        self._assign = _assigner(self.receives)
         self._answer = f"to__{'CNF' if kind in _REQUESTERS else 'IND'}"
         self._channel: Channel | None = None
         self._attached: Send | None = None
@@ -199,14 +199,33 @@ def _types(variables: Sequence[model.Variable], prefix: str) -> tuple[DataType, 
     return tuple(types)
 
 
-def _assigner(count: int) -> Callable[[Any, Values], None]:
+def _assigner(types: Sequence[DataType]) -> Callable[[Any, Values], None]:
     """`assign(s, values)`: the values to RD_1, ..., QO and STATUS as after a good message."""
-    targets = "".join(f"s.RD_{i}, " for i in range(1, count + 1))
-    lines = ["def assign(s, values):", f"    {targets or '()'} = values", "    s.QO = True", "    s.STATUS = 'OK'"]
-    space: dict[str, Any] = {}
+    names = [f"{'s.RD_' if isinstance(kind, ElementaryType) else 'new_'}{i}" for i, kind in enumerate(types, 1)]
+    lines = [
+        "def assign(s, values):",
+        f"    {''.join(f'{name}, ' for name in names) or '()'} = values",
+        *(
+            f"    s.RD_{i} = kept(types[{i - 1}], new_{i}, s.RD_{i})"
+            for i, kind in enumerate(types, 1)
+            if not isinstance(kind, ElementaryType)
+        ),
+        "    s.QO = True",
+        "    s.STATUS = 'OK'",
+    ]
+    space: dict[str, Any] = {"kept": _kept, "types": tuple(types)}
     exec(compile("\n".join(lines), "<communication>", "exec"), space)
     assign: Callable[[Any, Values], None] = space["assign"]
     return assign
+
+
+def _kept(kind: DataType, new: Any, old: Any) -> Any:
+    """A value that has arrived, with the old elements of an array that arrived shorter, as in 4diac FORTE."""
+    if isinstance(kind, ArrayType):
+        return [_kept(kind.element, one, was) for one, was in zip(new, old, strict=False)] + old[len(new) :]
+    if isinstance(kind, StructType):
+        return [_kept(member.type, one, was) for member, one, was in zip(kind.members, new, old, strict=True)]
+    return new
 
 
 def behaviour(block: model.ServiceInterfaceFBType) -> ServiceBehaviour | None:

@@ -16,8 +16,9 @@ from dtwin.iec61499.files.block_types import read_type
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.protocol import ManagedConnection
 from dtwin.iec61499.net.address import Address
+from dtwin.iec61499.net.encoding import NULL
 from dtwin.iec61499.net.reactor import Reactor
-from dtwin.iec61499.net.wire import NULL, Signature
+from dtwin.iec61499.net.wire import Signature
 from dtwin.iec61499.runtime.compile import compile_type
 from dtwin.iec61499.st.python.helpers import FAST
 from dtwin.iec61499.st.semantics import COMPUTING_TIME

@@ -64,6 +64,24 @@ def test_exchange_needs_one_answer() -> None:
         server.exchange((1.0, True, ""))
 
 
+def test_an_array_that_arrives_shorter_keeps_its_other_elements() -> None:
+    taker = chart(
+        "TAKER",
+        "REQ(A) -> CNF(B)",
+        "A: INT[3] -> B: INT[3]",
+        {"START": [], "RUN": [("B := A;", "CNF")]},
+        [("START", "REQ", "RUN"), ("RUN", "1", "START")],
+    )
+    wires = "START.COLD -> S.INIT; S.IND -> T.REQ; T.CNF -> S.RSP"
+    net = network("START: E_RESTART; S: SERVER_1_1; T: TAKER", wires, "S.RD_1 -> T.A; T.B -> S.SD_1", GIVEN)
+    resource = Resource(net, Types(taker))
+    server = resource.server("S")
+    resource.start()
+    assert server.exchange(([1, 2, 3],)) == ([1, 2, 3],)
+    assert server.exchange(([7],)) == ([7, 2, 3],)
+    assert server.exchange(([],)) == ([7, 2, 3],)
+
+
 def test_requests_are_inhibited_without_qi() -> None:
     wires = "START.COLD -> C.INIT; START.WARM -> C.REQ; C.CNF -> N.CU"
     given = {"C.QI": "TRUE", "C.ID": "'x'"}
