@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
+from dtwin.iec61499.departures import departures
 from dtwin.iec61499.files.block_types import read_type
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import load_boot_file
@@ -21,8 +23,21 @@ from dtwin.iec61499.runtime.netlist import Finder, flatten
 SUFFIXES: Final = (".fbt", ".sub", ".sys", ".fboot")
 
 
-def inspect(file: Path, library: Library) -> list[FunctionBlockError]:
-    """What is wrong with a file, in the order of its lines as far as they are known; each problem once.
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """What was found in a file, in the order of its lines as far as they are known; each once.
+
+    Attributes:
+        problems: what is wrong.
+        departures: blocks that may compute something else on 4diac FORTE.
+    """
+
+    problems: tuple[FunctionBlockError, ...]
+    departures: tuple[FunctionBlockError, ...]
+
+
+def inspect(file: Path, library: Library) -> Findings:
+    """Looks for what is wrong with a file, and for what differs on 4diac FORTE.
 
     Args:
         file: a block type (.fbt, .sub), system (.sys) or boot file (.fboot).
@@ -38,12 +53,17 @@ def inspect(file: Path, library: Library) -> list[FunctionBlockError]:
             load_boot_file(file)
         else:
             raise FunctionBlockError("expected a file that ends in .fbt, .sub, .sys or .fboot", str(file))
-    return sorted(problems.found.values(), key=lambda problem: (problem.file, problem.line, problem.column))
+    return Findings(_in_order(problems.found), _in_order(problems.departures))
+
+
+def _in_order(found: dict[str, FunctionBlockError]) -> tuple[FunctionBlockError, ...]:
+    return tuple(sorted(found.values(), key=lambda error: (error.file, error.line, error.column)))
 
 
 class _Problems:
     def __init__(self) -> None:
         self.found: dict[str, FunctionBlockError] = {}
+        self.departures: dict[str, FunctionBlockError] = {}
 
     @contextmanager
     def noted(self) -> Iterator[None]:
@@ -112,6 +132,7 @@ def _inspect_network(network: model.FBNetwork, find: Finder, problems: _Problems
     netlist = flatten(network, find)
     resolve(netlist)
     check_types(netlist)
+    problems.departures |= {str(warning): warning for warning in departures(netlist)}
     inspected: set[model.FBType] = set()
     for node in netlist.nodes:
         for variable in node.interface.inputs:

@@ -42,10 +42,13 @@ class FbCheck:
     """Types (.fbt, .sub), systems (.sys), boot files (.fboot), or folders of them."""
     blocks: Path | None = None
     """Folder of the block types that the files use; without it the folder of each file."""
+    target: Literal["embedded", "forte"] = "embedded"
+    """With forte also a warning for every block that may compute something else on 4diac FORTE (fb/README.md)."""
 
     def execute(self) -> int:
         libraries: dict[Path, Library] = {}
         problems: dict[str, None] = {}
+        warnings: dict[str, None] = {}
         files = [file for path in self.files for file in _files(path)]
         for file in files:
             folder = self.blocks or file.parent
@@ -53,12 +56,14 @@ class FbCheck:
                 if folder not in libraries:
                     libraries[folder] = Library([folder])
                 found = inspect(file, libraries[folder])
+                problems |= dict.fromkeys(map(str, found.problems))
+                warnings |= dict.fromkeys(map(str, found.departures))
             except FunctionBlockError as error:
-                found = [error]
-            problems |= dict.fromkeys(map(str, found))
-        for problem in problems:
-            print(printable(problem))
-        print(f"files: {len(files)}, problems: {len(problems)}")
+                problems[str(error)] = None
+        for line in [*problems, *(warnings if self.target == "forte" else ())]:
+            print(printable(line))
+        counted = f", warnings: {len(warnings)}" if self.target == "forte" else ""
+        print(f"files: {len(files)}, problems: {len(problems)}{counted}")
         return 1 if problems else 0
 
 

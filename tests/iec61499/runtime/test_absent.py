@@ -33,7 +33,7 @@ def test_a_missing_service_answers_no(tmp_path: Path) -> None:
     resource.start()
     assert (resource.read("S.QO"), resource.read("S.STATUS")) == (False, "NOT_SUPPORTED")
     assert (resource.read("A.CV"), resource.read("B.CV")) == (1, 1)
-    (problem,) = inspect(tmp_path / "Sensor.fbt", library)
+    (problem,) = inspect(tmp_path / "Sensor.fbt", library).problems
     assert "Sensor is an interface only, a service that this device does not have" in str(problem)
 
 
@@ -49,4 +49,4 @@ def test_a_service_that_is_here_passes_the_check(tmp_path: Path) -> None:
         '<FBType Name="E_CYCLE"><InterfaceList><EventInputs><Event Name="START"/></EventInputs></InterfaceList>'
         "</FBType>"
     )
-    assert inspect(tmp_path / "E_CYCLE.fbt", Library([tmp_path])) == []
+    assert inspect(tmp_path / "E_CYCLE.fbt", Library([tmp_path])).problems == ()
