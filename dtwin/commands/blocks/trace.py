@@ -38,7 +38,7 @@ class FbTrace:
     seed: int = 1
     """Number of the random generator of boxes and noise."""
     size: Annotated[int, tyro.conf.arg(metavar="MB")] = 200
-    """Most megabytes of the trace; what does not fit is left out and counted."""
+    """Most megabytes of the trace; when it is full it ends, and later events are counted."""
 
     def execute(self) -> int:
         if self.size < 1:
@@ -57,8 +57,11 @@ class FbTrace:
         finally:
             recorder.flush()
             writer.close()
-        left = f", {writer.left_out} events left out: the trace is full" if writer.left_out else ""
-        print(printable(f"{self.folder}: {writer.written} events{left}"))
+        print(printable(f"{self.folder}: {writer.written} events"))
+        if writer.full is not None:
+            print(
+                f"the trace was full and ends at {writer.full / 1e9:.6f} s: {writer.left_out} later events left out"
+            )
         return 0
 
 

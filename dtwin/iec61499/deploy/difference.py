@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from dtwin.errors import CommunicationError
 from dtwin.iec61499.deploy.plan import Deployment
 from dtwin.iec61499.literals import parse_duration
 from dtwin.iec61499.management.client import ManagementClient
@@ -13,9 +14,13 @@ from dtwin.iec61499.management.protocol import (
     ManagedConnection,
     ManagedType,
     ManagementError,
+    Request,
     RequestAction,
     Subject,
 )
+
+Step = tuple[str, RequestAction, Subject]
+"""A resource, or "" for the device, what is asked of it, and for what."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,34 +109,104 @@ def change(client: ManagementClient, deployment: Deployment) -> Difference:
     """Makes a resource that runs what the plan says, with the fewest requests; returns what was changed.
 
     What stays keeps its state. A block that is added begins with its initial values, and gets no event of E_RESTART.
+    When a request is refused, those before it are undone.
 
     Raises:
-        ManagementError: the device refuses; names the request. What was changed before it stays changed.
-        CommunicationError: the device does not answer, or has something else afterwards.
+        ManagementError: the device refuses; names the request and what could not be undone.
+        CommunicationError: the device does not answer; says how many requests were fulfilled, which are not undone.
     """
     resource = deployment.resource
     found = difference(client, deployment)
-    steps: list[tuple[str, RequestAction, Subject]] = []
-    for block in found.removed:
-        steps += [(resource, "STOP", block), (resource, "DELETE", block)]
-    steps += [(resource, "DELETE", wire) for wire in found.cut]
+    restoring = _restoring(client, deployment, found)
+    steps: list[Step] = []
     needed = {block.type_name for block in found.added}
     for command in deployment.commands:
         subject = command.request.subject
         if isinstance(subject, ManagedType) and subject.name in needed:
             steps.append(("", "CREATE", subject))
+    for block in found.removed:
+        steps += [(resource, "STOP", block), (resource, "DELETE", block)]
+    steps += [(resource, "DELETE", wire) for wire in found.cut]
     steps += [(resource, "CREATE", block) for block in found.added]
     steps += [(resource, "WRITE", value) for value in found.written]
     steps += [(resource, "CREATE", wire) for wire in found.made]
     steps += [(resource, "START", block) for block in found.added]
-    for where, action, subject in steps:
-        client.demand(where, action, subject)
+    for count, (where, action, subject) in enumerate(steps):
+        try:
+            client.demand(where, action, subject)
+        except ManagementError as error:
+            raise ManagementError(error.reason, f"{error}; {_undo(client, steps[:count], restoring)}") from None
+        except CommunicationError as error:
+            text = f"{error}; {count} of {len(steps)} requests were fulfilled and stay so"
+            raise CommunicationError(text) from None
     left = difference(client, deployment)
     if left:
         raise ManagementError(
             "INVALID_STATE", f"{client.address}: {resource} has after the change: {left.lines()[0]}"
         )
     return found
+
+
+def _restoring(client: ManagementClient, deployment: Deployment, found: Difference) -> list[Step]:
+    """What gives the blocks and ports that a change touches the values and connections that they have now."""
+    resource = deployment.resource
+    gone = {block.name for block in found.removed}
+    values: list[Step] = []
+    for command in deployment.commands:
+        subject = command.request.subject
+        if command.request.action != "WRITE" or not isinstance(subject, ManagedConnection):
+            continue
+        port = subject.destination
+        text = found.found.get(port)
+        if command.resource == resource and port.rpartition(".")[0] in gone:
+            # the block that is there may be of another type, without this port
+            text = client.request(resource, "READ", ManagedConnection(port, ANY)).value
+        if text:
+            values.append((resource, "WRITE", ManagedConnection(_literal(text, subject.source), port)))
+    links = client.demand(resource, "QUERY", ManagedConnection(ANY, ANY)).connections or ()
+    return [
+        *values,
+        *(
+            (resource, "CREATE", link)
+            for link in links
+            if {link.source.rpartition(".")[0], link.destination.rpartition(".")[0]} & gone
+        ),
+    ]
+
+
+def _undo(client: ManagementClient, done: list[Step], restoring: list[Step]) -> str:
+    """Takes back what was done, the last first; says what came of it."""
+    inverse: dict[RequestAction, RequestAction] = {"CREATE": "DELETE", "DELETE": "CREATE", "START": "STOP"}
+    taken_back: list[Step] = [
+        (where, inverse[action], subject)
+        for where, action, subject in reversed(done)
+        if action in inverse and not isinstance(subject, ManagedType)
+    ]
+    deleted = {
+        subject.name for _, action, subject in done if action == "DELETE" and isinstance(subject, ManagedBlock)
+    }
+    written = {subject.destination for _, action, subject in done if isinstance(subject, ManagedConnection)}
+    for step in restoring:
+        subject = step[2]
+        assert isinstance(subject, ManagedConnection)
+        ends = {subject.source.rpartition(".")[0], subject.destination.rpartition(".")[0]}
+        if ends & deleted or (step[1] == "WRITE" and subject.destination in written):
+            taken_back.append(step)
+    taken_back += [(where, "START", subject) for where, action, subject in done if action == "STOP"]
+    refused = []
+    for where, action, subject in taken_back:
+        if client.request(where, action, subject).reason is not None:
+            refused.append(str(Request("", action, subject)))
+    if refused:
+        return f"of the change before it could not be undone: {', '.join(refused)}"
+    anew = f"; {', '.join(sorted(deleted))} begins anew" if deleted else ""
+    return f"the change before it was undone{anew}"
+
+
+def _literal(printed: str, like: str) -> str:
+    """A value that a device has printed as a literal; of a text when it is like one."""
+    quote = like[:1] if like[:1] in ("'", '"') else ""
+    return f"{quote}{printed.replace('$', '$$').replace(quote, '$' + quote)}{quote}" if quote else printed
 
 
 def _is_same(literal: str, printed: str) -> bool:

@@ -126,6 +126,7 @@ class TraceWriter:
     Attributes:
         written: how many records were written.
         left_out: how many were not, since they did not fit.
+        full: the time from which on records were left out, ns; None when none was.
 
     Raises:
         FunctionBlockError: the folder is there already or cannot be made.
@@ -138,6 +139,7 @@ class TraceWriter:
         except OSError as error:
             raise FunctionBlockError(f"cannot be a new trace: {error.strerror}", str(folder)) from None
         self.written = self.left_out = 0
+        self.full: int | None = None
         self._folder = folder
         self._about = about
         self._room = size
@@ -163,6 +165,7 @@ class TraceWriter:
         size = _HEAD.size + len(body)
         if size > self._room:
             self._room = 0
+            self.full = records[0][1] if self.full is None else self.full
             self.left_out += len(records)
             return
         self._room -= size

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,8 @@ from dtwin.iec61499.deploy.build import deploy
 from dtwin.iec61499.deploy.difference import change, difference
 from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
 from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.protocol import ManagedConnection
+from dtwin.iec61499.management.bootfile import Command
+from dtwin.iec61499.management.protocol import ManagedBlock, ManagedConnection, ManagementError, Request
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.parameters import ROOT
@@ -68,3 +70,34 @@ def test_the_smallest_change_is_made_while_the_cell_runs(served: ServedDevice, t
         ]
         links = client.demand("CELL", "QUERY", ManagedConnection("*", "*")).connections or ()
         assert all("EXTRA" not in link.destination for link in links)
+
+
+@pytest.mark.parametrize("lost", ["", "; SELECTOR begins anew"])
+def test_a_refused_change_is_undone(served: ServedDevice, tmp_path: Path, lost: str) -> None:
+    text = (ROOT / "fb" / "dtwin.sys").read_text()
+    before = plan(served.library, text, tmp_path)
+    block = Command("CELL", Request("1", "CREATE", ManagedBlock("EXTRA", "E_CTU")))
+    value = Command("CELL", Request("1", "WRITE", ManagedConnection("7", "EXTRA.PV")))
+    first = Command("CELL", Request("1", "CREATE", ManagedConnection("SEQUENCE.CNF", "EXTRA.CU")))
+    wrong = Command("CELL", Request("1", "CREATE", ManagedConnection("SEQUENCE.CNF", "EXTRA.NONE")))
+    commands = []
+    for command in before.commands:
+        subject = command.request.subject
+        if isinstance(subject, ManagedBlock) and lost and subject.name == "SELECTOR":
+            command = Command("CELL", Request("1", "CREATE", ManagedBlock("SELECTOR", "E_SELECT")))
+        if subject == ManagedConnection("200.0", "CONTROLLER.KP1") and not lost:
+            command = Command("CELL", Request("1", "WRITE", ManagedConnection("201.0", "CONTROLLER.KP1")))
+        ends = (subject.source, subject.destination) if isinstance(subject, ManagedConnection) else ()
+        if not (lost and any("SELECTOR." in end for end in ends)):
+            commands.append(command)
+    after = replace(before, commands=(*commands, block, value, first, wrong))
+    with served.client() as client:
+        deploy(client, before)
+        with pytest.raises(ManagementError, match=f"the change before it was undone{lost}$"):
+            change(client, after)
+        assert difference(client, before).lines() == []
+        assert all(found.name != "EXTRA" for found in client.blocks("CELL"))
+        where = served.device.addresses()["EMULATOR"]
+        with BlockingClient(where, EMULATOR.receives, EMULATOR.sends, PATIENCE) as peer:
+            for sample in samples(3):
+                peer.exchange(sample)

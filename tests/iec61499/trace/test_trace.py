@@ -135,7 +135,7 @@ def test_what_does_not_fit_is_left_out_and_counted(tmp_path: Path) -> None:
     for number in range(10):
         writer.write([(kind.number, number, float(number))])
     writer.close()
-    assert (writer.written, writer.left_out) == (3, 7)
+    assert (writer.written, writer.left_out, writer.full) == (3, 7, 3)
     assert list(read_trace(tmp_path / "t").records()) == [(0, n, float(n)) for n in range(3)]
 
 
