@@ -93,6 +93,8 @@ class CellOptions(PlantOptions, ControlOptions):
     """History of the settings that the simulation service keeps."""
     console: bool = False
     """Start the operators' console too: a web page of the cell on this machine, whose address is printed."""
+    recordings: Path | None = None
+    """Folder of the logs that the console can replay."""
     cell: str = "cell"
     """Name of the cell, first in the keys."""
     arm: str = "arm"
@@ -236,6 +238,7 @@ class CellOptions(PlantOptions, ControlOptions):
         options = ["--port", str(port), "--store", str(self.store.resolve())]
         options += ["--history", str(self.history.resolve()), "--audit", str(AUDIT.resolve())]
         options += ["--alarms", str(ALARMS.resolve())]
+        options += ["--recordings", str(self.recordings.resolve())] if self.recordings else []
         return [*options, "--viewer", ports.page_url] if self.viewer == "web" else options
 
     def _recorder_options(self, ports: Ports) -> list[str]:

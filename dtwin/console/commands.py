@@ -29,6 +29,7 @@ from dtwin.bus.messages import (
 )
 from dtwin.bus.twin_messages import (
     AcknowledgeRequest,
+    DataSource,
     IdentificationDecision,
     IdentificationRequest,
     Kilograms,
@@ -42,7 +43,7 @@ from dtwin.console.telling import CellState
 from dtwin.errors import ParameterError
 from dtwin.identification.store import STORE, ModelStore
 from dtwin.parameters import Gains
-from dtwin.signals import Count, Line
+from dtwin.signals import Count, Line, Seconds
 
 LONG: Final = 30.0
 """Longest wait for an answer that needs a check on the twin, s."""
@@ -69,8 +70,11 @@ class Decision(Form, frozen=True):
 class Start(Form, frozen=True):
     """A form that starts an identification, as in `IdentificationRequest`."""
 
-    free: Line = "K2,K3,I,c,D"
-    box_mass: Kilograms = 0.2
+    free: Line = IdentificationRequest().free
+    box_mass: Kilograms = IdentificationRequest().box_mass
+    source: DataSource = "signal"
+    since: Seconds = 0.0
+    anew: Line = ""
 
 
 class Parameter(Form, frozen=True):
@@ -288,7 +292,9 @@ COMMANDS: Final = {
             "operator",
             Start,
             IDENTIFY,
-            lambda form, user, files: IdentificationRequest(form.free, form.box_mass),
+            lambda form, user, files: IdentificationRequest(
+                form.free, form.box_mass, form.source, form.since, form.anew
+            ),
             _identify_blocked,
             patience=LONG,
         ),

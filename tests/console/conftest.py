@@ -1,14 +1,16 @@
 """A browser for the tests of the pages, and a cell that they look at."""
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect, sync_playwright
 
 from dtwin.services import runfile
-from tests.support.browsers import ARGUMENTS, find_chromium
 from tests.support.desk import Desk, new_desk
+from tests.support.pages.browsers import ARGUMENTS, find_chromium
+from tests.support.pages.hand import SLOW, Hand
 
 AWAY = ("Failed to load resource", "WebSocket connection")
 """What a browser says of refusals, while a console is away, and after it has come back without the old sessions."""
@@ -27,12 +29,18 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="module")
-def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the logs that the console can replay."""
+    return tmp_path_factory.mktemp("recordings")
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory, recordings: Path) -> Iterator[Desk]:
     """A cell with all services and a console."""
     folder = tmp_path_factory.mktemp("cell")
     with new_desk() as desk, pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        desk.detach(*CELL)
+        desk.detach(*CELL, "--recordings", str(recordings))
         yield desk
         desk.run("down")
 
@@ -68,3 +76,13 @@ def console_page(cell: Desk, open_page: Callable[..., Page]) -> Page:
     page = open_page(runfile.require("cell").console)
     expect(page.locator("#live")).to_have_text("● live", timeout=20_000)
     return page
+
+
+@pytest.fixture
+def hand(console_page: Page) -> Iterator[Hand]:
+    """Somebody at the desk."""
+    hand = Hand(console_page)
+    hand.occupy()
+    yield hand
+    console_page.get_by_role("button", name="Leave the desk").click(timeout=SLOW)
+    expect(console_page.get_by_role("button", name="Occupy the desk")).to_be_visible()

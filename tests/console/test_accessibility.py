@@ -9,8 +9,8 @@ from playwright.sync_api import Page, expect
 
 from dtwin.services import runfile
 from tests.support.desk import Desk
+from tests.support.pages.browsers import DISPLAYS
 
-DISPLAYS = ("overview", "identification", "monitoring", "simulation", "alarms", "replay")
 RULES = {"runOnly": {"type": "tag", "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]}}
 
 

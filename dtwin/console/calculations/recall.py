@@ -14,8 +14,8 @@ from dtwin.console.telling import CellState, Condition
 from dtwin.errors import ParameterError, choices
 from dtwin.run.recording import read_log
 
-WINDOW: Final = 60.0
-"""Length of a stretch, s."""
+WINDOW: Final = 120.0
+"""Length of a stretch, s: the minute of the trends before a moment, and as much behind it."""
 EVERY: Final = 5
 """Number of ticks of which one is shown."""
 EVENTS: Final = 60
@@ -51,7 +51,7 @@ def recall(folder: Path | None, task: Recall) -> dict[str, Any]:
     }
     rows = np.column_stack([named.get(name, unknown) for name in COLUMNS])[::EVERY]
     events = tuple(event for event in log.events if event.time <= at)[-EVENTS:]
-    text = f"recording {task.log} at {at:.1f} s"
+    text = f"recording {task.log}"
     state = CellState(task.log, "recording", text, events=events, conditions=(Condition("past", "stale", text),))
     return {
         "span": (float(times[0]), float(times[-1])),

@@ -77,7 +77,7 @@ class Recall(msgspec.Struct, frozen=True, tag_field="task", tag="recall", forbid
 
     Attributes:
         log: name of the file in the folder of recordings.
-        at: plant time at the end of the stretch, s; None for the log's last minute.
+        at: plant time at the end of the stretch, s; None for the end of the log.
     """
 
     log: Line

@@ -4,6 +4,23 @@ import { el, setText } from "./dom.js";
 
 const LOOK = 300;
 
+/** Has the server calculate, and returns {result} or {error}; told(number of the job, how far it is) is called now and then. */
+export async function calculate(form, told = () => {}) {
+  const begun = await post(`/api/job/${form.task}`, form);
+  if (!begun.done) return { error: begun.text };
+  for (;;) {
+    let found;
+    try {
+      found = await get(`/api/job/${begun.job}`);
+    } catch (error) {
+      return { error: error.message };
+    }
+    if (found.over) return found;
+    told(begun.job, found);
+    await new Promise((resolve) => setTimeout(resolve, LOOK));
+  }
+}
+
 /** A button that starts a calculation, with its progress; options: title, task (gives the form), done (gets the result). */
 export function jobButton({ title, task, done }) {
   const button = el("button", { type: "button" }, title);
@@ -25,17 +42,19 @@ export function jobButton({ title, task, done }) {
       say(error.message, true);
       return;
     }
-    const begun = await post(`/api/job/${form.task}`, form);
-    if (!begun.done) {
-      say(begun.text, true);
-      return;
-    }
-    running = begun.job;
+    running = "asked";
     button.setAttribute("aria-disabled", "true");
-    stop.hidden = bar.hidden = false;
+    bar.hidden = false;
     bar.removeAttribute("value");
     say("under way", false);
-    const found = await follow(begun.job);
+    const found = await calculate(form, (job, { done, of, best }) => {
+      running = job;
+      stop.hidden = false;
+      if (!of) return;
+      bar.max = of;
+      bar.value = done;
+      say(`${done} of ${of}${best == null ? "" : `, least cost ${best.toFixed(3)}`}`, false);
+    });
     running = null;
     button.setAttribute("aria-disabled", "false");
     stop.hidden = bar.hidden = true;
@@ -43,22 +62,5 @@ export function jobButton({ title, task, done }) {
     if (found.result) done(found.result);
   });
   stop.addEventListener("click", () => running && post(`/api/job/${running}/end`));
-  async function follow(number) {
-    for (;;) {
-      let found;
-      try {
-        found = await get(`/api/job/${number}`);
-      } catch (error) {
-        return { error: error.message };
-      }
-      if (found.of) {
-        bar.max = found.of;
-        bar.value = found.done;
-        say(`${found.done} of ${found.of}${found.best == null ? "" : `, least cost ${found.best.toFixed(3)}`}`, false);
-      }
-      if (found.over) return found;
-      await new Promise((resolve) => setTimeout(resolve, LOOK));
-    }
-  }
   return el("div", { class: "command" }, el("span", { class: "row" }, button, stop), bar, answer);
 }

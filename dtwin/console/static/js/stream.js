@@ -2,7 +2,10 @@
 import { store } from "./store.js";
 import { findSession } from "./api.js";
 
-const SILENT = 1500;
+// A console that is up says something twenty times a second; to open a connection takes longer on a busy machine.
+const SILENT = 1200;
+const OPENING = 4000;
+const LOOK = 200;
 const FIRST = 300;
 const LONGEST = 3000;
 let socket = null;
@@ -12,13 +15,14 @@ let delay = FIRST;
 export function follow() {
   open();
   setInterval(() => {
-    if (socket && performance.now() - heard > SILENT) {
+    const patience = socket?.readyState === WebSocket.OPEN ? SILENT : OPENING;
+    if (socket && performance.now() - heard > patience) {
       const old = socket;
       socket = null;
       old.close();
       lost();
     }
-  }, 250);
+  }, LOOK);
   let told = 0;
   for (const sign of ["pointerdown", "keydown"]) {
     document.addEventListener(sign, () => {
@@ -33,6 +37,7 @@ function open() {
   const made = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/api/stream`);
   socket = made;
   heard = performance.now();
+  made.onopen = () => { heard = performance.now(); };
   made.onmessage = (event) => {
     if (made !== socket) return;
     heard = performance.now();

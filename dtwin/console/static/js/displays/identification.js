@@ -7,6 +7,7 @@ import { jobButton } from "../jobs.js";
 import { store } from "../store.js";
 
 const NINETY_FIVE = 1.96;
+const REFITTED = /^(K|D|mu)[123]$/;
 const VECTOR = { K: "voltage_constant", m: "mass", I: "inertia", l: "length", c: "com", D: "damping", mu: "coulomb" };
 
 export function makeIdentification() {
@@ -19,12 +20,22 @@ export function makeIdentification() {
     name: "identify", title: "Excite and identify", confirm: "The blocks play the 3-2-1-1 signal: the arm leaves its work and swings for 3.5 s.",
     form: () => ({ free: free.input.value, box_mass: numberOf(box.input, "mass") }),
   });
+  const atWork = {
+    free: field("Free parameters of the arm at work", { maxlength: 200 }, "D"),
+    anew: field("Of these not known any more", { maxlength: 200 }, ""),
+    since: field("Motion counts since, s", { type: "number", step: "any", min: 0 }, "0"),
+  };
+  const refit = commandButton({
+    name: "identify", title: "Identify at work",
+    form: () => ({ source: "motion", free: atWork.free.input.value, anew: atWork.anew.input.value, since: numberOf(atWork.since.input, "since") }),
+  });
+  let filled = "";
   const accept = commandButton({
     name: "accept", title: "Accept the model", confirm: () => (upload.checked ? "The model is kept and goes to the controller, on trial: the arm may move otherwise." : `The model is kept as ${name.input.value}.`),
     form: () => ({ name: name.input.value, upload: upload.checked, anyway: anyway.checked }),
   });
   const reject = commandButton({ name: "reject", title: "Reject the model" });
-  const buttons = [start, accept, reject];
+  const buttons = [start, refit, accept, reject];
   const progress = el("progress", { "aria-label": "Samples of the signal", max: 1, value: 0 });
   const said = el("div", { role: "status" });
   const parameters = el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Parameters" });
@@ -37,7 +48,8 @@ export function makeIdentification() {
   });
   const node = el(
     "div", { class: "grid" },
-    panel("Identify", "w4", el("div", { class: "stack" }, form(free, box), start.node, progress, said)),
+    panel("Identify", "w4", el("div", { class: "stack" }, form(free, box), start.node,
+      el("h3", {}, "What has changed, from the motions at work"), form(...Object.values(atWork)), refit.node, progress, said)),
     panel("Parameters", "w8", parameters),
     panel("Decide", "w4", el("div", { class: "stack" }, form(name),
       el("span", {}, upload, " ", el("label", { for: "with-upload" }, "upload it to the controller, on trial")),
@@ -46,7 +58,19 @@ export function makeIdentification() {
     panel("Fit: measured —, model before – –, proposed · ·", "w8", compare, fits, ...canvases),
   );
 
+  /** Proposes what the findings name, since they were noticed. */
+  function propose() {
+    const found = Object.values(store.state?.verdict?.units ?? {}).filter((unit) => unit.settled && REFITTED.test(unit.parameter));
+    const names = found.map((unit) => unit.parameter).join(",");
+    if (!names || names === filled) return;
+    filled = names;
+    atWork.free.input.value = [...new Set(found.map((unit) => unit.parameter.replace(/\d/, "")))].join(",");
+    atWork.anew.input.value = names;
+    atWork.since.input.value = Math.min(...found.map((unit) => unit.detected)).toFixed(2);
+  }
+
   function state() {
+    propose();
     buttons.forEach((button) => button.refresh());
     const now = store.state?.identification;
     progress.max = now?.of || 1;

@@ -2,81 +2,98 @@
 import { el, number, panel, setText } from "../dom.js";
 import { get } from "../api.js";
 import { choice } from "../fields.js";
-import { jobButton } from "../jobs.js";
+import { calculate } from "../jobs.js";
 import { pastOf, store } from "../store.js";
 
 const STEP = 1;
+const HOUR = "";
+const BEYOND = 60;
+const SAMPLE = 0.1;
 
 export function makeReplay() {
-  const slider = el("input", { type: "range", id: "moment", min: 0, max: 1, step: 0.1, value: 1 });
-  const words = el("p", { role: "status" }, "The present is shown.");
+  // What is looked at goes on while other displays are open; it is kept beside the past itself.
+  let { source = HOUR, span = null, stretch = null } = store.past ?? {};
+  let wanted = null;
+  let busy = false;
+  const slider = el("input", { type: "range", id: "moment", step: SAMPLE });
+  const words = el("p", { role: "status" });
   const log = choice("Recording", [["", "none"]], "");
-  const logs = el("div", { class: "row" });
-  let source = "hour";
-  let span = null;
-  let asked = 0;
-
-  const live = el("button", { type: "button" }, "Back to the present");
-  live.addEventListener("click", () => {
-    store.show(null);
-    setText(words, "The present is shown.");
-  });
-  const hour = el("button", { type: "button" }, "Look at the last hour");
-  hour.addEventListener("click", () => {
-    source = "hour";
-    load(null);
-  });
-  const recall = jobButton({
-    title: "Look at the recording", task: () => {
-      if (!log.input.value) throw new Error("choose a recording");
-      return { task: "recall", log: log.input.value, at: source === log.input.value && span ? Number(slider.value) : null };
-    },
-    done: (result) => { source = log.input.value; take(result); },
-  });
-  const step = (by) => {
-    slider.value = Number(slider.value) + by;
-    slider.dispatchEvent(new Event("input"));
-  };
-  const back = el("button", { type: "button" }, "◀ 1 s");
-  back.addEventListener("click", () => step(-STEP));
-  const on = el("button", { type: "button" }, "1 s ▶");
-  on.addEventListener("click", () => step(STEP));
-  slider.addEventListener("input", () => {
-    if (source === "hour") load(Number(slider.value));
-    else setText(words, `${number(Number(slider.value), 1)} s of ${source}: press "Look at the recording"`);
-  });
-  logs.append(log.label, log.input, recall);
+  const button = (title, act) => el("button", { type: "button", onclick: act }, title);
   const node = el(
     "div", { class: "grid" },
     panel("Look back", "w12",
       el("p", {}, "Choose a moment; then open any display. Everything on it is of that moment, and no command can be given."),
-      el("div", { class: "row" }, hour, back, on, live),
+      el("div", { class: "row" },
+        button("Look at the last hour", () => begin(HOUR)), button("◀ 1 s", () => step(-STEP)), button("1 s ▶", () => step(STEP)),
+        button("Back to the present", () => { store.show(null); say(); })),
       el("label", { for: "moment" }, "Moment"), slider, words),
-    panel("Recordings", "w12", logs),
+    panel("Recordings", "w12", el("div", { class: "row" }, log.label, log.input,
+      button("Look at the recording", () => (log.input.value ? begin(log.input.value) : setText(words, "✕ choose a recording"))))),
   );
+  slider.addEventListener("input", () => seek(Number(slider.value)));
   get("/api/logs").then(({ logs: found }) => log.offer([["", found.length ? "choose one" : "there is none"], ...found.map((name) => [name, name])])).catch(() => {});
-  if (store.past) setText(words, "The past is shown.");
+  place();
+  say();
 
-  async function load(at) {
-    const number = (asked += 1);
-    const found = await get(`/api/past${at == null ? "" : `?at=${at}`}`).catch(() => null);
-    if (number === asked && found?.span) take(found);
-    else if (!found?.span) setText(words, "Nothing has been kept yet.");
+  function begin(chosen) {
+    source = chosen;
+    span = stretch = null;
+    seek(null);
   }
-  function take(found) {
-    const past = pastOf(found);
-    const first = span === null || span[0] !== found.span[0];
-    span = found.span;
-    slider.min = span[0];
-    slider.max = span[1];
-    if (!past.frame) {
-      setText(words, "Nothing was heard at that moment.");
-      return;
+  function step(by) {
+    if (!span) return;
+    slider.value = Number(slider.value) + by;
+    seek(Number(slider.value));
+  }
+  /** Shows a moment, the newest when it is null; of several that are asked for at once the last. */
+  async function seek(at) {
+    wanted = { at };
+    if (busy) return;
+    busy = true;
+    let now;
+    do {
+      now = wanted;
+      await show(now.at);
+    } while (now !== wanted);
+    busy = false;
+  }
+  async function show(at) {
+    const asked = source;
+    try {
+      const found = asked === HOUR ? await get(`/api/past${at == null ? "" : `?at=${at}`}`) : await partOf(asked, at);
+      if (asked !== source) return;
+      if (!found.span) throw new Error("nothing has been kept yet");
+      ({ span } = found);
+      const past = pastOf(found);
+      if (!past.frame) throw new Error("nothing was heard at that moment");
+      store.show({ ...past, source, span, stretch });
+      place(at);
+      say();
+    } catch (error) {
+      setText(words, `✕ ${error.message}`);
     }
-    if (first || source !== "hour") slider.value = past.frame.at;
-    store.show(past);
-    const when = source === "hour" ? `${new Date(1000 * past.frame.at).toLocaleTimeString()}, ` : "";
-    setText(words, `Not live: ${when}plant time ${number(past.frame.time, 2)} s`);
+  }
+  /** What a recording holds up to a moment; a stretch of it is read at a time, beyond the moment, too. */
+  async function partOf(name, at) {
+    const time = (row) => row[stretch.columns.indexOf("at")];
+    if (!stretch || at == null || at < time(stretch.rows[0]) - SAMPLE || at > time(stretch.rows.at(-1)) + SAMPLE) {
+      setText(words, `Reads ${name} ...`);
+      const found = await calculate({ task: "recall", log: name, at: at == null ? null : at + BEYOND });
+      if (!found.result) throw new Error(found.error);
+      stretch = found.result;
+    }
+    const end = (at ?? time(stretch.rows.at(-1))) + SAMPLE / 10;
+    const events = stretch.state.events.filter((event) => event.time <= end);
+    return { ...stretch, rows: stretch.rows.filter((row) => time(row) <= end), state: { ...stretch.state, events } };
+  }
+  function place(at = null) {
+    [slider.min, slider.max] = span ?? [0, 1];
+    if (at === null) slider.value = store.past?.frame?.at ?? 1;
+  }
+  function say() {
+    const frame = store.past?.frame;
+    const where = source === HOUR ? `${new Date(1000 * frame?.at).toLocaleTimeString()}` : source;
+    setText(words, frame ? `Not live: ${where}, plant time ${number(frame.time, 2)} s` : "The present is shown.");
     slider.setAttribute("aria-valuetext", words.textContent);
   }
   return { node };

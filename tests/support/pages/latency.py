@@ -1,4 +1,4 @@
-"""Measures five browsers at a console: from a sample to its pixels, the cell beside it, and the memory of a page."""
+"""Measures five browsers at a console: from a sample to its pixels, and the cell beside it."""
 
 import json
 import os
@@ -8,16 +8,14 @@ from functools import partial
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from playwright.sync_api import CDPSession, Page, sync_playwright
+from playwright.sync_api import sync_playwright
 
 from dtwin.services import runfile
-from tests.support.browsers import ARGUMENTS, find_chromium
 from tests.support.desk import Desk, new_desk
+from tests.support.pages.browsers import ARGUMENTS, find_chromium
 from tests.support.waiting import until
 
 BROWSERS = 5
-EVERY = 5.0
-"""Time between two looks at the memory, s."""
 LATENCY = """async () => {
     const { store } = await import("/static/js/store.js");
     return Array.from(store.latencies.subarray(0, Math.min(store.measured, store.latencies.length)));
@@ -60,19 +58,13 @@ def _watched(chromium: str, seconds: float) -> dict[str, Any]:
     with new_desk() as desk, sync_playwright() as play:
         desk.detach("--monitoring", "--console")
         address = runfile.require("cell").console
-        browser = play.chromium.launch(executable_path=chromium, args=[*ARGUMENTS, "--js-flags=--expose-gc"])
+        browser = play.chromium.launch(executable_path=chromium, args=ARGUMENTS)
         pages = [browser.new_context(viewport={"width": 1280, "height": 720}).new_page() for _ in range(BROWSERS)]
         for page in pages:
             page.goto(address)
         for page in pages:
             until(partial(page.evaluate, LATENCY), "frames are drawn", 60.0)
-        session = pages[0].context.new_cdp_session(pages[0])
-        time.sleep(min(30.0, seconds / 2))  # The trends fill their arrays meanwhile, which have a fixed size.
-        memory = []
-        until_then = time.monotonic() + seconds
-        while time.monotonic() < until_then:
-            memory.append(_heap(pages[0], session))
-            time.sleep(EVERY)
+        time.sleep(seconds)
         latencies = sorted(value for page in pages for value in page.evaluate(LATENCY))
         found = {
             "with": _cell(desk),
@@ -81,18 +73,10 @@ def _watched(chromium: str, seconds: float) -> dict[str, Any]:
                 "p95": latencies[int(0.95 * len(latencies))],
                 "browsers": BROWSERS,
             },
-            "heap_mb": {"first": memory[0], "last": memory[-1], "growth": memory[-1] / memory[0] - 1.0},
         }
         browser.close()
         desk.run("down")
     return found
-
-
-def _heap(page: Page, session: CDPSession) -> float:
-    """Memory of the page's scripts after a collection, MB."""
-    session.send("HeapProfiler.collectGarbage")
-    used: float = session.send("Runtime.getHeapUsage")["usedSize"]
-    return round(used / 1e6, 3)
 
 
 if __name__ == "__main__":

@@ -9,8 +9,8 @@ from playwright.sync_api import Page, sync_playwright
 
 from dtwin.parameters import ROOT
 from dtwin.services import runfile
-from tests.support.browsers import ARGUMENTS, find_chromium
 from tests.support.desk import Desk, new_desk
+from tests.support.pages.browsers import ARGUMENTS, find_chromium
 from tests.support.waiting import until
 
 CELL = ("--pace", "lockstep", "--console", "--monitoring", "--simulation", "--identification", "--noise", "0.002")
