@@ -17,7 +17,7 @@ def test_a_fault_is_found_identified_uploaded_and_confirmed(hand: Hand, cell: De
     page = hand.page
     hand.open("Monitoring")
     until(lambda: cell.tick() > LEARNT, "the monitor knows the arm", 120.0)
-    page.get_by_label("Fault").fill(f"K2*={WEAKER}@0")
+    page.get_by_label("Fault", exact=True).fill(f"K2*={WEAKER}@0")
     hand.press("Inject the fault")
     hand.confirm()
     row = page.get_by_role("row").filter(has=page.get_by_role("cell", name="joint 2", exact=True))
