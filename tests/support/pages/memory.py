@@ -39,7 +39,7 @@ def main() -> int:
         session = page.context.new_cdp_session(page)
         session.send("Performance.enable")
         seen = _watched(session, seconds)
-        print(_growth(seen))
+        print(_growth(seen), flush=True)
         browser.close()
         desk.run("down")
     return 0

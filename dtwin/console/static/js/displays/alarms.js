@@ -25,8 +25,8 @@ export function makeAlarms() {
   const node = el(
     "div", { class: "grid" },
     panel("Alarms", "w12", rate, now, answer, form(why, minutes)),
-    panel("History", "w7", form(words), download, history),
-    panel("Events", "w5", events),
+    panel("History", "w12", form(words), download, history),
+    panel("Events", "w12", events),
   );
   load();
 
