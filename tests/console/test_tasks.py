@@ -34,6 +34,32 @@ def test_a_confirmation_can_be_declined_with_the_keyboard(hand: Hand) -> None:
     expect(page.locator("#doing")).not_to_contain_text("stopped")
 
 
+def test_an_alarm_is_acknowledged_shelved_and_in_the_history(hand: Hand) -> None:
+    page = hand.page
+    hand.press("Stop the arm")
+    hand.confirm()
+    hand.open("Alarms")
+    row = page.get_by_role("row").filter(has_text="the arm is stopped").first
+    expect(row).to_contain_text("unacknowledged", timeout=SLOW)
+    page.get_by_role("button", name="Acknowledge stop").click(timeout=SLOW)
+    expect(row).not_to_contain_text("unacknowledged", timeout=SLOW)
+    page.get_by_role("button", name="Shelve stop").click()
+    hand.confirm()
+    answered_no = page.locator(".answer.refused")
+    expect(answered_no).to_contain_text("expected a reason", timeout=SLOW)
+    page.get_by_label("Reason for the shelf").fill("is looked after")
+    page.get_by_role("button", name="Shelve stop").click()
+    hand.confirm()
+    expect(row).to_contain_text("shelved", timeout=SLOW)
+    page.get_by_label("Words to look for").fill("shelved looked")
+    expect(page.get_by_role("region", name="History of the alarms")).to_contain_text("is looked after", timeout=SLOW)
+    hand.open("Overview")
+    expect(page.locator("[data-command=release]")).to_have_attribute("aria-disabled", "false", timeout=SLOW)
+    hand.press("Release the arm")
+    hand.confirm()
+    answered(page, "the arm moves")
+
+
 def test_settings_are_simulated_optimised_uploaded_and_rolled_back(hand: Hand) -> None:
     page = hand.page
     hand.open("Simulation")
@@ -143,29 +169,3 @@ def test_texts_with_markup_are_shown_as_text(console_page: Page, cell: Desk) -> 
         page.get_by_role("link", name=display).click()
         expect(page.locator("main")).to_contain_text("onerror")
     assert page.title() != "1"
-
-
-def test_an_alarm_is_acknowledged_shelved_and_in_the_history(hand: Hand) -> None:
-    page = hand.page
-    hand.press("Stop the arm")
-    hand.confirm()
-    hand.open("Alarms")
-    row = page.get_by_role("row").filter(has_text="the arm is stopped").first
-    expect(row).to_contain_text("unacknowledged", timeout=SLOW)
-    page.get_by_role("button", name="Acknowledge stop").click(timeout=SLOW)
-    expect(row).not_to_contain_text("unacknowledged", timeout=SLOW)
-    page.get_by_role("button", name="Shelve stop").click()
-    hand.confirm()
-    answered_no = page.locator(".answer.refused")
-    expect(answered_no).to_contain_text("expected a reason", timeout=SLOW)
-    page.get_by_label("Reason for the shelf").fill("is looked after")
-    page.get_by_role("button", name="Shelve stop").click()
-    hand.confirm()
-    expect(row).to_contain_text("shelved", timeout=SLOW)
-    page.get_by_label("Words to look for").fill("shelved looked")
-    expect(page.get_by_role("region", name="History of the alarms")).to_contain_text("is looked after", timeout=SLOW)
-    hand.open("Overview")
-    expect(page.locator("[data-command=release]")).to_have_attribute("aria-disabled", "false", timeout=SLOW)
-    hand.press("Release the arm")
-    hand.confirm()
-    answered(page, "the arm moves")
