@@ -6,6 +6,7 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -49,15 +50,16 @@ def site(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run(site: Path, folder: Path, *arguments: str) -> str:
     """What the installed `dtwin` prints in a folder."""
-    environment = {**os.environ, "PYTHONPATH": str(site), "XDG_RUNTIME_DIR": str(folder)}
-    done = subprocess.run(
-        [sys.executable, "-m", "dtwin", *arguments],
-        cwd=folder,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=150,
-    )
+    # The path of a Unix socket has at most 107 bytes, which a folder of pytest may already have.
+    with TemporaryDirectory() as runtime:
+        done = subprocess.run(
+            [sys.executable, "-m", "dtwin", *arguments],
+            cwd=folder,
+            env={**os.environ, "PYTHONPATH": str(site), "XDG_RUNTIME_DIR": runtime},
+            capture_output=True,
+            text=True,
+            timeout=150,
+        )
     assert done.returncode == 0, done.stderr
     return done.stdout
 

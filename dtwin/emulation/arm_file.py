@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
@@ -50,8 +51,8 @@ def read_arm(file: Path) -> ArmParameters:
     )
 
 
-def _triple(values: object) -> Triple:
-    first, second, third = map(float, values)  # type: ignore[call-overload]
+def _triple(values: Iterable[float]) -> Triple:
+    first, second, third = map(float, values)
     return first, second, third
 
 

@@ -232,7 +232,7 @@ def test_findings_are_suppressed_while_the_arm_is_excited_also_new_ones() -> Non
     assert alarms.alarm(alarm.name).state is U
 
 
-@pytest.mark.parametrize("kind", [EventKind.COLLISION, EventKind.MISPLACED])
+@pytest.mark.parametrize("kind", [EventKind.COLLISION, EventKind.MISPLACED, EventKind.JOURNAL])
 def test_what_is_over_when_it_is_told_stands_until_it_is_acknowledged(kind: EventKind) -> None:
     alarms = AlarmList(Journal(None))
     sources = Sources(alarms)

@@ -52,14 +52,16 @@ def test_a_run_of_the_file_is_one_of_its_values(tmp_path: Path) -> None:
     assert not (logs[0] == logs[2]).all()
 
 
+GRIPPER = 'name="gripper" type="hinge" axis="0 0 -1" damping='
+
+
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
-        ('name="gripper" type="hinge" axis="0 0 -1" damping="0.05"', 'name="gripper" type="hinge" axis="0 0 -1" '
-         'damping="0.06"', "damping of the gripper is 0.06, expected 0.05"),
+        (GRIPPER + '"0.05"', GRIPPER + '"0.06"', "damping of the gripper is 0.06, expected 0.05"),
         ('<site name="red"', '<site name="reddish"', "no site is named 'red'"),
     ],
-)  # fmt: skip
+)
 def test_what_would_not_count_is_refused(tmp_path: Path, old: str, new: str, complaint: str) -> None:
     path = written(tmp_path / "other.xml", lambda text: text.replace(old, new))
     with pytest.raises(ModelError, match=rf"other\.xml: {complaint}"):

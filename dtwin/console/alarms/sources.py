@@ -62,6 +62,7 @@ ONCE: Final[dict[str, Row]] = {
     ),
     EventKind.RIVALS: Row("high", "somebody else tries to drive the arm", "find who publishes voltages"),
     EventKind.TROUBLE: Row("medium", "settings may be lost or no sample is answered", "do what the text says"),
+    EventKind.JOURNAL: Row("medium", "what was set before may be lost", "check faults and settings, keep the file"),
     EventKind.ROLL_BACK: Row("medium", "uploaded settings did not hold", "see Simulation before trying others"),
     MONITOR + EventKind.STOP: Row("high", "monitoring could not stop the arm", "stop it by hand"),
 }
@@ -128,7 +129,7 @@ class Sources:
             self._condition("safe", event.kind == EventKind.SAFE, event.text, SAFE, at, event.time)
         elif event.kind == EventKind.HELP:
             self._condition("help", event.text != CALLS[0], event.text, HELP, at, event.time)
-        elif event.kind in (EventKind.DISK, EventKind.JOURNAL):
+        elif event.kind == EventKind.DISK:
             self._condition(str(event.kind), WRITTEN_AGAIN not in event.text, event.text, DISK, at, event.time)
 
     def _condition(self, name: str, holds: bool, text: str, row: Row, at: float, plant: float) -> None:
@@ -179,7 +180,7 @@ def table() -> str:
         "another service does not work": OTHER_SERVICE,
         "no command came in time": SAFE,
         "the sequence calls for help": HELP,
-        "the disk is full, or a journal cannot be used": DISK,
+        "the disk is full": DISK,
         **{f"event `{kind}`": row for kind, row in ONCE.items()},
     }
     return head + "".join(
