@@ -200,13 +200,12 @@ class CellOptions(PlantOptions, ControlOptions):
     def _turns(self) -> list[str]:
         """Options of the services that hand every tick on to each other.
 
-        In lockstep only one of them works at a time, so they share a processor: on several, each of them would find
-        another one asleep and its caches cold.
+        Only one of them works at a time, unless no tick waits, so they share a processor: on several, each of them
+        would find another one asleep and its caches cold.
         """
-        if self.pace == "realtime":
-            return ["--urgent"]
-        processor = current_processor() if self.pace == "lockstep" else None
-        return [] if processor is None else ["--processor", str(processor)]
+        turns = ["--urgent"] if self.pace == "realtime" else []
+        processor = None if self.pace == "free" else current_processor()
+        return turns if processor is None else [*turns, "--processor", str(processor)]
 
     def management(self, file: Path) -> str:
         """Address of the controller's device management, for a cell with this run file.

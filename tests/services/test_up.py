@@ -66,8 +66,9 @@ def test_a_cell_is_started_watched_set_and_stopped(desk: Desk, tmp_path: Path) -
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="this system does not choose processors")
-def test_services_that_take_turns_share_a_processor(desk: Desk) -> None:
-    desk.up("--detach", "--pace", "lockstep")
+@pytest.mark.parametrize("pace", ["realtime", "lockstep"])
+def test_services_that_take_turns_share_a_processor(desk: Desk, pace: str) -> None:
+    desk.up("--detach", "--pace", pace)
     allowed = [os.sched_getaffinity(desk.find(f"services.{name}")) for name in ("emulator", "bridge", "controller")]
     assert len(allowed[0]) == 1
     assert allowed.count(allowed[0]) == 3
