@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from dtwin.cli import COMMANDS, main
+from dtwin.cli import main
+from dtwin.commands.table import COMMANDS
 from dtwin.emulation import MODEL_FILE
 from dtwin.parameters import ROOT
 from dtwin.run.recording import read_log

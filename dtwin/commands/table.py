@@ -1,0 +1,179 @@
+"""All commands of `dtwin`: where each is, and its line of help."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from dtwin.options import parse_apart, parse_options
+
+
+@dataclass(frozen=True)
+class Subcommand:
+    """A subcommand.
+
+    Attributes:
+        module: module under dtwin.commands that holds its options.
+        options: class of the options there.
+        summary: line of help.
+        read: function that reads the options from the command line.
+    """
+
+    module: str
+    options: str
+    summary: str
+    read: Callable[[type[Any], str, Sequence[str]], Any] = parse_options
+
+
+GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
+    "the cell": {
+        "run": Subcommand("cell.run", "Run", "run the cell: arm, boxes and function blocks; record and summarise"),
+        "validate": Subcommand("cell.validate", "Validate", "hold the emulation against the analytic twin"),
+        "bench": Subcommand("cell.bench", "Bench", "measure the speed of the parts on this machine"),
+        "machine list": Subcommand("cell.machine", "MachineList", "list the machines that the arm can be"),
+        "machine show": Subcommand("cell.machine", "MachineShow", "show a machine as a file that can be read again"),
+        "machine draw": Subcommand("cell.machine", "MachineDraw", "write the machine of a number to a file"),
+        "experiment clearance": Subcommand(
+            "cell.clearance", "ExperimentClearance", "sweep the arm's ways through the geometry of the cell"
+        ),
+        "experiment integrators": Subcommand(
+            "cell.integrators", "ExperimentIntegrators", "integrate arms of machines in several ways; report"
+        ),
+        "experiment machines": Subcommand(
+            "cell.sorting", "ExperimentMachines", "let drawn machines sort boxes among bodies that touch; report"
+        ),
+        "experiment soak": Subcommand(
+            "cell.soak", "ExperimentSoak", "run all services for long, or trouble them; report"
+        ),
+    },
+    "function blocks": {
+        "fb check": Subcommand("blocks.library", "FbCheck", "check function-block files"),
+        "fb export": Subcommand("blocks.library", "FbExport", "write block types as Lua, or systems as boot files"),
+        "fb run": Subcommand(
+            "blocks.device", "FbRun", "serve function blocks as a device that management can build on"
+        ),
+        "fb deploy": Subcommand("blocks.library", "FbDeploy", "build a system on a device"),
+        "fb diff": Subcommand("blocks.library", "FbDiff", "hold what a device has against a system"),
+        "fb trace": Subcommand("blocks.trace", "FbTrace", "record every event of a run with its data"),
+        "fb replay": Subcommand("blocks.trace", "FbReplay", "repeat a trace; stop at the first event that differs"),
+        "fb fuzz": Subcommand("blocks.fuzz", "FbFuzz", "trouble a device of its own with mutated input; report"),
+        "fb watch": Subcommand("blocks.device", "FbWatch", "read values of a running device"),
+        "fb stop": Subcommand("blocks.device", "FbStop", "stop what runs on a device"),
+    },
+    "the cell as services": {
+        "up": Subcommand(
+            "live.up", "UpCommand", "start the services of a cell on Zenoh and keep them running", parse_apart
+        ),
+        "status": Subcommand("live.up", "StatusCommand", "show how the services of a cell do"),
+        "down": Subcommand("live.up", "DownCommand", "stop a cell that is up"),
+        "watch": Subcommand("live.watch", "WatchCommand", "print what passes on a cell's bus"),
+        "gains set": Subcommand("live.settings", "GainsSet", "set gains of the running controller"),
+        "model set": Subcommand("live.settings", "ModelSet", "set the arm model of the running controller"),
+        "target set": Subcommand("live.settings", "TargetSet", "set how long the motions take"),
+        "console": Subcommand("live.console", "ConsoleCommandLine", "show a cell to its operators on a web page"),
+        "console user": Subcommand("live.console", "ConsoleUser", "let somebody log in at consoles"),
+        "stop": Subcommand("live.stop", "StopCommand", "let the function blocks stop the arm"),
+        "release": Subcommand("live.stop", "ReleaseCommand", "let a stopped arm move again"),
+        "bench start": Subcommand("live.bench", "BenchStart", "time the start of a cell with all services"),
+    },
+    "identification": {
+        "identify": Subcommand(
+            "identification.identify",
+            "Identify",
+            "identify the arm from a log or a simulated experiment",
+        ),
+        "commission": Subcommand(
+            "identification.commission", "Commission", "identify a real arm from a log of its work; write a record"
+        ),
+        "identify live": Subcommand("identification.live", "IdentifyLive", "excite and identify the running arm"),
+        "model list": Subcommand("identification.model", "ModelList", "list the identified models"),
+        "model show": Subcommand("identification.model", "ModelShow", "show an identified model"),
+        "model diff": Subcommand("identification.model", "ModelDiff", "compare two identified models"),
+        "model export": Subcommand(
+            "identification.model", "ModelExport", "write an identified model as MJCF or parameters"
+        ),
+        "bench identify": Subcommand("identification.bench", "BenchIdentify", "time a fit against mujoco.sysid"),
+        "experiment noise": Subcommand(
+            "identification.experiment", "ExperimentNoise", "identify under encoder noise; report"
+        ),
+        "experiment mass": Subcommand(
+            "identification.experiment", "ExperimentMass", "identify with a wrong load; report"
+        ),
+        "experiment strangers": Subcommand(
+            "identification.strangers", "ExperimentStrangers", "identify drawn machines from their work; report"
+        ),
+        "experiment friction": Subcommand(
+            "identification.experiment", "ExperimentFriction", "compare friction laws; report"
+        ),
+    },
+    "monitoring": {
+        "monitor": Subcommand("monitoring.monitor", "MonitorCommand", "find faults of the arm in a log"),
+        "monitor start": Subcommand("monitoring.watch", "MonitorStart", "let the monitor watch the arm, anew"),
+        "monitor stop": Subcommand("monitoring.watch", "MonitorStop", "let the monitor leave the arm alone"),
+        "monitor acknowledge": Subcommand(
+            "monitoring.acknowledge",
+            "MonitorAcknowledge",
+            "take the running arm as it is to be normal",
+        ),
+        "experiment failure": Subcommand("monitoring.experiment", "ExperimentFailure", "monitor K2 failing; report"),
+        "experiment faults": Subcommand(
+            "monitoring.experiment", "ExperimentFaults", "score the monitor on faults; report"
+        ),
+        "experiment alarms": Subcommand(
+            "monitoring.alarms", "ExperimentAlarms", "commission drawn machines, watch them with faults; report"
+        ),
+        "experiment sampling": Subcommand(
+            "monitoring.experiment", "ExperimentSampling", "find the limits of the monitors; report"
+        ),
+        "experiment stop": Subcommand("monitoring.experiment", "ExperimentStop", "stop the arm on faults; report"),
+    },
+    "simulation": {
+        "simulate": Subcommand(
+            "simulation.simulate", "Simulate", "try a motion on the twin with the real function blocks"
+        ),
+        "margins": Subcommand(
+            "simulation.margins", "MarginsCommand", "compute what change of the arm the controller stands"
+        ),
+        "optimise": Subcommand(
+            "simulation.optimise", "Optimise", "search the best gains and target time on the twin"
+        ),
+        "upload gains": Subcommand(
+            "simulation.upload", "UploadGains", "check gains, upload them to a running cell, on trial"
+        ),
+        "upload model": Subcommand(
+            "simulation.upload", "UploadModel", "check an identified model, upload it, on trial"
+        ),
+        "upload target": Subcommand("simulation.upload", "UploadTarget", "check a target time, upload it, on trial"),
+        "upload version": Subcommand(
+            "simulation.upload", "UploadVersion", "check an earlier version, upload it, on trial"
+        ),
+        "upload rollback": Subcommand("simulation.upload", "RollBack", "take back the settings on trial"),
+        "history": Subcommand("simulation.history", "ShowHistory", "show all changes of the controller's settings"),
+        "bench upload": Subcommand("simulation.bench", "BenchUpload", "time uploads to a running cell"),
+        "experiment margins": Subcommand(
+            "simulation.experiment", "ExperimentMargins", "design the controller's gains, measure its margins; report"
+        ),
+        "experiment accuracy": Subcommand(
+            "simulation.experiment",
+            "ExperimentAccuracy",
+            "hold the twin's motions against the arm's; report",
+        ),
+        "experiment upload": Subcommand(
+            "simulation.experiment",
+            "ExperimentUpload",
+            "upload gains and a model to a running cell; report",
+        ),
+        "experiment recovery": Subcommand(
+            "simulation.demo", "ExperimentRecovery", "draw faults, have each answered in a cell; report"
+        ),
+        "demo recovery": Subcommand("simulation.demo", "DemoRecovery", "let the twin find a fault and put it right"),
+    },
+    "this machine": {
+        "doctor": Subcommand("setup.doctor", "Doctor", "tell what is missing on this machine and how to get it"),
+        "completion": Subcommand(
+            "setup.completion", "Completion", "print a script that lets a shell complete commands"
+        ),
+    },
+}
+COMMANDS: Final = {name: entry for group in GROUPS.values() for name, entry in group.items()}
