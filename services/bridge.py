@@ -46,7 +46,7 @@ from dtwin.errors import CommunicationError, DtwinError, ParameterError, Recordi
 from dtwin.iec61499.net.address import StreamAddress, parse_stream_address
 from dtwin.parameters import PERIOD, ArmParameters, Gains
 from dtwin.services.parts.gate import STALE
-from dtwin.services.parts.recent import Recent
+from dtwin.services.parts.recent import Backlog, Recent
 from dtwin.services.parts.state_file import StateFile, to_message
 from dtwin.services.parts.strides import strides
 from dtwin.services.service import Link, Service, main
@@ -109,12 +109,12 @@ class Bridge:
         self._last: Voltages | None = None
         self._before: Sensors | None = None
         self._recent = Recent()
+        self._backlog = Backlog(service.next, self._recent.take)
         self._heard = 0.0
         self._limp = 0
         self._limp_at = -1
         self._restart = False
         self._answered = 0
-        self._skipped = 0
         self._publish = bus.publisher(VOLTAGES, lossless=lossless)
         self._publish_path = bus.publisher(PATH, lossless=lossless)
         self._tell = bus.publisher(EVENTS)
@@ -136,7 +136,7 @@ class Bridge:
         while not service.stopping:
             sensors = service.next(RETRY)
             if sensors is not None:
-                self._serve(self._newest(sensors))
+                self._serve(sensors)
             elif self._controller is None:
                 self._connect()
             if service.report_due():
@@ -144,18 +144,12 @@ class Bridge:
         if self._controller is not None:
             self._controller.close()
 
-    def _newest(self, sensors: Sensors) -> Sensors:
-        inbox = self._service.inbox
-        self._recent.take(sensors)
-        while not inbox.empty() and (later := inbox.get()) is not None:
-            self._skipped += 1
-            sensors = later
-            self._recent.take(sensors)
-        return sensors
-
     def _serve(self, sensors: Sensors) -> None:
         with self._stops.answering:
-            self._answer(sensors)
+            # Both may take a while, after which another sample is the newest.
+            if self._connect() is not None and not self._stops.known:
+                self._stops.remind()
+            self._answer(self._backlog.newest(sensors))
 
     def _answer(self, sensors: Sensors) -> None:
         last = self._last
@@ -365,7 +359,7 @@ class Bridge:
             state if self._controller is not None and self._stops.known else "waiting",
             self._answered,
             time=self._time(),
-            late_ticks=self._skipped,
+            late_ticks=self._backlog.skipped,
         )
 
 

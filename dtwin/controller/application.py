@@ -15,7 +15,7 @@ from dtwin.controller.ports import EMULATOR, Port
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.protocol import ManagementError
-from dtwin.iec61499.net.address import StreamAddress, parse_block_id
+from dtwin.iec61499.net.address import LocalAddress, StreamAddress, parse_block_id
 from dtwin.iec61499.net.client import BlockingClient
 
 TIMEOUT: Final = 1.0
@@ -115,12 +115,15 @@ class Application:
         """On a FORTE, closes the port of a SERVER block and opens it again; no sample may be on its way meanwhile.
 
         A FORTE takes half a message that a client left behind for the beginning of the next message, whoever sends
-        that. The embedded device keeps clients apart; it is told from a FORTE by having no states of blocks inside
-        others. A FORTE that closes a port while another one is in use crashes now and then.
+        that. The embedded device keeps clients apart; it is told from a FORTE by its Unix sockets, which a FORTE does
+        not have, or by having no states of blocks inside others. A FORTE that closes a port while another one is in
+        use crashes now and then.
 
         Raises:
             CommunicationError: the port does not open again.
         """
+        if isinstance(self._address, LocalAddress):
+            return
         name = port.block
         with self._lock:
             try:

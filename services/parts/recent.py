@@ -1,12 +1,15 @@
-"""The last samples without a gap, and whether the arm that they show can be caught."""
+"""The last samples without a gap, whether the arm that they show can be caught, and the newest one of a backlog."""
 
 from __future__ import annotations
 
+import time
 from collections import deque
+from collections.abc import Callable
 from typing import Final
 
 from dtwin.controller.device import SETTLING
 from dtwin.parameters import PERIOD
+from dtwin.services.parts.gate import STALE
 from dtwin.signals import Sensors
 
 CAUGHT: Final = 5.0
@@ -15,6 +18,10 @@ FALL: Final = 3.0
 """Longest time for which an arm is let fall until it is slower, s."""
 _APART: Final = 100
 """Number of ticks without a question after which another fall begins."""
+PAUSE: Final = 0.5 * PERIOD
+"""Time without a sample, s, after which no more of a backlog comes."""
+CATCHING_UP: Final = 0.2
+"""Longest time for which a backlog is let come in, s; where no tick waits, samples may never pause."""
 
 
 class Recent:
@@ -53,3 +60,35 @@ class Recent:
             self._since = last.time
         self._let_fall = last.sequence
         return last.time - self._since < FALL
+
+
+class Backlog:
+    """Skips what waits before the newest sample.
+
+    Args:
+        after: Function that returns the sample that comes within a time, s, or None.
+        take: Function that is told every sample.
+
+    Attributes:
+        skipped: Number of samples that were skipped.
+    """
+
+    def __init__(self, after: Callable[[float], Sensors | None], take: Callable[[Sensors], None]) -> None:
+        self.skipped = 0
+        self._after = after
+        self._take = take
+        self._asked = 0.0
+
+    def newest(self, sensors: Sensors) -> Sensors:
+        """The newest sample; after a break, those that were missed come in faster than they would be answered."""
+        now = time.monotonic()
+        pause = PAUSE if now - self._asked > STALE else 0.0
+        self._asked = now
+        self._take(sensors)
+        while (later := self._after(pause)) is not None:
+            self.skipped += 1
+            sensors = later
+            self._take(sensors)
+            if pause and time.monotonic() - now > CATCHING_UP:
+                break
+        return sensors

@@ -145,14 +145,14 @@ class Peer:
         self.events: list[Event] = []
         self.status: list[Status] = []
         self._publish = bus.publisher(SENSORS)
-        self._tick = 0
+        self.tick = 0
         bus.subscribe(EVENTS, Event, self.events.append)
         bus.subscribe(STATUS, Status, self.status.append, "bridge")
         bus.answer(LATCH, LatchRequest, None, lambda: LatchState(0.0, 0, "none"))
 
     def sample(self) -> None:
-        self._tick += 1
-        self._publish(Sensors(self._tick, 0.01 * self._tick, (0.0, 0.0, 0.0), 0.9, False, ""))
+        self.tick += 1
+        self._publish(Sensors(self.tick, 0.01 * self.tick, (0.0, 0.0, 0.0), 0.9, False, ""))
 
     def until(self, condition: Callable[[], object], what: str) -> None:
         """Publishes a sample between two looks."""

@@ -47,7 +47,7 @@ export function drawCurves(canvas, { title, unit, across, lines = [], marks = []
     context.arc(x(mark.x), y(mark.y), 5, 0, 2 * Math.PI);
     if (mark.filled) context.fill();
     else context.stroke();
-    context.fillText(mark.name, Math.min(x(mark.x) + 8, right - 60), y(mark.y) - 5 - 13 * index);
+    context.fillText(mark.name, Math.min(x(mark.x) + 8, right - 60), y(mark.y) + (index % 2 ? 16 : -8));
   });
   function stroke(places, dash, colour, wide) {
     context.setLineDash(dash);

@@ -32,7 +32,7 @@ export function makeAlarms() {
 
   async function load() {
     const found = await get(`/api/alarms?words=${encodeURIComponent(words.input.value)}`).catch(() => null);
-    if (found) rebuild(history, found.rows, () => table("Newest first", found.columns, found.rows));
+    if (found) rebuild(history, found.rows, () => table("Newest first; times are UTC", found.columns, found.rows.map((row) => row.map((cell, k) => found.columns[k] === "time" ? cell.slice(0, 19).replace("T", " ") : cell))));
   }
   async function treat(action, name) {
     if (action === "shelve" && !(await ask("Shelve the alarm", `${name} is hidden for ${minutes.input.value} minutes.`))) return;
