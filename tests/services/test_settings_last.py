@@ -144,7 +144,7 @@ class Peer:
         self.bus = bus
         self.events: list[Event] = []
         self.status: list[Status] = []
-        self._publish = bus.publisher(SENSORS)
+        self._publish = bus.publisher(SENSORS, lossless=True)
         self.tick = 0
         bus.subscribe(EVENTS, Event, self.events.append)
         bus.subscribe(STATUS, Status, self.status.append, "bridge")
