@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
+from dtwin import __version__
 from dtwin.parameters import ROOT
 from dtwin.run.recording import read_log
 
@@ -74,6 +75,13 @@ def test_a_wheel_holds_all_that_a_checkout_has_and_one_package(wheel: Path) -> N
         held = {name for name in held if "__pycache__" not in name}
         assert held
         assert held <= {name.removeprefix(f"dtwin/{link}/") for name in names}
+
+
+def test_the_citation_and_the_changes_name_the_version() -> None:
+    citation = (ROOT / "CITATION.cff").read_text()
+    assert f"version: {__version__}\n" in citation
+    assert "license: Apache-2.0\n" in citation
+    assert f"\n## {__version__}" in (ROOT / "CHANGELOG.md").read_text()
 
 
 def test_the_installed_cell_runs_in_an_empty_folder(site: Path, tmp_path: Path) -> None:
