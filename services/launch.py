@@ -41,7 +41,7 @@ from dtwin.services.parts.fence import fence_warning
 from dtwin.services.parts.journal import carry_over
 from dtwin.services.parts.pace import Pace
 from dtwin.services.parts.part_files import discard_markers, discard_parts
-from dtwin.services.runfile import OPERATOR, RunFile
+from dtwin.services.runfile import OPERATOR, SUPERVISOR, RunFile
 from dtwin.services.service import current_processor, free_port
 from dtwin.services.supervisor import Program, Supervisor
 from dtwin.simulation.history import HISTORY
@@ -148,8 +148,8 @@ class CellOptions(PlantOptions, ControlOptions):
         return replace(super().settings(), control=self.control())
 
     def bus(self, meet: str, key: bytes) -> Bus:
-        """A session of the operator, who knows the key of the services."""
-        session = open_configured(self.zenoh, OPERATOR) if self.zenoh else open_peer(meet)
+        """A session of the operator, who knows the key of the services, or of the supervisor that others join."""
+        session = open_configured(self.zenoh, SUPERVISOR, OPERATOR) if self.zenoh else open_peer(meet)
         return Bus(session, self.cell, self.arm, key)
 
     def programs(self, meet: str, file: Path, ports: Ports, console: int) -> list[Program]:

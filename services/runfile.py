@@ -18,6 +18,8 @@ from dtwin.errors import CommunicationError
 
 OPERATOR: Final = "operator"
 """Name of the configuration file of those who command and watch."""
+SUPERVISOR: Final = "supervisor"
+"""Name of the configuration file of `dtwin up`, where it is another one."""
 
 
 class Up(msgspec.Struct, frozen=True):

@@ -80,16 +80,17 @@ def _taken(endpoint: str) -> bool:
     return False
 
 
-def open_configured(path: Path, name: str) -> zenoh.Session:
+def open_configured(path: Path, *names: str) -> zenoh.Session:
     """Opens a session with a Zenoh configuration file.
 
-    In a folder the file is `NAME.json5`, or `service.json5` where that is missing. Paths of certificates and keys are
-    relative to the file. While the session joins, which may take for ever, signals are handled as at any other time.
+    In a folder the file is the first `NAME.json5` that is there, else `service.json5`. Paths of certificates and keys
+    are relative to the file. While the session joins, which may take for ever, signals are handled as at any other
+    time.
 
     Raises:
         CommunicationError: the file is missing or is no Zenoh configuration, or the session cannot be opened.
     """
-    file = _file(path, name)
+    file = _file(path, *names)
     opened = threading.Event()
 
     def explain() -> None:
@@ -135,11 +136,11 @@ def has_certificates(path: Path, name: str) -> bool:
     return any(json.loads(configuration.get_json(key)) for key in _TLS_FILES)
 
 
-def _file(path: Path, name: str) -> Path:
-    own, common = path / f"{name}.json5", path / "service.json5"
+def _file(path: Path, *names: str) -> Path:
     if not path.is_dir():
         return path
-    return common if common.is_file() and not own.is_file() else own
+    files = [path / f"{name}.json5" for name in (*names, "service")]
+    return next((file for file in files if file.is_file()), files[-2])
 
 
 def _configuration(file: Path) -> zenoh.Config:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -72,6 +73,27 @@ def test_services_that_take_turns_share_a_processor(desk: Desk, pace: str) -> No
     allowed = [os.sched_getaffinity(desk.find(f"services.{name}")) for name in ("emulator", "bridge", "controller")]
     assert len(allowed[0]) == 1
     assert allowed.count(allowed[0]) == 3
+    desk.run("down")
+
+
+def test_a_plain_program_joins_and_so_does_a_second_terminal(desk: Desk, tmp_path: Path) -> None:
+    """The program of docs/zenoh.md, and commands with the configuration that `up` was given."""
+    program = re.search(r"```python\n(.*?)```", (ROOT / "docs" / "zenoh.md").read_text(), re.DOTALL)
+    assert program is not None
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    for file in (ROOT / "config" / "single").iterdir():
+        (tmp_path / file.name).write_text(file.read_text().replace("tcp/127.0.0.1:7461", endpoint))
+    said = desk.detach("--zenoh", str(tmp_path))
+    assert f"the configuration in {tmp_path}" in said
+    command = [sys.executable, "-c", program[1], endpoint]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert len(done.stdout.splitlines()) == 100, done.stderr
+    assert "sensors" in desk.run("watch", "sensors", "--count", "1", "--zenoh", str(tmp_path))
+    desk.run("down")
+    said = desk.detach()
+    endpoint = said.partition("connects to ")[2].partition(",")[0]
+    done = subprocess.run([*command[:3], endpoint], capture_output=True, text=True, timeout=60)
+    assert len(done.stdout.splitlines()) == 100, done.stderr
     desk.run("down")
 
 

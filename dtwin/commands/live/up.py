@@ -158,7 +158,8 @@ def _warn(up: runfile.Up) -> None:
 
 
 def _addresses(up: runfile.Up) -> list[str]:
-    """Lines that tell where the controller is managed, and where the cell is shown, if it is."""
-    lines = [f"the controller's device management is at {up.controller}"]
+    """Lines that tell where the controller is managed, where others join, and where the cell is shown, if it is."""
+    join = f"joins it as the configuration in {up.zenoh} says" if up.zenoh else f"connects to {up.meet}, as a peer"
+    lines = [f"the controller's device management is at {up.controller}", f"a Zenoh program {join}"]
     lines += [f"the cell is shown at {up.page}"] if up.page else []
     return [*lines, f"its operators' console is at {up.console}"] if up.console else lines
