@@ -56,6 +56,10 @@ class FunctionBlockError(DtwinError):
         self.column = column
 
 
+class NativeError(DtwinError):
+    """Machine code cannot be made or used here."""
+
+
 class RecordingError(DtwinError):
     """A log or recording cannot be read or written."""
 

@@ -37,7 +37,7 @@ SUBROOMS = [
     {f"{ALONE}.standard", f"{ALONE}.distribution"},
     {f"{ALONE}.library"},
     {f"{ALONE}.runtime"},
-    {f"{ALONE}.trace", f"{ALONE}.departures"},
+    {f"{ALONE}.trace", f"{ALONE}.departures", f"{ALONE}.native"},
     {f"{ALONE}.net"},
     {f"{ALONE}.management"},
     {f"{ALONE}.deploy", f"{ALONE}.inspection"},

@@ -20,9 +20,9 @@ from dtwin.iec61499.runtime import communication, timers
 from dtwin.iec61499.runtime.chart import CHAIN_LIMIT, ChartWriter, handler_name
 from dtwin.iec61499.runtime.checker import BlockChecker
 from dtwin.iec61499.runtime.generic_ports import unconnected
+from dtwin.iec61499.runtime.publication import late_outputs
 from dtwin.iec61499.runtime.service_interface import EventHandler, ServiceBehaviour
 from dtwin.iec61499.runtime.services import absent, clocked, utilities
-from dtwin.iec61499.st import typed
 from dtwin.iec61499.st.python.expressions import python_name, wiring_name
 from dtwin.iec61499.st.python.translate import CONDITION_GLOBALS, compile_algorithm, compile_condition
 
@@ -153,7 +153,11 @@ class _Algorithmic:
         }
         space |= CONDITION_GLOBALS
         space["endless_chain"] = _endless_chain
-        published = self._published(checked)
+        late = late_outputs(block, checked)
+        published = {
+            variable.name: (PUBLISHED if variable.name in late else "") + python_name(variable.name)
+            for variable in block.interface.outputs
+        }
         actions = {state.name: self._action_lines(state, names, published) for state in block.states}
         events = [event.name for event in block.interface.event_inputs]
         if isinstance(block, model.BasicFBType):
@@ -172,20 +176,6 @@ class _Algorithmic:
         handlers = {event: space[handler_name(event)] for event in events}
         return _assemble(block, handlers, published, state)
 
-    def _published(self, checked: Mapping[str, typed.CheckedAlgorithm]) -> dict[str, str]:
-        """For every output the attribute that others sample: the output itself where it equals what is published."""
-        delayed: set[str] = set()
-        for state in self._block.states:
-            for action in state.actions:
-                if action.algorithm:
-                    delayed |= _written(checked[action.algorithm]) - set(self._with.get(action.output, ()))
-        return {
-            variable.name: PUBLISHED + python_name(variable.name)
-            if variable.name in delayed
-            else python_name(variable.name)
-            for variable in self._block.interface.outputs
-        }
-
     def _action_lines(
         self, state: model.ECState, names: Mapping[str, str], published: Mapping[str, str]
     ) -> list[str]:
@@ -200,10 +190,6 @@ class _Algorithmic:
                         lines.append(f"s.{published[output]} = s.{attribute}")
                 lines.append(f"s.extend__(s.{wiring_name(action.output)})")
         return lines
-
-
-def _written(code: typed.CheckedAlgorithm) -> set[str]:
-    return {node.name for node in typed.walk(code.body) if isinstance(node, typed.Store | typed.For)}
 
 
 def _endless_chain(instance: Any) -> None:

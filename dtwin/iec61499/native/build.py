@@ -1,0 +1,190 @@
+"""Compiles C units once, and keeps the machine code for every process that comes after.
+
+The compiler is the system's `cc`, or the one of the package `ziglang` (`pip install dtwin[native]`). Files are kept in
+`dtwin/native` of the user's cache folder, or in DTWIN_CACHE_DIR. Whoever can write there could make this process do
+anything, so the folder must be the user's own with mode 0700, and each file ends with a checksum over it and its key:
+what is damaged or was made from something else is made again.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import importlib.util
+import logging
+import os
+import platform
+import shutil
+import stat
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from dtwin.errors import NativeError
+from dtwin.iec61499.native.unit import Unit
+
+log = logging.getLogger(__name__)
+
+HEADER: Final = Path(__file__).parents[1] / "st" / "c" / "fb.h"
+"""What every unit includes."""
+_OWN_BITS: Final = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log10", "pow")
+FLAGS: Final = (
+    *("-std=c99", "-O2", "-fPIC", "-shared", "-ffp-contract=off", "-fno-fast-math", "-fno-math-errno"),
+    # the compiler would round better than libm where an argument is a constant
+    *(f"-fno-builtin-{function}" for function in _OWN_BITS),
+)
+_CHECKSUM: Final = hashlib.sha256().digest_size
+_LONGEST: Final = 120.0
+"""Longest time that a compiler may take, s."""
+_FOLDERS: Final = ("../st", "../runtime", "../standard", ".")
+"""Folders of the sources that decide what is generated."""
+
+
+@dataclass(frozen=True, slots=True)
+class Compiler:
+    """A C compiler: the command that runs it, and what tells it from others."""
+
+    command: tuple[str, ...]
+    identity: str
+
+
+def compilers() -> Iterator[Compiler]:
+    """The compilers that are here, the one to try first first."""
+    for name in ("cc", "gcc", "clang"):
+        path = shutil.which(name)
+        if path is not None:
+            found = Path(path).resolve()
+            status = found.stat()
+            yield Compiler((path,), f"{found}|{status.st_size}|{status.st_mtime_ns}")
+            break
+    package = importlib.util.find_spec("ziglang")
+    if package is not None and package.origin is not None:
+        status = Path(package.origin).stat()
+        identity = f"{package.origin}|{status.st_mtime_ns}"
+        yield Compiler((sys.executable, "-m", "ziglang", "cc"), identity)
+
+
+def load(subject: str, name: str, make: Callable[[], Unit]) -> ctypes.CDLL:
+    """The machine code of a unit.
+
+    Args:
+        subject: what the unit is made from, all of it; equal texts have equal units.
+        name: the unit's name.
+        make: makes the unit when its machine code is not kept.
+
+    Raises:
+        NativeError: there is no compiler, or its result cannot be used.
+        FunctionBlockError: the unit cannot be made.
+    """
+    if os.name != "posix":
+        raise NativeError("machine code: expected a POSIX system")
+    unit: Unit | None = None
+    problems = []
+    for compiler in compilers():
+        key = _key(subject, compiler)
+        folder = _folder()
+        kept = folder / f"{name}-{key}.so" if folder is not None else None
+        if kept is not None and _is_intact(kept, key):
+            try:
+                return ctypes.CDLL(str(kept))
+            except OSError as error:
+                log.info("%s: made again: %s", kept, error)
+        unit = unit or make()
+        try:
+            with _workshop(folder) as place:
+                made = _compile(unit, name, compiler, place)
+                made.write_bytes(_sealed(made.read_bytes(), key))
+                if kept is not None:
+                    made.replace(kept)
+                    made = kept
+                return ctypes.CDLL(str(made))
+        except (NativeError, OSError) as error:
+            problems.append(str(error))
+    raise NativeError(
+        f"machine code: {'; '.join(problems) or 'there is no C compiler'}: expected a C compiler as `cc`, or the "
+        "package ziglang (pip install dtwin[native])"
+    )
+
+
+def _key(subject: str, compiler: Compiler) -> str:
+    digest = hashlib.sha256()
+    for folder in _FOLDERS:
+        for path in sorted((Path(__file__).parent / folder).glob("**/*")):
+            if path.suffix in (".py", ".h", ".lark"):
+                digest.update(path.read_bytes())
+    for part in (platform.machine(), compiler.identity, *FLAGS, subject):
+        digest.update(part.encode("utf-8", "surrogateescape") + b"\0")
+    return digest.hexdigest()
+
+
+def _folder() -> Path | None:
+    """The folder of kept files; None when there is none that only this user can write."""
+    given = os.environ.get("DTWIN_CACHE_DIR")
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "dtwin"
+    folder = Path(given) if given else base / "native"
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        status = folder.lstat()
+    except (OSError, RuntimeError) as error:
+        log.info("%s: machine code is not kept: %s", folder, error)
+        return None
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.geteuid() or stat.S_IMODE(status.st_mode) & 0o077:
+        log.info("%s: machine code is not kept: expected a folder of this user with mode 0700", folder)
+        return None
+    return folder
+
+
+def _is_intact(path: Path, key: str) -> bool:
+    """Whether a kept file is this user's and as it was made for the key."""
+    try:
+        status = path.lstat()
+        if not stat.S_ISREG(status.st_mode) or status.st_uid != os.geteuid():
+            return False
+        content = path.read_bytes()
+    except OSError:
+        return False
+    if len(content) > _CHECKSUM and _sealed(content[:-_CHECKSUM], key) == content:
+        return True
+    log.info("%s: damaged, made again", path)
+    return False
+
+
+def _sealed(content: bytes, key: str) -> bytes:
+    """The content and a checksum over it and the key; what stands behind the end of a library is not looked at."""
+    return content + hashlib.sha256(key.encode() + content).digest()
+
+
+@contextmanager
+def _workshop(folder: Path | None) -> Iterator[Path]:
+    """A folder of this process, on the disk of the kept files, so that a file moves at once."""
+    with tempfile.TemporaryDirectory(prefix=".making-", dir=folder) as place:
+        yield Path(place)
+
+
+def _compile(unit: Unit, name: str, compiler: Compiler, folder: Path) -> Path:
+    write_unit(unit, name, folder)
+    target = folder / f"{name}.so"
+    command = [*compiler.command, *FLAGS, "-o", str(target), str(folder / f"{name}.c"), "-lm"]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, errors="replace", timeout=_LONGEST, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise NativeError(f"{compiler.command[0]}: {error}") from None
+    if done.returncode or not target.is_file():
+        first = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr[:200].strip())
+        raise NativeError(f"{compiler.command[0]} failed: {first}")
+    return target
+
+
+def write_unit(unit: Unit, name: str, folder: Path) -> list[Path]:
+    """Writes fb.h, NAME.h and NAME.c into a folder, and returns their paths."""
+    texts = {HEADER.name: HEADER.read_text(), f"{name}.h": unit.header, f"{name}.c": unit.source}
+    for file, text in texts.items():
+        (folder / file).write_text(text)
+    return [folder / file for file in texts]

@@ -1,0 +1,316 @@
+"""A resource that runs as machine code in this process, with the results of `Resource` to the bit."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Sequence
+from functools import partial
+from struct import Struct
+from struct import error as StructError
+from typing import Any, Final, NoReturn
+
+from dtwin.errors import CommunicationError, FunctionBlockError
+from dtwin.iec61499 import model
+from dtwin.iec61499.library import Library
+from dtwin.iec61499.native import memory
+from dtwin.iec61499.native.build import load
+from dtwin.iec61499.native.layout import CHART, Layout, Place, is_server, layout_of
+from dtwin.iec61499.native.unit import unit_of
+from dtwin.iec61499.runtime.generic_ports import check_types, resolve
+from dtwin.iec61499.runtime.netlist import flatten
+from dtwin.iec61499.runtime.wiring import checked_value
+from dtwin.iec61499.types import DataType, ElementaryType
+
+NAME: Final = "unit"
+_FAULT: Final = Struct("iiqqqi")
+_FINE, _INDEX, _LOOP, _STEP, _TEXT, _CHART, _EVENTS, _QUEUE, _CLOSED, _ANSWER = range(10)
+
+
+class NativeResource:
+    """A resource of basic, simple and composite blocks with E_RESTART and SERVER blocks, in machine code.
+
+    A STRING has at most 254 bytes here, and 1024 events may wait. What would be more is an error.
+
+    Args:
+        network: what runs, e.g. from `resource_network`.
+        library: finds the block types that the network uses.
+
+    Attributes:
+        address: the address of the unit in memory, for machine code that calls `function`.
+
+    Raises:
+        FunctionBlockError: the network or one of its types is wrong, or needs what C cannot do; names file and line.
+        NativeError: machine code cannot be made here.
+    """
+
+    def __init__(self, network: model.FBNetwork, library: Library) -> None:
+        netlist = flatten(network, library.find)
+        resolve(netlist)
+        check_types(netlist)
+        self._layout = layout_of(netlist)
+        self._library = load(repr(netlist), NAME, lambda: unit_of(self._layout, NAME))
+        size = ctypes.c_size_t.in_dll(self._library, f"{NAME}__size").value
+        self._memory = ctypes.create_string_buffer(size)
+        self._view = memoryview(self._memory).cast("B")
+        self.address = ctypes.addressof(self._memory)
+        self._places = {place.name: place for place in self._layout.variables}
+        self._offsets, self._flags = _offsets(self._library, self._layout)
+        self._stopped = False
+        self._function(f"{NAME}__initialise", None)(self.address)
+
+    def function(self, name: str) -> int:
+        """The address of a function of the unit, whose first argument is `address`."""
+        found = ctypes.cast(getattr(self._library, f"{NAME}__{name}"), ctypes.c_void_p).value
+        assert found is not None
+        return found
+
+    def offset(self, name: str) -> int:
+        """Where a variable is in the unit, in bytes. Raises FunctionBlockError as `read` does."""
+        return self._offsets[self._find(name).name]
+
+    def _function(self, name: str, result: Any, arguments: int = 1) -> Any:
+        function = getattr(self._library, name)
+        function.restype = result
+        function.argtypes = [ctypes.c_void_p] * arguments
+        return function
+
+    def start(self) -> None:
+        """Issues COLD (WARM after `stop`) of every E_RESTART and runs until idle."""
+        self._issue("warm" if self._stopped else "cold")
+        self._stopped = False
+
+    def stop(self) -> None:
+        """Issues STOP of every E_RESTART and runs until idle."""
+        self._issue("stop")
+        self._stopped = True
+
+    def trigger(self, event: str) -> None:
+        """Delivers an event to a block, `BLOCK.EVENT`, and runs until idle. Raises FunctionBlockError."""
+        events = self._layout.event_names
+        if event not in events:
+            raise FunctionBlockError(f"there is no event input {event}: expected one of {', '.join(events[:20])}")
+        function = getattr(self._library, f"{NAME}__trigger")
+        function.argtypes = [ctypes.c_void_p, ctypes.c_uint16]
+        self.check(function(self.address, events.index(event)))
+
+    def _issue(self, event: str) -> None:
+        self.check(self._function(f"{NAME}__{event}", ctypes.c_int32)(self.address))
+
+    def names(self) -> tuple[str, ...]:
+        """The blocks, with dotted names, composites before what they contain."""
+        return tuple(node.name for node in self._layout.netlist.nodes)
+
+    def read(self, name: str) -> Any:
+        """The value of a variable, `BLOCK.VARIABLE`; `BLOCK.$ECC` is the name of the chart's state.
+
+        Raises:
+            FunctionBlockError: there is no such block or variable.
+        """
+        place = self._find(name)
+        value = memory.read(self._view, self._offsets[name], place.type)
+        if not name.endswith(CHART):
+            return value
+        block = self._layout.netlist.nodes[self.names().index(name.rpartition(".")[0])].type
+        assert isinstance(block, model.BasicFBType)
+        return block.states[value].name
+
+    def reader(self, names: Sequence[str]) -> Callable[[], tuple[Any, ...]]:
+        """A function that reads several variables at once, fast enough for every tick.
+
+        Raises:
+            FunctionBlockError: there is no such block or variable.
+        """
+        places = [self._find(name) for name in names]
+        if all(memory.is_plain(place.type) for place in places):
+            return memory.together([self._offsets[n] for n in names], [place.type for place in places], self._view)
+        return lambda: tuple(self.read(name) for name in names)
+
+    def write(self, name: str, value: Any) -> None:
+        """Sets a variable.
+
+        Raises:
+            FunctionBlockError: there is no such block or variable, or the value is not of its type.
+        """
+        place = self._find(name)
+        if name.endswith(CHART):
+            raise FunctionBlockError(f"{name} is the state of a chart and cannot be written: expected a variable")
+        try:
+            checked = checked_value(value, place.type, name)
+        except ValueError as error:
+            raise FunctionBlockError(str(error)) from None
+        memory.write(self._view, self._offsets[name], place.type, checked)
+
+    def states(self) -> dict[str, dict[str, Any]]:
+        """The values of all variables, by block and name."""
+        found: dict[str, dict[str, Any]] = {name: {} for name in self.names()}
+        for name, place in self._places.items():
+            block, _, variable = self._split(name)
+            if variable != CHART:
+                found[block][variable] = memory.read(self._view, self._offsets[name], place.type)
+        return found
+
+    def _split(self, name: str) -> tuple[str, str, str]:
+        """A block and its variable, which may be one of an adapter (`PLUG.DT`)."""
+        block, dot, variable = name.rpartition(".")
+        if block in self.names():
+            return block, dot, variable
+        owner, dot, adapter = block.rpartition(".")
+        return owner, dot, f"{adapter}.{variable}"
+
+    def variable_type(self, name: str) -> DataType:
+        """The type of a variable, `BLOCK.VARIABLE`. Raises FunctionBlockError as `read` does."""
+        return self._find(name).type
+
+    def server(self, name: str) -> NativeServer:
+        """Attaches to a SERVER block, so that values are exchanged with it by calls.
+
+        Raises:
+            FunctionBlockError: there is no such block, or it is no server.
+        """
+        node = self._layout.netlist.nodes[self._layout.server(name)]
+        self._view[self._flags[name][1]] = 1
+        request = [variable.type for variable in node.interface.outputs if variable.name.startswith("RD_")]
+        answer = [variable.type for variable in node.interface.inputs if variable.name.startswith("SD_")]
+        member = self._layout.members[self._layout.server(name)]
+        function = self._function(f"{NAME}__exchange__{member}", ctypes.c_int32, 3 if answer else 2)
+        return NativeServer(self, name, _elementary(name, request), _elementary(name, answer), function)
+
+    def snapshot(self) -> bytes:
+        """The state, to go back to."""
+        return bytes(self._view)
+
+    def restore(self, snapshot: bytes) -> None:
+        """Goes back to a state of this resource. Whether SERVER blocks are open is not part of the state."""
+        flags = [(place, self._view[place]) for pair in self._flags.values() for place in pair]
+        self._view[:] = snapshot
+        for place, value in flags:
+            self._view[place] = value
+
+    def check(self, problem: int, server: str = "") -> None:
+        """Raises what a function of the unit has returned: FunctionBlockError, or CommunicationError of a server."""
+        if problem != _FINE:
+            self._raise(problem, server)
+
+    def _raise(self, problem: int, server: str) -> NoReturn:
+        _, place, value, low, high, event = _FAULT.unpack_from(self._view)
+        if problem == _CLOSED:
+            raise CommunicationError(f"{server} is not initialised: expected INIT with QI = TRUE first")
+        if problem == _ANSWER:
+            raise CommunicationError(f"{server} answered {value} times to one request: expected one RSP")
+        what = {
+            _INDEX: f"index {value}: expected {low} to {high}",
+            _LOOP: "loop did not end within 10000000 iterations",
+            _STEP: "BY 0 never ends: expected another step",
+            _TEXT: "text of more than 254 bytes, which machine code cannot hold",
+            _CHART: "more than 10000 transitions without an event: the chart never comes to rest",
+            _EVENTS: "endless loop of events",
+            _QUEUE: "more than 1024 events wait, which machine code cannot hold",
+        }[problem]
+        raise FunctionBlockError(f"{self._layout.event_names[event]}: {what}", *self._position(place))
+
+    def _position(self, place: int) -> tuple[str, int, int]:
+        table = ctypes.addressof(ctypes.c_char.in_dll(self._library, f"{NAME}__places"))
+        file, line, column = Struct("Pii").unpack(ctypes.string_at(table + 16 * place, 16))
+        return ctypes.string_at(file).decode("utf-8", "replace"), line, column
+
+    def _find(self, name: str) -> Place:
+        try:
+            return self._places[name]
+        except KeyError:
+            block = name.rpartition(".")[0]
+            if block not in self.names():
+                raise FunctionBlockError(
+                    f"unknown block {block!r}: expected one of {', '.join(self.names())}"
+                ) from None
+            raise FunctionBlockError(f"{block} has no variable {name.rpartition('.')[2]!r}") from None
+
+
+class NativeServer:
+    """A client's view of a SERVER block in machine code: one exchange a call.
+
+    Attributes:
+        receives: the types of the values that it receives.
+        sends: the types of the values that it answers with.
+    """
+
+    def __init__(
+        self,
+        resource: NativeResource,
+        name: str,
+        receives: tuple[ElementaryType, ...],
+        sends: tuple[ElementaryType, ...],
+        function: Callable[..., int],
+    ) -> None:
+        self.receives = receives
+        self.sends = sends
+        self._name = name
+        self._resource = resource
+        self._request = Struct("".join(memory.formats(kind) for kind in receives))
+        self._answer = Struct("".join(memory.formats(kind) for kind in sends))
+        # C leaves free what follows the last value up to the next multiple of 8
+        request = ctypes.create_string_buffer(self._request.size + 8)
+        answer = ctypes.create_string_buffer(self._answer.size + 8)
+        self._buffers = request, answer
+        self._pack = partial(self._request.pack_into, request, 0)
+        self._unpack = partial(self._answer.unpack_from, answer, 0)
+        addresses = [resource.address, ctypes.addressof(request), ctypes.addressof(answer)][: 3 if sends else 2]
+        self._call = partial(function, *addresses)
+        self._texts = [k for k, kind in enumerate(receives) if not memory.is_plain(kind)]
+        self._text_answers = [kind for kind in sends if not memory.is_plain(kind)]
+
+    def exchange(self, values: Sequence[Any]) -> tuple[Any, ...]:
+        """Delivers values at RD_1, ... with IND, runs the resource, and returns what RSP sent from SD_1, ...
+
+        Raises:
+            CommunicationError: the block is not initialised, the values are others than it receives, or RSP did not
+                come exactly once.
+            FunctionBlockError: an error inside a block.
+        """
+        try:
+            self._pack(*(values if not self._texts else self._with_texts(values)))
+        except StructError as error:
+            raise CommunicationError(
+                f"{self._name} got {len(values)} values, expected {len(self.receives)}: {error}"
+            ) from None
+        problem = self._call()
+        if problem:
+            self._resource.check(problem, self._name)
+        return self._unpack() if not self._text_answers else self._from_texts()
+
+    def _with_texts(self, values: Sequence[Any]) -> list[Any]:
+        flat: list[Any] = []
+        for kind, value in zip(self.receives, values, strict=False):
+            if kind.kind == "string":
+                flat += memory.text_to(value)
+            else:
+                flat.append(ord(value) if kind.kind == "char" else value)
+        return flat if len(values) == len(self.receives) else []
+
+    def _from_texts(self) -> tuple[Any, ...]:
+        found = iter(self._unpack())
+        values = []
+        for kind in self.sends:
+            value = next(found)
+            if kind.kind == "string":
+                value = memory.text_from(value, next(found))
+            values.append(chr(value) if kind.kind == "char" else value)
+        return tuple(values)
+
+
+def _offsets(library: ctypes.CDLL, layout: Layout) -> tuple[dict[str, int], dict[str, tuple[int, int]]]:
+    """Where every variable is in the unit, and for every server the flags that it is open and attached."""
+    servers = [node.name for node in layout.netlist.nodes if is_server(node)]
+    count = len(layout.variables)
+    table = ctypes.addressof(ctypes.c_char.in_dll(library, f"{NAME}__variables"))
+    rows = Struct("PPNN").iter_unpack(ctypes.string_at(table, 32 * (count + 2 * len(servers))))
+    offsets = [offset for _, _, offset, _ in rows]
+    named = dict(zip((place.name for place in layout.variables), offsets[:count], strict=True))
+    flags = offsets[count:]
+    return named, dict(zip(servers, zip(flags[::2], flags[1::2], strict=True), strict=True))
+
+
+def _elementary(server: str, types: Sequence[model.VariableType]) -> tuple[ElementaryType, ...]:
+    for kind in types:
+        if not isinstance(kind, ElementaryType):
+            raise FunctionBlockError(f"{server}: values of {kind} are not exchanged by calls of machine code")
+    return tuple(kind for kind in types if isinstance(kind, ElementaryType))

@@ -1,0 +1,1 @@
+"""Structured Text to C99 with the results of the Python runtime, bit for bit."""
