@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from dtwin.controller.ports import BLOCKS, EMULATOR, LAST_SAMPLE, PATH, SYSTEM, sensor_values, voltages
+from dtwin.controller.runtime import running
 from dtwin.controller.sequence import CALLS, HELP, STRAIGHT, SequenceSettings
 from dtwin.controller.settings import ControlSettings
 from dtwin.iec61499.library import Library
@@ -22,13 +23,14 @@ class EmbeddedController:
         settings: values for the inputs of the blocks; the default settings when None.
         blocks: folder of the function-block library.
         sequence: how boxes are fetched and brought to their places.
-        prepare: does something to the application before it starts.
+        prepare: does something to the application before it starts, which then runs in Python.
 
     Attributes:
         resource: the running application, whose block variables can be read and written between steps.
 
     Raises:
         FunctionBlockError: the library or its application cannot be used.
+        NativeError: machine code is asked for and cannot be made here.
     """
 
     def __init__(
@@ -39,9 +41,13 @@ class EmbeddedController:
         prepare: Callable[[Resource], None] | None = None,
     ) -> None:
         library = Library([blocks])
-        self.resource = Resource(resource_network(library.load_system(blocks / SYSTEM)), library)
-        if prepare is not None:
-            prepare(self.resource)
+        network = resource_network(library.load_system(blocks / SYSTEM))
+        if prepare is None:
+            self.resource = running(network, library)
+        else:
+            prepared = Resource(network, library)
+            prepare(prepared)
+            self.resource = prepared
         for name, value in {**(settings or ControlSettings()).inputs(), **sequence.inputs()}.items():
             self.resource.write(name, value)
         server = self.resource.server(EMULATOR.block)

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Final
 
 from dtwin.controller.ports import BLOCKS, MOTION_SYSTEM, OFFSETS, PATH, PATH_END
+from dtwin.controller.runtime import running
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError, choices
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.runtime.resource import Resource
 from dtwin.parameters import PERIOD, PLACES, Triple
 
 PICKUP_NAME: Final = "pickup"
@@ -36,11 +36,12 @@ class MotionController:
 
     Raises:
         FunctionBlockError: the library or its system cannot be used.
+        NativeError: machine code is asked for and cannot be made here.
     """
 
     def __init__(self, blocks: Path = BLOCKS) -> None:
         library = Library([blocks])
-        self.resource = Resource(resource_network(library.load_system(blocks / MOTION_SYSTEM)), library)
+        self.resource = running(resource_network(library.load_system(blocks / MOTION_SYSTEM)), library)
         server = self.resource.server("ARM")
         self.resource.start()
         self._fresh = self.resource.snapshot()

@@ -132,11 +132,14 @@ def test_changed_code_takes_the_place_of_the_old_one(tmp_path: Path) -> None:
 
 def test_identification_gains_and_model_from_the_twin(served: DeployedApplication) -> None:
     """What comes to the twin's ports between two samples has the same effect; what they send is the same."""
-    shadow = EmbeddedController()
     response: list[tuple[object, ...]] = []
     monitoring: list[tuple[object, ...]] = []
-    shadow.resource.port("TWIN.IDENTIFICATION.BLOCK.DATA").attach(response.append)
-    shadow.resource.port("TWIN.MONITORING.DATA").attach(monitoring.append)
+
+    def listen(application: Resource) -> None:
+        application.port("TWIN.IDENTIFICATION.BLOCK.DATA").attach(response.append)
+        application.port("TWIN.MONITORING.DATA").attach(monitoring.append)
+
+    shadow = EmbeddedController(prepare=listen)
     remote = connected(lambda: RemoteController(served.address(61500), shadow, timeout=10.0))
     listeners = (
         Receiver(served.address(61502), Signature([LREAL] * 7)),

@@ -190,16 +190,19 @@ class _Writer:
             leaving = [t for t in self._leaving(state.name) if t.event in ("", event)]
             if not leaving:
                 continue
-            enter = self._name("enter")
-            lines = self._transitions(leaving, lambda t: [f"{enter}(self, run, {self._state(t)});"])
+            lines = self._transitions(leaving, self._entering)
             cases += [f"case {self._state(state.name)}:", *_indented([*lines, "break;"])]
         if not cases:
             return self._function(f"event__{event}", [])
         switch = [f"switch (self->{STATE}) {{", *cases, "default:", f"{_INDENT}break;", "}"]
         return self._function(f"event__{event}", switch)
 
+    def _entering(self, state: str) -> list[str]:
+        return [f"{self._name('enter')}(self, run, {self._state(state)});"]
+
     def _leaving(self, state: str) -> list[model.ECTransition]:
-        return [t for t in self._block.transitions if t.source == state] if self._block.transitions else []
+        assert isinstance(self._block, model.BasicFBType)
+        return [t for t in self._block.transitions if t.source == state]
 
     def _check_guard(self, transition: model.ECTransition, guard: CCondition) -> None:
         if guard.locals:

@@ -1,9 +1,9 @@
 """Compiles C units once, and keeps the machine code for every process that comes after.
 
-The compiler is the system's `cc`, or the one of the package `ziglang` (`pip install dtwin[native]`). Files are kept in
-`dtwin/native` of the user's cache folder, or in DTWIN_CACHE_DIR. Whoever can write there could make this process do
-anything, so the folder must be the user's own with mode 0700, and each file ends with a checksum over it and its key:
-what is damaged or was made from something else is made again.
+The compiler is the system's `cc`, or the one of the package `ziglang` (`pip install dtwin[native]`). Files are kept
+in `dtwin/native` of the user's cache folder, or in DTWIN_CACHE_DIR. Whoever can write there could make this process
+do anything, so the folder must be the user's own with mode 0700, and each file ends with a checksum over it and its
+key: what is damaged or was made from something else is made again.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def load(subject: str, name: str, make: Callable[[], Unit]) -> ctypes.CDLL:
         unit = unit or make()
         try:
             with _workshop(folder) as place:
-                made = _compile(unit, name, compiler, place)
+                made = compile_unit(unit, name, compiler, place)
                 made.write_bytes(_sealed(made.read_bytes(), key))
                 if kept is not None:
                     made.replace(kept)
@@ -166,14 +166,13 @@ def _workshop(folder: Path | None) -> Iterator[Path]:
         yield Path(place)
 
 
-def _compile(unit: Unit, name: str, compiler: Compiler, folder: Path) -> Path:
+def compile_unit(unit: Unit, name: str, compiler: Compiler, folder: Path, flags: tuple[str, ...] = FLAGS) -> Path:
+    """Compiles a unit in a folder and returns the path of the result. Raises NativeError."""
     write_unit(unit, name, folder)
     target = folder / f"{name}.so"
-    command = [*compiler.command, *FLAGS, "-o", str(target), str(folder / f"{name}.c"), "-lm"]
+    command = [*compiler.command, *flags, "-o", str(target), str(folder / f"{name}.c"), "-lm"]
     try:
-        done = subprocess.run(
-            command, capture_output=True, text=True, errors="replace", timeout=_LONGEST, check=False
-        )
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=_LONGEST)
     except (OSError, subprocess.TimeoutExpired) as error:
         raise NativeError(f"{compiler.command[0]}: {error}") from None
     if done.returncode or not target.is_file():

@@ -9,7 +9,7 @@ from struct import Struct
 from struct import error as StructError
 from typing import Any, Final, NoReturn
 
-from dtwin.errors import CommunicationError, FunctionBlockError
+from dtwin.errors import CommunicationError, FunctionBlockError, choices
 from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.native import memory
@@ -93,6 +93,10 @@ class NativeResource:
         function.argtypes = [ctypes.c_void_p, ctypes.c_uint16]
         self.check(function(self.address, events.index(event)))
 
+    def run_until_idle(self) -> None:
+        """Delivers events until none waits. Raises FunctionBlockError."""
+        self._issue("run")
+
     def _issue(self, event: str) -> None:
         self.check(self._function(f"{NAME}__{event}", ctypes.c_int32)(self.address))
 
@@ -167,13 +171,19 @@ class NativeResource:
         Raises:
             FunctionBlockError: there is no such block, or it is no server.
         """
-        node = self._layout.netlist.nodes[self._layout.server(name)]
+        server = self.port(name)
         self._view[self._flags[name][1]] = 1
+        return server
+
+    def port(self, name: str) -> NativeServer:
+        """The outer side of a SERVER block, which nothing is attached to. Raises FunctionBlockError as `server`."""
+        node = self._layout.netlist.nodes[self._layout.server(name)]
         request = [variable.type for variable in node.interface.outputs if variable.name.startswith("RD_")]
         answer = [variable.type for variable in node.interface.inputs if variable.name.startswith("SD_")]
         member = self._layout.members[self._layout.server(name)]
-        function = self._function(f"{NAME}__exchange__{member}", ctypes.c_int32, 3 if answer else 2)
-        return NativeServer(self, name, _elementary(name, request), _elementary(name, answer), function)
+        exchange = self._function(f"{NAME}__exchange__{member}", ctypes.c_int32, 3 if answer else 2)
+        deliver = self._function(f"{NAME}__deliver__{member}", ctypes.c_int32, 2)
+        return NativeServer(self, name, _elementary(name, request), _elementary(name, answer), exchange, deliver)
 
     def snapshot(self) -> bytes:
         """The state, to go back to."""
@@ -219,9 +229,7 @@ class NativeResource:
         except KeyError:
             block = name.rpartition(".")[0]
             if block not in self.names():
-                raise FunctionBlockError(
-                    f"unknown block {block!r}: expected one of {', '.join(self.names())}"
-                ) from None
+                raise FunctionBlockError(f"unknown block {block!r}: expected {choices(self.names())}") from None
             raise FunctionBlockError(f"{block} has no variable {name.rpartition('.')[2]!r}") from None
 
 
@@ -239,7 +247,8 @@ class NativeServer:
         name: str,
         receives: tuple[ElementaryType, ...],
         sends: tuple[ElementaryType, ...],
-        function: Callable[..., int],
+        exchange: Callable[..., int],
+        deliver: Callable[..., int],
     ) -> None:
         self.receives = receives
         self.sends = sends
@@ -254,7 +263,8 @@ class NativeServer:
         self._pack = partial(self._request.pack_into, request, 0)
         self._unpack = partial(self._answer.unpack_from, answer, 0)
         addresses = [resource.address, ctypes.addressof(request), ctypes.addressof(answer)][: 3 if sends else 2]
-        self._call = partial(function, *addresses)
+        self._call = partial(exchange, *addresses)
+        self._put = partial(deliver, *addresses[:2])
         self._texts = [k for k, kind in enumerate(receives) if not memory.is_plain(kind)]
         self._text_answers = [kind for kind in sends if not memory.is_plain(kind)]
 
@@ -266,16 +276,24 @@ class NativeServer:
                 come exactly once.
             FunctionBlockError: an error inside a block.
         """
+        self._write(values)
+        problem = self._call()
+        if problem:
+            self._resource.check(problem, self._name)
+        return self._unpack() if not self._text_answers else self._from_texts()
+
+    def deliver(self, values: Sequence[Any]) -> None:
+        """Puts values out at RD_1, ... and queues IND; the resource then has to run. Raises CommunicationError."""
+        self._write(values)
+        self._resource.check(self._put(), self._name)
+
+    def _write(self, values: Sequence[Any]) -> None:
         try:
             self._pack(*(values if not self._texts else self._with_texts(values)))
         except StructError as error:
             raise CommunicationError(
                 f"{self._name} got {len(values)} values, expected {len(self.receives)}: {error}"
             ) from None
-        problem = self._call()
-        if problem:
-            self._resource.check(problem, self._name)
-        return self._unpack() if not self._text_answers else self._from_texts()
 
     def _with_texts(self, values: Sequence[Any]) -> list[Any]:
         flat: list[Any] = []

@@ -99,17 +99,24 @@ class _Writer:
         for code in self._types.values():
             lines += ["", *structure(code)]
         lines += ["", "/* The state of all blocks; a copy of it is a snapshot. */", f"struct {name} {{"]
-        lines += _indented(["struct fb_run run;", *members]) + ["};"]
+        lines += [*_indented(["struct fb_run run;", *members]), "};"]
         for number in self._servers():
             lines += ["", *self._messages(number)]
         lines += ["", "/* Puts every variable and chart to its beginning. */", f"{self._initialise()};"]
         lines += [
             "",
-            "/* Issues COLD, WARM or STOP of every E_RESTART and runs until idle; returns an fb_problem. */",
+            "/* Issues COLD, WARM or STOP of every E_RESTART, runs until idle; returns an fb_problem. */",
         ]
         lines += [f"{self._start(event)};" for event in ("COLD", "WARM", "STOP")]
         lines += ["", "/* Delivers an event, by its number, and runs until idle; returns an fb_problem. */"]
-        lines += [f"{self._trigger()};", "", "/* A message to a SERVER, and its answer; returns an fb_problem. */"]
+        lines += [f"{self._trigger()};", "", "/* Delivers the events that wait; returns an fb_problem. */"]
+        lines += [
+            f"int32_t {name}__run(struct {name} *unit);",
+            "",
+            "/* A message to a SERVER, whose IND then waits. */",
+        ]
+        lines += [f"{self._deliver(number)};" for number in self._servers()]
+        lines += ["", "/* A message to a SERVER, and its answer; returns an fb_problem. */"]
         lines += [f"{self._exchange(number)};" for number in self._servers()]
         lines += ["", "/* Every variable by its name; reading and writing one is copying it from or to its place. */"]
         lines += [f"extern const struct fb_variable {name}__variables[];", f"extern const size_t {name}__count;"]
@@ -123,10 +130,10 @@ class _Writer:
     def _messages(self, number: int) -> list[str]:
         node, member = self._nodes[number], self._layout.members[number]
         lines = [f"struct {self._name}__{member}__request {{"]
-        lines += _indented(f"{declaration(name, kind)};" for name, kind in _values(node, "RD_")) + ["};"]
+        lines += [*_indented(f"{declaration(name, kind)};" for name, kind in _values(node, "RD_")), "};"]
         if answer := _values(node, "SD_"):
             lines += ["", f"struct {self._name}__{member}__answer {{"]
-            lines += _indented(f"{declaration(name, kind)};" for name, kind in answer) + ["};"]
+            lines += [*_indented(f"{declaration(name, kind)};" for name, kind in answer), "};"]
         return lines
 
     def _initialise(self) -> str:
@@ -137,6 +144,11 @@ class _Writer:
 
     def _trigger(self) -> str:
         return f"int32_t {self._name}__trigger(struct {self._name} *unit, uint16_t entry)"
+
+    def _deliver(self, number: int) -> str:
+        name, member = self._name, self._layout.members[number]
+        request = f"const struct {name}__{member}__request *request"
+        return f"int32_t {name}__deliver__{member}(struct {name} *unit, {request})"
 
     def _exchange(self, number: int) -> str:
         name, member = self._name, self._layout.members[number]
@@ -189,9 +201,9 @@ class _Writer:
             node = self._nodes[port.node]
             lines.append(f"{_INDENT}case {number}: /* {node.name}.{port.name} */")
             lines += _indented(_indented([*self._entry(port), "break;"]))
-        lines += _indented(["default:", f"{_INDENT}break;", "}"]) + ["}"]
+        lines += [*_indented(["default:", f"{_INDENT}break;", "}"]), "}"]
         run = f"""
-static int32_t {name}__run(struct {name} *unit)
+int32_t {name}__run(struct {name} *unit)
 {{
     struct fb_run *run = &unit->run;
     uint32_t events;
@@ -282,21 +294,28 @@ static int32_t {name}__run(struct {name} *unit)
         lines += ["", self._trigger(), "{", f"{_INDENT}unit->run.fault.problem = FB_FINE;"]
         lines += [f"{_INDENT}fb_push(&unit->run, entry);", f"{_INDENT}return {name}__run(unit);", "}"]
         for number in self._servers():
-            lines += ["", self._exchange(number), "{", *_indented(self._served(number)), "}"]
+            lines += ["", self._deliver(number), "{", *_indented(self._delivered(number)), "}"]
+            lines += ["", self._exchange(number), "{", *_indented(self._exchanged(number)), "}"]
         return lines
 
-    def _served(self, number: int) -> list[str]:
-        node, member = self._nodes[number], self._layout.members[number]
-        block = f"unit->{member}"
+    def _delivered(self, number: int) -> list[str]:
+        node, block = self._nodes[number], f"unit->{self._layout.members[number]}"
         outputs = [event.name for event in node.interface.event_outputs]
-        lines = ["int32_t problem;", "unit->run.fault.problem = FB_FINE;", f"if (!{block}.{OPEN}) {{"]
+        lines = ["unit->run.fault.problem = FB_FINE;", f"if (!{block}.{OPEN}) {{"]
         lines += [f"{_INDENT}return FB_NOT_OPEN;", "}", f"{block}.{ANSWERS} = 0;"]
         for name, kind in _values(node, "RD_"):
             lines += copied(f"{block}.{name}", f"request->{name}", kind)
         lines += [f"{block}.QO = true;", f'fb_assign(&{block}.STATUS, fb_literal("OK", 2));']
         lines += [f"fb_issue(&unit->run, {self._layout.outputs[number] + outputs.index('IND')});"]
+        return [*lines, "return unit->run.fault.problem;"]
+
+    def _exchanged(self, number: int) -> list[str]:
+        node, member = self._nodes[number], self._layout.members[number]
+        block = f"unit->{member}"
+        lines = [f"int32_t problem = {self._name}__deliver__{member}(unit, request);"]
+        lines += ["if (problem != FB_FINE) {", f"{_INDENT}return problem;", "}"]
         lines += [f"problem = {self._name}__run(unit);", f"if (problem == FB_FINE && {block}.{ANSWERS} != 1) {{"]
-        lines += _indented([f"unit->run.fault.value = {block}.{ANSWERS};", "problem = FB_NO_ANSWER;"]) + ["}"]
+        lines += [*_indented([f"unit->run.fault.value = {block}.{ANSWERS};", "problem = FB_NO_ANSWER;"]), "}"]
         for name, kind in _values(node, "SD_"):
             lines += copied(f"answer->{name}", f"{block}.{name}", kind)
         return [*lines, "return problem;"]

@@ -15,22 +15,22 @@ TEXT: Final = 254
 LARGEST: Final = 65_536
 """Most bytes of an array or structure in C, since an algorithm may copy one to its stack."""
 
-_KEYWORDS: Final = frozenset(
-    "auto break case char const continue default do double else enum extern float for goto if inline int long "
-    "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while "
-    "bool true false asm typeof NAN INFINITY NULL EOF BUFSIZ HUGE_VAL HUGE_VALF HUGE_VALL RAND_MAX "
-    "EXIT_SUCCESS EXIT_FAILURE MB_CUR_MAX SEEK_SET SEEK_CUR SEEK_END stdin stdout stderr offsetof errno "
-    "math_errhandling isnan isinf self run memcpy memmove memset".split()
-)
+_TAKEN: Final = """
+auto break case char const continue default do double else enum extern float for goto if inline int long register
+restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
+bool true false asm typeof NAN INFINITY NULL EOF BUFSIZ HUGE_VAL HUGE_VALF HUGE_VALL errno isnan isinf offsetof
+stdin stdout stderr math_errhandling self run unit
+"""
+_KEYWORDS: Final = frozenset(_TAKEN.split())
 _MACROS: Final = re.compile(
-    r"_|fb_|FB_|FP_|M_|MATH_|(FLT|DBL|LDBL|U?INT|SIZE|PTRDIFF|PRI|SCN|L_|TMP_|FILENAME|FOPEN)"
+    "_|fb_|FB_|(FP|M|MATH|FLT|DBL|LDBL|U?INT[A-Z0-9]*|SIZE|PTRDIFF|RAND|EXIT|SEEK|MB|L|TMP|FILENAME|FOPEN)_"
 )
 _ESCAPES: Final = {'"': '\\"', "\\": "\\\\", "?": "\\?"}
 
 
 def c_name(name: str) -> str:
     """The C identifier of a name; one that C or the headers may take gets two underscores, which no IEC name has."""
-    if name in _KEYWORDS or (_MACROS.match(name) and not name.isalnum()) or "." in name:
+    if name in _KEYWORDS or _MACROS.match(name) or "." in name:
         return "v__" + name.replace(".", "__")
     return name
 

@@ -91,7 +91,7 @@ class _CGenerator:
 
     def function(self, signature: str) -> CFunction:
         checked, access = self._checked, self._access
-        for name, data_type in (*checked.variables.items(), *checked.temporaries.items()):
+        for data_type in (*checked.variables.values(), *checked.temporaries.values()):
             check_supported(data_type, _position(checked))
         body = self._body(checked.body)
         lines = [*self._tables, *(f"{text};" for text in self._expressions.locals)]
