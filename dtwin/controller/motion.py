@@ -20,6 +20,8 @@ PICKUP_NAME: Final = "pickup"
 NAMES: Final = (PICKUP_NAME, *PLACES)
 """Names of the places that the planner block knows."""
 STILL: Final[Triple] = (0.0, 0.0, 0.0)
+ARM: Final = "ARM"
+"""The SERVER block that receives three angles, whether a path begins and whether a box is held; it answers volts."""
 
 Goal = str | Triple
 """Goal of a motion: the name of a place, or joint angles in rad."""
@@ -42,7 +44,7 @@ class MotionController:
     def __init__(self, blocks: Path = BLOCKS) -> None:
         library = Library([blocks])
         self.resource = running(resource_network(library.load_system(blocks / MOTION_SYSTEM)), library)
-        server = self.resource.server("ARM")
+        server = self.resource.server(ARM)
         self.resource.start()
         self._fresh = self.resource.snapshot()
         self._exchange = server.exchange
@@ -57,15 +59,30 @@ class MotionController:
         """Starts a path with its first sample; the blocks keep no state of earlier motions.
 
         Args:
+            as of `prepare`.
+
+        Returns:
+            The voltages of joints 1 to 3, V.
+
+        Raises:
+            ParameterError: there is no place of the goal's name.
+        """
+        self.prepare(theta, goal, settings, carries=carries, omega=omega)
+        v_1, v_2, v_3 = self._exchange((*theta, True, carries))
+        return (v_1, v_2, v_3)
+
+    def prepare(
+        self, theta: Triple, goal: Goal, settings: ControlSettings, *, carries: bool = False, omega: Triple = STILL
+    ) -> None:
+        """Prepares the blocks for the first sample of a path.
+
+        Args:
             theta: measured angles, rad.
             goal: place or joint angles at which the motion ends.
             settings: values for the inputs of the blocks; offsets of encoders do not count, since these angles have
                 none.
             carries: whether the controller counts on a box in the gripper.
             omega: velocities at the start, from which the samples before this one are made up, rad/s.
-
-        Returns:
-            The voltages of joints 1 to 3, V.
 
         Raises:
             ParameterError: there is no place of the goal's name.
@@ -89,8 +106,6 @@ class MotionController:
         if omega != STILL:
             self._remember(theta, omega)
         self._carries = carries
-        v_1, v_2, v_3 = self._exchange((*theta, True, carries))
-        return (v_1, v_2, v_3)
 
     def step(self, theta: Triple) -> Triple:
         """Voltages of joints 1 to 3 (V) that answer the next sample of the angles (rad)."""

@@ -19,8 +19,10 @@ from dtwin.controller.ports import BLOCKS
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.encoders import Encoders, NoiseKind
 from dtwin.errors import DivergenceError, ParameterError
+from dtwin.iec61499.native.resource import NativeResource
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, ArmParameters, PayloadModel, Triple
-from dtwin.simulation.figures import Array, Figures, figures
+from dtwin.simulation.compiled import CompiledLoop, Motion
+from dtwin.simulation.figures import Array, Figures, figures, triple
 from dtwin.twin.dynamics import integrate
 from dtwin.twin.rollout import is_weight_only
 
@@ -172,23 +174,42 @@ class Simulator:
 
     def __init__(self, blocks: Path = BLOCKS) -> None:
         self.controller = MotionController(blocks)
+        resource = self.controller.resource
+        self._loop = CompiledLoop(resource, SUBSTEPS) if isinstance(resource, NativeResource) else None
 
-    def run(self, case: MotionCase, arm_of: Callable[[MotionCase, int], Arm] = TwinArm) -> Outcome:
+    def run(self, case: MotionCase, arm_of: Callable[[MotionCase, int], Arm] | None = None) -> Outcome:
         """Simulates a motion.
 
         Args:
             case: case to simulate.
-            arm_of: makes the arm for a case and a number of ticks.
+            arm_of: makes the arm for a case and a number of ticks; the analytic twin without it.
 
         Raises:
             ParameterError: there is no place of the goal's name.
             DivergenceError: the state of the arm is no longer finite.
         """
         ticks = round(case.seconds / PERIOD)
-        arm = arm_of(case, ticks)
+        if self._loop is not None and arm_of is None:
+            motion = self._compiled(self._loop, case, ticks)
+        else:
+            motion = self._stepped(case, (arm_of or TwinArm)(case, ticks), ticks)
+        target = self.controller.target()
+        theta, omega = motion.states[:, :3], motion.states[:, 3:]
+        came_to = figures(theta, omega, motion.path, motion.volts, target, case.arm.voltage_constant)
+        return Outcome(case, target, motion.states, motion.measured, motion.path, motion.volts, came_to)
+
+    def _compiled(self, loop: CompiledLoop, case: MotionCase, ticks: int) -> Motion:
+        encoders, noise = _encoders(case), np.empty((0, 3))
+        if encoders is not None:
+            noise = np.array([_measure(encoders, STILL) for _ in range(ticks)])
+        first = case.theta if encoders is None else triple(noise[0] + case.theta)
+        self.controller.prepare(first, case.goal, case.settings, carries=_carries(case), omega=case.omega)
+        start = np.array((*case.theta, *case.omega))
+        return loop.run(start, ticks, case.arm, case.payload, case.payload_model, _carries(case), noise)
+
+    def _stepped(self, case: MotionCase, arm: Arm, ticks: int) -> Motion:
         controller, step, path_of = self.controller, self.controller.step, self.controller.path
-        encoders = Encoders(case.noise_kind, case.noise, np.random.default_rng(case.seed)) if case.noise else None
-        carries = case.payload > 0 if case.carries is None else case.carries
+        encoders = _encoders(case)
         samples: list[Triple] = []
         path: list[Triple] = []
         commands: list[Triple] = []
@@ -198,15 +219,20 @@ class Simulator:
             if k:
                 volts = step(sample)
             else:
-                volts = controller.begin(sample, case.goal, case.settings, carries=carries, omega=case.omega)
+                volts = controller.begin(sample, case.goal, case.settings, carries=_carries(case), omega=case.omega)
             samples.append(sample)
             path.append(path_of())
             commands.append(volts)
             theta = arm.advance(k, volts)
-        states, target = arm.states, controller.target()
-        desired, applied = np.array(path), np.array(commands)
-        came_to = figures(states[:, :3], states[:, 3:], desired, applied, target, case.arm.voltage_constant)
-        return Outcome(case, target, states, np.array(samples), desired, applied, came_to)
+        return Motion(arm.states, np.array(samples), np.array(path), np.array(commands))
+
+
+def _carries(case: MotionCase) -> bool:
+    return case.payload > 0 if case.carries is None else case.carries
+
+
+def _encoders(case: MotionCase) -> Encoders | None:
+    return Encoders(case.noise_kind, case.noise, np.random.default_rng(case.seed)) if case.noise else None
 
 
 def _measure(encoders: Encoders, theta: Triple) -> Triple:

@@ -12,6 +12,7 @@ import hashlib
 import logging
 import sys
 from collections.abc import Callable
+from functools import partial
 from importlib.machinery import PathFinder
 from importlib.util import find_spec, module_from_spec
 from pathlib import Path
@@ -27,9 +28,14 @@ BLAS: Final = "scipy.linalg.cython_blas"
 """Module in which Numba finds the functions for products of matrices."""
 
 
-def kernel(function: Callable[..., Any]) -> Any:
-    """Decorates a function that Numba compiles at its first call, or loads compiled."""
-    dispatcher = numba.njit(error_model="numpy")(function)
+def kernel(function: Callable[..., Any] | None = None, *, nogil: bool = False) -> Any:
+    """Decorates a function that Numba compiles at its first call, or loads compiled.
+
+    With nogil other threads run meanwhile, which costs a short call too much.
+    """
+    if function is None:
+        return partial(kernel, nogil=nogil)
+    dispatcher = numba.njit(error_model="numpy", nogil=nogil)(function)
     try:
         dispatcher._cache = _Cache(function)
     except RuntimeError as error:  # no folder can be written

@@ -22,6 +22,7 @@ from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import Command, print_boot_file
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.mapping import management_address, resource_network
+from dtwin.iec61499.native.export import c_files
 from dtwin.iec61499.net.address import parse_stream_address
 from dtwin.iec61499.runtime.generic_ports import unconnected
 from dtwin.parameters import ROOT
@@ -69,20 +70,25 @@ class FbCheck:
 
 @dataclass(frozen=True)
 class FbExport:
-    """Write a system as boot files for 4diac FORTE and `dtwin fb run`, or its block types as Lua."""
+    """Write a system as boot files for 4diac FORTE and `dtwin fb run`, its block types as Lua, or its resources as C.
+
+    The C of a resource is one reentrant C99 unit without allocation, which computes what the other runtimes do, to the
+    bit: link it with -lm, and compile it with -ffp-contract=off and without fast-math.
+    """
 
     folder: tyro.conf.Positional[Path]
     """Folder to write to."""
-    format: Literal["lua", "fboot"] = "fboot"
-    """With fboot DEVICE.fboot for every device, with lua TYPE.lua for every basic and simple block type."""
+    format: Literal["lua", "fboot", "c"] = "fboot"
+    """With fboot DEVICE.fboot for every device, with lua TYPE.lua for every basic and simple block type, with c
+    RESOURCE.h and RESOURCE.c for every resource, and fb.h, which they include."""
     system: Path = SYSTEM
-    """System (.sys) that the boot files build."""
+    """System (.sys) that the boot files build, or that is written as C."""
     blocks: Path | None = None
     """Folder of the block types; without it the folder of the system."""
 
     def execute(self) -> int:
         library = Library([self.blocks or self.system.parent])
-        texts = _lua_files(library) if self.format == "lua" else _boot_files(library, self.system)
+        texts = self._texts(library)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -92,6 +98,11 @@ class FbExport:
                 temporary.write_text(text)
             print(printable(str(self.folder / name)))
         return 0
+
+    def _texts(self, library: Library) -> dict[str, str]:
+        if self.format == "lua":
+            return _lua_files(library)
+        return _boot_files(library, self.system) if self.format == "fboot" else c_files(library, self.system)
 
 
 @dataclass(frozen=True)

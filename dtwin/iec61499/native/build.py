@@ -168,7 +168,8 @@ def _workshop(folder: Path | None) -> Iterator[Path]:
 
 def compile_unit(unit: Unit, name: str, compiler: Compiler, folder: Path, flags: tuple[str, ...] = FLAGS) -> Path:
     """Compiles a unit in a folder and returns the path of the result. Raises NativeError."""
-    write_unit(unit, name, folder)
+    for file, text in unit_files(unit, name).items():
+        (folder / file).write_text(text)
     target = folder / f"{name}.so"
     command = [*compiler.command, *flags, "-o", str(target), str(folder / f"{name}.c"), "-lm"]
     try:
@@ -181,9 +182,6 @@ def compile_unit(unit: Unit, name: str, compiler: Compiler, folder: Path, flags:
     return target
 
 
-def write_unit(unit: Unit, name: str, folder: Path) -> list[Path]:
-    """Writes fb.h, NAME.h and NAME.c into a folder, and returns their paths."""
-    texts = {HEADER.name: HEADER.read_text(), f"{name}.h": unit.header, f"{name}.c": unit.source}
-    for file, text in texts.items():
-        (folder / file).write_text(text)
-    return [folder / file for file in texts]
+def unit_files(unit: Unit, name: str) -> dict[str, str]:
+    """The files fb.h, NAME.h and NAME.c that make up a unit."""
+    return {HEADER.name: HEADER.read_text(), f"{name}.h": unit.header, f"{name}.c": unit.source}

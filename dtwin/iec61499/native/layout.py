@@ -8,7 +8,9 @@ from typing import Final
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.runtime.netlist import Netlist, Node, Terminal
+from dtwin.iec61499.library import Library
+from dtwin.iec61499.runtime.generic_ports import check_types, resolve
+from dtwin.iec61499.runtime.netlist import Netlist, Node, Terminal, flatten
 from dtwin.iec61499.st.c.names import c_name, type_tag
 from dtwin.iec61499.standard.services import COMMUNICATION
 from dtwin.iec61499.types import DINT, DataType
@@ -65,6 +67,14 @@ class Layout:
         if name not in servers:
             raise FunctionBlockError(f"{name} is no SERVER: expected one of {', '.join(servers) or 'none'}")
         return servers[name]
+
+
+def network_layout(network: model.FBNetwork, library: Library) -> Layout:
+    """The layout of the unit of a network. Raises FunctionBlockError when the network is wrong."""
+    netlist = flatten(network, library.find)
+    resolve(netlist)
+    check_types(netlist)
+    return layout_of(netlist)
 
 
 def layout_of(netlist: Netlist) -> Layout:

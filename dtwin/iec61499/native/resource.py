@@ -9,15 +9,16 @@ from struct import Struct
 from struct import error as StructError
 from typing import Any, Final, NoReturn
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dtwin.errors import CommunicationError, FunctionBlockError, choices
 from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.native import memory
 from dtwin.iec61499.native.build import load
-from dtwin.iec61499.native.layout import CHART, Layout, Place, is_server, layout_of
+from dtwin.iec61499.native.layout import CHART, Layout, Place, is_server, network_layout
 from dtwin.iec61499.native.unit import unit_of
-from dtwin.iec61499.runtime.generic_ports import check_types, resolve
-from dtwin.iec61499.runtime.netlist import flatten
 from dtwin.iec61499.runtime.wiring import checked_value
 from dtwin.iec61499.types import DataType, ElementaryType
 
@@ -44,11 +45,8 @@ class NativeResource:
     """
 
     def __init__(self, network: model.FBNetwork, library: Library) -> None:
-        netlist = flatten(network, library.find)
-        resolve(netlist)
-        check_types(netlist)
-        self._layout = layout_of(netlist)
-        self._library = load(repr(netlist), NAME, lambda: unit_of(self._layout, NAME))
+        self._layout = network_layout(network, library)
+        self._library = load(repr(self._layout.netlist), NAME, lambda: unit_of(self._layout, NAME))
         size = ctypes.c_size_t.in_dll(self._library, f"{NAME}__size").value
         self._memory = ctypes.create_string_buffer(size)
         self._view = memoryview(self._memory).cast("B")
@@ -67,6 +65,10 @@ class NativeResource:
     def offset(self, name: str) -> int:
         """Where a variable is in the unit, in bytes. Raises FunctionBlockError as `read` does."""
         return self._offsets[self._find(name).name]
+
+    def numbers(self) -> NDArray[np.float64]:
+        """The unit in memory as LREAL, of which the one at `offset` is a variable; it changes as the unit runs."""
+        return np.frombuffer(self._view, np.float64, len(self._view) // 8)
 
     def _function(self, name: str, result: Any, arguments: int = 1) -> Any:
         function = getattr(self._library, name)

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.st import ast
-from dtwin.iec61499.st.c.expressions import Places
-from dtwin.iec61499.st.c.translate import c_function
 from dtwin.iec61499.st.check import check_algorithm
 from dtwin.iec61499.st.printer import print_algorithm
 from tests.support.iec61499.c_harness import needs_compiler, run_c
-from tests.support.iec61499.st_harness import check, run_python, same, scope_of
+from tests.support.iec61499.st_harness import run_python, same
 from tests.support.iec61499.st_programs import SCOPE, programs, states
 
 
