@@ -69,6 +69,15 @@ def _dispatch(arguments: list[str]) -> int:
     entry = COMMANDS[name]
     options = getattr(importlib.import_module(f"dtwin.commands.{entry.module}"), entry.options)
     command = entry.read(options, f"dtwin {name}", arguments[words:])
+    if not hasattr(command, "runtime"):
+        return _executed(command)
+    from dtwin.controller.runtime import chosen  # loads the function blocks, which most commands do without
+
+    with chosen(command.runtime):
+        return _executed(command)
+
+
+def _executed(command: Any) -> int:
     status: int = command.execute()
     return status
 

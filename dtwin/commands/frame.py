@@ -17,6 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from dtwin import pool
+from dtwin.controller.runtime import RuntimeOption
 from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import ParameterError
 from dtwin.experiments.report import Report, ensure_folder
@@ -46,7 +47,7 @@ class OnMachine(MachineOption):
 
 
 @dataclass(frozen=True)
-class ExperimentCommand(JsonOption, ABC, Generic[R]):
+class ExperimentCommand(JsonOption, RuntimeOption, ABC, Generic[R]):
     """An experiment on the command line, from its options to its report.
 
     Attributes:

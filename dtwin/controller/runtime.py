@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, Final, Literal, Protocol, get_args
 
 from dtwin.errors import FunctionBlockError, NativeError, ParameterError, choices
@@ -77,10 +79,28 @@ class Blocks(Protocol):
         """Goes back to a state."""
 
 
-def choose(runtime: Runtime | None) -> None:
-    """Makes this process, and those that it starts, use a runtime; None leaves it as it is."""
+@contextmanager
+def chosen(runtime: Runtime | None) -> Iterator[None]:
+    """Makes this process, and those that it starts meanwhile, take a runtime; None leaves it as it is."""
+    before = os.environ.get(VARIABLE)
     if runtime is not None:
         os.environ[VARIABLE] = runtime
+    try:
+        yield
+    finally:
+        if before is None:
+            os.environ.pop(VARIABLE, None)
+        else:
+            os.environ[VARIABLE] = before
+
+
+@dataclass(frozen=True, kw_only=True)
+class RuntimeOption:
+    """The option of commands that run the function blocks in their own processes."""
+
+    runtime: Runtime | None = None
+    """What runs the blocks in process: native is machine code, which needs a C compiler; python does without. The
+    results are the same to the bit. Without it machine code where it can be had."""
 
 
 def running(network: model.FBNetwork, library: Library) -> Blocks:

@@ -70,17 +70,17 @@ class FbCheck:
 
 @dataclass(frozen=True)
 class FbExport:
-    """Write a system as boot files for 4diac FORTE and `dtwin fb run`, its block types as Lua, or its resources as C.
+    """Write a system as boot files for 4diac FORTE and `dtwin fb run`, its block types as Lua, or resources as C.
 
-    The C of a resource is one reentrant C99 unit without allocation, which computes what the other runtimes do, to the
-    bit: link it with -lm, and compile it with -ffp-contract=off and without fast-math.
+    The C of a resource is one reentrant C99 unit without allocation, which computes what the other runtimes do, to
+    the bit: compile it with -ffp-contract=off and without fast-math, and link it with -lm.
     """
 
     folder: tyro.conf.Positional[Path]
     """Folder to write to."""
     format: Literal["lua", "fboot", "c"] = "fboot"
     """With fboot DEVICE.fboot for every device, with lua TYPE.lua for every basic and simple block type, with c
-    RESOURCE.h and RESOURCE.c for every resource, and fb.h, which they include."""
+    SYSTEM.h and SYSTEM.c, or DEVICE_RESOURCE of several resources, and fb.h, which they include."""
     system: Path = SYSTEM
     """System (.sys) that the boot files build, or that is written as C."""
     blocks: Path | None = None

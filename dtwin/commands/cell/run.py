@@ -14,6 +14,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.remote import RemoteController
+from dtwin.controller.runtime import RuntimeOption
 from dtwin.errors import DtwinError
 from dtwin.files import ensure_writable
 from dtwin.iec61499.net.address import parse_address
@@ -30,7 +31,7 @@ SAME_VOLTS: Final = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run(PlantOptions, ControlOptions):
+class Run(PlantOptions, ControlOptions, RuntimeOption):
     """Run the cell: the emulated arm sorts boxes under its function blocks, as fast as the machine allows.
 
     Writes a recording for the Rerun viewer and prints a summary. Ctrl-C ends the run and keeps what was recorded.

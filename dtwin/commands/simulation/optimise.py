@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from dtwin.controller.runtime import RuntimeOption
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.errors import ParameterError
 from dtwin.files import ensure_writable, replacing
@@ -29,7 +30,7 @@ _UNITS = {"time": "s", "tracking": "rad", "energy": "J", "voltage": "V"}
 
 
 @dataclass(frozen=True)
-class Optimise:
+class Optimise(RuntimeOption):
     """Search gains and target time of least cost on the twin, under limits that must hold for all arms and boxes.
 
     The cost is the weighted mean of settling time, largest distance from the path, energy of a motion and peak

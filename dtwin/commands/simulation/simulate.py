@@ -16,6 +16,7 @@ from rich.table import Column, Table
 from dtwin.bus.messages import SENSORS
 from dtwin.bus.session import Bus
 from dtwin.commands.simulation.upload import in_force
+from dtwin.controller.runtime import RuntimeOption
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import CommunicationError, ParameterError
@@ -40,7 +41,7 @@ _PATIENCE = 5.0
 
 
 @dataclass(frozen=True)
-class Simulate(CompensationOptions):
+class Simulate(CompensationOptions, RuntimeOption):
     """Try a motion on the twin with the real function blocks: what if the arm moved there, with these settings?
 
     Places are names (pickup, blue, red, green, home, hanging), coordinates of the tip X,Y in m, or angles Q1,Q2,Q3.
