@@ -14,9 +14,11 @@ import numpy as np
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import EMULATOR, sensor_values
+from dtwin.controller.runtime import Runtime, chosen
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.raw import raw_file_ticks, raw_plant_ticks
+from dtwin.iec61499.native.resource import NativeResource
 from dtwin.iec61499.net.address import LOOPBACK, Address, LocalAddress, StreamAddress
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.reactor import Reactor
@@ -27,7 +29,11 @@ from dtwin.run.cell import Cell
 from dtwin.run.loop import run, tick_count
 from dtwin.run.settings import CellSettings
 from dtwin.signals import Sensors
+from dtwin.simulation.checks import MOTIONS
+from dtwin.simulation.objective import Objective, scenarios_for
+from dtwin.simulation.optimise import optimise
 from dtwin.simulation.whatif import MotionCase, Simulator
+from dtwin.twin.closed_loop import exchanges
 from dtwin.twin.rollout import rollout
 from dtwin.view.write import write_recording
 
@@ -35,6 +41,10 @@ DURATION: Final = 120.0
 """s of plant time in one timed run"""
 ROLLOUT_SAMPLES: Final = 20_000
 SUBSTEPS: Final = 4
+CANDIDATES: Final = 120
+"""Candidates that one round of the search tries."""
+BOXES: Final = (0.19, 0.21)
+"""Least and largest mass of a box in the search, kg."""
 MESSAGES: Final = 2000
 """Messages that are written and read, and exchanges over a stream, in one round."""
 
@@ -52,12 +62,18 @@ def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: Non
         "closed_loop_log": lambda: _closed_loop_log(),
         "closed_loop_recording": lambda: _closed_loop_recording(),
         "twin_rollout": _rollout,
-        "controller_tick": _controller,
+        "controller_tick": lambda: _controller("python"),
+        "controller_tick_native": lambda: _controller("native"),
+        "controller_tick_inside": _controller_inside,
         "wire_message": _wire,
         "tcp_round_trip": lambda: _round_trip(Address(LOOPBACK, 0)),
         "local_round_trip": _local_round_trip,
         "what_if": _what_if,
+        "optimise": _optimise,
     }
+    if not _has_machine_code():
+        for name in ("controller_tick_native", "controller_tick_inside"):
+            del parts[name]
     for warm_up in ("closed_loop_recording", "twin_rollout", "what_if"):
         parts[warm_up]()
     seconds: dict[str, list[float]] = {name: [] for name in parts}
@@ -77,11 +93,21 @@ def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: Non
         for name in loops
     }
     result["twin_rollout"] = {"steps_per_second": ROLLOUT_SAMPLES * SUBSTEPS / middle["twin_rollout"]}
-    result["controller_tick"] = {"microseconds": 1e6 * middle["controller_tick"] / ticks}
+    python = seconds["controller_tick"]
+    for name in ("controller_tick", "controller_tick_native", "controller_tick_inside"):
+        if name in parts:
+            result[name] = {
+                "microseconds": 1e6 * middle[name] / ticks,
+                "relative_to_python": median(a / b for a, b in zip(python, seconds[name], strict=True)),
+            }
+    result["closed_loop_log"]["relative_to_raw_plant"] = median(
+        a / b for a, b in zip(seconds["raw_plant_step"], seconds["closed_loop_log"], strict=True)
+    )
     result["wire_message"] = {"microseconds": 1e6 * middle["wire_message"] / MESSAGES}
     for trip in ("tcp_round_trip", "local_round_trip"):
         result[trip] = {"microseconds": 1e6 * middle[trip] / MESSAGES}
     result["what_if"] = {"milliseconds": 1e3 * middle["what_if"]}
+    result["optimise"] = {"motions_per_second": 1.0 / middle["optimise"]}
     return result
 
 
@@ -123,17 +149,43 @@ def _rollout() -> float:
     return _timed(lambda: rollout(ArmParameters(), start, volts, 0.2, substeps=SUBSTEPS))
 
 
-def _controller() -> float:
-    """Answers to the samples of a real run, without the run."""
+def _has_machine_code() -> bool:
+    return isinstance(EmbeddedController().resource, NativeResource)
+
+
+def _samples() -> list[Sensors]:
+    """The samples of a real run."""
     cell = Cell(CellSettings(duration=DURATION))
     samples: list[Sensors] = []
     run(cell.emulation, cell.controller, cell.ticks, record=lambda record: samples.append(record.sensors))
-    controller = EmbeddedController(cell.settings.control)
+    return samples
+
+
+def _controller(runtime: Runtime) -> float:
+    """Answers to the samples of a real run, without the run."""
+    samples = _samples()
+    with chosen(runtime):
+        controller = EmbeddedController(CellSettings().control)
 
     def work() -> None:
         step = controller.step
         for sample in samples:
             step(sample)
+
+    return _timed(work)
+
+
+def _controller_inside() -> float:
+    """The same from machine code, which loops over the samples without a return to Python."""
+    resource = EmbeddedController(CellSettings().control).resource
+    assert isinstance(resource, NativeResource)
+    requests = resource.server(EMULATOR.block).requests([sensor_values(sample) for sample in _samples()])
+    answers = np.empty((len(requests), 5))
+    function = resource.function(f"exchange__{EMULATOR.block}")
+
+    def work() -> None:
+        if exchanges(function, resource.address, requests, answers) != len(requests):
+            raise AssertionError("the controller did not answer every sample")
 
     return _timed(work)
 
@@ -181,3 +233,10 @@ def _what_if() -> float:
     simulator = Simulator()
     case = MotionCase("red", ControlSettings(target_time=4.0), PICKUP.theta, payload=0.2, duration=4.0)
     return _timed(lambda: simulator.run(case))
+
+
+def _optimise() -> float:
+    """Time for one motion of candidates that a search tries, on all cores."""
+    objective = Objective(ControlSettings(), scenarios_for(MOTIONS, ArmParameters(), BOXES))
+    found = optimise(objective, (1.5, 3.0), candidates=CANDIDATES)
+    return found.seconds / found.motions

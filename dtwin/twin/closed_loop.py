@@ -91,3 +91,23 @@ def closed_loop(
         if integrate(p, volts[k : k + 1], payload, period, substeps, weight_only, width, states[k : k + 2]) == 0:
             return DIVERGED, k
     return FINISHED, samples.shape[0]
+
+
+@kernel(nogil=True)
+def exchanges(function: int, unit: int, requests: NDArray[np.uint8], answers: Array) -> int:
+    """Lets a controller answer messages, one after another.
+
+    Args:
+        function, unit: as for `closed_loop`.
+        requests: (N, S), the messages.
+        answers: (N, M), receives an answer in each row, as the controller lays it out.
+
+    Returns:
+        How many were answered.
+    """
+    request, answer = requests.ctypes.data, answers.ctypes.data
+    for k in range(requests.shape[0]):
+        problem = _exchange(function, unit, request + k * requests.shape[1], answer + 8 * k * answers.shape[1])
+        if problem != FINISHED:
+            return k
+    return requests.shape[0]

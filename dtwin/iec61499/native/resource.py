@@ -259,7 +259,7 @@ class NativeServer:
         self._request = Struct("".join(memory.formats(kind) for kind in receives))
         self._answer = Struct("".join(memory.formats(kind) for kind in sends))
         # C leaves free what follows the last value up to the next multiple of 8
-        request = ctypes.create_string_buffer(self._request.size + 8)
+        request = ctypes.create_string_buffer(self._request.size + 16 - self._request.size % 8)
         answer = ctypes.create_string_buffer(self._answer.size + 8)
         self._buffers = request, answer
         self._pack = partial(self._request.pack_into, request, 0)
@@ -283,6 +283,14 @@ class NativeServer:
         if problem:
             self._resource.check(problem, self._name)
         return self._unpack() if not self._text_answers else self._from_texts()
+
+    def requests(self, messages: Sequence[Sequence[Any]]) -> NDArray[np.uint8]:
+        """Messages as the block's function reads them, a row each. Raises CommunicationError as `exchange`."""
+        rows = []
+        for values in messages:
+            self._write(values)
+            rows.append(np.frombuffer(self._buffers[0].raw, np.uint8))
+        return np.array(rows)
 
     def deliver(self, values: Sequence[Any]) -> None:
         """Puts values out at RD_1, ... and queues IND; the resource then has to run. Raises CommunicationError."""
