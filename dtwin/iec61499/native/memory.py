@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from struct import Struct
 from typing import Any, Final
 
@@ -111,6 +112,7 @@ def text_from(length: int, content: bytes) -> str:
     return content[:length].decode("latin-1")
 
 
+@lru_cache(maxsize=256)
 def text_to(value: str) -> tuple[int, bytes]:
     """Length and bytes of a STRING. Raises FunctionBlockError when it is too long."""
     content = value.encode("latin-1", "replace")

@@ -267,7 +267,7 @@ class NativeServer:
         addresses = [resource.address, ctypes.addressof(request), ctypes.addressof(answer)][: 3 if sends else 2]
         self._call = partial(exchange, *addresses)
         self._put = partial(deliver, *addresses[:2])
-        self._texts = [k for k, kind in enumerate(receives) if not memory.is_plain(kind)]
+        self._texts = [k for k in reversed(range(len(receives))) if not memory.is_plain(receives[k])]
         self._text_answers = [kind for kind in sends if not memory.is_plain(kind)]
 
     def exchange(self, values: Sequence[Any]) -> tuple[Any, ...]:
@@ -306,13 +306,11 @@ class NativeServer:
             ) from None
 
     def _with_texts(self, values: Sequence[Any]) -> list[Any]:
-        flat: list[Any] = []
-        for kind, value in zip(self.receives, values, strict=False):
-            if kind.kind == "string":
-                flat += memory.text_to(value)
-            else:
-                flat.append(ord(value) if kind.kind == "char" else value)
-        return flat if len(values) == len(self.receives) else []
+        flat = list(values)
+        if len(flat) == len(self.receives):
+            for k in self._texts:
+                flat[k : k + 1] = memory.text_to(flat[k]) if self.receives[k].kind == "string" else (ord(flat[k]),)
+        return flat
 
     def _from_texts(self) -> tuple[Any, ...]:
         found = iter(self._unpack())
