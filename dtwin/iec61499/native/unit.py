@@ -93,7 +93,7 @@ class _Writer:
         name = self._name
         guard = f"DTWIN_{name.upper()}_H"
         members = [f"struct {t} {m};" for t, m in zip(self._layout.tags, self._layout.members, strict=True)]
-        aggregates = _structures(place.type for place in self._layout.variables)
+        aggregates = structures(place.type for place in self._layout.variables)
         lines = [f"/* The function blocks of {name}; written by `dtwin fb export --format c`. */"]
         lines += [f"#ifndef {guard}", f"#define {guard}", "", '#include "fb.h"', *aggregates]
         for code in self._types.values():
@@ -381,7 +381,7 @@ def _widened(target: str, source: str, given: model.VariableType, wanted: model.
     return [f"{target} = ({c_type(wanted)}){source};"]
 
 
-def _structures(types: Iterable[DataType]) -> list[str]:
+def structures(types: Iterable[DataType]) -> list[str]:
     """Definitions of the structures among the types, those that others consist of first."""
     lines: dict[str, list[str]] = {}
 

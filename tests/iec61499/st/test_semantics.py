@@ -178,31 +178,31 @@ def test_expressions(text: str, expected: Any, values: dict[str, Any]) -> None:
     assert same(result, expected), result
 
 
-@pytest.mark.parametrize(
-    ("text", "expected", "values"),
-    [
-        ("T := T + T#1ms;", 1_001_000_000, {"T": 1_000_000_000}),
-        ("T := -T / 3;", -333_333_333, {"T": 1_000_000_000}),
-        ("T := T / I;", 5, {"T": 5}),
-        ("T := T * 2.5;", 2_500_000_000, {"T": 1_000_000_000}),
-        ("T := T / 0.4;", 2_500_000_000, {"T": 1_000_000_000}),
-        ("T := 3 * T;", 3, {"T": 1}),
-        ("B := T > T#1s;", False, {}),
-        ("T := T * X;", -(2**63), {"T": 1, "X": inf}),
-        ("X := TIME_IN_S_TO_LREAL(T);", 1.5, {"T": 1_500_000_000}),
-        ("X := TIME_IN_MS_TO_LREAL(T);", 1500.0, {"T": 1_500_000_000}),
-        ("J := TIME_IN_S_TO_DINT(T);", -1, {"T": -1_999_999_999}),
-        ("S := TIME_TO_STRING(T);", "T#60500ms", {"T": 60_500_000_000}),
-        ("T := STRING_TO_TIME(S);", 1_500_000_000, {"S": "T#1.5s"}),
-        ("T := STRING_TO_TIME(S);", 0, {"S": "1.5s"}),
-        ("L := L * L;", 1, {"L": 2**63 - 1}),
-        ("L := LREAL_TO_LINT(X);", -(2**63), {"X": 1e30}),
-        ("UL := LREAL_TO_ULINT(X);", 2**63 + 2**62, {"X": 2.0**63 + 2.0**62}),
-        ("UL := LWORD_TO_ULINT(LREAL_TO_LWORD(X));", struct.unpack("<Q", struct.pack("<d", -1.5))[0], {"X": -1.5}),
-        ("R := DWORD_TO_REAL(16#3F800000);", 1.0, {}),
-        ("X := LINT_TO_LREAL(TRUNC(Y));", -2.0, {"Y": -2.7}),
-    ],
-)
+LONG: list[tuple[str, Any, dict[str, Any]]] = [
+    ("T := T + T#1ms;", 1_001_000_000, {"T": 1_000_000_000}),
+    ("T := -T / 3;", -333_333_333, {"T": 1_000_000_000}),
+    ("T := T / I;", 5, {"T": 5}),
+    ("T := T * 2.5;", 2_500_000_000, {"T": 1_000_000_000}),
+    ("T := T / 0.4;", 2_500_000_000, {"T": 1_000_000_000}),
+    ("T := 3 * T;", 3, {"T": 1}),
+    ("B := T > T#1s;", False, {}),
+    ("T := T * X;", -(2**63), {"T": 1, "X": inf}),
+    ("X := TIME_IN_S_TO_LREAL(T);", 1.5, {"T": 1_500_000_000}),
+    ("X := TIME_IN_MS_TO_LREAL(T);", 1500.0, {"T": 1_500_000_000}),
+    ("J := TIME_IN_S_TO_DINT(T);", -1, {"T": -1_999_999_999}),
+    ("S := TIME_TO_STRING(T);", "T#60500ms", {"T": 60_500_000_000}),
+    ("T := STRING_TO_TIME(S);", 1_500_000_000, {"S": "T#1.5s"}),
+    ("T := STRING_TO_TIME(S);", 0, {"S": "1.5s"}),
+    ("L := L * L;", 1, {"L": 2**63 - 1}),
+    ("L := LREAL_TO_LINT(X);", -(2**63), {"X": 1e30}),
+    ("UL := LREAL_TO_ULINT(X);", 2**63 + 2**62, {"X": 2.0**63 + 2.0**62}),
+    ("UL := LWORD_TO_ULINT(LREAL_TO_LWORD(X));", struct.unpack("<Q", struct.pack("<d", -1.5))[0], {"X": -1.5}),
+    ("R := DWORD_TO_REAL(16#3F800000);", 1.0, {}),
+    ("X := LINT_TO_LREAL(TRUNC(Y));", -2.0, {"Y": -2.7}),
+]
+
+
+@pytest.mark.parametrize(("text", "expected", "values"), LONG)
 def test_64_bit_values_in_python(text: str, expected: Any, values: dict[str, Any]) -> None:
     result = results(text, everywhere=False, **values)[text.split()[0]]
     assert same(result, expected), result

@@ -11,7 +11,7 @@ import pytest
 
 from dtwin.iec61499.native import memory
 from dtwin.iec61499.native.build import FLAGS, compile_unit, compilers
-from dtwin.iec61499.native.unit import Unit
+from dtwin.iec61499.native.unit import Unit, structures
 from dtwin.iec61499.st.c.expressions import Places
 from dtwin.iec61499.st.c.names import c_name, declaration
 from dtwin.iec61499.st.c.translate import c_function
@@ -40,13 +40,14 @@ def run_c(programs: Sequence[Program], folder: Path, flags: tuple[str, ...] = ()
     """What the algorithms leave in their variables, or the number of the fault that one finds."""
     assert COMPILER is not None
     header, source, places = [HEADER], [SOURCE % ITERATION_LIMIT], Places()
+    header += [f"{line}\n" for line in structures(kind for _, scope, _ in programs for kind in scope.values())]
     for number, (checked, scope, _) in enumerate(programs):
         members = "".join(f"    {declaration(c_name(name), kind)};\n" for name, kind in scope.items())
         signature = f"void algorithm{number}(struct block{number} *self, struct fb_run *run)"
         header.append(f"struct block{number} {{\n{members}}};\n{signature};\n")
         source.append("\n".join(c_function(checked, signature, places).lines) + "\n")
     unit = Unit("".join(header), "".join(source))
-    library = ctypes.CDLL(str(compile_unit(unit, "algorithms", COMPILER, folder, (*FLAGS, *flags))))
+    library = ctypes.CDLL(str(compile_unit(unit, "algorithms", COMPILER, folder, (*FLAGS, "-O0", *flags))))
     library.size_of_run.restype = ctypes.c_size_t
     run = ctypes.create_string_buffer(library.size_of_run())
     results: list[dict[str, Any] | int] = []
