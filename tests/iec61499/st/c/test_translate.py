@@ -109,11 +109,11 @@ def test_cases_have_the_results_of_python(tmp_path_factory: pytest.TempPathFacto
 @settings(
     deadline=None,
     suppress_health_check=list(HealthCheck),
-    max_examples=2,
+    max_examples=8,
     derandomize=True,
     phases=[Phase.generate],  # a smaller program would have to be compiled, too
 )
-@given(cases=st.lists(st.tuples(programs, states), min_size=20, max_size=20))
+@given(cases=st.lists(st.tuples(programs, states), min_size=5, max_size=5))
 def test_generated_programs_have_the_results_of_python(
     cases: list[tuple[ast.ParsedAlgorithm, dict[str, Any]]], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
