@@ -34,7 +34,7 @@ HEADER: Final = Path(__file__).parents[1] / "st" / "c" / "fb.h"
 """What every unit includes."""
 _OWN_BITS: Final = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log10", "pow")
 FLAGS: Final = (
-    *("-std=c99", "-O2", "-fPIC", "-shared", "-ffp-contract=off", "-fno-fast-math", "-fno-math-errno"),
+    *("-std=c99", "-O1", "-fPIC", "-shared", "-ffp-contract=off", "-fno-fast-math", "-fno-math-errno"),
     # the compiler would round better than libm where an argument is a constant
     *(f"-fno-builtin-{function}" for function in _OWN_BITS),
 )
