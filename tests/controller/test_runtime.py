@@ -13,7 +13,7 @@ from dtwin.controller.runtime import VARIABLE, Runtime, chosen
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.emulation.faults import parse_fault
-from dtwin.errors import DtwinError, FunctionBlockError, ParameterError
+from dtwin.errors import CommunicationError, DtwinError, FunctionBlockError, ParameterError
 from dtwin.iec61499.native.resource import NativeResource
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.parameters import PERIOD, PICKUP, ArmParameters, Gains
@@ -67,6 +67,14 @@ def test_a_disturbed_run_is_the_same_to_the_bit() -> None:
     }
     assert repr(native[1]) == repr(python[1])
     assert native[2] == python[2]
+
+
+@needs_compiler
+def test_a_server_that_receives_nothing_answers_nothing() -> None:
+    with chosen("native"):
+        resource = EmbeddedController().resource
+    with pytest.raises(CommunicationError, match="answered 0 times"):
+        resource.server("TWIN.MONITORING.DATA").exchange(())
 
 
 @needs_compiler

@@ -13,14 +13,15 @@ from typing import Final
 
 from dtwin.iec61499 import model
 from dtwin.iec61499.native.blocks import OUTPUTS, BlockCode, block_code, block_fields, copied, structure
+from dtwin.iec61499.native.heads import Heads, structures, values_of
 from dtwin.iec61499.native.layout import Layout, is_server
 from dtwin.iec61499.native.services import ANSWERS, ATTACHED, OPEN, service_code
 from dtwin.iec61499.runtime.generic_ports import variable_at
 from dtwin.iec61499.runtime.netlist import Node, Terminal
 from dtwin.iec61499.st.ast import Position
 from dtwin.iec61499.st.c.expressions import Places
-from dtwin.iec61499.st.c.names import c_name, c_type, declaration, initialiser, quoted
-from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, StructType
+from dtwin.iec61499.st.c.names import c_name, c_type, initialiser, quoted
+from dtwin.iec61499.types import ElementaryType
 
 _INDENT: Final = "    "
 
@@ -57,6 +58,7 @@ class _Writer:
         self._layout = layout
         self._nodes = layout.netlist.nodes
         self._name = name
+        self._heads = Heads(layout, name)
         self._places = Places()
         self._places.number(Position("", 0, 0))
         self._types: dict[str, BlockCode] = {}
@@ -86,9 +88,6 @@ class _Writer:
         ]
         return Unit(_text(self._header()), _text(source))
 
-    def _servers(self) -> list[int]:
-        return [number for number, node in enumerate(self._nodes) if is_server(node) and _values(node, "RD_")]
-
     def _header(self) -> list[str]:
         name = self._name
         guard = f"DTWIN_{name.upper()}_H"
@@ -100,24 +99,24 @@ class _Writer:
             lines += ["", *structure(code)]
         lines += ["", "/* The state of all blocks; a copy of it is a snapshot. */", f"struct {name} {{"]
         lines += [*_indented(["struct fb_run run;", *members]), "};"]
-        for number in self._servers():
-            lines += ["", *self._messages(number)]
-        lines += ["", "/* Puts every variable and chart to its beginning. */", f"{self._initialise()};"]
+        for number in self._heads.servers():
+            lines += ["", *self._heads.messages(number)]
+        lines += ["", "/* Puts every variable and chart to its beginning. */", f"{self._heads.initialise()};"]
         lines += [
             "",
             "/* Issues COLD, WARM or STOP of every E_RESTART, runs until idle; returns an fb_problem. */",
         ]
-        lines += [f"{self._start(event)};" for event in ("COLD", "WARM", "STOP")]
+        lines += [f"{self._heads.start(event)};" for event in ("COLD", "WARM", "STOP")]
         lines += ["", "/* Delivers an event, by its number, and runs until idle; returns an fb_problem. */"]
-        lines += [f"{self._trigger()};", "", "/* Delivers the events that wait; returns an fb_problem. */"]
+        lines += [f"{self._heads.trigger()};", "", "/* Delivers the events that wait; returns an fb_problem. */"]
         lines += [
             f"int32_t {name}__run(struct {name} *unit);",
             "",
             "/* A message to a SERVER, whose IND then waits. */",
         ]
-        lines += [f"{self._deliver(number)};" for number in self._servers()]
+        lines += [f"{self._heads.deliver(number)};" for number in self._heads.servers()]
         lines += ["", "/* A message to a SERVER, and its answer; returns an fb_problem. */"]
-        lines += [f"{self._exchange(number)};" for number in self._servers()]
+        lines += [f"{self._heads.exchange(number)};" for number in self._heads.servers()]
         lines += ["", "/* Every variable by its name; reading and writing one is copying it from or to its place. */"]
         lines += [f"extern const struct fb_variable {name}__variables[];", f"extern const size_t {name}__count;"]
         lines += [f"extern const size_t {name}__size;", f"extern const char *const {name}__events[];"]
@@ -126,38 +125,6 @@ class _Writer:
         lines += [f"void {name}__read(const struct {name} *unit, const struct fb_variable *variable, void *value);"]
         lines += [f"void {name}__write(struct {name} *unit, const struct fb_variable *variable, const void *value);"]
         return [*lines, "", "#endif"]
-
-    def _messages(self, number: int) -> list[str]:
-        node, member = self._nodes[number], self._layout.members[number]
-        lines = [f"struct {self._name}__{member}__request {{"]
-        lines += [*_indented(f"{declaration(name, kind)};" for name, kind in _values(node, "RD_")), "};"]
-        if answer := _values(node, "SD_"):
-            lines += ["", f"struct {self._name}__{member}__answer {{"]
-            lines += [*_indented(f"{declaration(name, kind)};" for name, kind in answer), "};"]
-        return lines
-
-    def _initialise(self) -> str:
-        return f"void {self._name}__initialise(struct {self._name} *unit)"
-
-    def _start(self, event: str) -> str:
-        return f"int32_t {self._name}__{event.lower()}(struct {self._name} *unit)"
-
-    def _trigger(self) -> str:
-        return f"int32_t {self._name}__trigger(struct {self._name} *unit, uint16_t entry)"
-
-    def _deliver(self, number: int) -> str:
-        name, member = self._name, self._layout.members[number]
-        request = f"const struct {name}__{member}__request *request"
-        return f"int32_t {name}__deliver__{member}(struct {name} *unit, {request})"
-
-    def _exchange(self, number: int) -> str:
-        name, member = self._name, self._layout.members[number]
-        head = (
-            f"int32_t {name}__exchange__{member}(struct {name} *unit, const struct {name}__{member}__request *request"
-        )
-        return (
-            f"{head}, struct {name}__{member}__answer *answer)" if _values(self._nodes[number], "SD_") else f"{head})"
-        )
 
     def _wiring(self) -> list[str]:
         """The tables of what every event output leads to, and what queues it."""
@@ -282,28 +249,28 @@ int32_t {name}__run(struct {name} *unit)
 
     def _interface(self) -> list[str]:
         name = self._name
-        lines = ["", self._initialise(), "{", f"{_INDENT}*unit = fb_initial;", "}"]
+        lines = ["", self._heads.initialise(), "{", f"{_INDENT}*unit = fb_initial;", "}"]
         for event in ("COLD", "WARM", "STOP"):
             issued = [
                 f"fb_issue(&unit->run, {self._output(Terminal(number, event))});"
                 for number, node in enumerate(self._nodes)
                 if node.type is not None and node.type.header.name == "E_RESTART"
             ]
-            lines += ["", self._start(event), "{", f"{_INDENT}unit->run.fault.problem = FB_FINE;"]
+            lines += ["", self._heads.start(event), "{", f"{_INDENT}unit->run.fault.problem = FB_FINE;"]
             lines += [*_indented(issued), f"{_INDENT}return {name}__run(unit);", "}"]
-        lines += ["", self._trigger(), "{", f"{_INDENT}unit->run.fault.problem = FB_FINE;"]
+        lines += ["", self._heads.trigger(), "{", f"{_INDENT}unit->run.fault.problem = FB_FINE;"]
         lines += [f"{_INDENT}fb_push(&unit->run, entry);", f"{_INDENT}return {name}__run(unit);", "}"]
-        for number in self._servers():
-            lines += ["", self._deliver(number), "{", *_indented(self._delivered(number)), "}"]
-            lines += ["", self._exchange(number), "{", *_indented(self._exchanged(number)), "}"]
+        for number in self._heads.servers():
+            lines += ["", self._heads.deliver(number), "{", *_indented(self._delivered(number)), "}"]
+            lines += ["", self._heads.exchange(number), "{", *_indented(self._exchanged(number)), "}"]
         return lines
 
     def _delivered(self, number: int) -> list[str]:
         node, block = self._nodes[number], f"unit->{self._layout.members[number]}"
         outputs = [event.name for event in node.interface.event_outputs]
-        lines = ["unit->run.fault.problem = FB_FINE;", f"if (!{block}.{OPEN}) {{"]
+        lines = ["unit->run.fault.problem = FB_FINE;", "(void)request;", f"if (!{block}.{OPEN}) {{"]
         lines += [f"{_INDENT}return FB_NOT_OPEN;", "}", f"{block}.{ANSWERS} = 0;"]
-        for name, kind in _values(node, "RD_"):
+        for name, kind in values_of(node, "RD_"):
             lines += copied(f"{block}.{name}", f"request->{name}", kind)
         lines += [f"{block}.QO = true;", f'fb_assign(&{block}.STATUS, fb_literal("OK", 2));']
         lines += [f"fb_issue(&unit->run, {self._layout.outputs[number] + outputs.index('IND')});"]
@@ -316,7 +283,7 @@ int32_t {name}__run(struct {name} *unit)
         lines += ["if (problem != FB_FINE) {", f"{_INDENT}return problem;", "}"]
         lines += [f"problem = {self._name}__run(unit);", f"if (problem == FB_FINE && {block}.{ANSWERS} != 1) {{"]
         lines += [*_indented([f"unit->run.fault.value = {block}.{ANSWERS};", "problem = FB_NO_ANSWER;"]), "}"]
-        for name, kind in _values(node, "SD_"):
+        for name, kind in values_of(node, "SD_"):
             lines += copied(f"answer->{name}", f"{block}.{name}", kind)
         return [*lines, "return problem;"]
 
@@ -363,40 +330,12 @@ void {name}__write(struct {name} *unit, const struct fb_variable *variable, cons
         return [*lines, *access.splitlines()]
 
 
-def _values(node: Node, prefix: str) -> list[tuple[str, DataType]]:
-    """The values that a communication block receives (RD_) or sends (SD_)."""
-    found = []
-    for variable in (*node.interface.inputs, *node.interface.outputs):
-        if variable.name.startswith(prefix):
-            assert not isinstance(variable.type, model.GenericType)
-            found.append((variable.name, variable.type))
-    return found
-
-
 def _widened(target: str, source: str, given: model.VariableType, wanted: model.VariableType) -> list[str]:
     """The assignment of a connection, with its implicit widening."""
     assert not isinstance(wanted, model.GenericType)
     if given == wanted or not isinstance(wanted, ElementaryType) or wanted.kind == "string":
         return copied(target, source, wanted)
     return [f"{target} = ({c_type(wanted)}){source};"]
-
-
-def structures(types: Iterable[DataType]) -> list[str]:
-    """Definitions of the structures among the types, those that others consist of first."""
-    lines: dict[str, list[str]] = {}
-
-    def add(data_type: DataType) -> None:
-        if isinstance(data_type, ArrayType):
-            add(data_type.element)
-        elif isinstance(data_type, StructType) and data_type.name not in lines:
-            for member in data_type.members:
-                add(member.type)
-            members = [f"{declaration(c_name(member.name), member.type)};" for member in data_type.members]
-            lines[data_type.name] = ["", f"{c_type(data_type)} {{", *_indented(members), "};"]
-
-    for data_type in types:
-        add(data_type)
-    return [line for definition in lines.values() for line in definition]
 
 
 def _indented(lines: Iterable[str]) -> list[str]:

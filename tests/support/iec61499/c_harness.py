@@ -11,7 +11,8 @@ import pytest
 
 from dtwin.iec61499.native import memory
 from dtwin.iec61499.native.build import FLAGS, compile_unit, compilers
-from dtwin.iec61499.native.unit import Unit, structures
+from dtwin.iec61499.native.heads import structures
+from dtwin.iec61499.native.unit import Unit
 from dtwin.iec61499.st.c.expressions import Places
 from dtwin.iec61499.st.c.names import c_name, declaration
 from dtwin.iec61499.st.c.translate import c_function

@@ -355,7 +355,8 @@ def _date(source: ElementaryType, target: ElementaryType, inner: str) -> Fragmen
     if source.name.removeprefix("L") == target.name.removeprefix("L"):
         return Fragment(inner, _TIGHT)
     time = f"fb_time_of_day({inner})"
-    return Fragment(time, _TIGHT) if target.name.endswith("TOD") else Fragment(f"{inner} - {time}", _LOOSE)
+    date = f"(int64_t)((uint64_t){inner} - (uint64_t){time})"
+    return Fragment(time if target.name.endswith("TOD") else date, _TIGHT)
 
 
 def _signedness(data_type: ElementaryType) -> str:

@@ -335,7 +335,7 @@ class PythonExpressions:
         time = Fragment(f"{inner.at_least(PRODUCT)} % {_DAY}", PRODUCT, 0, _DAY)
         if target.name.endswith("TOD"):
             return time
-        return Fragment(f"{inner.at_least(SUM)} - {time.text}", SUM, *bounds(target))
+        return Fragment(f"{inner.at_least(SUM)} - {time.text}", SUM, inner.low - _DAY, inner.high)
 
     def _cast_char(self, source: ElementaryType, target: ElementaryType, inner: Fragment) -> Fragment:
         if source.kind == "bits":

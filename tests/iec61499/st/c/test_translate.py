@@ -77,6 +77,7 @@ CASES: list[tuple[str, dict[str, Any]]] = [
     ("B := S < 'abd' AND S >= ''; C := MAX(S, 'é') = 'é';", {"S": "abc\0"}),
     ("CH := STRING_TO_CHAR(S); S := CHAR_TO_STRING(CJ); B := CH < CJ;", {"S": "xy", "CJ": "b"}),
     ("DB := DT_TO_TOD(DA); DC := DT_TO_DATE(DA);", {"DA": -1}),
+    ("DB := DT_TO_TOD(DA); DC := DT_TO_DATE(DA);", {"DA": -(2**63)}),
     ("T := DA - DA; DA := DA + T#1d;", {"DA": 5}),
     ("PT.X := 1.5; PT.NAME := 'a'; PU := PT; PS[2] := PU; X := PS[2].X; S := PS[2].NAME;", {}),
     ("FOR I := 0 TO 2 DO NAMES[I] := CONCAT(NAMES[I], DINT_TO_STRING(I)); END_FOR;", {"NAMES": ["a", "b", ""]}),
