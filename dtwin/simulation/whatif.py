@@ -14,15 +14,15 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from dtwin.controller.motion import STILL, Goal, MotionController
-from dtwin.controller.ports import BLOCKS
+from dtwin.controller.motion import ARM, STILL, Goal, MotionController
+from dtwin.controller.ports import BLOCKS, PATH
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.encoders import Encoders, NoiseKind
 from dtwin.errors import DivergenceError, ParameterError
 from dtwin.iec61499.native.resource import NativeResource
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, ArmParameters, PayloadModel, Triple
-from dtwin.simulation.compiled import CompiledLoop, Motion
 from dtwin.simulation.figures import Array, Figures, figures, triple
+from dtwin.twin.closed_loop import CompiledLoop, Motion
 from dtwin.twin.dynamics import integrate
 from dtwin.twin.rollout import is_weight_only
 
@@ -175,7 +175,7 @@ class Simulator:
     def __init__(self, blocks: Path = BLOCKS) -> None:
         self.controller = MotionController(blocks)
         resource = self.controller.resource
-        self._loop = CompiledLoop(resource, SUBSTEPS) if isinstance(resource, NativeResource) else None
+        self._loop = CompiledLoop(resource, ARM, PATH, SUBSTEPS) if isinstance(resource, NativeResource) else None
 
     def run(self, case: MotionCase, arm_of: Callable[[MotionCase, int], Arm] | None = None) -> Outcome:
         """Simulates a motion.
