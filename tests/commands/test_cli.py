@@ -12,9 +12,11 @@ import pytest
 
 from dtwin.cli import main
 from dtwin.commands.table import COMMANDS
+from dtwin.controller.runtime import VARIABLE
 from dtwin.emulation import MODEL_FILE
 from dtwin.parameters import ROOT
 from dtwin.run.recording import read_log
+from tests.support.iec61499.c_harness import needs_compiler
 
 BLOCKS = ROOT / "fb"
 
@@ -127,6 +129,18 @@ def test_help_of_every_command(capsys: pytest.CaptureFixture[str]) -> None:
             main([*name.split(), "--help"])
         assert done.value.code == 0
         assert f"dtwin {name}" in capsys.readouterr().out
+
+
+@needs_compiler
+def test_a_run_is_the_same_under_both_runtimes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = os.environ.get(VARIABLE)
+    for runtime in ("native", "python"):
+        log = str(tmp_path / f"{runtime}.parquet")
+        assert main(["run", "--duration", "2", "--json", "--runtime", runtime, "--log", log]) == 0
+        assert os.environ.get(VARIABLE) == before
+    assert (tmp_path / "native.parquet").read_bytes() == (tmp_path / "python.parquet").read_bytes()
+    capsys.readouterr()
+    assert "expected one of ('native', 'python')" in complain(capsys, "run", "--runtime", "lua").lower()
 
 
 def test_json_is_one_object_and_nothing_else(

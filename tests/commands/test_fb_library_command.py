@@ -127,6 +127,13 @@ def test_lua_files_hold_the_types(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert [bench.fire("REQ", COUNT_LIMIT=3) for _ in range(6)] == [[], [], ["CNT_CMP"]] * 2
 
 
+def test_c_files_are_a_unit_of_the_resource(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    system = str(BLOCKS / "motion.sys")
+    assert main(["fb", "export", "--format", "c", str(tmp_path), "--system", system]) == 0
+    assert [Path(line).name for line in capsys.readouterr().out.splitlines()] == ["fb.h", "motion.h", "motion.c"]
+    assert "int32_t motion__exchange__ARM(struct motion *unit" in (tmp_path / "motion.h").read_text()
+
+
 def test_a_boot_file_runs_the_cell(tmp_path: Path) -> None:
     system = tmp_path / "cell.sys"
     system.write_text(re.sub(r"localhost:615\d\d", "localhost:0", (BLOCKS / "dtwin.sys").read_text()))

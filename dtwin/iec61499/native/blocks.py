@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -115,11 +116,8 @@ class _Writer:
         for variable in block.interface.outputs:
             if variable.name in late:
                 assert not isinstance(variable.type, model.GenericType)
-                fields.append(
-                    Field(
-                        LATE + c_name(variable.name), variable.type, model.initial_value(variable, block.header.file)
-                    )
-                )
+                initial = model.initial_value(variable, block.header.file)
+                fields.append(Field(LATE + c_name(variable.name), variable.type, initial))
         self._late = {variable.name: variable.type for variable in block.interface.outputs if variable.name in late}
         lines = [line for code in self._algorithms.values() for line in ("", *code.lines)]
         events = [event.name for event in block.interface.event_inputs]
@@ -153,7 +151,7 @@ class _Writer:
 
     def _function(self, name: str, body: list[str], more: str = "") -> list[str]:
         text = "\n".join(body)
-        unused = [f"(void){argument};" for argument in ("self", "run") if argument not in text]
+        unused = [f"(void){argument};" for argument in ("self", "run") if not re.search(rf"\b{argument}\b", text)]
         return ["", self._signature(name, more), "{", *_indented([*unused, *body]), "}"]
 
     def _chart(self, events: Iterable[str]) -> list[str]:

@@ -125,13 +125,13 @@ def _key(subject: str, compiler: Compiler) -> str:
 def _folder() -> Path | None:
     """The folder of kept files; None when there is none that only this user can write."""
     given = os.environ.get("DTWIN_CACHE_DIR")
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "dtwin"
-    folder = Path(given) if given else base / "native"
     try:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "dtwin" / "native"
+        folder = Path(given or base).absolute()  # a name without a folder would be looked for elsewhere
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         status = folder.lstat()
     except (OSError, RuntimeError) as error:
-        log.info("%s: machine code is not kept: %s", folder, error)
+        log.info("machine code is not kept: %s", error)
         return None
     if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.geteuid() or stat.S_IMODE(status.st_mode) & 0o077:
         log.info("%s: machine code is not kept: expected a folder of this user with mode 0700", folder)
