@@ -14,8 +14,8 @@ from dtwin.iec61499.runtime.publication import late_outputs
 from dtwin.iec61499.st.ast import Position
 from dtwin.iec61499.st.c.expressions import Places
 from dtwin.iec61499.st.c.names import c_name, check_supported, declaration
-from dtwin.iec61499.st.c.translate import CCondition, CFunction, c_condition, c_function
-from dtwin.iec61499.types import DataType, ElementaryType
+from dtwin.iec61499.st.c.translate import CCondition, CFunction, c_condition, c_function, moved
+from dtwin.iec61499.types import DataType
 
 LATE: Final = "late__"
 """Begins the name of the member that holds what an output has published."""
@@ -238,19 +238,10 @@ class _Writer:
                         data_type = self._late[output]
                         assert not isinstance(data_type, model.GenericType)
                         name = c_name(output)
-                        lines += copied(f"self->{LATE}{name}", f"self->{name}", data_type)
+                        lines += moved(f"self->{LATE}{name}", f"self->{name}", data_type)
                 number = self._outputs[action.output]
                 lines.append(f"fb_issue(run, self->{OUTPUTS} + {number}); /* {action.output} */")
         return lines
-
-
-def copied(target: str, source: str, data_type: DataType) -> list[str]:
-    """The assignment of one variable to another one of the same type."""
-    if not isinstance(data_type, ElementaryType):
-        return [f"memcpy(&{target}, &{source}, sizeof {target});"]
-    if data_type.kind == "string":
-        return [f"fb_copy(&{target}, &{source});"]
-    return [f"{target} = {source};"]
 
 
 def _indented(lines: Iterable[str]) -> list[str]:

@@ -8,7 +8,7 @@ from struct import Struct
 from typing import Any, Final
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.st.c.names import TEXT
+from dtwin.iec61499.st.c.names import TEXT, places, size_of
 from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, StructType
 
 _INTEGERS: Final = {8: "b", 16: "h", 32: "i", 64: "q"}
@@ -44,34 +44,11 @@ def is_plain(data_type: DataType) -> bool:
     return isinstance(data_type, ElementaryType) and data_type.kind not in ("string", "char")
 
 
-def alignment(data_type: DataType) -> int:
-    """Multiple of bytes at which a variable begins."""
-    match data_type:
-        case ArrayType(element=element):
-            return alignment(element)
-        case StructType(members=members):
-            return max(alignment(member.type) for member in members)
-    return 2 if data_type.kind == "string" else max(data_type.bits // 8, 1)
-
-
-def size(data_type: DataType) -> int:
-    """Bytes from one element of an array to the next."""
-    match data_type:
-        case ArrayType(element=element, length=length):
-            return length * size(element)
-        case StructType(members=members):
-            end = 0
-            for member in members:
-                end = -(-end // alignment(member.type)) * alignment(member.type) + size(member.type)
-            return -(-end // alignment(data_type)) * alignment(data_type)
-    return TEXT + 2 if data_type.kind == "string" else max(data_type.bits // 8, 1)
-
-
 def read(buffer: Any, offset: int, data_type: DataType) -> Any:
     """The value of a variable."""
     match data_type:
         case ArrayType(element=element, length=length):
-            return [read(buffer, offset + i * size(element), element) for i in range(length)]
+            return [read(buffer, offset + i * size_of(element), element) for i in range(length)]
         case StructType(members=members):
             return [read(buffer, offset + place, m.type) for m, place in zip(members, places(members), strict=True)]
     values = Struct(_format(data_type)).unpack_from(buffer, offset)
@@ -85,7 +62,7 @@ def write(buffer: Any, offset: int, data_type: DataType, value: Any) -> None:
     match data_type:
         case ArrayType(element=element):
             for i, item in enumerate(value):
-                write(buffer, offset + i * size(element), element, item)
+                write(buffer, offset + i * size_of(element), element, item)
             return
         case StructType(members=members):
             for member, place, item in zip(members, places(members), value, strict=True):
@@ -95,16 +72,6 @@ def write(buffer: Any, offset: int, data_type: DataType, value: Any) -> None:
         Struct(_format(data_type)).pack_into(buffer, offset, *text_to(value))
     else:
         Struct(_format(data_type)).pack_into(buffer, offset, ord(value) if data_type.kind == "char" else value)
-
-
-def places(members: Sequence[Any]) -> list[int]:
-    """Where the members of a structure are in it."""
-    found, end = [], 0
-    for member in members:
-        start = -(-end // alignment(member.type)) * alignment(member.type)
-        found.append(start)
-        end = start + size(member.type)
-    return found
 
 
 def text_from(length: int, content: bytes) -> str:
@@ -127,7 +94,7 @@ def together(offsets: Sequence[int], types: Sequence[DataType], buffer: Any) -> 
     text, end = "=", offsets[order[0]]
     for k in order:
         text += f"{offsets[k] - end}x{formats(types[k])}"
-        end = offsets[k] + size(types[k])
+        end = offsets[k] + size_of(types[k])
     unpack, first = Struct(text).unpack_from, offsets[order[0]]
     if order == list(range(len(order))):
         return lambda: unpack(buffer, first)

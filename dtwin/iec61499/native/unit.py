@@ -12,7 +12,7 @@ from pathlib import PurePath
 from typing import Final
 
 from dtwin.iec61499 import model
-from dtwin.iec61499.native.blocks import OUTPUTS, BlockCode, block_code, block_fields, copied, structure
+from dtwin.iec61499.native.blocks import OUTPUTS, BlockCode, block_code, block_fields, structure
 from dtwin.iec61499.native.heads import Heads, structures, values_of
 from dtwin.iec61499.native.layout import Layout, is_server
 from dtwin.iec61499.native.services import ANSWERS, ATTACHED, OPEN, service_code
@@ -21,6 +21,7 @@ from dtwin.iec61499.runtime.netlist import Node, Terminal
 from dtwin.iec61499.st.ast import Position
 from dtwin.iec61499.st.c.expressions import Places
 from dtwin.iec61499.st.c.names import c_name, c_type, initialiser, quoted
+from dtwin.iec61499.st.c.translate import moved
 from dtwin.iec61499.types import ElementaryType
 
 _INDENT: Final = "    "
@@ -271,7 +272,7 @@ int32_t {name}__run(struct {name} *unit)
         lines = ["unit->run.fault.problem = FB_FINE;", "(void)request;", f"if (!{block}.{OPEN}) {{"]
         lines += [f"{_INDENT}return FB_NOT_OPEN;", "}", f"{block}.{ANSWERS} = 0;"]
         for name, kind in values_of(node, "RD_"):
-            lines += copied(f"{block}.{name}", f"request->{name}", kind)
+            lines += moved(f"{block}.{name}", f"request->{name}", kind)
         lines += [f"{block}.QO = true;", f'fb_assign(&{block}.STATUS, fb_literal("OK", 2));']
         lines += [f"fb_issue(&unit->run, {self._layout.outputs[number] + outputs.index('IND')});"]
         return [*lines, "return unit->run.fault.problem;"]
@@ -284,7 +285,7 @@ int32_t {name}__run(struct {name} *unit)
         lines += [f"problem = {self._name}__run(unit);", f"if (problem == FB_FINE && {block}.{ANSWERS} != 1) {{"]
         lines += [*_indented([f"unit->run.fault.value = {block}.{ANSWERS};", "problem = FB_NO_ANSWER;"]), "}"]
         for name, kind in values_of(node, "SD_"):
-            lines += copied(f"answer->{name}", f"{block}.{name}", kind)
+            lines += moved(f"answer->{name}", f"{block}.{name}", kind)
         return [*lines, "return problem;"]
 
     def _tables(self) -> list[str]:
@@ -334,7 +335,7 @@ def _widened(target: str, source: str, given: model.VariableType, wanted: model.
     """The assignment of a connection, with its implicit widening."""
     assert not isinstance(wanted, model.GenericType)
     if given == wanted or not isinstance(wanted, ElementaryType) or wanted.kind == "string":
-        return copied(target, source, wanted)
+        return moved(target, source, wanted)
     return [f"{target} = ({c_type(wanted)}){source};"]
 
 

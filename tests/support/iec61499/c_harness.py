@@ -14,7 +14,7 @@ from dtwin.iec61499.native.build import FLAGS, compile_unit, compilers
 from dtwin.iec61499.native.heads import structures
 from dtwin.iec61499.native.unit import Unit
 from dtwin.iec61499.st.c.expressions import Places
-from dtwin.iec61499.st.c.names import c_name, declaration
+from dtwin.iec61499.st.c.names import c_name, declaration, size_of
 from dtwin.iec61499.st.c.translate import c_function
 from dtwin.iec61499.st.semantics import ITERATION_LIMIT
 from dtwin.iec61499.st.typed import CheckedAlgorithm
@@ -54,7 +54,7 @@ def run_c(programs: Sequence[Program], folder: Path, flags: tuple[str, ...] = ()
     results: list[dict[str, Any] | int] = []
     for number, (_, scope, values) in enumerate(programs):
         block = StructType("block", tuple(Member(name, kind, kind.default) for name, kind in scope.items()))
-        buffer = ctypes.create_string_buffer(memory.size(block))
+        buffer = ctypes.create_string_buffer(size_of(block))
         memory.write(buffer, 0, block, [values.get(name, kind.default) for name, kind in scope.items()])
         library.prepare(run)
         getattr(library, f"algorithm{number}")(buffer, run)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from typing import Any, Final
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.st.ast import Position
-from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, StructType
+from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, Member, StructType
 
 TEXT: Final = 254
 """Most bytes of a STRING in C: FB_TEXT of fb.h."""
@@ -92,13 +93,34 @@ def elementary_types(data_type: DataType) -> list[ElementaryType]:
 
 
 def size_of(data_type: DataType) -> int:
-    """Bytes of a variable in C, without what is left free between members."""
+    """Bytes from one element of an array of that type to the next."""
     match data_type:
         case ArrayType(element=element, length=length):
             return length * size_of(element)
         case StructType(members=members):
-            return sum(size_of(member.type) for member in members)
+            end = places(members)[-1] + size_of(members[-1].type)
+            return -(-end // alignment(data_type)) * alignment(data_type)
     return TEXT + 2 if data_type.kind == "string" else max(data_type.bits // 8, 1)
+
+
+def alignment(data_type: DataType) -> int:
+    """Multiple of bytes at which a variable begins."""
+    match data_type:
+        case ArrayType(element=element):
+            return alignment(element)
+        case StructType(members=members):
+            return max(alignment(member.type) for member in members)
+    return 2 if data_type.kind == "string" else max(data_type.bits // 8, 1)
+
+
+def places(members: Sequence[Member]) -> list[int]:
+    """Where the members of a structure are in it, in bytes."""
+    found, end = [], 0
+    for member in members:
+        start = -(-end // alignment(member.type)) * alignment(member.type)
+        found.append(start)
+        end = start + size_of(member.type)
+    return found
 
 
 def number(value: Any, data_type: ElementaryType) -> str:

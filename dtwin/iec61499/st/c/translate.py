@@ -107,7 +107,7 @@ class _CGenerator:
         if self._expressions.can_fail and access.writes:
             lines += ["if (!fb_fine(run)) {", f"{_INDENT}return;", "}"]
         for name in access.writes:
-            lines += _moved(f"self->{c_name(name)}", c_name(name), checked.variables[name])
+            lines += moved(f"self->{c_name(name)}", c_name(name), checked.variables[name])
         if self._returns and not access.writes:
             lines.append(";")
         if not any(_RUN.search(line) for line in lines):
@@ -247,14 +247,14 @@ def _variable(name: str, data_type: DataType, source: str | None) -> list[str]:
     if isinstance(data_type, ElementaryType) and data_type.kind != "string":
         return [f"{declaration(local, data_type)} = {source or '0'};"]
     if source is not None:
-        return [f"{declaration(local, data_type)};", *_moved(local, source, data_type)]
+        return [f"{declaration(local, data_type)};", *moved(local, source, data_type)]
     if isinstance(data_type, ElementaryType):
         return [f"{declaration(local, data_type)};", f"{local}.length = 0;"]
     return [f"{declaration(local, data_type)};", f"memset(&{local}, 0, sizeof {local});"]
 
 
-def _moved(target: str, source: str, data_type: DataType) -> list[str]:
-    """The assignment of one place to another."""
+def moved(target: str, source: str, data_type: DataType) -> list[str]:
+    """The assignment of one place to another one of the same type."""
     if not isinstance(data_type, ElementaryType):
         return [f"memcpy(&{target}, &{source}, sizeof {target});"]
     if data_type.kind == "string":
