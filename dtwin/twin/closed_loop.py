@@ -1,7 +1,4 @@
-"""The arm under a controller in machine code: a whole motion in one compiled call, on one core, without the GIL.
-
-Numba notices edits of this file but not of dynamics.py, whose `integrate` it calls and does not inline.
-"""
+"""The arm under a controller in machine code: a whole motion in one compiled call, on one core, without the GIL."""
 
 from __future__ import annotations
 
@@ -18,6 +15,7 @@ from numpy.typing import NDArray
 from dtwin.errors import DivergenceError
 from dtwin.iec61499.native.resource import NativeResource
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, ArmParameters, PayloadModel
+from dtwin.twin import dynamics
 from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import Array, integrate
 from dtwin.twin.rollout import is_weight_only
@@ -39,7 +37,7 @@ def _exchange(typing: Any, function: Any, unit: Any, request: Any, answer: Any) 
     return types.int32(types.int64, types.int64, types.int64, types.int64), generate
 
 
-@kernel(nogil=True)
+@kernel(nogil=True, uses=dynamics)
 def closed_loop(
     function: int,
     unit: int,

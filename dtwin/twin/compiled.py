@@ -16,6 +16,7 @@ from functools import partial
 from importlib.machinery import PathFinder
 from importlib.util import find_spec, module_from_spec
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Final
 
 import numba
@@ -28,16 +29,17 @@ BLAS: Final = "scipy.linalg.cython_blas"
 """Module in which Numba finds the functions for products of matrices."""
 
 
-def kernel(function: Callable[..., Any] | None = None, *, nogil: bool = False) -> Any:
+def kernel(function: Callable[..., Any] | None = None, *, nogil: bool = False, uses: ModuleType | None = None) -> Any:
     """Decorates a function that Numba compiles at its first call, or loads compiled.
 
-    With nogil other threads run meanwhile, which costs a short call too much.
+    With nogil other threads run meanwhile, which costs a short call too much. `uses` is a module of which it calls
+    kernels: it is compiled again when that has changed, too, which Numba by itself does not notice.
     """
     if function is None:
-        return partial(kernel, nogil=nogil)
+        return partial(kernel, nogil=nogil, uses=uses)
     dispatcher = numba.njit(error_model="numpy", nogil=nogil)(function)
     try:
-        dispatcher._cache = _Cache(function)
+        dispatcher._cache = _Cache(function, uses)
     except RuntimeError as error:  # no folder can be written
         log.info("%s", error)
     return dispatcher
@@ -65,11 +67,13 @@ _load_blas()
 class _Cache(FunctionCache):
     """The compiled forms of one kernel, in checked files."""
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Callable[..., Any], uses: ModuleType | None) -> None:
         super().__init__(function)
-        self._cache_file = _CheckedFile(
-            self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp()
-        )
+        stamp = self._impl.locator.get_source_stamp()
+        if uses is not None and uses.__file__ is not None:
+            status = Path(uses.__file__).stat()
+            stamp = (stamp, status.st_mtime, status.st_size)
+        self._cache_file = _CheckedFile(self._cache_path, self._impl.filename_base, stamp)
 
     def save_overload(self, sig: Any, data: Any) -> None:
         try:
