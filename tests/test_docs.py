@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from dtwin.cli import COMMANDS, main
+from dtwin.cli import main
+from dtwin.commands.table import COMMANDS
 from dtwin.emulation.faults import TARGETS, parse_fault
 from dtwin.emulation.machine.sections import SECTIONS, declared
 from dtwin.monitoring.kinds import parse_fault_id
