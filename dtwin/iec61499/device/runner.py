@@ -1,8 +1,8 @@
 """Runs a resource in real time: on a reactor's sockets and the monotonic clock.
 
-Resources take turns. In one turn of the reactor a resource delivers events for `TURN`, then the others have theirs;
-one algorithm may compute for `COMPUTING_TIME`. What comes from outside waits until the event chain before it has
-ended, as in 4diac FORTE.
+Resources take turns. In one turn of the reactor a resource delivers events for `TURN`, then the others have theirs,
+and who is due goes before who has more to do; one algorithm may compute for `COMPUTING_TIME`. What comes from outside
+waits until the event chain before it has ended, as in 4diac FORTE.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class Runner:
         self._transport = NetworkTransport(reactor, local, self.perform, self.receive, management)
         iterations = chain.from_iterable(self._rounds())
         self._resource = Resource(network, library, self._transport, lambda: iterations)
-        self._origin = time.monotonic_ns()
+        self._origin = 0
 
     @property
     def addresses(self) -> dict[str, StreamAddress]:
@@ -99,6 +99,7 @@ class Runner:
         return self._closed
 
     def start(self) -> None:
+        self._origin = time.monotonic_ns()
         self.perform(self._resource.issue_start)
 
     def pause(self) -> None:
@@ -170,7 +171,7 @@ class Runner:
             action()
         elif not self._paused and len(self._waiting) < WAITING:
             self._waiting.append(action)
-            self._arm()
+            self._arm(idle=False)
 
     def _run(self) -> None:
         """Delivers events until none is left or the turn is over. Here every error of a block ends."""
@@ -178,8 +179,8 @@ class Runner:
         began = time.thread_time()
         self._computing_ends = began + COMPUTING_TIME
         try:
-            idle = self._deliver()
-            self._account(idle, time.thread_time() - began)
+            idle, ended = self._deliver()
+            self._account(ended, time.thread_time() - began)
         except Exception as error:
             log.error("resource %s ended: %s", self._name, _text(error))
             self.close()
@@ -187,22 +188,26 @@ class Runner:
             return
         finally:
             self._busy = False
-        self._arm()
+        self._arm(idle)
 
-    def _deliver(self) -> bool:
-        """Returns whether nothing is left to do."""
+    def _deliver(self) -> tuple[bool, bool]:
+        """Returns whether nothing is left to do, and whether an event chain has come to its end."""
         resource, waiting = self._resource, self._waiting
         if self._reactor.turn != self._turn:
             self._turn = self._reactor.turn
             self._turn_ends = time.monotonic() + TURN
+        ended = False
         while time.monotonic() < self._turn_ends:
             if self._change is not None:
                 self._change_before_event()
-            if not (resource.run_batch(EVENTS) or resource.ring(time.monotonic_ns() - self._origin)):
+            if resource.run_batch(EVENTS):
+                continue
+            ended = True
+            if not resource.ring(time.monotonic_ns() - self._origin):
                 if not waiting:
-                    return True
+                    return True, ended
                 waiting.popleft()()
-        return False
+        return False, ended
 
     def _change_before_event(self) -> None:
         try:
@@ -210,9 +215,9 @@ class Runner:
         except FunctionBlockError as error:
             log.error("resource %s keeps the network that it had: %s", self._name, error)
 
-    def _account(self, idle: bool, computed: float) -> None:
+    def _account(self, ended: bool, computed: float) -> None:
         """Bounds how long an event chain computes over several turns, and how late the resource may be."""
-        self._computed = 0.0 if idle else self._computed + computed
+        self._computed = 0.0 if ended else self._computed + computed
         if self._computed > CHAIN_TIME:
             self._computed = 0.0
             self._resource.end_chain(f"events that follow from one took more than {CHAIN_TIME:g} s")
@@ -230,16 +235,17 @@ class Runner:
             before, now = now, time.thread_time()
             size = min(2 * size, 64) if now - before < _ROUND else max(1, size // 2)
 
-    def _arm(self) -> None:
-        """Sets the timer to when there is something to do: at once, or when the next timed block is due."""
-        due = AT_ONCE if self._waiting or not self._resource.is_idle else self._resource.next_timer()
+    def _arm(self, idle: bool) -> None:
+        """Sets the timer to when there is something to do: in the next turn, or when the next timed block is due."""
+        due = self._resource.next_timer() if idle else AT_ONCE
         if due == self._due:
             return
         self._disarm()
         self._due = due
-        if due is not None:
-            when = self._reactor.now() if due == AT_ONCE else (self._origin + due) / 1e9
-            self._timer = self._reactor.call_at(when, self._ring)
+        if due == AT_ONCE:
+            self._timer = self._reactor.call_soon(self._ring)
+        elif due is not None:
+            self._timer = self._reactor.call_at((self._origin + due) / 1e9, self._ring)
 
     def _ring(self) -> None:
         self._timer = self._due = None

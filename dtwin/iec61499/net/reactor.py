@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import heapq
-import itertools
 import selectors
 import socket
 import time
+from collections import deque
 from collections.abc import Callable
 from types import TracebackType
 from typing import Final
@@ -35,7 +35,11 @@ class Timer:
 class Reactor:
     """Waits for sockets and timers and calls back, always in the thread that calls `run`.
 
-    Only `stop` may be called from another thread or from a signal handler.
+    Only `stop` and `call_soon_threadsafe` may be called from another thread, `stop` also from a signal handler.
+
+    In one turn one of the calls that were asked for soon is made, then every socket that is ready and every timer
+    that is due has its turn; timers are looked at again after every socket. A timer asked for in a turn waits for the
+    next one. So who has more to do asks to be called soon, and holds up a timer by what it does at a time.
 
     Attributes:
         turn: how often the sockets and timers have had their turn.
@@ -46,7 +50,9 @@ class Reactor:
         self._selector = selectors.DefaultSelector()
         self._callbacks: dict[int, Callable[[int], None]] = {}
         self._timers: list[tuple[float, int, Timer]] = []
-        self._order = itertools.count()
+        self._soon: deque[Timer] = deque()
+        self._asked = 0
+        self._asked_before = 0
         self._crowded = CROWDED
         self._stopping = False
         self._wake_receiver, self._wake_sender = socket.socketpair()
@@ -87,8 +93,20 @@ class Reactor:
             self._timers = [entry for entry in self._timers if entry[2].callback is not None]
             heapq.heapify(self._timers)
             self._crowded = 2 * len(self._timers) + CROWDED
-        heapq.heappush(self._timers, (when, next(self._order), timer))
+        heapq.heappush(self._timers, (when, self._asked, timer))
+        self._asked += 1
         return timer
+
+    def call_soon(self, callback: Callable[[], None]) -> Timer:
+        """Calls back once, in one of the next turns; calls keep the order they were asked for."""
+        timer = Timer(callback)
+        self._soon.append(timer)
+        return timer
+
+    def call_soon_threadsafe(self, callback: Callable[[], None]) -> None:
+        """As `call_soon`, from any thread."""
+        self.call_soon(callback)
+        self._wake()
 
     def run(self) -> None:
         """Serves until `stop`."""
@@ -99,27 +117,34 @@ class Reactor:
     def run_once(self, timeout: float | None) -> None:
         """Serves what is ready, waiting for it at most `timeout` s (None: until something is)."""
         self.turn += 1
-        due = self._until_next_timer()
+        self._asked_before = self._asked
+        if self._soon:
+            _call(self._soon.popleft())
+        due = 0.0 if self._soon else self._until_next_timer()
         waits = [wait for wait in (timeout, due) if wait is not None]
         for key, events in self._selector.select(min(waits) if waits else None):
             # an earlier callback of this round may have closed the socket
             callback = self._callbacks.get(key.fd)
             if callback is not None:
                 callback(events)
+                self._call_due()
         self._call_due()
 
     def stop(self) -> None:
         """Makes `run` return after the callback in progress."""
         self._stopping = True
-        # a full pipe has woken the loop already
-        with contextlib.suppress(BlockingIOError):
-            self._wake_sender.send(b"\0")
+        self._wake()
 
     def close(self) -> None:
         """Closes the loop's own sockets; those under watch are closed by their owners."""
         self._selector.close()
         self._wake_receiver.close()
         self._wake_sender.close()
+
+    def _wake(self) -> None:
+        # a full pipe has woken the loop already
+        with contextlib.suppress(BlockingIOError):
+            self._wake_sender.send(b"\0")
 
     def _drain(self, events: int) -> None:
         self._wake_receiver.recv(4096)
@@ -130,9 +155,20 @@ class Reactor:
         return min(max(0.0, self._timers[0][0] - self.now()), LONGEST_WAIT) if self._timers else None
 
     def _call_due(self) -> None:
+        """Calls back those that are due and were asked for before this turn."""
         now = self.now()
+        due: list[tuple[float, int, Timer]] = []
+        new: list[tuple[float, int, Timer]] = []
         while self._timers and self._timers[0][0] <= now:
-            _, _, timer = heapq.heappop(self._timers)
-            if timer.callback is not None:
-                callback, timer.callback = timer.callback, None
-                callback()
+            entry = heapq.heappop(self._timers)
+            (due if entry[1] < self._asked_before else new).append(entry)
+        for entry in new:
+            heapq.heappush(self._timers, entry)
+        for _, _, timer in due:
+            _call(timer)
+
+
+def _call(timer: Timer) -> None:
+    if timer.callback is not None:
+        callback, timer.callback = timer.callback, None
+        callback()

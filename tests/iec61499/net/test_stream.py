@@ -8,6 +8,7 @@ import threading
 import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
+from functools import partial
 from typing import Any
 
 import pytest
@@ -87,6 +88,43 @@ def test_timers_come_in_order_and_cancelled_ones_never(reactor: Reactor) -> None
     pump(reactor, lambda: len(seen) == 3)
     assert seen == ["first", "second", "late"]
     assert reactor.now() >= now + 0.002
+
+
+def test_a_timer_asked_for_when_it_is_due_already_waits_for_the_next_turn(reactor: Reactor) -> None:
+    seen: list[str] = []
+
+    def again() -> None:
+        seen.append("timer")
+        reactor.call_at(reactor.now() - 1.0, again)
+
+    near, far = socket.socketpair()
+    with near, far:
+        reactor.watch(near, READ, lambda events: seen.append(near.recv(1).decode()))
+        reactor.call_at(reactor.now(), again)
+        for text in ("a", "b"):
+            far.send(text.encode())
+            reactor.run_once(0.0)
+        reactor.forget(near)
+    assert seen == ["a", "timer", "b", "timer"]
+
+
+def test_one_call_asked_for_soon_is_made_in_a_turn(reactor: Reactor) -> None:
+    seen: list[str] = []
+    for name in ("first", "second"):
+        reactor.call_soon(partial(seen.append, name))
+    reactor.call_soon(lambda: seen.append("never")).cancel()
+    reactor.call_at(reactor.now(), lambda: seen.append("timer"))
+    reactor.run_once(None)
+    assert seen == ["first", "timer"]
+    reactor.run_once(None)
+    assert seen == ["first", "timer", "second"]
+
+
+def test_another_thread_asks_for_a_call(reactor: Reactor) -> None:
+    thread = threading.Thread(target=lambda: reactor.call_soon_threadsafe(reactor.stop))
+    thread.start()
+    reactor.run()
+    thread.join()
 
 
 def test_stop_from_another_thread_ends_run(reactor: Reactor) -> None:
