@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import itertools
 import logging
 import signal
@@ -77,6 +78,9 @@ class FbRun:
                 for name, where in device.addresses().items():
                     print(printable(f"{name} on {where}"))
                 print("running; Ctrl-C ends it", flush=True)
+                # a look through all that has been loaded takes longer than a tick may
+                gc.collect()
+                gc.freeze()
                 reactor.run()
                 server.close()
             finally:

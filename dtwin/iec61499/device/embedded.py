@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable
+from functools import partial
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.device.managed_resource import ManagedResource
+from dtwin.iec61499.device.preparation import Preparation, Worker
 from dtwin.iec61499.device.requests import answer_on_types, execute
 from dtwin.iec61499.device.runner import Runner
 from dtwin.iec61499.library import Library
@@ -35,6 +37,9 @@ RESOURCE_TYPE = "EMB_RES"
 class EmbeddedDevice:
     """Holds the resources and answers management requests.
 
+    What takes long in a request, such as compiling a type, is done in a thread while the resources go on; the request
+    is carried out afterwards, between events.
+
     Args:
         reactor: the event loop that serves all sockets and timers.
         library: the block types that the device has.
@@ -48,11 +53,13 @@ class EmbeddedDevice:
         self._management = management
         self._local = LocalTransport()
         self._resources: dict[str, ManagedResource] = {}
-        self._runners: list[Runner] = []
+        self._preparation = Preparation(library)
+        self._worker = Worker(reactor)
 
     def addresses(self) -> dict[str, StreamAddress]:
         """Where SERVER and SUBSCRIBE blocks listen, by dotted name."""
-        return {name: address for runner in self._runners for name, address in runner.addresses.items()}
+        resources = self._resources.values()
+        return {name: address for resource in resources for name, address in resource.addresses().items()}
 
     def load_system(self, system: model.System, name: str = "") -> None:
         """Creates and starts the resources of a system configuration.
@@ -64,6 +71,7 @@ class EmbeddedDevice:
         Raises:
             FunctionBlockError: the system is wrong.
         """
+        made = []
         for device in [device for device in system.devices if name in ("", device.name)]:
             for declared in device.resources:
                 network = resource_network(system, f"{device.name}.{declared.name}")
@@ -75,10 +83,13 @@ class EmbeddedDevice:
                     )
                 resource = ManagedResource(declared.name, RESOURCE_TYPE, self._library, self._launch, network)
                 self._resources[declared.name] = resource
-                try:
-                    resource.change_state("START")
-                except ManagementError as error:
-                    raise FunctionBlockError(str(error)) from None
+                made.append(resource)
+                self._preparation.prepare_network(network)
+        for resource in made:
+            try:
+                resource.change_state("START")
+            except ManagementError as error:
+                raise FunctionBlockError(str(error)) from None
 
     def load_commands(self, commands: Iterable[Command], file: str = "") -> None:
         """Carries out a boot file.
@@ -93,21 +104,31 @@ class EmbeddedDevice:
                 message = f"{command.request} refused: {error.reason}, {error}"
                 raise FunctionBlockError(message, file, command.line) from None
 
-    def handle(self, resource: str, text: str) -> str:
-        """Answers a management request; both are XML. A refusal is one line in the log.
+    def handle(self, resource: str, text: str, answer: Callable[[str], None]) -> None:
+        """Answers a management request, now or when what it needs is ready; both are XML.
 
-        A request that the device does not support is logged below warnings: a client may ask to find out.
+        A refusal is one line in the log. A request that the device does not support is logged below warnings: a
+        client may ask to find out. Until the answer no other request may come.
         """
         try:
-            return self.execute(resource, parse_request(text)).xml()
-        except ManagementError as error:
-            level = logging.INFO if error.reason == "UNSUPPORTED_CMD" else logging.WARNING
-            log.log(level, "management: %s", error)
-            return Response(request_id(text), error.reason).xml()
+            request = parse_request(text)
+            slow = self._slow_part(resource, request)
         except Exception as error:
-            # nothing that a client asks for ends the device
-            log.error("management: %.200s: %s: %s", text, type(error).__name__, error)
-            return Response(request_id(text), "INVALID_OPERATION").xml()
+            answer(_refused(text, error))
+            return
+
+        def finish(prepared: Callable[[], Response | None]) -> None:
+            try:
+                response = (prepared() or self._execute(resource, request)).xml()
+            except Exception as error:
+                # nothing that a client asks for ends the device
+                response = _refused(text, error)
+            answer(response)
+
+        if slow is None:
+            finish(lambda: None)
+        else:
+            self._worker.submit(slow, lambda outcome: finish(outcome.result))
 
     def execute(self, resource: str, request: Request) -> Response:
         """Carries out a request to a resource, or with "" to the device.
@@ -115,6 +136,24 @@ class EmbeddedDevice:
         Raises:
             ManagementError: the request is refused; carries the reason.
         """
+        slow = self._slow_part(resource, request)
+        return (slow() if slow is not None else None) or self._execute(resource, request)
+
+    def _slow_part(self, resource: str, request: Request) -> Callable[[], Response | None] | None:
+        """What takes long in a request, which may be done in another thread; it gives the response if it is all."""
+        action, subject = request.action, request.subject
+        if isinstance(subject, ManagedType) and resource in ("", *self._resources):
+            return partial(answer_on_types, request, subject, self._library)
+        block = subject if isinstance(subject, ManagedBlock) else None
+        if block is not None and resource and action == "CREATE":
+            name = block.type_name
+            return None if self._preparation.is_ready(name) else partial(self._preparation.prepare, name)
+        if action == "START" and (subject is None) == bool(resource):
+            found = self._resources.get(resource or (block.name if block is not None else ""))
+            return found.prepare if found is not None else None
+        return None
+
+    def _execute(self, resource: str, request: Request) -> Response:
         if not resource:
             return self._execute_here(request)
         if resource not in self._resources:
@@ -123,9 +162,9 @@ class EmbeddedDevice:
 
     def close(self) -> None:
         """Ends all resources."""
+        self._worker.close()
         for resource in self._resources.values():
             resource.close()
-        self._runners.clear()
 
     def _execute_here(self, request: Request) -> Response:
         action, subject = request.action, request.subject
@@ -173,7 +212,13 @@ class EmbeddedDevice:
         self._resources[subject.name] = resource
 
     def _launch(self, network: model.FBNetwork, failed: Callable[[], None]) -> Runner:
-        self._runners = [runner for runner in self._runners if not runner.is_closed]
-        runner = Runner(network.file, self._reactor, network, self._library, self._local, self._management, failed)
-        self._runners.append(runner)
-        return runner
+        return Runner(network.file, self._reactor, network, self._library, self._local, self._management, failed)
+
+
+def _refused(text: str, error: Exception) -> str:
+    """The response to a request that is refused."""
+    if isinstance(error, ManagementError):
+        log.log(logging.INFO if error.reason == "UNSUPPORTED_CMD" else logging.WARNING, "management: %s", error)
+        return Response(request_id(text), error.reason).xml()
+    log.error("management: %.200s: %s: %s", text, type(error).__name__, error)
+    return Response(request_id(text), "INVALID_OPERATION").xml()

@@ -20,6 +20,7 @@ from dtwin.iec61499.management.protocol import (
     RequestAction,
     Watched,
 )
+from dtwin.iec61499.net.address import StreamAddress
 from dtwin.iec61499.runtime.operation import EventCounts, Operation
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.types import DataType
@@ -38,6 +39,10 @@ WATCHES: Final = 256
 
 class Running(Protocol):
     """A network made to run."""
+
+    @property
+    def addresses(self) -> dict[str, StreamAddress]:
+        """Where the open SERVER and SUBSCRIBE blocks listen, by the block's dotted name."""
 
     def start(self) -> None:
         """Issues the COLD event of E_RESTART."""
@@ -100,6 +105,7 @@ class ManagedResource:
         self._drawn = DrawnNetwork(name, library, network or model.FBNetwork(file=name))
         self._launch = launch
         self._running: Running | None = None
+        self._prepared: Running | ManagementError | None = None
         self._watched: dict[str, None] = {}
         self._forced: dict[str, Any] = {}
         self._halted: dict[str, ResourceState] = {}
@@ -108,6 +114,10 @@ class ManagedResource:
         self._counts = EventCounts()
         if network is None:
             self._drawn.create_block("START", "E_RESTART")
+
+    def addresses(self) -> dict[str, StreamAddress]:
+        """Where its SERVER and SUBSCRIBE blocks listen, by the block's dotted name."""
+        return self._running.addresses if self._running is not None else {}
 
     def blocks(self) -> tuple[ManagedBlock, ...]:
         return self._drawn.blocks()
@@ -262,26 +272,43 @@ class ManagedResource:
             self._halted.clear()
             self._fresh.clear()
 
+    def prepare(self) -> None:
+        """Compiles what the next START runs; until then nothing else may be done to the resource.
+
+        It may be called in another thread than everything else. Why it is impossible, START tells.
+        """
+        if self._running is not None or self.state != "IDLE":
+            return
+        try:
+            self._prepared = self._compiled()
+        except ManagementError as error:
+            self._prepared = error
+
     def _start(self) -> None:
         if self._running is not None:
             self.state = "RUNNING"
             self._running.resume()
             return
-        try:
-            running = self._launch(self.network(), self._ended)
-        except DtwinError as error:
-            raise ManagementError("INVALID_OPERATION", f"{self.name} cannot start: {error}") from None
-        try:
-            for name, literal in self._drawn.presets.items():
-                running.write(name, value_of(literal, running.type_of(name)))
-        except DtwinError as error:
-            running.close()
-            raise ManagementError("INVALID_OPERATION", f"{self.name} cannot start: {error}") from None
-        self._running = running
+        if self._prepared is None:
+            self.prepare()
+        prepared, self._prepared = self._prepared, None
+        assert prepared is not None
+        if isinstance(prepared, ManagementError):
+            raise prepared
+        self._running = prepared
         self.state = "RUNNING"
         if self._forced or self._counts.counts:
             self._changed()
-        running.start()
+        prepared.start()
+
+    def _compiled(self) -> Running:
+        try:
+            running = self._launch(self.network(), self._ended)
+            for name, literal in self._drawn.presets.items():
+                running.write(name, value_of(literal, running.type_of(name)))
+        except DtwinError as error:
+            raise ManagementError("INVALID_OPERATION", f"{self.name} cannot start: {error}") from None
+        return running
 
     def _ended(self) -> None:
         self._running = None

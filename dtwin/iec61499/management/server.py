@@ -1,10 +1,15 @@
-"""Serves device management at an address, to several clients at once."""
+"""Serves device management at an address, to several clients at once.
+
+Requests are carried out one after another, in the order in which they come, at most one in a turn of the reactor.
+"""
 
 from __future__ import annotations
 
 import logging
 import socket
+from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 from dtwin.errors import CommunicationError
@@ -19,8 +24,8 @@ log = logging.getLogger(__name__)
 CLIENTS: Final = 32
 """Most clients at once; one more takes the place of one without a request yet, else of the one silent longest."""
 
-RequestHandler = Callable[[str, str], str]
-"""Takes the resource's name and the request as XML; returns the response as XML."""
+RequestHandler = Callable[[str, str, Callable[[str], None]], None]
+"""Takes the resource's name and the request as XML; gives the response as XML to a function, now or later."""
 
 
 class ManagementServer:
@@ -38,6 +43,8 @@ class ManagementServer:
         self._handle = handle
         self._clients: dict[StreamConnection, MessageReader] = {}
         self._known: set[StreamConnection] = set()
+        self._requests: deque[tuple[StreamConnection, str, str]] = deque()
+        self._busy = False
         self._listener = StreamListener(reactor, address, self._accepted)
         self.address = self._listener.address
 
@@ -45,6 +52,7 @@ class ManagementServer:
         self._listener.close()
         for connection in self._clients:
             connection.close()
+        self._requests.clear()
         self._clients.clear()
         self._known.clear()
 
@@ -65,17 +73,27 @@ class ManagementServer:
             # who has spoken last stands last
             self._known.add(connection)
             self._clients[connection] = self._clients.pop(connection)
-        for resource, request in messages:
-            if connection.open:
-                connection.send(self._answer(_text(resource), _text(request)))
+        self._requests += [(connection, _text(resource), _text(request)) for resource, request in messages]
+        self._next()
+        if any(waiting is connection for waiting, _, _ in self._requests):
+            connection.read(False)
 
-    def _answer(self, resource: str, request: str) -> bytes:
-        response = self._handle(resource, request).encode(errors="replace").decode("latin-1")
-        try:
-            return RESPONSES.encode([response])
-        except CommunicationError:
-            log.warning("management: response of %d bytes is too long", len(response))
-            return RESPONSES.encode([Response(request_id(request), "OVERFLOW").xml()])
+    def _next(self) -> None:
+        """Carries out the request that waits longest, unless another one is in progress."""
+        while self._requests and not self._busy:
+            connection, resource, request = self._requests.popleft()
+            if connection.open:
+                self._busy = True
+                self._handle(resource, request, partial(self._answer, connection, request))
+                return
+
+    def _answer(self, connection: StreamConnection, request: str, response: str) -> None:
+        connection.send(_encoded(request, response))
+        if connection.open and not any(waiting is connection for waiting, _, _ in self._requests):
+            connection.read(True)
+        self._busy = False
+        if self._requests:
+            self._reactor.call_soon(self._next)
 
     def _closed(self, connection: StreamConnection) -> None:
         del self._clients[connection]
@@ -85,3 +103,12 @@ class ManagementServer:
 def _text(string: str) -> str:
     """A STRING carries bytes: here those of UTF-8."""
     return string.encode("latin-1").decode("utf-8", "replace")
+
+
+def _encoded(request: str, response: str) -> bytes:
+    text = response.encode(errors="replace").decode("latin-1")
+    try:
+        return RESPONSES.encode([text])
+    except CommunicationError:
+        log.warning("management: response of %d bytes is too long", len(text))
+        return RESPONSES.encode([Response(request_id(request), "OVERFLOW").xml()])

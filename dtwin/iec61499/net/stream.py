@@ -55,9 +55,10 @@ class StreamConnection:
         self._received = received
         self._closed = closed
         self._unsent = bytearray()
+        self._reading = True
         sock.setblocking(False)
         tune(sock)
-        reactor.watch(sock, READ, self._ready)
+        self._watch()
 
     @property
     def open(self) -> bool:
@@ -80,7 +81,13 @@ class StreamConnection:
             if len(self._unsent) > UNSENT_LIMIT:
                 self.drop(f"left {len(self._unsent)} bytes unread")
             else:
-                self._reactor.watch(self._sock, READ | WRITE, self._ready)
+                self._watch()
+
+    def read(self, reading: bool) -> None:
+        """Whether the peer is read from now on; otherwise what it sends waits with the kernel."""
+        if reading != self._reading and self.open:
+            self._reading = reading
+            self._watch()
 
     def notice_end(self) -> None:
         """Closes the connection now if the peer has closed it and nothing is left to read."""
@@ -131,7 +138,14 @@ class StreamConnection:
             self.drop(error.strerror or str(error), logging.INFO)
             return
         if not self._unsent:
-            self._reactor.watch(self._sock, READ, self._ready)
+            self._watch()
+
+    def _watch(self) -> None:
+        events = READ * self._reading | WRITE * bool(self._unsent)
+        if events:
+            self._reactor.watch(self._sock, events, self._ready)
+        else:
+            self._reactor.forget(self._sock)
 
 
 class StreamListener:

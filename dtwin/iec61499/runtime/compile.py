@@ -54,7 +54,6 @@ class CompiledType:
     behaviour: ServiceBehaviour | None = None
 
 
-@lru_cache(maxsize=1024)
 def compile_type(block: model.FBType) -> CompiledType:
     """Compiles a block type whose variables have elementary or array types; the result is kept for the next one.
 
@@ -62,12 +61,23 @@ def compile_type(block: model.FBType) -> CompiledType:
         FunctionBlockError: an algorithm or condition is wrong, or the block has an interface only; names file, line
             and column.
     """
-    if isinstance(block, model.BasicFBType | model.SimpleFBType):
-        return _Algorithmic(block).compile()
-    if isinstance(block, model.CompositeFBType):
-        return _assemble(block, {}, _immediate(block), {})
-    behaviour = _behaviour(block)
-    return _assemble(block, behaviour.handlers, _immediate(block), behaviour.state, behaviour)
+    found = compiled(block)
+    if isinstance(found, FunctionBlockError):
+        raise found.with_traceback(None)
+    return found
+
+
+@lru_cache(maxsize=1024)
+def compiled(block: model.FBType) -> CompiledType | FunctionBlockError:
+    try:
+        if isinstance(block, model.BasicFBType | model.SimpleFBType):
+            return _Algorithmic(block).compile()
+        if isinstance(block, model.CompositeFBType):
+            return _assemble(block, {}, _immediate(block), {})
+        behaviour = _behaviour(block)
+        return _assemble(block, behaviour.handlers, _immediate(block), behaviour.state, behaviour)
+    except FunctionBlockError as error:
+        return error.with_traceback(None)
 
 
 def _behaviour(block: model.ServiceInterfaceFBType) -> ServiceBehaviour:

@@ -275,8 +275,11 @@ def session(
     with Reactor() as reactor:
         device = EmbeddedDevice(reactor, Library([BLOCKS]), Address(LOOPBACK, 0))
 
-        def handle(resource: str, text: str) -> str:
-            return Response(request_id(text), reason).xml() if refuse(text) else device.handle(resource, text)
+        def handle(resource: str, text: str, answer: Callable[[str], None]) -> None:
+            if refuse(text):
+                answer(Response(request_id(text), reason).xml())
+            else:
+                device.handle(resource, text, answer)
 
         server = ManagementServer(reactor, Address(LOOPBACK, 0), handle)
         thread = threading.Thread(target=reactor.run)

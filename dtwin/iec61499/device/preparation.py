@@ -1,0 +1,84 @@
+"""What takes long before a request can be carried out, in a thread beside the reactor's: types read and compiled."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from functools import partial
+from typing import Final, TypeVar
+
+from dtwin.errors import FunctionBlockError
+from dtwin.iec61499 import model
+from dtwin.iec61499.library import Library
+from dtwin.iec61499.net.reactor import Reactor
+from dtwin.iec61499.runtime.compile import compile_type
+from dtwin.iec61499.runtime.generic_ports import generic_variables
+
+SWITCH: Final = 0.0005
+"""Time after which a thread that computes lets the other have the interpreter, s. A tick needs it several times."""
+
+_T = TypeVar("_T")
+
+
+class Worker:
+    """One thread, which does one thing after another while the reactor serves.
+
+    It makes the interpreter change threads every `SWITCH`, in the whole process.
+    """
+
+    def __init__(self, reactor: Reactor) -> None:
+        self._reactor = reactor
+        self._executor = ThreadPoolExecutor(1, "preparation")
+        sys.setswitchinterval(SWITCH)
+
+    def submit(self, work: Callable[[], _T], done: Callable[[Future[_T]], None]) -> None:
+        """Does the work in the thread, then calls `done` in the reactor's with its outcome."""
+
+        def finished(outcome: Future[_T]) -> None:
+            self._reactor.call_soon_threadsafe(partial(done, outcome))
+
+        self._executor.submit(work).add_done_callback(finished)
+
+    def close(self) -> None:
+        """Waits for what is being done, and forgets the rest."""
+        self._executor.shutdown(cancel_futures=True)
+
+
+class Preparation:
+    """Reads and compiles block types ahead of their use.
+
+    Args:
+        library: finds the types.
+    """
+
+    def __init__(self, library: Library) -> None:
+        self._library = library
+        self._ready: set[str] = set()
+
+    def is_ready(self, name: str) -> bool:
+        """Whether the type has been prepared; one that cannot be has not."""
+        return name in self._ready
+
+    def prepare(self, name: str) -> None:
+        """Reads a type and compiles it, and what is inside it. What is wrong is found again when it is used."""
+        with suppress(FunctionBlockError):
+            self._prepare(name)
+
+    def _prepare(self, name: str) -> None:
+        if name in self._ready:
+            return
+        found = self._library.find(name)
+        if isinstance(found, model.CompositeFBType | model.SubApplicationType):
+            self.prepare_network(found.network)
+        elif not generic_variables(found):
+            compile_type(found)
+        self._ready.add(name)
+
+    def prepare_network(self, network: model.FBNetwork) -> None:
+        """Prepares the types of a network."""
+        for block in network.blocks:
+            self.prepare(block.type_name)
+        for sub in network.subapplications:
+            self.prepare_network(sub.network)
