@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import random
-import re
 import socket
 import struct
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Final
+from typing import Final
 
 from dtwin.errors import CommunicationError, DtwinError
 from dtwin.experiments.hostile.inputs import DATAGRAMS, TARGETS, Inputs
+from dtwin.experiments.served import ServedDevice
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.protocol import REQUESTS, RESPONSES, ManagedBlock, parse_response
-from dtwin.iec61499.net.address import LOOPBACK, Address
+from dtwin.iec61499.net.address import LOOPBACK, Address, StreamAddress
 from dtwin.iec61499.net.client import BlockingClient
+from dtwin.iec61499.net.sockets import connected_socket
 from dtwin.iec61499.net.wire import Signature
 from dtwin.iec61499.types import UINT
 
@@ -75,48 +74,21 @@ def fuzz(requests: int, datagrams: int, seed: int, log: Path, progress: Callable
     Raises:
         DtwinError: the device has ended, or does not answer.
     """
-    with log.open("w") as errors, _Served(errors) as device, _Served(errors) as other:
+    with (
+        log.open("w") as errors,
+        ServedDevice(errors, "--listen", f"{LOOPBACK}:0") as device,
+        ServedDevice(errors, "--listen", f"{LOOPBACK}:0") as other,
+    ):
         trial = _Trial(device, random.Random(seed))
         outcome = trial.run(other, requests, datagrams, progress)
     lines = log.read_text(errors="replace").count("\n")
     return Outcome(*outcome[:7], lines, outcome[7])
 
 
-class _Served:
-    """A device in a process of its own."""
-
-    def __init__(self, errors: IO[str]) -> None:
-        command = [sys.executable, "-m", "dtwin", "fb", "run", "--listen", f"{LOOPBACK}:0"]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True)
-        assert self.process.stdout is not None
-        line = self.process.stdout.readline()
-        match = re.search(r"management on \S+:(\d+)", line)
-        if match is None:
-            self.process.kill()
-            raise DtwinError(f"the device did not start: {line!r}")
-        self.address = Address(LOOPBACK, int(match[1]))
-
-    def __enter__(self) -> _Served:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.process.terminate()
-        self.process.wait(TIMEOUT)
-        assert self.process.stdout is not None
-        self.process.stdout.close()
-
-    def memory(self) -> int:
-        """What the device has of the memory, bytes."""
-        status = Path(f"/proc/{self.process.pid}/status").read_text()
-        found = re.search(r"VmRSS:\s+(\d+) kB", status)
-        assert found is not None
-        return int(found[1]) * 1024
-
-
 class _Ticks:
     """Receives the ticks of the resource that must not be disturbed, each with its number."""
 
-    def __init__(self, device: _Served) -> None:
+    def __init__(self, device: ServedDevice) -> None:
         self.offsets: list[float] = []
         self._signature = Signature([UINT])
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -156,7 +128,7 @@ class _Ticks:
 
 
 class _Trial:
-    def __init__(self, device: _Served, generator: random.Random) -> None:
+    def __init__(self, device: ServedDevice, generator: random.Random) -> None:
         self._device = device
         self._process = device.process
         self._address = device.address
@@ -166,7 +138,7 @@ class _Trial:
         self._answered = 0
 
     def run(
-        self, other: _Served, requests: int, datagrams: int, progress: Callable[[int], None]
+        self, other: ServedDevice, requests: int, datagrams: int, progress: Callable[[int], None]
     ) -> tuple[int, int, int, float, float, int, int, float]:
         began = time.monotonic()
         total = requests + datagrams
@@ -206,7 +178,7 @@ class _Trial:
         resource, text = self._inputs.request()
         if self._random.random() < 0.01:
             client.close()
-            with socket.create_connection(self._address, TIMEOUT) as peer:
+            with connected_socket(self._address, TIMEOUT) as peer:
                 frame = REQUESTS.encode([resource.decode("latin-1"), text.decode("latin-1")])
                 peer.sendall(self._inputs.damaged(frame)[:-1] + b"\xee")
             self._answered += 1
@@ -239,7 +211,7 @@ class _Trial:
             _build(client, "U", {"A": "E_CTU", "B": "E_CYCLE"}, {"B.DT": "T#1ms"}, "START.COLD B.START, B.EO A.CU")
 
 
-def _build_ticks(device: Address, receiver: Address) -> None:
+def _build_ticks(device: StreamAddress, receiver: Address) -> None:
     with ManagementClient(device, TIMEOUT) as client:
         _build(
             client,

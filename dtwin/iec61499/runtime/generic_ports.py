@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from functools import lru_cache
 from typing import TypeVar
 
 from dtwin.errors import FunctionBlockError
@@ -29,18 +30,18 @@ def resolve(netlist: Netlist) -> None:
             and line.
     """
     groups = _Groups(netlist)
-    while groups.settle(netlist.data.values()):
+    wires = [wire for wire in netlist.data.values() if groups.concerns(wire)]
+    while groups.settle(wires):
         pass
     groups.settle_by_literals()
-    while groups.settle(netlist.data.values()):
+    while groups.settle(wires):
         pass
-    while groups.settle_by_meaning(netlist.data.values()):
-        while groups.settle(netlist.data.values()):
+    while groups.settle_by_meaning(wires):
+        while groups.settle(wires):
             pass
     for number, node in enumerate(netlist.nodes):
         if node.type is not None and generic_variables(node.type):
-            node.type = concrete(node.type, groups.types_of(number))
-            node.interface = node.type.interface
+            node.take(_concrete(node.type, tuple(groups.types_of(number).items())))
 
 
 _T = TypeVar("_T", bound=model.FBType)
@@ -64,6 +65,11 @@ def concrete(block: _T, types: Mapping[str, DataType]) -> _T:
     )
 
 
+@lru_cache(maxsize=1024)
+def _concrete(block: model.FBType, types: tuple[tuple[str, DataType], ...]) -> model.FBType:
+    return concrete(block, dict(types))
+
+
 def unconnected(block: _T) -> _T:
     """The block with the types that its generic variables have where nothing is connected."""
     types = {v.name: _fallback(v.type) for v in generic_variables(block) if isinstance(v.type, model.GenericType)}
@@ -75,6 +81,7 @@ class _Groups:
         self._nodes = netlist.nodes
         self._known: dict[PortGroup, DataType] = {}
         self._generic: dict[PortGroup, model.GenericType] = {}
+        self._groups: dict[tuple[int, str], PortGroup] = {}
         for number, node in enumerate(netlist.nodes):
             assert node.type is not None
             for variable in generic_variables(node.type):
@@ -87,6 +94,7 @@ class _Groups:
                     )
                 assert isinstance(variable.type, model.GenericType)
                 self._generic[self._group(number, variable)] = variable.type
+                self._groups[number, variable.name] = self._group(number, variable)
                 if variable.name in node.types:
                     self._known[self._group(number, variable)] = node.types[variable.name]
 
@@ -96,11 +104,17 @@ class _Groups:
 
     def type_at(self, port: Terminal) -> tuple[DataType | None, PortGroup | None]:
         """The port's type, None while it is unknown, and the group of a generic port, None for other ports."""
-        variable = variable_at(self._nodes[port.node], port.name)
-        if isinstance(variable.type, model.GenericType):
-            group = self._group(port.node, variable)
+        group = self._groups.get((port.node, port.name))
+        if group is not None:
             return self._known.get(group), group
-        return variable.type, None
+        found = variable_at(self._nodes[port.node], port.name).type
+        assert not isinstance(found, model.GenericType)
+        return found, None
+
+    def concerns(self, wire: Wire) -> bool:
+        """Whether one of the ends has a generic type."""
+        source, destination = wire.source, wire.destination
+        return (source.node, source.name) in self._groups or (destination.node, destination.name) in self._groups
 
     def settle(self, wires: Iterable[Wire]) -> bool:
         """Makes one pass over the wires; returns whether a type became known or wider."""
@@ -173,7 +187,7 @@ class _Groups:
 
 def variable_at(node: Node, name: str) -> model.Variable:
     """The data port of that name."""
-    return next(v for v in (*node.interface.inputs, *node.interface.outputs) if v.name == name)
+    return node.variables[name]
 
 
 def literal_type(text: str, generic: model.GenericType) -> ElementaryType:

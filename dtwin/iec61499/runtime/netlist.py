@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Final, NoReturn
+from typing import Final, NamedTuple, NoReturn
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
@@ -24,7 +24,11 @@ Finder = Callable[[str, str, int], model.LibraryElement]
 
 @dataclass(slots=True)
 class Node:
-    """A block that runs, a composite, or, until the network is flat, a subapplication."""
+    """A block that runs, a composite, or, until the network is flat, a subapplication.
+
+    Attributes:
+        variables: the data ports of the interface, by name.
+    """
 
     name: str
     type: model.FBType | None
@@ -33,6 +37,15 @@ class Node:
     line: int
     parameters: dict[str, model.Parameter] = field(default_factory=dict)
     types: dict[str, DataType] = field(default_factory=dict)
+    variables: dict[str, model.Variable] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.variables = {v.name: v for v in (*self.interface.inputs, *self.interface.outputs)}
+
+    def take(self, concrete: model.FBType) -> None:
+        """Makes it a block of another type."""
+        self.type, self.interface = concrete, concrete.interface
+        self.__post_init__()
 
     @property
     def is_junction(self) -> bool:
@@ -40,8 +53,7 @@ class Node:
         return self.type is None
 
 
-@dataclass(frozen=True, slots=True)
-class Terminal:
+class Terminal(NamedTuple):
     """A port of a node; `inner` is the side of a composite that its network sees."""
 
     node: int
@@ -49,8 +61,7 @@ class Terminal:
     inner: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Wire:
+class Wire(NamedTuple):
     """A connection between two ports, and the file and line that declare it."""
 
     source: Terminal
@@ -188,6 +199,8 @@ class _Builder:
 
     def result(self) -> Netlist:
         """The netlist without junctions."""
+        if not any(node.is_junction for node in self._nodes):
+            return Netlist(self._nodes, self._events, self._data)
         kept = [number for number, node in enumerate(self._nodes) if not node.is_junction]
         renumber = {old: new for new, old in enumerate(kept)}
 
@@ -249,6 +262,7 @@ class _Resolver:
         self._inside = inside
         self._owner = owner
         self._file = file
+        self._ports: dict[tuple[int, bool, bool], dict[str, None]] = {}
 
     def wire(self, connection: model.Connection, is_event: bool) -> Wire:
         return Wire(
@@ -309,12 +323,19 @@ class _Resolver:
         inner = number == self._owner
         node = self._nodes[number]
         # inside a composite its inputs are sources and its outputs destinations
-        valid = _ports(node.interface, is_event, is_output=is_source != inner)
+        valid = self._valid(number, is_event, is_output=is_source != inner)
         if name not in valid:
             kind = f"{'event' if is_event else 'data'} {'output' if is_source != inner else 'input'}"
             other = " (it is another kind of port)" if name in node.interface.names() else ""
-            self._fail(connection, f"{node.name} has no {kind} {name}{other}", valid)
+            self._fail(connection, f"{node.name} has no {kind} {name}{other}", list(valid))
         return Terminal(number, name, inner and not node.is_junction)
+
+    def _valid(self, number: int, is_event: bool, is_output: bool) -> dict[str, None]:
+        """The names of the ports of a node of one kind."""
+        kind = number, is_event, is_output
+        if kind not in self._ports:
+            self._ports[kind] = dict.fromkeys(_ports(self._nodes[number].interface, is_event, is_output))
+        return self._ports[kind]
 
     def _fail(self, connection: model.Connection, problem: str, valid: Sequence[str]) -> NoReturn:
         raise FunctionBlockError(

@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from types import CodeType
 from typing import Any, Final, NoReturn
 
 from dtwin.errors import FunctionBlockError, choices
@@ -83,6 +84,8 @@ class Resource(Blocks):
         self._stopped = False
         self._library = library
         self._names: dict[QueueEntry, str] = {}
+        self._codes: dict[str, CodeType] = {}
+        self._parameters: list[dict[str, model.Parameter]] = []
         self._operation = Operation()
         self.change(network)
 
@@ -107,8 +110,8 @@ class Resource(Blocks):
         netlist = flatten(network, self._library.find)
         resolve(netlist)
         check_types(netlist)
-        types = [compile_type(node.type) for node in netlist.nodes if node.type is not None]
-        initial = [initial_state(node, kind) for node, kind in zip(netlist.nodes, types, strict=True)]
+        types = [self._compiled(node) for node in netlist.nodes]
+        initial = [self._initial_state(node, kind) for node, kind in zip(netlist.nodes, types, strict=True)]
         operated = operation or Operation()
         kept: dict[int, int] = {}
         instances = []
@@ -120,17 +123,32 @@ class Resource(Blocks):
             else:
                 instances.append(self._instance(node, kind))
                 kind.load(instances[-1], values)
-        self._names = queue_entries(netlist, types, instances, self._queue.extend, operated)
+        self._names = queue_entries(netlist, types, instances, self._queue.extend, operated, self._codes)
         for before, instance in enumerate(self._instances):
             if before not in kept and hasattr(instance, "port__"):
                 instance.port__.close()
         self._types, self._instances, self._initial = types, instances, initial
         self._operation = operated
         self._network = network
+        self._parameters = [node.parameters for node in netlist.nodes]
         self._index = {node.name: number for number, node in enumerate(netlist.nodes)}
         self._timers[:] = [(due, order, kept[index]) for due, order, index in self._timers if index in kept]
         for name, value in operated.forced.items():
             super().write(name, value)
+
+    def _compiled(self, node: Node) -> CompiledType:
+        """The compiled type of a node: the one before if it is of the same type."""
+        assert node.type is not None
+        before = self._index.get(node.name)
+        if before is not None and self._types[before].block == node.type:
+            return self._types[before]
+        return compile_type(node.type)
+
+    def _initial_state(self, node: Node, kind: CompiledType) -> tuple[Any, ...]:
+        before = self._index.get(node.name)
+        if before is not None and self._types[before] is kind and self._parameters[before] == node.parameters:
+            return self._initial[before]
+        return initial_state(node, kind)
 
     def observe(self, observer: Observer) -> None:
         """Lets another observer see the events from the next one on. Raises FunctionBlockError while events wait."""

@@ -11,7 +11,7 @@ the default of the type instead). A variable in the WITH of no event is never sa
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from types import MethodType
+from types import CodeType, MethodType
 from typing import Any
 
 from dtwin.iec61499 import model
@@ -29,6 +29,7 @@ def queue_entries(
     instances: Sequence[Any],
     extend: Callable[[Any], None],
     operation: Operation,
+    codes: dict[str, CodeType],
 ) -> dict[QueueEntry, str]:
     """Connects the instances; returns the queue entries, each with the event that it delivers (`BLOCK.EVENT`).
 
@@ -38,8 +39,9 @@ def queue_entries(
         instances: the nodes' instances, in the order of the nodes.
         extend: appends entries to the resource's queue.
         operation: what is stopped, forced and observed.
+        codes: what was compiled for the network before, by its text; afterwards what was for this one.
     """
-    return _Wiring(netlist, types, instances, extend, operation).entries()
+    return _Wiring(netlist, types, instances, extend, operation).entries(codes)
 
 
 class _Wiring:
@@ -61,7 +63,8 @@ class _Wiring:
         self._entries: dict[Terminal, QueueEntry] = {}
         self._observing: dict[QueueEntry, str] = {}
 
-    def entries(self) -> dict[QueueEntry, str]:
+    def entries(self, codes: dict[str, CodeType]) -> dict[QueueEntry, str]:
+        compiled = {}
         for number, instance in enumerate(self._instances):
             self._space[f"b{number}"] = instance
         for number, node in enumerate(self._netlist.nodes):
@@ -70,7 +73,12 @@ class _Wiring:
             if isinstance(node.type, model.CompositeFBType):
                 for event in node.interface.event_outputs:
                     self._composite_output(Terminal(number, event.name, inner=True), event)
-        exec(compile("\n".join(self._lines), "<wiring>", "exec"), self._space)
+            text = "\n".join(self._lines)
+            self._lines.clear()
+            compiled[text] = codes.get(text) or compile(text, "<wiring>", "exec")
+            exec(compiled[text], self._space)
+        codes.clear()
+        codes.update(compiled)
         for port, function in self._functions.items():
             self._entries[port] = self._space[function]
         for observer in self._operation.observers:
@@ -91,7 +99,7 @@ class _Wiring:
         if self._operation.is_passive and isinstance(node.type, model.ServiceInterfaceFBType):
             handler = _sample_only
         if samples:
-            name = f"execute{len(self._functions)}"
+            name = f"execute{_suffix(port)}"
             self._space[name] = handler
             self._function(port, [*samples, f"{name}(b{port.node})"])
         else:
@@ -102,13 +110,13 @@ class _Wiring:
         self._function(port, [*publications, f"extend({self._targets(Terminal(port.node, port.name))})"])
 
     def _function(self, port: Terminal, lines: list[str]) -> None:
-        name = f"deliver{len(self._functions)}"
+        name = f"deliver{_suffix(port)}"
         self._lines += [f"def {name}():", *("    " + line for line in lines)]
         self._functions[port] = name
 
     def _targets(self, source: Terminal) -> str:
         """The global name of the entries that an event of a composite queues."""
-        return f"to{source.node}_{'inner' if source.inner else 'outer'}_{source.name.replace('.', '__')}"
+        return f"to{_suffix(source)}"
 
     def _copies(self, names: Sequence[str], destination: Callable[[str], Terminal]) -> list[str]:
         """Assignments to data inputs, or to outputs of a composite, from what they are connected to."""
@@ -116,7 +124,7 @@ class _Wiring:
         for name in names:
             port = destination(name)
             wire = self._netlist.data.get(port)
-            if wire is not None and self._name(port) not in self._operation.forced:
+            if wire is not None and not self._is_forced(port):
                 source = wire.source
                 attribute = (
                     python_name(source.name) if source.inner else self._types[source.node].published[source.name]
@@ -134,12 +142,14 @@ class _Wiring:
 
     def _forced(self, source: Terminal) -> str:
         """The global name of the value that a port is forced to, "" if it is not."""
-        name = self._name(source)
-        if name not in self._operation.forced:
+        if not self._is_forced(source):
             return ""
-        constant = f"forced{len(self._space)}"
-        self._space[constant] = self._operation.forced[name]
+        constant = f"forced{_suffix(source)}"
+        self._space[constant] = self._operation.forced[self._name(source)]
         return constant
+
+    def _is_forced(self, port: Terminal) -> bool:
+        return bool(self._operation.forced) and self._name(port) in self._operation.forced
 
     def _converted(self, value: str, source: model.VariableType, destination: model.VariableType) -> str:
         """The value with the implicit widening of the connection; most keep the Python value."""
@@ -178,6 +188,11 @@ class _Wiring:
             for event in node.interface.event_inputs if composite else ():
                 port = Terminal(number, event.name, inner=True)
                 self._space[self._targets(port)] = tuple(targets.get(port, ()))
+
+
+def _suffix(port: Terminal) -> str:
+    """What names of a port end with; it stays the same for a node that others are put behind."""
+    return f"{port.node}_{'inner' if port.inner else 'outer'}_{port.name.replace('.', '__')}"
 
 
 def _sample_only(instance: Any) -> None:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
-from dtwin.controller.ports import BLOCKS, EMULATOR
+from dtwin.controller.embedded import EmbeddedController
+from dtwin.controller.ports import BLOCKS, EMULATOR, SYSTEM
+from dtwin.controller.remote import RemoteController, Shadow
+from dtwin.experiments.blocks_benchmark import neutral_change
 from dtwin.iec61499 import model
 from dtwin.iec61499.device.drawn_network import DrawnNetwork
 from dtwin.iec61499.library import Library
@@ -21,12 +25,12 @@ from dtwin.iec61499.management.protocol import (
     Watched,
     parse_request,
 )
-from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.net.client import BlockingClient
-from dtwin.iec61499.runtime.resource import Resource
-from dtwin.parameters import ROOT
+from dtwin.iec61499.net.address import StreamAddress
+from dtwin.run.cell import Cell
+from dtwin.run.settings import CellSettings, sequence_of
+from dtwin.signals import Sensors, Voltages
 from tests.support.forte import FORTE, NO_FORTE, forte
-from tests.support.iec61499.served_device import DOUBLING, PATIENCE, ServedDevice, build, samples, wait_for
+from tests.support.iec61499.served_device import DOUBLING, PATIENCE, ServedDevice, build, wait_for
 from tests.support.waiting import connected
 
 NEEDS_FORTE = pytest.mark.skipif(not FORTE, reason=NO_FORTE)
@@ -187,37 +191,35 @@ def test_a_change_that_cannot_be_leaves_what_runs(served: ServedDevice, caplog: 
         assert client.read("R", "B.Y") == "6.0"
 
 
-def commands(count: int) -> list[Request]:
-    """A change that leaves the cell as it is: counters beside it, with connections and values."""
-    made: list[Request] = []
-    for number in range(count // 5):
-        name = f"EXTRA{number}"
-        made += [
-            Request("1", "CREATE", ManagedBlock(name, "E_CTU")),
-            Request("2", "CREATE", ManagedConnection("SEQUENCE.CNF", f"{name}.CU")),
-            Request("3", "WRITE", ManagedConnection("7", f"{name}.PV")),
-            Request("4", "READ", ManagedConnection(f"{name}.PV", "*")),
-            Request("5", "START", ManagedBlock(name, "E_CTU")),
-        ]
-    return made
+class Changed(RemoteController):
+    """A controller whose network is changed, by two requests between two samples each, from one sample on."""
+
+    def __init__(self, address: StreamAddress, shadow: Shadow, client: ManagementClient, resource: str) -> None:
+        super().__init__(address, shadow, PATIENCE)
+        self.changes = neutral_change()
+        self._management = client
+        self._resource = resource
+
+    def step(self, sensors: Sensors) -> Voltages:
+        if sensors.sequence >= 200:
+            made, self.changes = self.changes[:2], self.changes[2:]
+            for request in made:
+                self._management.demand(self._resource, request.action, request.subject)
+        return super().step(sensors)
 
 
-def test_a_neutral_change_of_the_cell_changes_no_voltage(cell: ServedDevice) -> None:
-    system = cell.library.load_system(ROOT / "fb" / "dtwin.sys")
-    resource = Resource(resource_network(system), cell.library)
-    server = resource.server("EMULATOR")
-    resource.start()
-    made = commands(190)
-    name = system.devices[0].resources[0].name
-    with (
-        cell.client() as client,
-        BlockingClient(cell.device.addresses()["EMULATOR"], EMULATOR.receives, EMULATOR.sends, PATIENCE) as peer,
-    ):
-        for number, sample in enumerate(samples(600)):
-            for request in made[2 * number : 2 * number + 2] if number >= 200 else ():
-                assert client.request(name, request.action, request.subject).reason is None, request
-            if number == 199:
-                assert all(client.request(name, r.action, r.subject).reason is None for r in made[:400])
-            assert peer.exchange(sample) == server.exchange(sample), number
+def test_a_neutral_change_of_the_cell_changes_no_byte_of_its_log(cell: ServedDevice, tmp_path: Path) -> None:
+    settings = CellSettings(duration=8.0, seed=2, noise=0.002)
+    shadow = EmbeddedController(settings.control, settings.blocks, sequence_of(settings))
+    name = cell.library.load_system(BLOCKS / SYSTEM).devices[0].resources[0].name
+    address = cell.device.addresses()[EMULATOR.block]
+    with cell.client() as client, closing(Changed(address, shadow, client, name)) as controller:
+        runs = {"changed": Cell(settings, controller), "plain": Cell(settings)}
+        for file, run in runs.items():
+            run.run()
+            run.log.freeze().write_parquet(tmp_path / file)
+        assert controller.changes == []
+        assert controller.largest_difference == 0.0
         assert client.read(name, "EXTRA0.CV") != "0"
-        assert client.read(name, "EXTRA0.PV") == "7"
+        assert client.read(name, "EXTRA37.PV") == "7"
+    assert (tmp_path / "changed").read_bytes() == (tmp_path / "plain").read_bytes()
