@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -23,7 +21,6 @@ from dtwin.iec61499.management.protocol import (
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.wire import Signature
 from dtwin.iec61499.types import BOOL
-from tests.support.forte import FORTE, NO_FORTE, forte
 from tests.support.iec61499.hostile import drain
 from tests.support.iec61499.served_device import (
     DOUBLING,
@@ -34,7 +31,6 @@ from tests.support.iec61499.served_device import (
     free_address,
     wait_for,
 )
-from tests.support.waiting import connected
 
 R = ManagedBlock("R", "EMB_RES")
 TRANSCRIPT: list[tuple[str, RequestAction, Subject | None, str | None]] = [
@@ -101,20 +97,6 @@ def replay(client: ManagementClient) -> None:
         "UNSUPPORTED_TYPE",
         "INVALID_OPERATION",
     )
-
-
-NEEDS_FORTE = pytest.mark.skipif(not FORTE, reason=NO_FORTE)
-
-
-@pytest.fixture(params=["embedded", pytest.param("forte", marks=NEEDS_FORTE)])
-def either(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ManagementClient]:
-    """A management session with the embedded device, then with a 4diac FORTE."""
-    if request.param == "embedded":
-        with request.getfixturevalue("served").client() as client:
-            yield client
-        return
-    with forte(tmp_path) as address, connected(lambda: ManagementClient(address, PATIENCE)) as client:
-        yield client
 
 
 def test_both_devices_give_the_same_reasons(either: ManagementClient) -> None:

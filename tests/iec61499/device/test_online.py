@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -29,23 +28,9 @@ from dtwin.iec61499.net.address import StreamAddress
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.signals import Sensors, Voltages
-from tests.support.forte import FORTE, NO_FORTE, forte
 from tests.support.iec61499.served_device import DOUBLING, PATIENCE, ServedDevice, build, wait_for
-from tests.support.waiting import connected
 
-NEEDS_FORTE = pytest.mark.skipif(not FORTE, reason=NO_FORTE)
 COUNTING = "N E_CTU PV=100\nM E_CTU PV=100\nF E_D_FF\nSTART.COLD -> N.CU\nN.CUO -> M.CU\nN.Q -> F.D"
-
-
-@pytest.fixture(params=["embedded", pytest.param("forte", marks=NEEDS_FORTE)])
-def either(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ManagementClient]:
-    """A management session with the embedded device, then with a 4diac FORTE, each with a resource that runs."""
-    if request.param == "embedded":
-        with request.getfixturevalue("served").client() as client:
-            yield client
-        return
-    with forte(tmp_path) as address, connected(lambda: ManagementClient(address, PATIENCE)) as client:
-        yield client
 
 
 @pytest.fixture

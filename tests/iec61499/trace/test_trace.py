@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -167,10 +168,10 @@ def test_every_record_reads_back(data: st.DataObject) -> None:
 
 
 @pytest.mark.parametrize("change", [lambda data: data[:-3], lambda data: b"x" + data, lambda data: data + b"\0"])
-def test_a_damaged_trace_is_an_error(traced: Path, tmp_path: Path, change: object) -> None:
+def test_a_damaged_trace_is_an_error(traced: Path, tmp_path: Path, change: Callable[[bytes], bytes]) -> None:
     shutil.copytree(traced, tmp_path / "t")
     stream = tmp_path / "t" / "events"
-    stream.write_bytes(change(stream.read_bytes()))  # type: ignore[operator]
+    stream.write_bytes(change(stream.read_bytes()))
     with pytest.raises(FunctionBlockError, match="is no stream of events at byte"):
         list(read_trace(tmp_path / "t").records())
 
