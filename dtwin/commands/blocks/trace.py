@@ -38,7 +38,7 @@ class FbTrace:
     seed: int = 1
     """Number of the random generator of boxes and noise."""
     size: Annotated[int, tyro.conf.arg(metavar="MB")] = 200
-    """Most megabytes of the trace; when it is full it ends, and later events are counted."""
+    """Most megabytes of the trace; when it is full the oldest events give way, and are counted."""
 
     def execute(self) -> int:
         if self.size < 1:
@@ -49,7 +49,7 @@ class FbTrace:
 
         def prepare(resource: Resource) -> None:
             recorder.begin(resource.time, resource.states())
-            resource.observe(recorder)
+            resource.trace(recorder)
 
         controller = EmbeddedController(settings.control, settings.blocks, sequence_of(settings), prepare)
         try:
@@ -58,10 +58,8 @@ class FbTrace:
             recorder.flush()
             writer.close()
         print(printable(f"{self.folder}: {writer.written} events"))
-        if writer.full is not None:
-            print(
-                f"the trace was full and ends at {writer.full / 1e9:.6f} s: {writer.left_out} later events left out"
-            )
+        if writer.dropped:
+            print(f"the trace was full: the first {writer.dropped} events are left out")
         return 0
 
 

@@ -323,7 +323,8 @@ class ManagedResource:
 
     def _change(self, resource: Resource) -> None:
         fresh, self._fresh, self._gone = self._fresh, set(), set()
-        operation = Operation(frozenset(self._halted), dict(self._forced), (self._counts,))
+        observers = (self._counts,) if self._counts.counts else ()
+        operation = Operation(frozenset(self._halted), dict(self._forced), observers)
         resource.change(self.network(), operation, fresh)
         for name, literal in self._drawn.presets.items():
             if name.rpartition(".")[0] in fresh:

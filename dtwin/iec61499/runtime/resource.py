@@ -22,7 +22,7 @@ from dtwin.iec61499.runtime.communication import AttachedServer, LocalTransport,
 from dtwin.iec61499.runtime.compile import CompiledType, compile_type
 from dtwin.iec61499.runtime.generic_ports import check_types, resolve
 from dtwin.iec61499.runtime.netlist import Node, flatten
-from dtwin.iec61499.runtime.operation import Observer, Operation, QueueEntry
+from dtwin.iec61499.runtime.operation import Operation, QueueEntry, Tracer
 from dtwin.iec61499.runtime.wiring import queue_entries
 from dtwin.iec61499.st.python.expressions import python_name, wiring_name
 from dtwin.iec61499.st.semantics import ITERATION_LIMIT
@@ -150,14 +150,13 @@ class Resource(Blocks):
             return self._initial[before]
         return initial_state(node, kind)
 
-    def observe(self, observer: Observer) -> None:
-        """Lets another observer see the events from the next one on. Raises FunctionBlockError while events wait."""
-        operation = self._operation
-        self.change(self._network, replace(operation, observers=(*operation.observers, observer)))
+    def trace(self, tracer: Tracer) -> None:
+        """Lets a tracer see the events from the next one on. Raises FunctionBlockError while events wait."""
+        self.change(self._network, replace(self._operation, tracer=tracer))
 
     def write(self, name: str, value: Any) -> None:
         super().write(name, value)
-        for observer in self._operation.observers:
+        for observer in self._operation.all_observers():
             observer.written(self.time, name, value)
 
     def issue_recorded(self, block: str, event: str, values: Mapping[str, Any], time: int) -> None:
@@ -279,6 +278,8 @@ class Resource(Blocks):
 
     def _drop_events(self) -> None:
         self._queue.clear()
+        if self._operation.tracer is not None:
+            self._operation.tracer.end_chain(self.time)
         self._end_chain()
 
     def _end_chain(self) -> None:
@@ -308,6 +309,8 @@ class Resource(Blocks):
         """
         queue = self._queue
         next_entry = queue.popleft
+        if self._operation.tracer is not None:
+            return self._run_traced(self._operation.tracer, size)
         for _ in range(size):
             if not queue:
                 self._end_chain()
@@ -318,8 +321,37 @@ class Resource(Blocks):
             except Exception as error:
                 self._drop_events()
                 raise located(error, self._names[entry]) from None
-        self._activations += size
-        if self._activations < ACTIVATION_LIMIT and len(queue) < QUEUE_LIMIT:
+        return self._goes_on(size)
+
+    def _run_traced(self, tracer: Tracer, size: int) -> bool:
+        """As `run_batch`, and tells the tracer."""
+        queue, path = self._queue, tracer.path
+        next_entry = queue.popleft
+        for _ in range(size):
+            if not queue:
+                tracer.path = path
+                tracer.end_chain(self.time)
+                self._end_chain()
+                return False
+            entry = next_entry()
+            further = path[entry]
+            if further is None:
+                tracer.path = path
+                further = tracer.follow(entry, self.time)
+            path = further
+            try:
+                entry()
+            except Exception as error:
+                tracer.path = path
+                self._drop_events()
+                raise located(error, self._names[entry]) from None
+        tracer.path = path
+        return self._goes_on(size)
+
+    def _goes_on(self, delivered: int) -> bool:
+        """Counts the events of the chain; more of them wait."""
+        self._activations += delivered
+        if self._activations < ACTIVATION_LIMIT and len(self._queue) < QUEUE_LIMIT:
             return True
         self.end_chain("endless loop of events")
 

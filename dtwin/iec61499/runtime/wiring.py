@@ -18,7 +18,7 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.runtime.compile import CompiledType
 from dtwin.iec61499.runtime.generic_ports import variable_at
 from dtwin.iec61499.runtime.netlist import Netlist, Node, Terminal
-from dtwin.iec61499.runtime.operation import Operation, QueueEntry
+from dtwin.iec61499.runtime.operation import ObservedEvent, Operation, QueueEntry
 from dtwin.iec61499.st.python.expressions import python_name, wiring_name
 from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, StructType
 
@@ -81,14 +81,26 @@ class _Wiring:
         codes.update(compiled)
         for port, function in self._functions.items():
             self._entries[port] = self._space[function]
-        for observer in self._operation.observers:
+        for observer in self._operation.all_observers():
             for port, entry in self._entries.items():
                 if not port.inner:
-                    self._entries[port] = observer.delivering(
-                        self._instances[port.node], self._types[port.node].block, port.name, entry
-                    )
+                    self._entries[port] = observer.delivering(self._observed(port), entry)
         self._connect()
         return {entry: self._name(port) for port, entry in self._entries.items()} | self._observing
+
+    def _observed(self, port: Terminal, published: Sequence[str] | None = None) -> ObservedEvent:
+        """An event input, or an event output that publishes variables."""
+        interface = self._netlist.nodes[port.node].interface
+        if published is None:
+            event = next(event for event in interface.event_inputs if event.name == port.name)
+            names = [name for name in event.with_variables if self._is_sampled(Terminal(port.node, name))]
+            variables = tuple(variable for variable in interface.inputs if variable.name in names)
+        else:
+            variables = tuple(variable for variable in interface.outputs if variable.name in published)
+        return ObservedEvent(self._instances[port.node], self._types[port.node].block, port.name, variables)
+
+    def _is_sampled(self, port: Terminal) -> bool:
+        return port in self._netlist.data and not self._is_forced(port)
 
     def _input_entry(self, port: Terminal, node: Node, event: model.EventPort) -> None:
         samples = self._copies(event.with_variables, lambda name: Terminal(port.node, name))
@@ -175,8 +187,8 @@ class _Wiring:
             composite = isinstance(node.type, model.CompositeFBType)
             for event in node.interface.event_outputs:
                 port = Terminal(number, event.name)
-                for observer in self._operation.observers:
-                    entry = observer.issued(self._instances[number], self._types[number].block, event.name)
+                for observer in self._operation.all_observers():
+                    entry = observer.issued(self._observed(port, event.with_variables))
                     if entry is None:
                         continue
                     targets.setdefault(port, []).insert(0, entry)

@@ -1,7 +1,8 @@
 """The Common Trace Format 1.8 (diamon.org/ctf), as far as traces of networks need it.
 
-A trace is a folder with the text `metadata` and one stream of packets, `events`. Everything is little-endian and
-byte-aligned. A kind of event belongs to one port, whose name it has (`PLANNER.REQ`); its fields are values at it.
+A trace is a folder with the text `metadata` and one stream of packets, cut into the files `events-0`, `events-1` and
+so on; of a long run the first are missing. Everything is little-endian and byte-aligned. A kind of event belongs to
+one port, whose name it has (`PLANNER.REQ`); its fields are values at it.
 babeltrace2 and other readers of the format show the folder as it is.
 """
 
@@ -9,8 +10,9 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,7 +22,9 @@ Record = tuple[Any, ...]
 """The number of the kind of event, the time of the resource in ns, then the values of the fields."""
 
 METADATA: Final = "metadata"
-STREAM: Final = "events"
+STREAM: Final = "events-"
+FILES: Final = 8
+"""Files into which a trace that is full is cut; the oldest gives way to the next."""
 MAGIC: Final = 0xC1FC1FC1
 TEXT: Final = "text_t"
 LAYOUTS: Final = {
@@ -38,8 +42,8 @@ LAYOUTS: Final = {
     TEXT: ("string { encoding = UTF8; }", ""),
 }
 """The declaration of every kind of field, and its code for `struct`."""
-_HEAD: Final = struct.Struct("<IIQQQQQ")
-"""Magic number, stream, first and last time, bits of content and of the packet, events left out."""
+_HEAD: Final = struct.Struct("<IIQQQQQQ")
+"""Magic number, stream, its instance, first and last time, bits of content and of the packet, its number."""
 _PREFIX: Final = "<Hq"
 _KIND: Final = re.compile(r'event \{ id = (\d+); name = "([^"]*)"; fields := struct \{([^}]*)\}; \};')
 _FIELD: Final = re.compile(r"(\w+) _(\w+?)(?:\[(\d+)\])?;")
@@ -63,33 +67,6 @@ class EventKind:
     name: str
     fields: tuple[Field, ...]
 
-    def encoder(self) -> Callable[..., bytes]:
-        """A function that gives the bytes of a record, whose items are its arguments."""
-        runs: list[tuple[str, list[str]]] = [(_PREFIX, ["v0", "v1"])]
-        at = 2
-        for field in self.fields:
-            for _ in range(field.count):
-                if field.kind == TEXT:
-                    runs.append(("", [f"v{at}"]))
-                else:
-                    if not runs[-1][0]:
-                        runs.append(("<", []))
-                    runs[-1] = (runs[-1][0] + LAYOUTS[field.kind][1], [*runs[-1][1], f"v{at}"])
-                at += 1
-        space: dict[str, Any] = {"encode_text": _encode_text}
-        if len(runs) == 1:
-            return struct.Struct(runs[0][0]).pack
-        terms = []
-        for number, (layout, places) in enumerate(runs):
-            if layout:
-                space[f"pack{number}"] = struct.Struct(layout).pack
-                terms.append(f"pack{number}({', '.join(places)})")
-            else:
-                terms.append(f"encode_text({places[0]})")
-        arguments = ", ".join(f"v{number}" for number in range(at))
-        encode: Callable[..., bytes] = eval(f"lambda {arguments}: {' + '.join(terms)}", space)
-        return encode
-
     def decode(self, data: bytes, at: int, time: int) -> tuple[Record, int]:
         """The record whose fields begin at a place in the data, and the place behind it."""
         values: list[Any] = [self.number, time]
@@ -106,7 +83,43 @@ class EventKind:
         return tuple(values), at
 
 
-def _encode_text(text: str) -> bytes:
+def encoding(events: Sequence[tuple[EventKind, Sequence[str]]], space: dict[str, Any]) -> str:
+    """A Python expression for the bytes of records, one after another.
+
+    Args:
+        events: for every record its kind, and an expression for every field; one for several values begins with `*`.
+            The expression `time` is that of the resource, ns.
+        space: gets the names that the expression needs.
+    """
+    terms: list[str] = []
+    layout, values = "", list[str]()
+
+    def end_run() -> None:
+        nonlocal layout, values
+        if values:
+            name = f"pack{len(space)}"
+            space[name] = struct.Struct("<" + layout).pack
+            terms.append(f"{name}({', '.join(values)})")
+        layout, values = "", []
+
+    for kind, expressions in events:
+        layout += _PREFIX.removeprefix("<")
+        values += [str(kind.number), "time"]
+        for field, expression in zip(kind.fields, expressions, strict=True):
+            if field.kind == TEXT:
+                end_run()
+                terms.append(f"encode_text({expression})")
+            else:
+                layout += f"{field.count}{LAYOUTS[field.kind][1]}"
+                values.append(expression)
+    end_run()
+    space["encode_text"] = encode_text
+    return terms[0] if len(terms) == 1 else f"b''.join(({', '.join(terms)}))"
+
+
+@lru_cache(maxsize=128)
+def encode_text(text: str) -> bytes:
+    """The bytes of a text; those of the last texts are kept, since texts come again."""
     return text.replace("\\", "\\\\").replace("\0", "\\0").encode("utf-8", "surrogatepass") + b"\0"
 
 
@@ -116,17 +129,17 @@ def _decode_text(data: bytes) -> str:
 
 
 class TraceWriter:
-    """Writes a trace; what does not fit into its size any more is left out and counted.
+    """Writes a trace; when it has its size, the oldest events give way, an eighth of the trace at a time.
 
     Args:
         folder: the new folder of the trace.
         about: what the trace is of, by names that are identifiers.
-        size: most bytes of the stream.
+        size: most bytes of the packets.
 
     Attributes:
         written: how many records were written.
-        left_out: how many were not, since they did not fit.
-        full: the time from which on records were left out, ns; None when none was.
+        dropped: how many of them had to give way.
+        begins: the time of the first record that is there, ns.
 
     Raises:
         FunctionBlockError: the folder is there already or cannot be made.
@@ -135,16 +148,18 @@ class TraceWriter:
     def __init__(self, folder: Path, about: dict[str, str], size: int) -> None:
         try:
             folder.mkdir(parents=True)
-            self._stream = (folder / STREAM).open("wb")
+            self._stream = (folder / f"{STREAM}0").open("wb")
         except OSError as error:
             raise FunctionBlockError(f"cannot be a new trace: {error.strerror}", str(folder)) from None
-        self.written = self.left_out = 0
-        self.full: int | None = None
+        self.written = self.dropped = self.begins = 0
         self._folder = folder
         self._about = about
-        self._room = size
+        self._file_size = size // FILES
+        self._room = self._file_size
+        self._packets = 0
+        self._files = [_File(folder / f"{STREAM}0")]
         self._kinds: list[EventKind] = []
-        self._encoders: list[Callable[..., bytes]] = []
+        self._is_described = False
 
     def kind(self, name: str, fields: tuple[Field, ...]) -> EventKind:
         """A kind of event of that name, the same for the same fields."""
@@ -152,31 +167,56 @@ class TraceWriter:
         if found is None:
             found = EventKind(len(self._kinds), name, fields)
             self._kinds.append(found)
-            self._encoders.append(found.encoder())
-            (self._folder / METADATA).write_text(_metadata(self._kinds, self._about))
+            self._is_described = False
         return found
 
-    def write(self, records: Sequence[Record]) -> None:
-        """Writes records as one packet."""
-        if not records:
-            return
-        encoders = self._encoders
-        body = b"".join([encoders[record[0]](*record) for record in records])
-        size = _HEAD.size + len(body)
+    def write(self, records: bytes, count: int, first: int, last: int) -> None:
+        """Writes a packet of records, the times of the first and last of which are given, ns."""
+        self._describe()
+        size = _HEAD.size + len(records)
         if size > self._room:
-            self._room = 0
-            self.full = records[0][1] if self.full is None else self.full
-            self.left_out += len(records)
-            return
+            self._begin_file()
         self._room -= size
-        self.written += len(records)
+        self.written += count
+        if self._files[-1].records == 0:
+            self._files[-1].begins = first
+        self._files[-1].records += count
         bits = 8 * size
-        self._stream.write(_HEAD.pack(MAGIC, 0, records[0][1], records[-1][1], bits, bits, self.left_out))
-        self._stream.write(body)
+        self._stream.write(_HEAD.pack(MAGIC, 0, 0, first, last, bits, bits, self._packets))
+        self._stream.write(records)
         self._stream.flush()
+        self._packets += 1
 
     def close(self) -> None:
+        self._describe()
         self._stream.close()
+
+    def _describe(self) -> None:
+        """Writes the metadata anew if there are kinds of events that it has not."""
+        if not self._is_described:
+            (self._folder / METADATA).write_text(_metadata(self._kinds, self._about))
+            self._is_described = True
+
+    def _begin_file(self) -> None:
+        self._stream.close()
+        number = int(self._files[-1].path.name.removeprefix(STREAM)) + 1
+        self._files.append(_File(self._folder / f"{STREAM}{number}"))
+        self._stream = self._files[-1].path.open("wb")
+        self._room = self._file_size
+        if len(self._files) > FILES:
+            oldest = self._files.pop(0)
+            oldest.path.unlink()
+            self.dropped += oldest.records
+            self.begins = self._files[0].begins
+
+
+@dataclass(slots=True)
+class _File:
+    """A file of a trace: how many records are in it, and the time of the first, ns."""
+
+    path: Path
+    records: int = 0
+    begins: int = 0
 
 
 def _metadata(kinds: Sequence[EventKind], about: dict[str, str]) -> str:
@@ -192,7 +232,7 @@ def _metadata(kinds: Sequence[EventKind], about: dict[str, str]) -> str:
         "/* CTF 1.8 */\n"
         f"{aliases}\n"
         "trace { major = 1; minor = 8; byte_order = le; packet.header := struct { udint_t magic; udint_t stream_id; "
-        "}; };\n"
+        "ulint_t stream_instance_id; }; };\n"
         f"env {{\n{env}}};\n"
         "clock { name = resource; freq = 1000000000; };\n"
         "typealias integer { size = 64; align = 8; signed = false; map = clock.resource.value; } := time_t;\n"
@@ -210,14 +250,14 @@ class Trace:
     Attributes:
         about: what the trace is of.
         kinds: the kinds of events, by number.
-        data: the packets.
-        file: the stream's file, for errors.
+        data: the packets, file by file.
+        is_whole: whether it has the first packet.
     """
 
     about: dict[str, str]
     kinds: dict[int, EventKind]
-    data: bytes
-    file: str
+    data: dict[Path, bytes]
+    is_whole: bool
 
     def records(self) -> Iterator[Record]:
         """The records in order.
@@ -225,21 +265,25 @@ class Trace:
         Raises:
             FunctionBlockError: the stream is no such stream, or ends in the middle of a packet.
         """
+        for file, data in self.data.items():
+            yield from self._records(file, data)
+
+    def _records(self, file: Path, data: bytes) -> Iterator[Record]:
         at = 0
         try:
-            while at < len(self.data):
-                magic, _, _, _, bits, packet, _ = _HEAD.unpack_from(self.data, at)
+            while at < len(data):
+                magic, _, _, _, _, bits, packet, _ = _HEAD.unpack_from(data, at)
                 end = at + bits // 8
-                if magic != MAGIC or end > len(self.data) or packet < bits:
+                if magic != MAGIC or end > len(data) or packet < bits:
                     raise ValueError
                 place = at + _HEAD.size
                 while place < end:
-                    number, time = struct.unpack_from(_PREFIX, self.data, place)
-                    record, place = self.kinds[number].decode(self.data, place + struct.calcsize(_PREFIX), time)
+                    number, time = struct.unpack_from(_PREFIX, data, place)
+                    record, place = self.kinds[number].decode(data, place + struct.calcsize(_PREFIX), time)
                     yield record
                 at += packet // 8
         except (ValueError, KeyError, struct.error, UnicodeDecodeError):
-            raise FunctionBlockError(f"is no stream of events at byte {at}", self.file) from None
+            raise FunctionBlockError(f"is no stream of events at byte {at}", str(file)) from None
 
 
 def read_trace(folder: Path) -> Trace:
@@ -250,8 +294,9 @@ def read_trace(folder: Path) -> Trace:
     """
     try:
         text = (folder / METADATA).read_text()
-        data = (folder / STREAM).read_bytes()
-    except (OSError, UnicodeDecodeError) as error:
+        numbers = sorted(int(file.name.removeprefix(STREAM)) for file in folder.glob(f"{STREAM}*"))
+        data = {file: file.read_bytes() for file in (folder / f"{STREAM}{number}" for number in numbers)}
+    except (OSError, ValueError) as error:
         raise FunctionBlockError(f"holds no trace: {error}", str(folder)) from None
     kinds = {}
     for number, name, body in _KIND.findall(text):
@@ -259,4 +304,4 @@ def read_trace(folder: Path) -> Trace:
         if any(field.kind not in LAYOUTS for field in fields):
             raise FunctionBlockError(f"event {name} has a field of an unknown kind", str(folder / METADATA))
         kinds[int(number)] = EventKind(int(number), name, fields)
-    return Trace(dict(_VALUE.findall(text)), kinds, data, str(folder / STREAM))
+    return Trace(dict(_VALUE.findall(text)), kinds, data, is_whole=numbers[:1] == [0])

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
-from dtwin.iec61499.runtime.operation import Operation, QueueEntry
+from dtwin.iec61499.runtime.operation import ObservedEvent, Operation, QueueEntry
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.trace.ctf import EventKind, Record, Trace
-from dtwin.iec61499.trace.recorder import CHART, STATE, WRITTEN, layout, recording
+from dtwin.iec61499.trace.recorder import CHART, STATE, WRITTEN, layout
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,38 +71,40 @@ class _Replay:
         self._resource = Resource(network, library)
         self._seen: list[Record] = []
         self._kinds: dict[str, EventKind] = {}
-        self._sources: dict[str, tuple[Any, model.FBType]] = {}
+        self._sources: dict[str, ObservedEvent] = {}
+        self._constants: dict[str, tuple[Any, Any]] = {}
         self._before = self._resource.states()
         self._resource.change(network, Operation(observers=(self,), is_passive=True))
         self._block, self._state = self._located(breakpoint) if breakpoint else ("", -1)
 
-    def delivering(self, block: Any, kind: model.FBType, event: str, deliver: QueueEntry) -> QueueEntry:
-        port = next(port for port in kind.interface.event_inputs if port.name == event)
-        inputs = tuple(v for v in kind.interface.inputs if v.name in port.with_variables)
-        values = layout(inputs)[1] + "b.state__, " * isinstance(kind, model.BasicFBType)
-        name = f"{block.name__}.{event}"
+    def delivering(self, event: ObservedEvent, deliver: QueueEntry) -> QueueEntry:
+        name = event.name
         number = next((kind.number for kind in self._trace.kinds.values() if kind.name == name), -1)
         if number < 0:
             number = -2 - len(self._kinds)
             self._kinds[name] = EventKind(number, name, ())
-        return recording(number, values, block, deliver, self._seen.append)
+        return _recording(number, event, deliver, self._seen.append)
 
-    def issued(self, block: Any, kind: model.FBType, event: str) -> QueueEntry | None:
-        if isinstance(kind, model.ServiceInterfaceFBType):
-            self._sources[f"{block.name__}.{event}"] = block, kind
+    def issued(self, event: ObservedEvent) -> QueueEntry | None:
+        if isinstance(event.kind, model.ServiceInterfaceFBType):
+            self._sources[event.name] = event
         return None
 
     def written(self, time: int, name: str, value: Any) -> None:
         """What the replay writes itself."""
 
     def run(self) -> Replay:
+        if not self._trace.is_whole:
+            raise FunctionBlockError("the trace has lost its beginning: expected one from the start of its resource")
         count = 0
         constants: list[tuple[str, Any, Any]] = []
         for record in self._trace.records():
             kind = self._trace.kinds[record[0]]
             if kind.name == STATE:
                 constants += self._differing(record)
+                self._constants |= {name: (then, now) for name, then, now in constants}
             elif kind.name == WRITTEN:
+                self._constants.pop(record[2], None)
                 self._resource.write(record[2], json.loads(record[3]))
             else:
                 problem = self._issue(kind, record) if kind.name in self._sources else self._deliver(kind, record)
@@ -123,11 +126,8 @@ class _Replay:
         ]
 
     def _issue(self, kind: EventKind, record: Record) -> str:
-        block, type_ = self._sources[kind.name]
-        event = kind.name.rpartition(".")[2]
-        port = next(port for port in type_.interface.event_outputs if port.name == event)
-        outputs = tuple(v for v in type_.interface.outputs if v.name in port.with_variables)
-        if layout(outputs)[0] != kind.fields:
+        source = self._sources[kind.name]
+        if layout(source.variables)[0] != kind.fields:
             return "the block has other outputs in the trace"
         at = 2
         values = {}
@@ -135,7 +135,7 @@ class _Replay:
             taken = record[at : at + field.count]
             values[field.name] = taken[0] if field.count == 1 else list(taken)
             at += field.count
-        self._resource.issue_recorded(block.name__, event, values, record[1])
+        self._resource.issue_recorded(source.block.name__, source.event, values, record[1])
         return ""
 
     def _deliver(self, kind: EventKind, record: Record) -> str:
@@ -154,7 +154,7 @@ class _Replay:
         if len(seen) != len(record):
             return "the block has other inputs in the trace"
         at = 2
-        problems = []
+        problems = self._constants_of(kind)
         for field in kind.fields:
             then, now = record[at : at + field.count], seen[at : at + field.count]
             if repr(then) != repr(now):
@@ -162,6 +162,15 @@ class _Replay:
                 problems.append(f"{name} was {_shown(then)}, is {_shown(now)}")
             at += field.count
         return "; ".join(problems)
+
+    def _constants_of(self, kind: EventKind) -> list[str]:
+        """The constants in the WITH of an event that are others than in the trace."""
+        block, _, event = kind.name.rpartition(".")
+        inputs = self._resource.block_type(block).interface.event_inputs
+        names = next((port.with_variables for port in inputs if port.name == event), ())
+        sampled = [field.name for field in kind.fields]
+        found = {name: self._constants.get(f"{block}.{name}") for name in names if name not in sampled}
+        return [f"{name} was {pair[0]!r}, is {pair[1]!r}" for name, pair in found.items() if pair is not None]
 
     def _reached(self, kind: EventKind, record: Record) -> str:
         if kind.name.rpartition(".")[0] != self._block or not kind.fields or kind.fields[-1].name != CHART:
@@ -175,6 +184,19 @@ class _Replay:
         if state not in names:
             raise FunctionBlockError(f"{block} has no state {state!r}: expected one of {', '.join(names) or 'none'}")
         return block, names.index(state)
+
+
+def _recording(
+    number: int, event: ObservedEvent, deliver: QueueEntry, append: Callable[[Record], None]
+) -> QueueEntry:
+    """What calls `deliver`, then appends the record, also when `deliver` fails."""
+    values = [*layout(event.variables)[1], *["{b}.state__"] * isinstance(event.kind, model.BasicFBType)]
+    space = {"deliver": deliver, "append": append, "b": event.block, "r": event.block.resource__}
+    record = ", ".join([str(number), "r.time", *(value.format(b="b") for value in values)])
+    lines = ["def recorded():", "    try:", "        deliver()", "    finally:", f"        append(({record}))"]
+    exec("\n".join(lines), space)
+    recorded: QueueEntry = space["recorded"]
+    return recorded
 
 
 def _shown(values: tuple[Any, ...]) -> str:
