@@ -1,14 +1,16 @@
 """The Common Trace Format 1.8 (diamon.org/ctf), as far as traces of networks need it.
 
-A trace is a folder with the text `metadata` and one stream of packets, cut into the files `events-0`, `events-1` and
-so on; of a long run the first are missing. Everything is little-endian and byte-aligned. A kind of event belongs to
-one port, whose name it has (`PLANNER.REQ`); its fields are values at it.
+A trace is a folder with the text `metadata` and one stream of packets, the file `events-0`. While it is written there
+may be more files, `events-1` and so on; the number of the first is not 0 when the trace has lost its beginning.
+Everything is little-endian and byte-aligned. A kind of event belongs to one port, whose name it has (`PLANNER.REQ`);
+its fields are values at it.
 babeltrace2 and other readers of the format show the folder as it is.
 """
 
 from __future__ import annotations
 
 import re
+import shutil
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -42,8 +44,8 @@ LAYOUTS: Final = {
     TEXT: ("string { encoding = UTF8; }", ""),
 }
 """The declaration of every kind of field, and its code for `struct`."""
-_HEAD: Final = struct.Struct("<IIQQQQQQ")
-"""Magic number, stream, its instance, first and last time, bits of content and of the packet, its number."""
+_HEAD: Final = struct.Struct("<IIQQQQQ")
+"""Magic number, stream, first and last time, bits of content and of the packet, number of the packet."""
 _PREFIX: Final = "<Hq"
 _KIND: Final = re.compile(r'event \{ id = (\d+); name = "([^"]*)"; fields := struct \{([^}]*)\}; \};')
 _FIELD: Final = re.compile(r"(\w+) _(\w+?)(?:\[(\d+)\])?;")
@@ -182,14 +184,21 @@ class TraceWriter:
             self._files[-1].begins = first
         self._files[-1].records += count
         bits = 8 * size
-        self._stream.write(_HEAD.pack(MAGIC, 0, 0, first, last, bits, bits, self._packets))
+        self._stream.write(_HEAD.pack(MAGIC, 0, first, last, bits, bits, self._packets))
         self._stream.write(records)
         self._stream.flush()
         self._packets += 1
 
     def close(self) -> None:
+        """Joins the files to one, since readers put packets of several files in order by their times alone."""
         self._describe()
         self._stream.close()
+        whole, *others = self._files
+        with whole.path.open("ab") as stream:
+            for file in others:
+                with file.path.open("rb") as part:
+                    shutil.copyfileobj(part, stream)
+                file.path.unlink()
 
     def _describe(self) -> None:
         """Writes the metadata anew if there are kinds of events that it has not."""
@@ -232,12 +241,12 @@ def _metadata(kinds: Sequence[EventKind], about: dict[str, str]) -> str:
         "/* CTF 1.8 */\n"
         f"{aliases}\n"
         "trace { major = 1; minor = 8; byte_order = le; packet.header := struct { udint_t magic; udint_t stream_id; "
-        "ulint_t stream_instance_id; }; };\n"
+        "}; };\n"
         f"env {{\n{env}}};\n"
         "clock { name = resource; freq = 1000000000; };\n"
         "typealias integer { size = 64; align = 8; signed = false; map = clock.resource.value; } := time_t;\n"
         "stream { packet.context := struct { time_t timestamp_begin; time_t timestamp_end; ulint_t content_size; "
-        "ulint_t packet_size; ulint_t events_discarded; }; event.header := struct { uint_t id; time_t timestamp; }; "
+        "ulint_t packet_size; ulint_t packet_seq_num; }; event.header := struct { uint_t id; time_t timestamp; }; "
         "};\n"
         f"{events}\n"
     )
@@ -272,7 +281,7 @@ class Trace:
         at = 0
         try:
             while at < len(data):
-                magic, _, _, _, _, bits, packet, _ = _HEAD.unpack_from(data, at)
+                magic, _, _, _, bits, packet, _ = _HEAD.unpack_from(data, at)
                 end = at + bits // 8
                 if magic != MAGIC or end > len(data) or packet < bits:
                     raise ValueError
