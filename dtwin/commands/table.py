@@ -55,7 +55,7 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         ),
         "fb deploy": Subcommand("blocks.library", "FbDeploy", "build a system on a device"),
         "fb diff": Subcommand("blocks.library", "FbDiff", "hold what a device has against a system"),
-        "fb trace": Subcommand("blocks.trace", "FbTrace", "record every event of a run with its data"),
+        "fb trace": Subcommand("blocks.trace", "FbTrace", "record the events of a run or a device with their data"),
         "fb replay": Subcommand("blocks.trace", "FbReplay", "repeat a trace; stop at the first event that differs"),
         "fb fuzz": Subcommand("blocks.fuzz", "FbFuzz", "trouble a device of its own with mutated input; report"),
         "fb watch": Subcommand("blocks.device", "FbWatch", "read values of a running device"),

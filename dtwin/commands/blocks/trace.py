@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS, SYSTEM
-from dtwin.errors import ParameterError
+from dtwin.errors import ParameterError, choices
 from dtwin.iec61499.library import Library
+from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.mapping import resource_network
+from dtwin.iec61499.net.address import parse_stream_address
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.trace.ctf import TraceWriter, read_trace
 from dtwin.iec61499.trace.recorder import Recorder
 from dtwin.iec61499.trace.replay import replay
+from dtwin.iec61499.trace.watched import WatchedEvents
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.terminal import printable
@@ -24,27 +29,56 @@ from dtwin.terminal import printable
 
 @dataclass(frozen=True)
 class FbTrace:
-    """Record every event of a run of the cell with its data, in the Common Trace Format.
+    """Record events with their data, in the Common Trace Format: of a run of the cell, or of a running device.
 
-    babeltrace2 FOLDER shows the trace; `dtwin fb replay FOLDER` repeats it.
+    babeltrace2 FOLDER shows the trace. That of a run has every event, and `dtwin fb replay FOLDER` repeats it.
+
+    Of a device (4diac FORTE or `dtwin fb run`) the trace has what its watches tell at a reading: for every event
+    how often it has come since the reading before, with the data and states of charts at the reading. So what happens
+    between two readings is counted, but only its last data are seen, and its order is not. FORTE has watches if it
+    was built with FORTE_SUPPORT_MONITORING; blocks whose types are not in the library are not seen.
     """
 
-    what: tyro.conf.Positional[Literal["run"]]
-    """What is recorded: a run of the cell."""
+    what: tyro.conf.Positional[str]
+    """run, for a run of the cell; else HOST:PORT or unix:FOLDER/PORT of a device's management."""
     folder: tyro.conf.Positional[Path]
     """New folder for the trace."""
     duration: float = 60.0
-    """Plant time to run, s."""
+    """Time to record, s: plant time of a run, time of the clock of a device, where Ctrl-C ends it sooner."""
     seed: int = 1
-    """Number of the random generator of boxes and noise."""
+    """Number of the random generator of boxes and noise of a run."""
     size: Annotated[int, tyro.conf.arg(metavar="MB")] = 200
     """Most megabytes of the trace; when it is full the oldest events give way, and are counted."""
+    interval: float = 0.01
+    """Time between two readings of a device, s."""
+    resource: str = ""
+    """Resource of the device; needed only if it has several."""
+    only: tuple[str, ...] = ()
+    """Blocks of the device to record; without it all, as far as the device has room for watches."""
+    blocks: Path = BLOCKS
+    """Folder of the block types that the device has."""
 
     def execute(self) -> int:
         if self.size < 1:
             raise ParameterError(f"--size: expected at least 1 MB, got {self.size}")
+        if not 0.001 <= self.interval < float("inf"):
+            raise ParameterError(f"--interval: expected at least 0.001 s, got {self.interval}")
+        if self.what == "run":
+            writer = TraceWriter(self.folder, {"system": SYSTEM}, self.size * 1_000_000)
+            self._record_run(writer)
+        else:
+            with ManagementClient(parse_stream_address(self.what)) as client:
+                resource = self._resource(client)
+                library = Library([self.blocks])
+                writer = TraceWriter(self.folder, {"device": self.what, "resource": resource}, self.size * 1_000_000)
+                self._record_device(client, resource, library, writer)
+        print(printable(f"{self.folder}: {writer.written} records"))
+        if writer.dropped:
+            print(f"the trace was full: the first {writer.dropped} records are left out")
+        return 0
+
+    def _record_run(self, writer: TraceWriter) -> None:
         settings = CellSettings(self.duration, self.seed)
-        writer = TraceWriter(self.folder, {"system": SYSTEM}, self.size * 1_000_000)
         recorder = Recorder(writer)
 
         def prepare(resource: Resource) -> None:
@@ -57,10 +91,33 @@ class FbTrace:
         finally:
             recorder.flush()
             writer.close()
-        print(printable(f"{self.folder}: {writer.written} events"))
-        if writer.dropped:
-            print(f"the trace was full: the first {writer.dropped} events are left out")
-        return 0
+
+    def _record_device(self, client: ManagementClient, resource: str, library: Library, writer: TraceWriter) -> None:
+        try:
+            watched = WatchedEvents(client, resource, library, writer, self.only)
+            for problem, names in (("has no known type", watched.unknown), ("is not watched", watched.refused)):
+                if names:
+                    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+                    print(printable(f"{', '.join(names[:3])}{more} {problem}"), flush=True)
+            came = 0
+            began = time.monotonic()
+            with suppress(KeyboardInterrupt):
+                while time.monotonic() - began < self.duration:
+                    came += watched.read(time.monotonic_ns() - int(began * 1e9))
+                    time.sleep(self.interval)
+            watched.close()
+            print(f"{came} events")
+        finally:
+            writer.close()
+
+    def _resource(self, client: ManagementClient) -> str:
+        names = [block.name for block in client.blocks("")]
+        if self.resource in names:
+            return self.resource
+        if self.resource or len(names) != 1:
+            valid = choices(names) if names else "a device on which something is built"
+            raise ParameterError(f"--resource {self.resource or '?'}: expected {valid}")
+        return names[0]
 
 
 @dataclass(frozen=True)

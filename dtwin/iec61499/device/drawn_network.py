@@ -140,6 +140,12 @@ class DrawnNetwork:
             raise ManagementError("INVALID_STATE", f"{name} has no type before the resource runs")
         return kind
 
+    def state_number(self, name: str, state: str) -> int:
+        """The number of the state of a chart, `BLOCK.$ECC`; the block may be inside a composite one."""
+        block = self._inner(name.rpartition(".")[0])
+        assert isinstance(block, model.BasicFBType)
+        return [known.name for known in block.states].index(state)
+
     def is_event(self, name: str) -> bool:
         """Whether `BLOCK.PORT` is an event input or output; the block may be inside a composite one."""
         path, _, port = name.rpartition(".")

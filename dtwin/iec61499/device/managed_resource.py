@@ -170,10 +170,12 @@ class ManagedResource:
             _found(lambda: running.write(name, value), name)
 
     def read(self, name: str) -> str:
-        """The value of a port, printed as FORTE does: strings without quotes."""
+        """The value of a port, printed as FORTE does: strings without quotes, of `BLOCK.$ECC` the state's number."""
         running = self._running_with(name)
         if running is None:
             return self._drawn.read(name)
+        if name.endswith(".$ECC"):
+            return str(self._drawn.state_number(name, _found(lambda: running.read(name), name)))
         kind = _found(lambda: running.type_of(name), name)
         return printed(self._forced[name] if name in self._forced else _found(lambda: running.read(name), name), kind)
 

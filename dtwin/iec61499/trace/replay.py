@@ -94,6 +94,10 @@ class _Replay:
         """What the replay writes itself."""
 
     def run(self) -> Replay:
+        if "device" in self._trace.about:
+            raise FunctionBlockError(
+                "the trace is one of a device's watches: expected one of a run, with every event"
+            )
         if not self._trace.is_whole:
             raise FunctionBlockError("the trace has lost its beginning: expected one from the start of its resource")
         count = 0
