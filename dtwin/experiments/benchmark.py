@@ -19,6 +19,7 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.raw import raw_file_ticks, raw_plant_ticks
 from dtwin.iec61499.native.resource import NativeResource
+from dtwin.experiments.blocks_benchmark import online_change, trace_cost
 from dtwin.iec61499.net.address import LOOPBACK, Address, LocalAddress, StreamAddress
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.reactor import Reactor
@@ -70,6 +71,8 @@ def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: Non
         "local_round_trip": _local_round_trip,
         "what_if": _what_if,
         "optimise": _optimise,
+        "online_change": online_change,
+        "trace": trace_cost,
     }
     if not _has_machine_code():
         for name in ("controller_tick_native", "controller_tick_inside"):
@@ -106,8 +109,10 @@ def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: Non
     result["wire_message"] = {"microseconds": 1e6 * middle["wire_message"] / MESSAGES}
     for trip in ("tcp_round_trip", "local_round_trip"):
         result[trip] = {"microseconds": 1e6 * middle[trip] / MESSAGES}
-    result["what_if"] = {"milliseconds": 1e3 * middle["what_if"]}
     result["optimise"] = {"motions_per_second": 1.0 / middle["optimise"]}
+    for name in ("what_if", "online_change"):
+        result[name] = {"milliseconds": 1e3 * middle[name]}
+    result["trace"] = {"relative_to_untraced": middle["trace"]}
     return result
 
 

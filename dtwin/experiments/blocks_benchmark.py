@@ -8,6 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
+from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS, EMULATOR, SYSTEM, sensor_values
 from dtwin.experiments.served import ServedDevice
 from dtwin.iec61499.library import Library
@@ -15,11 +16,23 @@ from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.protocol import ManagedBlock, ManagedConnection, Request
 from dtwin.iec61499.net.address import LocalAddress
 from dtwin.iec61499.net.client import BlockingClient
+from dtwin.iec61499.runtime.resource import Resource
+from dtwin.iec61499.trace.ctf import TraceWriter
+from dtwin.iec61499.trace.recorder import Recorder
 from dtwin.parameters import PERIOD, PICKUP
+from dtwin.run.cell import Cell
+from dtwin.run.loop import run, tick_count
+from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.signals import Sensors
 
 CHANGES: Final = 190
 """Requests of an online change: 38 blocks created, connected, given a value that is read back, and started."""
+TRACED: Final = 60.0
+"""Plant time of the run that is traced, s."""
+TRACE_SIZE: Final = 200_000_000
+"""Most bytes of its trace."""
+TURN: Final = 50
+"""Ticks that the run with a trace and the one without go on by in turn."""
 _AT_REST: Final = sensor_values(Sensors(0, 0.0, PICKUP.theta, 0.9, False, ""))
 
 
@@ -64,3 +77,32 @@ def online_change() -> float:
                     client.demand(resource, request.action, request.subject)
                 cell.exchange(_AT_REST)
                 return time.perf_counter() - began
+
+
+def trace_cost() -> float:
+    """Computing time of a run of the cell with a trace of every event, relative to the same run without.
+
+    Both runs go on in turns of half a second of plant time.
+    """
+    settings = CellSettings(TRACED)
+    with TemporaryDirectory() as name:
+        writer = TraceWriter(Path(name) / "trace", {"system": SYSTEM}, TRACE_SIZE)
+        recorder = Recorder(writer)
+
+        def prepare(resource: Resource) -> None:
+            recorder.begin(resource.time, resource.states())
+            resource.trace(recorder)
+
+        traced = EmbeddedController(settings.control, settings.blocks, sequence_of(settings), prepare)
+        cells = Cell(settings), Cell(settings, traced)
+        seconds = [0.0, 0.0]
+        for _ in range(tick_count(TRACED) // TURN):
+            for number, cell in enumerate(cells):
+                began = time.thread_time()
+                run(cell.emulation, cell.controller, TURN, record=cell.log.append)
+                seconds[number] += time.thread_time() - began
+        began = time.thread_time()
+        recorder.flush()
+        seconds[1] += time.thread_time() - began
+        writer.close()
+    return seconds[1] / seconds[0]
