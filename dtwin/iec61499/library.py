@@ -81,6 +81,11 @@ class Library:
             self._types[name] = self._load(name, file, line)
         return self._types[name]
 
+    def offers(self, name: str) -> bool:
+        """Whether there is a type of that name, which may be wrong."""
+        plain = name.rpartition("::")[2]
+        return plain in self._types or plain in self._files["block"] or find_standard(plain) is not None
+
     def add(self, block: model.LibraryElement) -> None:
         """Makes a block type known that no file holds; it hides others of its name."""
         self._types[block.header.name] = block

@@ -10,7 +10,7 @@ from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.device.managed_resource import ManagedResource
 from dtwin.iec61499.device.preparation import Preparation, Worker
-from dtwin.iec61499.device.requests import answer_on_types, execute
+from dtwin.iec61499.device.requests import answer_on_types, asks_for_much, execute
 from dtwin.iec61499.device.runner import Runner
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import Command
@@ -142,7 +142,10 @@ class EmbeddedDevice:
     def _slow_part(self, resource: str, request: Request) -> Callable[[], Response | None] | None:
         """What takes long in a request, which may be done in another thread; it gives the response if it is all."""
         action, subject = request.action, request.subject
-        if isinstance(subject, ManagedType) and resource in ("", *self._resources):
+        if isinstance(subject, ManagedType):
+            quick = self._preparation.is_ready(subject.name) and not asks_for_much(request, subject)
+            if quick or resource not in ("", *self._resources):
+                return None
             return partial(answer_on_types, request, subject, self._library)
         block = subject if isinstance(subject, ManagedBlock) else None
         if block is not None and resource and action == "CREATE":

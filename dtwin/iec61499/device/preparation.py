@@ -58,23 +58,22 @@ class Preparation:
         self._ready: set[str] = set()
 
     def is_ready(self, name: str) -> bool:
-        """Whether the type has been prepared; one that cannot be has not."""
-        return name in self._ready
+        """Whether a type can be used without what takes long: it has been prepared, or there is no such type."""
+        return name in self._ready or not self._library.offers(name)
 
     def prepare(self, name: str) -> None:
         """Reads a type and compiles it, and what is inside it. What is wrong is found again when it is used."""
-        with suppress(FunctionBlockError):
-            self._prepare(name)
+        if not self.is_ready(name):
+            self._ready.add(name)
+            with suppress(FunctionBlockError):
+                self._prepare(name)
 
     def _prepare(self, name: str) -> None:
-        if name in self._ready:
-            return
         found = self._library.find(name)
         if isinstance(found, model.CompositeFBType | model.SubApplicationType):
             self.prepare_network(found.network)
         elif not generic_variables(found):
             compile_type(found)
-        self._ready.add(name)
 
     def prepare_network(self, network: model.FBNetwork) -> None:
         """Prepares the types of a network."""

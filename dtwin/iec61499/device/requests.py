@@ -93,6 +93,13 @@ def _watches(resource: ManagedResource, request: Request, subject: Watch) -> Res
     return Response(request.id)
 
 
+def asks_for_much(request: Request, subject: ManagedType) -> bool:
+    """Whether `answer_on_types` looks through folders or exports a type as Lua, which takes long."""
+    if request.action == "QUERY":
+        return subject.name == ANY
+    return request.action == "CREATE" and original_name(subject.name) is not None
+
+
 def answer_on_types(request: Request, subject: ManagedType, library: Library) -> Response:
     """Lists the types of a device, describes one, or makes one known.
 

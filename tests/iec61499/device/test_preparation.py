@@ -93,8 +93,13 @@ def test_what_is_inside_a_composite_is_prepared_with_it() -> None:
     ready.prepare("DIGITAL_TWIN")
     for name in ("DIGITAL_TWIN", "SYSTEM_IDENTIFICATION", "SYS_IDENT_3211SIG", "SERVER_0_1"):
         assert ready.is_ready(name)
-    ready.prepare("NONE")
-    assert not ready.is_ready("NONE")
+
+
+def test_only_a_type_that_there_is_takes_time() -> None:
+    ready = Preparation(Library([BLOCKS]))
+    assert not ready.is_ready("E_CTU")
+    assert not ready.is_ready("fb::PATH_PLANNER")
+    assert ready.is_ready("NONE")
 
 
 def test_what_cannot_be_compiled_is_tried_once() -> None:
@@ -107,4 +112,4 @@ def test_what_cannot_be_compiled_is_tried_once() -> None:
     assert problems[0] is problems[1]
     ready = Preparation(Types(wrong))
     ready.prepare("WRONG")
-    assert not ready.is_ready("WRONG")
+    assert ready.is_ready("WRONG")
