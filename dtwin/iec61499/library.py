@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -33,7 +34,7 @@ class Library:
     """Block types of some folders (searched with their subfolders) and the standard blocks.
 
     Files are named after the type they hold, as 4diac IDE does. A folder's type hides a standard block of the same
-    name; a type without a body (an interface known to editors) does not.
+    name; a type without a body (an interface known to editors) does not. Types may be found by several threads.
 
     Raises:
         FunctionBlockError: a path is no folder, or two files hold a type of one name.
@@ -47,6 +48,7 @@ class Library:
         self._data_types: dict[str, StructType] = {}
         self._constants: dict[str, dict[str, model.Variable]] = {}
         self._reading: list[str] = []
+        self._lock = threading.RLock()
         for folder in self._paths:
             if not folder.is_dir():
                 raise FunctionBlockError("is not a folder of block types", str(folder))
@@ -78,7 +80,9 @@ class Library:
         """
         name = name.rpartition("::")[2]
         if name not in self._types:
-            self._types[name] = self._load(name, file, line)
+            with self._lock:
+                if name not in self._types:
+                    self._types[name] = self._load(name, file, line)
         return self._types[name]
 
     def offers(self, name: str) -> bool:

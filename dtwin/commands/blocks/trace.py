@@ -13,6 +13,7 @@ import tyro
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS, SYSTEM
 from dtwin.errors import ParameterError, choices
+from dtwin.iec61499.deploy.watched_trace import WatchedEvents
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.mapping import resource_network
@@ -21,7 +22,6 @@ from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.trace.ctf import TraceWriter, read_trace
 from dtwin.iec61499.trace.recorder import Recorder
 from dtwin.iec61499.trace.replay import replay
-from dtwin.iec61499.trace.watched import WatchedEvents
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.terminal import printable

@@ -75,7 +75,6 @@ class Runner:
         self._failed = failed
         self._paused = False
         self._busy = False
-        self._closed = False
         self._waiting: deque[Callable[[], None]] = deque()
         self._turn = -1
         self._turn_ends = 0.0
@@ -93,10 +92,6 @@ class Runner:
     def addresses(self) -> dict[str, StreamAddress]:
         """Where the open SERVER and SUBSCRIBE blocks listen, by the block's dotted name."""
         return self._transport.addresses
-
-    @property
-    def is_closed(self) -> bool:
-        return self._closed
 
     def start(self) -> None:
         self._origin = time.monotonic_ns()
@@ -120,7 +115,7 @@ class Runner:
 
     def close(self) -> None:
         """Closes all channels and forgets all timers."""
-        self._closed = self._paused = True
+        self._paused = True
         self._waiting.clear()
         self._disarm()
         self._resource.reset()

@@ -12,7 +12,7 @@ from typing import Any
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
 from dtwin.iec61499.runtime.communication import CommunicationPort
-from dtwin.iec61499.runtime.compile import CompiledType
+from dtwin.iec61499.runtime.compile import CompiledType, compile_type
 from dtwin.iec61499.runtime.netlist import Node
 from dtwin.iec61499.runtime.wiring import checked_value
 from dtwin.iec61499.st.python.expressions import python_name
@@ -37,6 +37,7 @@ class Blocks:
         self._instances: list[Any] = []
         self._initial: list[tuple[Any, ...]] = []
         self._index: dict[str, int] = {}
+        self._parameters: list[dict[str, model.Parameter]] = []
 
     def names(self) -> tuple[str, ...]:
         """The blocks, with dotted names, composites before what they contain."""
@@ -119,6 +120,29 @@ class Blocks:
         if variable is None:
             raise FunctionBlockError(f"{name} is the state of a chart and has no data type: expected a variable")
         return _data_type(variable)
+
+    def reset_block(self, name: str) -> None:
+        """Puts the variables and charts of a block, and of what is inside it, back to the beginning."""
+        for index in self._inside(name):
+            self._types[index].load(self._instances[index], self._initial[index])
+
+    def _inside(self, name: str) -> list[int]:
+        return [index for known, index in self._index.items() if known == name or known.startswith(f"{name}.")]
+
+    def _compiled(self, node: Node) -> CompiledType:
+        """The compiled type of a node: the one before if it is of the same type."""
+        assert node.type is not None
+        before = self._index.get(node.name)
+        if before is not None and self._types[before].block == node.type:
+            return self._types[before]
+        return compile_type(node.type)
+
+    def _initial_state(self, node: Node, kind: CompiledType) -> tuple[Any, ...]:
+        """The initial state of a node: the one before if neither type nor parameters have changed."""
+        before = self._index.get(node.name)
+        if before is not None and self._types[before] is kind and self._parameters[before] == node.parameters:
+            return self._initial[before]
+        return initial_state(node, kind)
 
     def _find(self, name: str) -> int:
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -69,6 +70,43 @@ class Tracer(Observer, Protocol):
 
     def end_chain(self, time: int) -> None:
         """The event chain has come to its end."""
+
+
+class Undelivered(Exception):
+    """An entry of the queue has failed."""
+
+    def __init__(self, entry: QueueEntry, error: Exception) -> None:
+        super().__init__(str(error))
+        self.entry = entry
+        self.error = error
+
+
+def deliver_traced(queue: deque[QueueEntry], tracer: Tracer, size: int, time: int) -> bool:
+    """Delivers at most `size` entries and tells the tracer; returns whether the queue was not found empty.
+
+    Raises:
+        Undelivered: an entry has failed.
+    """
+    path = tracer.path
+    next_entry = queue.popleft
+    for _ in range(size):
+        if not queue:
+            tracer.path = path
+            tracer.end_chain(time)
+            return False
+        entry = next_entry()
+        further = path[entry]
+        if further is None:
+            tracer.path = path
+            further = tracer.follow(entry, time)
+        path = further
+        try:
+            entry()
+        except Exception as error:
+            tracer.path = path
+            raise Undelivered(entry, error) from None
+    tracer.path = path
+    return True
 
 
 @dataclass(frozen=True, slots=True)

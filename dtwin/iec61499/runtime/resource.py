@@ -17,12 +17,12 @@ from typing import Any, Final, NoReturn
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
-from dtwin.iec61499.runtime.blocks import Blocks, Snapshot, initial_state, located
+from dtwin.iec61499.runtime.blocks import Blocks, Snapshot, located
 from dtwin.iec61499.runtime.communication import AttachedServer, LocalTransport, Transport
-from dtwin.iec61499.runtime.compile import CompiledType, compile_type
+from dtwin.iec61499.runtime.compile import CompiledType
 from dtwin.iec61499.runtime.generic_ports import check_types, resolve
 from dtwin.iec61499.runtime.netlist import Node, flatten
-from dtwin.iec61499.runtime.operation import Operation, QueueEntry, Tracer
+from dtwin.iec61499.runtime.operation import Operation, QueueEntry, Tracer, Undelivered, deliver_traced
 from dtwin.iec61499.runtime.wiring import queue_entries
 from dtwin.iec61499.st.python.expressions import python_name, wiring_name
 from dtwin.iec61499.st.semantics import ITERATION_LIMIT
@@ -85,7 +85,6 @@ class Resource(Blocks):
         self._library = library
         self._names: dict[QueueEntry, str] = {}
         self._codes: dict[str, CodeType] = {}
-        self._parameters: list[dict[str, model.Parameter]] = []
         self._operation = Operation()
         self.change(network)
 
@@ -136,20 +135,6 @@ class Resource(Blocks):
         for name, value in operated.forced.items():
             super().write(name, value)
 
-    def _compiled(self, node: Node) -> CompiledType:
-        """The compiled type of a node: the one before if it is of the same type."""
-        assert node.type is not None
-        before = self._index.get(node.name)
-        if before is not None and self._types[before].block == node.type:
-            return self._types[before]
-        return compile_type(node.type)
-
-    def _initial_state(self, node: Node, kind: CompiledType) -> tuple[Any, ...]:
-        before = self._index.get(node.name)
-        if before is not None and self._types[before] is kind and self._parameters[before] == node.parameters:
-            return self._initial[before]
-        return initial_state(node, kind)
-
     def trace(self, tracer: Tracer) -> None:
         """Lets a tracer see the events from the next one on. Raises FunctionBlockError while events wait."""
         self.change(self._network, replace(self._operation, tracer=tracer))
@@ -187,14 +172,6 @@ class Resource(Blocks):
         """Cancels the timers of a block and of what is inside it, and closes their channels."""
         for index in self._inside(name):
             self._halt(self._instances[index])
-
-    def reset_block(self, name: str) -> None:
-        """Puts the variables and charts of a block, and of what is inside it, back to the beginning."""
-        for index in self._inside(name):
-            self._types[index].load(self._instances[index], self._initial[index])
-
-    def _inside(self, name: str) -> list[int]:
-        return [index for known, index in self._index.items() if known == name or known.startswith(f"{name}.")]
 
     def _halt(self, instance: Any) -> None:
         if getattr(instance, "due__", None) is not None:
@@ -308,48 +285,30 @@ class Resource(Blocks):
             FunctionBlockError: as `run_until_idle`.
         """
         queue = self._queue
-        next_entry = queue.popleft
         if self._operation.tracer is not None:
-            return self._run_traced(self._operation.tracer, size)
-        for _ in range(size):
-            if not queue:
-                self._end_chain()
-                return False
-            entry = next_entry()
             try:
-                entry()
-            except Exception as error:
+                return deliver_traced(queue, self._operation.tracer, size, self.time) and self._goes_on(size)
+            except Undelivered as failure:
                 self._drop_events()
-                raise located(error, self._names[entry]) from None
-        return self._goes_on(size)
-
-    def _run_traced(self, tracer: Tracer, size: int) -> bool:
-        """As `run_batch`, and tells the tracer."""
-        queue, path = self._queue, tracer.path
+                raise located(failure.error, self._names[failure.entry]) from None
+            finally:
+                if not queue:
+                    self._end_chain()
         next_entry = queue.popleft
         for _ in range(size):
             if not queue:
-                tracer.path = path
-                tracer.end_chain(self.time)
                 self._end_chain()
                 return False
             entry = next_entry()
-            further = path[entry]
-            if further is None:
-                tracer.path = path
-                further = tracer.follow(entry, self.time)
-            path = further
             try:
                 entry()
             except Exception as error:
-                tracer.path = path
                 self._drop_events()
                 raise located(error, self._names[entry]) from None
-        tracer.path = path
         return self._goes_on(size)
 
     def _goes_on(self, delivered: int) -> bool:
-        """Counts the events of the chain; more of them wait."""
+        """Counts events of the chain that runs; more of them wait."""
         self._activations += delivered
         if self._activations < ACTIVATION_LIMIT and len(self._queue) < QUEUE_LIMIT:
             return True
