@@ -9,7 +9,7 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 from dtwin import __version__
 from dtwin.commands.table import COMMANDS, GROUPS

@@ -18,8 +18,8 @@ from dtwin.controller.runtime import Runtime, chosen
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.raw import raw_file_ticks, raw_plant_ticks
-from dtwin.iec61499.native.resource import NativeResource
 from dtwin.experiments.blocks_benchmark import online_change, trace_cost
+from dtwin.iec61499.native.resource import NativeResource
 from dtwin.iec61499.net.address import LOOPBACK, Address, LocalAddress, StreamAddress
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.reactor import Reactor
