@@ -147,6 +147,13 @@ class _Distribution:
         link.data.setdefault(connection.source, []).append(connection.destination)
         name = connection.source.removeprefix(f"{block}.")
         interface = self._interface(application.network, block, connection.line)
+        if name in interface.in_outs:
+            raise FunctionBlockError(
+                f"connection {connection.source} -> {connection.destination}: a VAR_IN_OUT does not leave its "
+                "resource: expected both blocks mapped to one",
+                application.network.file,
+                connection.line,
+            )
         carriers = [f"{block}.{event.name}" for event in interface.event_outputs if name in event.with_variables]
         link.carriers[connection.source] = carriers
         kind_of = next((v.type for v in interface.outputs if v.name == name), None)

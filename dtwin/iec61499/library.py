@@ -45,7 +45,7 @@ class Library:
         self._files: dict[Kind, dict[str, Path]] = {kind: {} for kind in KINDS.values()}
         self._types: dict[str, model.LibraryElement] = {}
         self._adapters: dict[str, model.AdapterType] = {}
-        self._data_types: dict[str, StructType] = {}
+        self._data_types: dict[str, DataType] = {}
         self._constants: dict[str, dict[str, model.Variable]] = {}
         self._reading: list[str] = []
         self._lock = threading.RLock()
@@ -98,8 +98,8 @@ class Library:
         structure = STRUCTURE.fullmatch(name)
         if structure is not None and structure[2] in self._files["data type"]:
             found_type = self.data_type(structure[2])
-            assert isinstance(found_type, StructType)
-            return structure_block(name, found_type)
+            if isinstance(found_type, StructType):
+                return structure_block(name, found_type)
         standard = find_standard(name)
         path = self._files["block"].get(name)
         if path is not None:
@@ -120,7 +120,7 @@ class Library:
         return standard
 
     def data_type(self, name: str) -> DataType:
-        """The elementary type or structure of that name. Raises FunctionBlockError when there is none."""
+        """The elementary type, structure or enumeration of that name. Raises FunctionBlockError for another one."""
         plain = name.rpartition("::")[2]
         path = self._files["data type"].get(plain)
         if path is None or plain.upper() in ELEMENTARY:
@@ -153,6 +153,11 @@ class Library:
             with self._no_circle(namespace):
                 self._constants[namespace] = {found.name.upper(): found for found in read_constants(path, self)}
         return self._constants.get(namespace, {}).get(plain.upper())
+
+    def block(self, name: str, file: str = "", line: int = 0) -> model.LibraryElement:
+        """The type of a block inside another one, as `find`; it must not contain that one."""
+        with self._no_circle(name.rpartition("::")[2]):
+            return self.find(name, file, line)
 
     @contextmanager
     def _no_circle(self, name: str) -> Iterator[None]:

@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from typing import Any, Final
 
-from dtwin.errors import FunctionBlockError
+from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499.types import (
     ELEMENTARY,
     LONG_NAMES,
@@ -60,6 +60,7 @@ _EXAMPLES: Final = {
     "time": "a duration such as T#10ms or T#1h30m",
     "char": "one character in quotes such as 'a'",
     "date": "such as D#2024-12-31, TOD#23:59:59 or DT#2024-12-31-23:59:59",
+    "enum": "one of its values",
 }
 
 
@@ -77,9 +78,20 @@ def parse_literal(text: str, data_type: DataType, file: str = "", line: int = 0,
             return _parse_array(text, data_type)
         if isinstance(data_type, StructType):
             return _parse_struct(text, data_type)
+        if data_type.kind == "enum":
+            return _parse_value(text.strip(), data_type)
         return _parse(text.strip(), data_type)
     except FunctionBlockError as error:
         raise FunctionBlockError(error.message, file, line, column) from None
+
+
+def _parse_value(text: str, data_type: ElementaryType) -> int:
+    """The place of an enumeration's value, `RED` or `COLOUR#RED`, also with a package in front."""
+    prefix, sharp, name = text.rpartition("#")
+    place = data_type.place(name.strip())
+    if place is None or (sharp and prefix.rpartition("::")[2].strip().upper() != data_type.name.upper()):
+        raise FunctionBlockError(f"{text[:60]!r} is no {data_type}: expected {choices(data_type.values)}")
+    return place
 
 
 def prefixed(text: str) -> ElementaryType:
@@ -274,6 +286,8 @@ def format_literal(value: Any, data_type: DataType) -> str:
         return format_string(value, "'" if data_type.name == "CHAR" else '"')
     if data_type.kind == "date":
         return f"{data_type}#{format_date(value, data_type.name.removeprefix('L'))}"
+    if data_type.kind == "enum":
+        return f"{data_type}#{data_type.values[value]}"
     if data_type.kind == "time":
         return ("T#" if data_type == TIME else "LTIME#") + format_duration(value)
     return f"16#{value:X}" if data_type.kind == "bits" else str(value)

@@ -7,49 +7,11 @@ A `line` is 1-based, 0 for elements that no file declares (the standard blocks).
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Final, TypeAlias
+from typing import Any, TypeAlias
 
 from dtwin.iec61499.literals import parse_literal
-from dtwin.iec61499.types import DataType, ElementaryType, StructType, bytes_of
-
-GENERIC_TYPES: Final = (
-    *("ANY", "ANY_ELEMENTARY", "ANY_MAGNITUDE", "ANY_NUM", "ANY_REAL", "ANY_INT", "ANY_SIGNED", "ANY_UNSIGNED"),
-    *("ANY_BIT", "ANY_STRING", "ANY_CHARS", "ANY_CHAR", "ANY_DURATION", "ANY_DATE", "ANY_STRUCT", "ANY_DERIVED"),
-)
-
-
-@dataclass(frozen=True, slots=True)
-class GenericType:
-    """ANY, ANY_NUM, ...: stands for the type that a connection or a literal gives it (IEC 61131-3, 6.4.3)."""
-
-    name: str
-
-    def __str__(self) -> str:
-        return self.name
-
-    def admits(self, data_type: DataType) -> bool:
-        """Whether a variable of that type may stand for this one (IEC 61131-3, figure 5)."""
-        if self.name == "ANY":
-            return True
-        if not isinstance(data_type, ElementaryType):
-            return self.name in ("ANY_STRUCT", "ANY_DERIVED") and isinstance(data_type, StructType)
-        kinds = {
-            "ANY_ELEMENTARY": (data_type.kind,),
-            "ANY_MAGNITUDE": ("signed", "unsigned", "real", "time"),
-            "ANY_NUM": ("signed", "unsigned", "real"),
-            "ANY_REAL": ("real",),
-            "ANY_INT": ("signed", "unsigned"),
-            "ANY_SIGNED": ("signed",),
-            "ANY_UNSIGNED": ("unsigned",),
-            "ANY_BIT": ("bool", "bits"),
-            "ANY_STRING": ("string",),
-            "ANY_CHARS": ("string", "char"),
-            "ANY_CHAR": ("char",),
-            "ANY_DURATION": ("time",),
-            "ANY_DATE": ("date",),
-        }
-        return data_type.kind in kinds.get(self.name, ())
-
+from dtwin.iec61499.types import DataType, ElementaryType, bytes_of
+from dtwin.iec61499.types import GenericType as GenericType
 
 VariableType: TypeAlias = DataType | GenericType
 
@@ -89,18 +51,23 @@ class AdapterPort:
 
 @dataclass(frozen=True, slots=True)
 class Interface:
-    """The ports of a block type; those of its adapters are among them."""
+    """The ports of a block type; those of its adapters are among them.
+
+    `in_outs` are the names of the VAR_IN_OUT variables, which are among the inputs and among the outputs.
+    """
 
     event_inputs: tuple[EventPort, ...] = ()
     event_outputs: tuple[EventPort, ...] = ()
     inputs: tuple[Variable, ...] = ()
     outputs: tuple[Variable, ...] = ()
     adapters: tuple[AdapterPort, ...] = ()
+    in_outs: tuple[str, ...] = ()
 
     def names(self) -> tuple[str, ...]:
         """All port names, in the order of declaration."""
         events = (event.name for event in (*self.event_inputs, *self.event_outputs))
-        return (*events, *(variable.name for variable in (*self.inputs, *self.outputs)))
+        data = dict.fromkeys(variable.name for variable in (*self.inputs, *self.outputs))
+        return (*events, *data)
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,10 +162,21 @@ class AdapterType:
 
 
 @dataclass(frozen=True, slots=True)
+class InnerBlock:
+    """A block inside a basic or simple one, which lets it react by `NAME.EVENT(...)`."""
+
+    name: str
+    type: FBType
+    comment: str = ""
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class BasicFBType:
     """A block whose behaviour is an execution control chart; the first state is the initial one.
 
-    `constants` are those of namespaces (`NAMESPACE::NAME`) that its text uses.
+    `constants` are those of namespaces (`NAMESPACE::NAME`) that its text uses. The variables of the blocks inside it
+    are among the internal ones, called `BLOCK.VARIABLE`.
     """
 
     header: TypeHeader
@@ -208,6 +186,7 @@ class BasicFBType:
     transitions: tuple[ECTransition, ...] = ()
     algorithms: tuple[Algorithm, ...] = ()
     constants: tuple[Variable, ...] = ()
+    blocks: tuple[InnerBlock, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,6 +199,7 @@ class SimpleFBType:
     states: tuple[ECState, ...] = ()
     algorithms: tuple[Algorithm, ...] = ()
     constants: tuple[Variable, ...] = ()
+    blocks: tuple[InnerBlock, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,8 +3,9 @@
 Python representations: BOOL is bool; integers and bit strings are int; REAL and LREAL are float; STRING and
 WSTRING are str, a STRING with one character for every byte of its UTF-8 text, as 4diac FORTE counts; CHAR and
 WCHAR are str of one character; TIME and the dates are int nanoseconds (dates since 1970, times of day since
-midnight); arrays are lists, and structures lists of their members' values. A list is never changed in place:
-whoever changes an element makes a new list, so that copying a reference copies the value.
+midnight); the value of an enumeration is its place; arrays are lists, and structures lists of their members'
+values. A list is never changed in place: whoever changes an element makes a new list, so that copying a reference
+copies the value.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ MAXIMUM_DIGITS: Final = 400
 """Most characters of a number; the largest LREAL has 309 digits."""
 
 _SIGNED: Final = ("signed", "time", "date")
-TypeKind = Literal["bool", "signed", "unsigned", "bits", "real", "string", "char", "time", "date"]
+TypeKind = Literal["bool", "signed", "unsigned", "bits", "real", "string", "char", "time", "date", "enum"]
 
 _FLOAT32: Final = struct.Struct("f")
 
@@ -40,13 +41,16 @@ def round_to_real(value: float) -> float:
 class ElementaryType:
     """One elementary type: its IEC 61131-3 name, kind and width in bits (0 for strings).
 
-    `limit` is the most characters of a bounded string such as STRING[20], 0 for any number.
+    `limit` is the most characters of a bounded string such as STRING[20], 0 for any number. `values` are the names
+    of an enumeration's values (IEC 61131-3, 6.4.4.2), and `first` the place of the one that it starts with.
     """
 
     name: str
     kind: TypeKind
     bits: int
     limit: int = 0
+    values: tuple[str, ...] = ()
+    first: int = 0
 
     def __str__(self) -> str:
         return f"{self.name}[{self.limit}]" if self.limit else self.name
@@ -61,18 +65,24 @@ class ElementaryType:
 
     @property
     def minimum(self) -> int:
-        """Smallest value of an integer, bit string, BOOL, TIME or date."""
+        """Smallest value of an integer, bit string, BOOL, TIME, date or enumeration."""
         return -(1 << (self.bits - 1)) if self.kind in _SIGNED else 0
 
     @property
     def maximum(self) -> int:
-        """Largest value of an integer, bit string, BOOL, TIME or date."""
+        """Largest value of an integer, bit string, BOOL, TIME, date or enumeration."""
+        if self.values:
+            return len(self.values) - 1
         return (1 << (self.bits - 1)) - 1 if self.kind in _SIGNED else (1 << self.bits) - 1
 
     @property
     def default(self) -> Any:
         """The initial value when a declaration gives none."""
-        return {"bool": False, "real": 0.0, "string": "", "char": "\0"}.get(self.kind, 0)
+        return {"bool": False, "real": 0.0, "string": "", "char": "\0"}.get(self.kind, self.first)
+
+    def place(self, name: str) -> int | None:
+        """The place of an enumeration's value, whose name may be written in any case; None when there is none."""
+        return next((i for i, value in enumerate(self.values) if value.upper() == name.upper()), None)
 
     def wrap(self, value: Any) -> Any:
         """The value as a variable of this type holds it.
@@ -87,6 +97,8 @@ class ElementaryType:
             return str(value)[: self.limit] if self.limit else str(value)
         if self.kind == "char":
             return str(value)[:1] or "\0"
+        if self.kind == "enum":
+            return value if 0 <= value <= self.maximum else self.first
         return (value - self.minimum & (1 << self.bits) - 1) + self.minimum
 
 
@@ -175,6 +187,45 @@ DataType: TypeAlias = ElementaryType | ArrayType | StructType
 Aggregate: TypeAlias = ArrayType | StructType
 
 
+GENERIC_TYPES: Final = (
+    *("ANY", "ANY_ELEMENTARY", "ANY_MAGNITUDE", "ANY_NUM", "ANY_REAL", "ANY_INT", "ANY_SIGNED", "ANY_UNSIGNED"),
+    *("ANY_BIT", "ANY_STRING", "ANY_CHARS", "ANY_CHAR", "ANY_DURATION", "ANY_DATE", "ANY_STRUCT", "ANY_DERIVED"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class GenericType:
+    """ANY, ANY_NUM, ...: stands for the type that a connection or a literal gives it (IEC 61131-3, 6.4.3)."""
+
+    name: str
+
+    def __str__(self) -> str:
+        return self.name
+
+    def admits(self, data_type: DataType) -> bool:
+        """Whether a variable of that type may stand for this one (IEC 61131-3, figure 5)."""
+        if self.name == "ANY":
+            return True
+        if not isinstance(data_type, ElementaryType):
+            return self.name in ("ANY_STRUCT", "ANY_DERIVED") and isinstance(data_type, StructType)
+        kinds = {
+            "ANY_ELEMENTARY": (data_type.kind,),
+            "ANY_MAGNITUDE": ("signed", "unsigned", "real", "time"),
+            "ANY_NUM": ("signed", "unsigned", "real"),
+            "ANY_REAL": ("real",),
+            "ANY_INT": ("signed", "unsigned"),
+            "ANY_SIGNED": ("signed",),
+            "ANY_UNSIGNED": ("unsigned",),
+            "ANY_BIT": ("bool", "bits"),
+            "ANY_STRING": ("string",),
+            "ANY_CHARS": ("string", "char"),
+            "ANY_CHAR": ("char",),
+            "ANY_DURATION": ("time",),
+            "ANY_DATE": ("date",),
+        }
+        return data_type.kind in kinds.get(self.name, ())
+
+
 def elements(data_type: DataType) -> int:
     """Number of elementary values that a variable of the type holds."""
     return 1 if isinstance(data_type, ElementaryType) else data_type.elements
@@ -218,6 +269,15 @@ LONG_NAMES: Final = {
     "LTIME_OF_DAY": "LTOD",
 }
 """Other names of date types."""
+ENUM_BITS: Final = 16
+"""Bits of an enumeration, which travels and is computed as a UINT."""
+
+
+def enumeration(name: str, values: tuple[str, ...], first: int = 0) -> ElementaryType:
+    """The enumeration with these values, at least one; it starts with the one at the place `first`."""
+    return ElementaryType(name, "enum", ENUM_BITS, values=values, first=first)
+
+
 _BOUNDED: Final = re.compile(r"(W?STRING)\s*\[\s*([0-9]{1,5})\s*\]", re.I)
 
 

@@ -103,6 +103,18 @@ class _Export:
                 block.header.file,
                 adapter.line,
             )
+        for name in interface.in_outs:
+            raise FunctionBlockError(
+                f"VAR_IN_OUT {name} of {block.header.name} is not available in Lua: expected an input and an output",
+                block.header.file,
+                next(v.line for v in interface.inputs if v.name == name),
+            )
+        for inner in block.blocks:
+            raise FunctionBlockError(
+                f"block {inner.name} inside {block.header.name} is not available in Lua: expected it beside",
+                block.header.file,
+                inner.line,
+            )
         groups = (
             (_INPUT, "i", interface.inputs),
             (_OUTPUT, "o", interface.outputs),
@@ -244,6 +256,12 @@ class _Export:
         if isinstance(data_type, StructType):
             raise FunctionBlockError(
                 f"variable {variable.name}: structure {data_type} is no type for Lua: expected elementary types",
+                self._block.header.file,
+                variable.line,
+            )
+        if isinstance(data_type, ElementaryType) and data_type.kind == "enum":
+            raise FunctionBlockError(
+                f"variable {variable.name}: enumeration {data_type} is no type on 4diac FORTE: expected a UINT",
                 self._block.header.file,
                 variable.line,
             )

@@ -1,8 +1,7 @@
 """Reads types of blocks (.fbt), subapplications (.sub) and adapters (.adp) as 4diac IDE writes them.
 
-What the runtime cannot execute is refused here, by name and line: VAR_IN_OUT, methods, algorithms in other
-languages. What only concerns editors (attributes, services, compiler
-information, groups, comments in diagrams) is passed over.
+What the runtime cannot execute is refused here, by name and line: methods, algorithms in other languages. What only
+concerns editors (attributes, services, compiler information, groups, comments in diagrams) is passed over.
 """
 
 from __future__ import annotations
@@ -14,7 +13,8 @@ from typing import Final
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
-from dtwin.iec61499.files.header import PASSED_OVER, check_unique, read_header, read_name
+from dtwin.iec61499.files.header import PASSED_OVER, Named, check_unique, read_header, read_name
+from dtwin.iec61499.files.inner_blocks import read_inner_blocks
 from dtwin.iec61499.files.interface import read_interface, read_variables
 from dtwin.iec61499.files.names import ALONE, Names, used_constants
 from dtwin.iec61499.files.networks import read_network
@@ -75,7 +75,7 @@ def _read_basic(
     chart = body.child("ECC")
     if chart is None:
         raise body.error(f"basic block {header.name} has no <ECC>")
-    internals = _read_internals(body, interface, names)
+    internals, blocks = _read_internals(body, interface, names)
     algorithms = _read_algorithms(body)
     states = _read_states(chart, interface, algorithms)
     if not states:
@@ -84,14 +84,14 @@ def _read_basic(
     transitions = tuple(_read_transition(t, interface, states) for t in chart.children("ECTransition"))
     texts = [*(a.source.text for a in algorithms), *(t.guard for t in transitions)]
     constants = used_constants(texts, names)
-    return model.BasicFBType(header, interface, internals, states, transitions, algorithms, constants)
+    return model.BasicFBType(header, interface, internals, states, transitions, algorithms, constants, blocks)
 
 
 def _read_simple(
     body: XmlElement, header: model.TypeHeader, interface: model.Interface, names: Names
 ) -> model.SimpleFBType:
     body.expect_children((*_ALGORITHMIC_PARTS, "ECState"))
-    internals = _read_internals(body, interface, names)
+    internals, blocks = _read_internals(body, interface, names)
     algorithms = _read_algorithms(body)
     states = _read_states(body, interface, algorithms)
     inputs = [event.name for event in interface.event_inputs]
@@ -105,16 +105,22 @@ def _read_simple(
         action = model.ECAction(algorithms[0].name, output, algorithms[0].line)
         states = (model.ECState(inputs[0], (action,), line=body.line),)
     constants = used_constants([algorithm.source.text for algorithm in algorithms], names)
-    return model.SimpleFBType(header, interface, internals, states, algorithms, constants)
+    return model.SimpleFBType(header, interface, internals, states, algorithms, constants, blocks)
 
 
-def _read_internals(body: XmlElement, interface: model.Interface, names: Names) -> tuple[model.Variable, ...]:
-    internals = (
-        *read_variables(body.child("InternalVars"), names),
+def _read_internals(
+    body: XmlElement, interface: model.Interface, names: Names
+) -> tuple[tuple[model.Variable, ...], tuple[model.InnerBlock, ...]]:
+    group = body.child("InternalVars")
+    blocks, inner = read_inner_blocks(group, names)
+    own = (
+        *read_variables(group, names, beside=("FB",)),
         *read_variables(body.child("InternalConstVars"), names, constant=True),
     )
-    check_unique([*interface.inputs, *interface.outputs, *internals], "variable", body.file)
-    return internals
+    ports = {variable.name: variable for variable in (*interface.inputs, *interface.outputs)}
+    declared: list[Named] = [*ports.values(), *own, *blocks]
+    check_unique(declared, "variable", body.file)
+    return (*own, *inner), blocks
 
 
 def _read_algorithms(body: XmlElement) -> tuple[model.Algorithm, ...]:

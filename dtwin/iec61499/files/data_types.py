@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -9,15 +10,24 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.files.header import PASSED_OVER, check_unique, read_name
 from dtwin.iec61499.files.interface import read_variables
 from dtwin.iec61499.files.names import Names
-from dtwin.iec61499.files.xml import read_xml
-from dtwin.iec61499.types import Member, StructType
+from dtwin.iec61499.files.xml import XmlElement, read_xml
+from dtwin.iec61499.literals import parse_literal
+from dtwin.iec61499.types import MAXIMUM_ELEMENTS, DataType, ElementaryType, Member, StructType, enumeration
 
-_TYPE_PARTS: Final = ("StructuredType", "ASN1Tag", *PASSED_OVER)
+_TYPE_PARTS: Final = ("StructuredType", "EnumeratedType", "ASN1Tag", *PASSED_OVER)
 _CONSTANT_PARTS: Final = ("GlobalConstants", "OriginalSource", *PASSED_OVER)
 
 
-def read_data_type(path: Path, names: Names) -> StructType:
-    """Reads a structure.
+@dataclass(frozen=True, slots=True)
+class _Value:
+    """A value of an enumeration, and where it is declared."""
+
+    name: str
+    line: int
+
+
+def read_data_type(path: Path, names: Names) -> DataType:
+    """Reads a structure or an enumeration.
 
     Raises:
         FunctionBlockError: the file is unreadable or wrong, or holds another kind of type; names file and line.
@@ -26,9 +36,12 @@ def read_data_type(path: Path, names: Names) -> StructType:
     if root.tag != "DataType":
         raise root.error(f"<{root.tag}> is not a data type: expected <DataType>")
     root.expect_children(_TYPE_PARTS)
+    enumerated = root.child("EnumeratedType")
+    if enumerated is not None:
+        return _read_enumeration(read_name(root), enumerated)
     body = root.child("StructuredType")
     if body is None:
-        raise root.error(f"data type {read_name(root)} has no <StructuredType>: expected a structure")
+        raise root.error(f"data type {read_name(root)} has no <StructuredType> and no <EnumeratedType>: expected one")
     variables = read_variables(body, names)
     check_unique(variables, "member", root.file)
     members = []
@@ -37,6 +50,19 @@ def read_data_type(path: Path, names: Names) -> StructType:
             raise body.error(f"member {variable.name} is {variable.type}: expected a type that is not generic")
         members.append(Member(variable.name, variable.type, model.initial_value(variable, root.file)))
     return StructType(read_name(root), tuple(members))
+
+
+def _read_enumeration(name: str, body: XmlElement) -> ElementaryType:
+    body.expect_children(("EnumeratedValue", "Attribute"))
+    values = [_Value(read_name(element), element.line) for element in body.children("EnumeratedValue")]
+    check_unique(values, "value", body.file)
+    if not 0 < len(values) <= MAXIMUM_ELEMENTS:
+        raise body.error(f"enumeration {name} has {len(values)} values: expected 1 to {MAXIMUM_ELEMENTS}")
+    found = enumeration(name, tuple(value.name for value in values))
+    initial = body.get("InitialValue")
+    if not initial:
+        return found
+    return replace(found, first=parse_literal(initial, found, body.file, body.line))
 
 
 def read_constants(path: Path, names: Names) -> tuple[model.Variable, ...]:

@@ -12,7 +12,7 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.files.header import Named, check_unique, read_name
 from dtwin.iec61499.files.names import Names, resolved
 from dtwin.iec61499.files.xml import XmlElement
-from dtwin.iec61499.types import ArrayType
+from dtwin.iec61499.types import GENERIC_TYPES, ArrayType
 
 _PORT_GROUPS: Final = ("EventInputs", "EventOutputs", "InputVars", "OutputVars")
 _ADAPTER_GROUPS: Final = ("Plugs", "Sockets")
@@ -28,17 +28,13 @@ def read_interface(owner: XmlElement, names: Names) -> model.Interface:
         [*_PORT_GROUPS, *_ADAPTER_GROUPS, "InOutVars", *(f"SubApp{group}" for group in _PORT_GROUPS)]
     )
     for group in interface.children():
-        first = next(group.children(), None)
-        if group.tag == "InOutVars" and first is not None:
-            raise first.error(
-                f"VAR_IN_OUT variable {first.get('Name')} is not supported: expected inputs and outputs"
-            )
         groups[group.tag.removeprefix("SubApp")] = group
     inputs = read_variables(groups.get("InputVars"), names)
     outputs = read_variables(groups.get("OutputVars"), names)
+    in_outs = _read_in_outs(owner, groups.get("InOutVars"), names)
     events = (
-        _read_events(groups.get("EventInputs"), inputs, "input"),
-        _read_events(groups.get("EventOutputs"), outputs, "output"),
+        _read_events(groups.get("EventInputs"), inputs, in_outs, "input"),
+        _read_events(groups.get("EventOutputs"), outputs, in_outs, "output"),
     )
     adapters = tuple(
         model.AdapterPort(
@@ -51,9 +47,23 @@ def read_interface(owner: XmlElement, names: Names) -> model.Interface:
         for group in _ADAPTER_GROUPS
         for element in (groups[group].children("AdapterDeclaration") if group in groups else ())
     )
-    ports: list[Named] = [*events[0], *events[1], *inputs, *outputs, *adapters]
+    ports: list[Named] = [*events[0], *events[1], *inputs, *outputs, *in_outs, *adapters]
     check_unique(ports, "port", owner.file)
-    return with_adapters(model.Interface(*events, inputs, outputs), adapters)
+    both = tuple(variable.name for variable in in_outs)
+    return with_adapters(model.Interface(*events, (*inputs, *in_outs), (*outputs, *in_outs), (), both), adapters)
+
+
+def _read_in_outs(owner: XmlElement, group: XmlElement | None, names: Names) -> tuple[model.Variable, ...]:
+    in_outs = read_variables(group, names)
+    for variable in in_outs:
+        if owner.tag != "FBType" or isinstance(variable.type, model.GenericType):
+            raise FunctionBlockError(
+                f"VAR_IN_OUT {variable.name} is not supported here: expected one of a block, not of an adapter or "
+                "subapplication, and of a type that is not generic",
+                owner.file,
+                variable.line,
+            )
+    return in_outs
 
 
 def with_adapters(interface: model.Interface, adapters: Sequence[model.AdapterPort]) -> model.Interface:
@@ -73,7 +83,14 @@ def with_adapters(interface: model.Interface, adapters: Sequence[model.AdapterPo
         inputs += [_variable(adapter, variable) for variable in into[1]]
         event_outputs += [_event(adapter, event) for event in out_of[0]]
         outputs += [_variable(adapter, variable) for variable in out_of[1]]
-    return model.Interface(tuple(event_inputs), tuple(event_outputs), tuple(inputs), tuple(outputs), tuple(adapters))
+    return replace(
+        interface,
+        event_inputs=tuple(event_inputs),
+        event_outputs=tuple(event_outputs),
+        inputs=tuple(inputs),
+        outputs=tuple(outputs),
+        adapters=tuple(adapters),
+    )
 
 
 def _event(adapter: model.AdapterPort, event: model.EventPort) -> model.EventPort:
@@ -86,9 +103,13 @@ def _variable(adapter: model.AdapterPort, variable: model.Variable) -> model.Var
 
 
 def _read_events(
-    group: XmlElement | None, variables: Sequence[model.Variable], direction: str
+    group: XmlElement | None,
+    variables: Sequence[model.Variable],
+    in_outs: Sequence[model.Variable],
+    direction: str,
 ) -> tuple[model.EventPort, ...]:
     names = [variable.name for variable in variables]
+    shared = [variable.name for variable in in_outs]
     events = []
     if group is None:
         return ()
@@ -99,24 +120,29 @@ def _read_events(
             raise element.error(f"event type {element.get('Type')} is not supported: expected Event")
         with_variables = tuple(w.require("Var") for w in element.children("With"))
         for with_element, name in zip(element.children("With"), with_variables, strict=True):
-            if name not in names:
+            if name not in names and name not in shared:
                 valid = f"expected {choices(names)}" if names else f"the type has no {direction} variable"
                 raise with_element.error(
                     f"unknown {direction} variable {name} in WITH of {element.get('Name')}: {valid}"
                 )
-        events.append(model.EventPort(read_name(element), with_variables, element.get("Comment"), element.line))
+        # a VAR_IN_OUT is not sampled: both sides have the same variable
+        sampled = tuple(name for name in with_variables if name not in shared)
+        events.append(model.EventPort(read_name(element), sampled, element.get("Comment"), element.line))
     return tuple(events)
 
 
-def read_variables(group: XmlElement | None, names: Names, constant: bool = False) -> tuple[model.Variable, ...]:
-    """The variable declarations of a group; with `constant` they cannot be assigned."""
+def read_variables(
+    group: XmlElement | None, names: Names, constant: bool = False, beside: tuple[str, ...] = ()
+) -> tuple[model.Variable, ...]:
+    """The variable declarations of a group; with `constant` they cannot be assigned.
+
+    Elements of the tags `beside` may stand among them.
+    """
     variables = []
     if group is None:
         return ()
-    for block in group.children("FB"):
-        raise block.error(f"block {block.get('Name')} inside a basic block is not supported: expected variables only")
-    group.expect_children(("VarDeclaration",))
-    for element in group.children():
+    group.expect_children(("VarDeclaration", *beside))
+    for element in group.children("VarDeclaration"):
         element.expect_children(("Attribute",))
         name = read_name(element)
         initial = resolved(element.get("InitialValue"), names)
@@ -133,8 +159,8 @@ def _variable_type(element: XmlElement, names: Names) -> model.VariableType:
     if name.upper().startswith("ANY"):
         if element.get("ArraySize"):
             raise element.error(f"array of {name} is not supported: expected an elementary type")
-        if name.upper() not in model.GENERIC_TYPES:
-            raise element.error(f"unknown generic type {name}: expected {choices(model.GENERIC_TYPES)}")
+        if name.upper() not in GENERIC_TYPES:
+            raise element.error(f"unknown generic type {name}: expected {choices(GENERIC_TYPES)}")
         return model.GenericType(name.upper())
     try:
         data_type = names.data_type(name)

@@ -1,4 +1,4 @@
-"""What a file names that other files declare: structures, adapter types, constants of namespaces."""
+"""What a file names that other files declare: types of data, blocks and adapters, constants of namespaces."""
 
 from __future__ import annotations
 
@@ -25,6 +25,9 @@ class Names(Protocol):
     def constant(self, name: str) -> model.Variable | None:
         """The global constant `NAMESPACE::NAME`; None when there is none."""
 
+    def block(self, name: str, file: str = "", line: int = 0) -> model.LibraryElement:
+        """The block type of that name; file and line use it. Raises FunctionBlockError for an unknown name."""
+
 
 class ElementaryNames:
     """Knows the elementary types only: for a file that stands alone."""
@@ -37,6 +40,9 @@ class ElementaryNames:
 
     def constant(self, name: str) -> model.Variable | None:
         return None
+
+    def block(self, name: str, file: str = "", line: int = 0) -> model.LibraryElement:
+        raise FunctionBlockError(f"unknown block type {name}: expected a file {name}.fbt", file, line)
 
 
 ALONE: Final = ElementaryNames()

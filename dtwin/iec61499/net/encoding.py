@@ -3,7 +3,8 @@
 The encoding is that of the compliance profile for feasibility demonstrations (ASN.1, ISO/IEC 8825), as 4diac FORTE
 has it. A BOOL is its tag alone; a STRING has a 16-bit length in bytes, a WSTRING in UTF-16 code units. An ARRAY has a
 16-bit element count, then the elements' tag once, then their data; a structure has the data of its members one after
-another. BOOL elements and members are a tag each. A TIME is counted in microseconds, a date in milliseconds.
+another. BOOL elements and members are a tag each. A TIME is counted in microseconds, a date in milliseconds. An
+enumeration, for which FORTE has no data, is the UINT of its place.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.types import ArrayType, DataType, StructType
+from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, StructType
 
 Value = Any
 """A value as the runtime holds it: bool, int, float, str, or a list of those; times and dates in ns."""
@@ -111,6 +112,8 @@ def _body(kind: DataType, string_limit: int) -> tuple[int | None, Encoder, Decod
         return TEXTS[kind.name][0], *_text_body(kind.name, string_limit)
     if kind.name in FIXED:
         return FIXED[kind.name][0], *_fixed_body(kind.name)
+    if kind.kind == "enum":
+        return FIXED["UINT"][0], *_enumeration_body(kind)
     raise CommunicationError(f"{kind.name} has no encoding for communication blocks")
 
 
@@ -144,6 +147,18 @@ def _fixed_body(name: str) -> tuple[Encoder, Decoder]:
         return layout.unpack_from(data, at)[0], at + layout.size
 
     return _scaled(layout.pack, decode, UNITS[name]) if name in UNITS else (layout.pack, decode)
+
+
+def _enumeration_body(kind: ElementaryType) -> tuple[Encoder, Decoder]:
+    encode, decode_place = _fixed_body("UINT")
+
+    def decode(data: bytes | bytearray, at: int) -> tuple[Value, int]:
+        place, end = decode_place(data, at)
+        if place > kind.maximum:
+            raise Malformed(at, f"value {place} of {kind}: expected 0 to {kind.maximum}")
+        return place, end
+
+    return encode, decode
 
 
 def _scaled(encode: Encoder, decode: Decoder, unit: int) -> tuple[Encoder, Decoder]:

@@ -152,9 +152,12 @@ class Blocks:
 
     def _locate(self, name: str) -> tuple[int, model.Variable | None]:
         block, _, variable = name.rpartition(".")
-        owner, _, adapter = block.rpartition(".")
-        if block not in self._index and owner in self._index:
-            block, variable = owner, f"{adapter}.{variable}"
+        owner = block
+        while owner not in self._index and "." in owner:
+            owner = owner.rpartition(".")[0]
+        if owner in self._index:
+            # further names are those of an adapter, or of blocks inside a basic one
+            block, variable = owner, name.removeprefix(f"{owner}.")
         index = self._find(block)
         kind = self._types[index].block
         if variable == "$ECC" and isinstance(kind, model.BasicFBType):

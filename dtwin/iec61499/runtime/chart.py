@@ -19,9 +19,9 @@ CHAIN_LIMIT: Final = 10_000
 """Most transitions without an event that one event may cause."""
 
 
-def handler_name(event: str) -> str:
+def handler_name(event: str, prefix: str = "") -> str:
     """The name of the function for an event input, which may be one of an adapter (`PLUG.REQ`)."""
-    return "on_" + event.replace(".", "__")
+    return f"{prefix}on_{event.replace('.', '__')}"
 
 
 class ChartWriter:
@@ -32,6 +32,7 @@ class ChartWriter:
         transitions: the chart's transitions, in the order in which they are tried.
         guards: the guard of every transition that has one, as a Python expression over the instance `s`.
         actions: the actions of every state, by its name, as Python lines over the instance `s`.
+        prefix: what stands before the names of the functions and of the state's attribute, for a block inside.
     """
 
     def __init__(
@@ -40,7 +41,10 @@ class ChartWriter:
         transitions: Iterable[model.ECTransition],
         guards: Mapping[model.ECTransition, str],
         actions: Mapping[str, list[str]],
+        prefix: str = "",
     ) -> None:
+        self._prefix = prefix
+        self._state = f"s.{prefix}state__"
         self._numbers = {state.name: number for number, state in enumerate(states)}
         self._transitions = tuple(transitions)
         self._guards = guards
@@ -58,12 +62,12 @@ class ChartWriter:
         return self._lines
 
     def _write_event(self, event: str) -> None:
-        self._lines.append(f"def {handler_name(event)}(s):")
+        self._lines.append(f"def {handler_name(event, self._prefix)}(s):")
         waiting = [state for state in self._numbers if any(t.event in ("", event) for t in self._leaving(state))]
         if not waiting:
             self._lines.append("    pass")
             return
-        self._lines.append("    state = s.state__")
+        self._lines.append(f"    state = {self._state}")
         self._entries = 0
         for position, state in enumerate(waiting):
             keyword = "if" if position == 0 else "elif"
@@ -79,7 +83,7 @@ class ChartWriter:
     def _leave(self, state: str, event: str, path: tuple[str, ...], depth: int, origin: str) -> None:
         """Tries the transitions of a state; `path` holds the states entered since the event, `state` last."""
         indent = "    " * depth
-        stay = [] if not path or state == origin else [f"s.state__ = {self._numbers[state]}"]
+        stay = [] if not path or state == origin else [f"{self._state} = {self._numbers[state]}"]
         keyword = "if"
         for transition in self._leaving(state):
             if transition.event not in ("", event):
@@ -107,14 +111,14 @@ class ChartWriter:
         self._entries += 1
         if state in path or self._entries > MAXIMUM_ENTRIES:
             self._needs_loop = True
-            self._lines.append(f"{indent}settle(s, {self._numbers[state]})")
+            self._lines.append(f"{indent}{self._prefix}settle(s, {self._numbers[state]})")
             return
         self._lines += [indent + line for line in self._actions.get(state, ())]
         self._leave(state, "", (*path, state), depth, origin)
 
     def _write_loop(self) -> None:
         """`settle(s, state)` enters a state and follows event-less transitions, one at a time."""
-        self._lines += ["def settle(s, state):", f"    for _ in range({CHAIN_LIMIT}):"]
+        self._lines += [f"def {self._prefix}settle(s, state):", f"    for _ in range({CHAIN_LIMIT}):"]
         for state, number in self._numbers.items():
             self._lines.append(f"        if state == {number}:")
             self._lines += ["            " + line for line in self._actions.get(state, ())]
@@ -125,4 +129,4 @@ class ChartWriter:
                     self._lines += [f"            if {guard}:", f"                state = {target}"]
                     self._lines.append("                continue")
             self._lines += ["            break"]
-        self._lines += ["    else:", "        endless_chain(s)", "    s.state__ = state"]
+        self._lines += ["    else:", "        endless_chain(s)", f"    {self._state} = state"]

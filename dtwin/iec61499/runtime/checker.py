@@ -10,7 +10,8 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.st import typed
 from dtwin.iec61499.st.check import check_algorithm, check_expression
 from dtwin.iec61499.st.parser import parse_algorithm, parse_expression
-from dtwin.iec61499.types import ArrayType, DataType, StructType, elementary
+from dtwin.iec61499.st.scope import InnerBlock
+from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, StructType, elementary
 
 
 class BlockChecker:
@@ -28,14 +29,27 @@ class BlockChecker:
                 self._constants[variable.name] = variable.type, model.initial_value(variable, self._file)
         assigned = (*interface.outputs, *block.internals)
         self._writable = {variable.name for variable in assigned if not variable.constant}
-        self._types = {t.name.upper(): t for data_type in self._scope.values() for t in _structures(data_type)}
+        self._blocks = tuple(self._inner(inner) for inner in block.blocks)
+        self._types = {t.name.upper(): t for data_type in self._scope.values() for t in _derived(data_type)}
+
+    def _inner(self, inner: model.InnerBlock) -> InnerBlock:
+        """What the text may know of a block inside: it reads its ports and writes its inputs."""
+        interface = inner.type.interface
+        inputs = tuple(variable.name for variable in interface.inputs)
+        outputs = tuple(variable.name for variable in interface.outputs)
+        for variable in getattr(inner.type, "internals", ()):
+            del self._scope[f"{inner.name}.{variable.name}"]
+        self._writable -= {f"{inner.name}.{v.name}" for v in getattr(inner.type, "internals", ())}
+        self._writable -= {f"{inner.name}.{name}" for name in outputs if name not in inputs}
+        events = tuple(event.name for event in interface.event_inputs)
+        return InnerBlock(inner.name, events, inputs, outputs)
 
     def algorithm(self, algorithm: model.Algorithm) -> typed.CheckedAlgorithm:
         """The algorithm with every name resolved. Raises FunctionBlockError naming file, line and column."""
         source = algorithm.source
         try:
             tree = parse_algorithm(source.text, self._file, source.line if source.exact else 1, 1)
-            return check_algorithm(tree, self._scope, self._writable, self._constants, self._find_type)
+            return check_algorithm(tree, self._scope, self._writable, self._constants, self._find_type, self._blocks)
         except FunctionBlockError as error:
             if source.exact:
                 raise
@@ -43,7 +57,7 @@ class BlockChecker:
             raise FunctionBlockError(f"{where}: {error.message}", self._file, source.line) from None
 
     def _find_type(self, name: str) -> DataType:
-        """A type that a declaration in an algorithm names: an elementary one, or a structure that the block has."""
+        """A type that a declaration in an algorithm names: an elementary one, or one of those that the block has."""
         return self._types.get(name.rpartition("::")[2].upper()) or elementary(name)
 
     def guard(self, transition: model.ECTransition) -> typed.Expression:
@@ -56,11 +70,13 @@ class BlockChecker:
             raise FunctionBlockError(f"{where}: {error.message}", self._file, transition.line) from None
 
 
-def _structures(data_type: DataType) -> Iterator[StructType]:
-    """The structures that a type consists of."""
+def _derived(data_type: DataType) -> Iterator[StructType | ElementaryType]:
+    """The structures and enumerations that a type consists of."""
     if isinstance(data_type, ArrayType):
-        yield from _structures(data_type.element)
+        yield from _derived(data_type.element)
     elif isinstance(data_type, StructType):
         yield data_type
         for member in data_type.members:
-            yield from _structures(member.type)
+            yield from _derived(member.type)
+    elif data_type.kind == "enum":
+        yield data_type

@@ -20,6 +20,7 @@ from dtwin.iec61499.runtime import communication, timers
 from dtwin.iec61499.runtime.chart import CHAIN_LIMIT, ChartWriter, handler_name
 from dtwin.iec61499.runtime.checker import BlockChecker
 from dtwin.iec61499.runtime.generic_ports import unconnected
+from dtwin.iec61499.runtime.inner_blocks import add_reactions
 from dtwin.iec61499.runtime.publication import late_outputs
 from dtwin.iec61499.runtime.service_interface import EventHandler, ServiceBehaviour
 from dtwin.iec61499.runtime.services import absent, clocked, utilities
@@ -157,12 +158,10 @@ class _Algorithmic:
         block = self._block
         checked = {algorithm.name: self._checker.algorithm(algorithm) for algorithm in block.algorithms}
         names = {algorithm: f"algorithm_{number}" for number, algorithm in enumerate(checked)}
-        space: dict[str, Any] = {
-            names[algorithm]: compile_algorithm(code, f"{block.header.name}.{algorithm}")
-            for algorithm, code in checked.items()
-        }
-        space |= CONDITION_GLOBALS
-        space["endless_chain"] = _endless_chain
+        space: dict[str, Any] = {**CONDITION_GLOBALS, "endless_chain": _endless_chain}
+        inner_state = add_reactions(block, space)
+        for algorithm, code in checked.items():
+            space[names[algorithm]] = compile_algorithm(code, f"{block.header.name}.{algorithm}", space)
         late = late_outputs(block, checked)
         published = {
             variable.name: (PUBLISHED if variable.name in late else "") + python_name(variable.name)
@@ -184,7 +183,7 @@ class _Algorithmic:
             state = {}
         exec(compile("\n".join(lines), f"<{block.header.name}>", "exec"), space)
         handlers = {event: space[handler_name(event)] for event in events}
-        return _assemble(block, handlers, published, state)
+        return _assemble(block, handlers, published, state | inner_state)
 
     def _action_lines(
         self, state: model.ECState, names: Mapping[str, str], published: Mapping[str, str]

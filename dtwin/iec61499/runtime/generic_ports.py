@@ -212,8 +212,16 @@ def _fallback(generic: model.GenericType) -> ElementaryType:
 def check_types(netlist: Netlist) -> None:
     """Raises FunctionBlockError at the first connection whose source does not fit its destination."""
     for port, wire in netlist.data.items():
-        source = variable_at(netlist.nodes[wire.source.node], wire.source.name).type
-        destination = variable_at(netlist.nodes[port.node], port.name).type
+        sender, receiver = netlist.nodes[wire.source.node], netlist.nodes[port.node]
+        source, destination = variable_at(sender, wire.source.name).type, variable_at(receiver, port.name).type
+        shared = port.name in receiver.interface.in_outs
+        if shared and (wire.source.name not in sender.interface.in_outs or source != destination):
+            raise FunctionBlockError(
+                f"connection {sender.name}.{wire.source.name} -> {receiver.name}.{port.name}: a VAR_IN_OUT of "
+                f"{destination} stands for a variable: expected another VAR_IN_OUT of {destination} as its source",
+                wire.file,
+                wire.line,
+            )
         if source == destination:
             continue
         fits = (
@@ -223,9 +231,9 @@ def check_types(netlist: Netlist) -> None:
         )
         if not fits:
             raise FunctionBlockError(
-                f"connection {netlist.nodes[wire.source.node].name}.{wire.source.name} -> "
-                f"{netlist.nodes[port.node].name}.{port.name}: {source} does not fit {destination}: expected "
-                f"{destination} or a conversion block such as F_{source}_TO_{destination}",
+                f"connection {sender.name}.{wire.source.name} -> {receiver.name}.{port.name}: "
+                f"{source} does not fit {destination}: expected {destination} or a conversion block such as "
+                f"F_{source}_TO_{destination}",
                 wire.file,
                 wire.line,
             )

@@ -13,7 +13,7 @@ def late_outputs(
 ) -> set[str]:
     """The variables that an action writes without an event that has them in its WITH.
 
-    What others sample of such an output is a copy, made by the last event that published it.
+    What others sample of such an output is a copy, made by the last event that published it. A VAR_IN_OUT has none.
     """
     with_variables = {event.name: event.with_variables for event in block.interface.event_outputs}
     late: set[str] = set()
@@ -21,7 +21,7 @@ def late_outputs(
         for action in state.actions:
             if action.algorithm:
                 late |= _written(checked[action.algorithm]) - set(with_variables.get(action.output, ()))
-    return late
+    return late - set(block.interface.in_outs)
 
 
 def _written(code: typed.CheckedAlgorithm) -> set[str]:

@@ -107,15 +107,34 @@ class _Wiring:
         if isinstance(node.type, model.CompositeFBType):
             self._function(port, [*samples, f"extend({self._targets(Terminal(port.node, port.name, inner=True))})"])
             return
+        shared = self._shared(port.node, node)
         handler = self._types[port.node].handlers[event.name]
         if self._operation.is_passive and isinstance(node.type, model.ServiceInterfaceFBType):
             handler = _sample_only
-        if samples:
+        if samples or shared:
             name = f"execute{_suffix(port)}"
             self._space[name] = handler
-            self._function(port, [*samples, f"{name}(b{port.node})"])
+            taken = [f"{own} = {root}" for own, root in shared]
+            given = [f"{root} = {own}" for own, root in shared]
+            self._function(port, [*samples, *taken, f"{name}(b{port.node})", *given])
         else:
             self._entries[port] = MethodType(handler, self._instances[port.node])
+
+    def _shared(self, number: int, node: Node) -> list[tuple[str, str]]:
+        """Every VAR_IN_OUT of a block that is connected, and the variable that it stands for while the block runs."""
+        ports = [Terminal(number, name) for name in node.interface.in_outs]
+        return [(_attribute(port), _attribute(self._root(port))) for port in ports if port in self._netlist.data]
+
+    def _root(self, port: Terminal) -> Terminal:
+        """The variable that a VAR_IN_OUT stands for: the first of those that are connected one behind the other."""
+        port = Terminal(port.node, port.name)
+        passed = {port}
+        while (wire := self._netlist.data.get(port)) is not None:
+            port = Terminal(wire.source.node, wire.source.name)
+            if port in passed:
+                break
+            passed.add(port)
+        return port
 
     def _composite_output(self, port: Terminal, event: model.EventPort) -> None:
         publications = self._copies(event.with_variables, lambda name: Terminal(port.node, name, inner=True))
@@ -138,6 +157,8 @@ class _Wiring:
             wire = self._netlist.data.get(port)
             if wire is not None and not self._is_forced(port):
                 source = wire.source
+                if source.name in self._netlist.nodes[source.node].interface.in_outs:
+                    source = self._root(source)
                 attribute = (
                     python_name(source.name) if source.inner else self._types[source.node].published[source.name]
                 )
@@ -205,6 +226,10 @@ class _Wiring:
 def _suffix(port: Terminal) -> str:
     """What names of a port end with; it stays the same for a node that others are put behind."""
     return f"{port.node}_{'inner' if port.inner else 'outer'}_{port.name.replace('.', '__')}"
+
+
+def _attribute(port: Terminal) -> str:
+    return f"b{port.node}.{python_name(port.name)}"
 
 
 def _sample_only(instance: Any) -> None:

@@ -34,7 +34,10 @@ class SyntaxNode:
 
 @dataclass(frozen=True, slots=True)
 class Literal(SyntaxNode):
-    """A constant; type_name is "" for the untyped `5`, `1.5` and `TRUE`, otherwise the elementary type's name."""
+    """A constant; type_name is "" for the untyped `5`, `1.5` and `TRUE`, otherwise the elementary type's name.
+
+    The value of an enumeration, `COLOUR#RED`, is its name; type_name is that of the enumeration.
+    """
 
     value: bool | int | float | str
     type_name: str
@@ -180,7 +183,24 @@ class Return(SyntaxNode):
     pass
 
 
-Statement: TypeAlias = Assignment | If | Case | For | While | Repeat | Exit | Continue | Return
+@dataclass(frozen=True, slots=True)
+class Argument(SyntaxNode):
+    """`NAME := value` of an invocation, or `NAME => value`, where the value is a variable that takes an output."""
+
+    name: str
+    value: Expression
+    is_output: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Invocation(SyntaxNode):
+    """`BLOCK.EVENT(...);`, or `BLOCK(...);` for its first event: a block inside reacts to an event."""
+
+    block: VariableAccess
+    arguments: tuple[Argument, ...]
+
+
+Statement: TypeAlias = Assignment | Invocation | If | Case | For | While | Repeat | Exit | Continue | Return
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from typing import Any, Final, TypeAlias
 
 from dtwin.errors import FunctionBlockError, choices
@@ -12,12 +12,13 @@ from dtwin.iec61499.st.ast import fail
 from dtwin.iec61499.st.dataflow import needed_initialisations
 from dtwin.iec61499.st.expressions import ExpressionChecker
 from dtwin.iec61499.st.parts import with_part
-from dtwin.iec61499.st.scope import Place, Scope
+from dtwin.iec61499.st.scope import InnerBlock, Place, Scope
 from dtwin.iec61499.types import BOOL, ArrayType, DataType, ElementaryType, elements
 
 _MAXIMUM_DEPTH: Final = 60
 _MAXIMUM_LOOPS: Final = 15
 """Most loops inside one another; Python nests 20 blocks at most."""
+_SELECTORS: Final = ("signed", "unsigned", "bits", "enum")
 _MAXIMUM_LABELS: Final = 2_000
 """Most labels of one CASE; code for more is beyond what Python nests."""
 
@@ -31,6 +32,7 @@ def check_algorithm(
     writable: Set[str],
     constants: Constants | None = None,
     find_type: Callable[[str], DataType] = types.elementary,
+    blocks: Sequence[InnerBlock] = (),
 ) -> typed.CheckedAlgorithm:
     """Resolves names, types every expression and makes conversions explicit.
 
@@ -40,11 +42,12 @@ def check_algorithm(
         writable: the names of the variables that the algorithm may assign.
         constants: type and value of what cannot be assigned and is known, by name.
         find_type: finds the type of a declaration by its name; raises FunctionBlockError for an unknown one.
+        blocks: the blocks inside this one, which the text may let react.
 
     Raises:
         FunctionBlockError: the text is wrong; names file, line, column and what would have been valid.
     """
-    checker = _AlgorithmChecker(Scope(scope, constants), writable, find_type)
+    checker = _AlgorithmChecker(Scope(scope, constants, blocks), writable, find_type)
     initial = checker.declarations(algorithm.declarations)
     body = checker.body(algorithm.body)
     body = needed_initialisations(initial, body) + body
@@ -146,18 +149,64 @@ class _AlgorithmChecker:
         self._depth += 1
         if statements and self._depth > _MAXIMUM_DEPTH:
             fail(statements[0].at, f"statements are nested deeper than {_MAXIMUM_DEPTH} levels")
-        checked = tuple(self._statement(statement) for statement in statements)
+        checked = tuple(part for statement in statements for part in self._statements(statement))
         self._depth -= 1
         return checked
 
-    def _statement(self, node: ast.Statement) -> typed.Statement:
+    def _invocation(self, node: ast.Invocation) -> typed.Body:
+        """Stores to the block's inputs, its reaction, stores from its outputs."""
+        block, event = self._reaction(node.block)
+        before: list[typed.Statement] = []
+        after: list[typed.Statement] = []
+        for argument in node.arguments:
+            at, ports = argument.at, block.outputs if argument.is_output else block.inputs
+            port = next((name for name in ports if name.upper() == argument.name.upper()), None)
+            if port is None:
+                kind, expected = "output" if argument.is_output else "input", choices(ports) if ports else "none"
+                fail(at, f"{block.name} has no {kind} {argument.name}: expected {expected}")
+            own = ast.VariableAccess(at, block.name, (ast.Member(at, port),))
+            if not argument.is_output:
+                before.append(self._assignment(at, own, argument.value))
+            if port in block.outputs:
+                if not isinstance(argument.value, ast.VariableAccess):
+                    fail(at, f"{argument.name} of {block.name} gives a value back: expected a variable")
+                after.append(self._assignment(at, argument.value, own))
+        return (*before, typed.Invoke(node.at, block.name, event), *after)
+
+    def _reaction(self, access: ast.VariableAccess) -> tuple[InnerBlock, str]:
+        """The block that an invocation names, and the event."""
+        blocks = self._scope.blocks
+        block, steps = blocks.get(access.name.upper()), access.steps
+        if block is None:
+            expected = choices([known.name for known in blocks.values()]) if blocks else "none, as there is none"
+            fail(access.at, f"unknown block {access.name}: expected {expected}")
+        named = [step.name for step in steps if isinstance(step, ast.Member)]
+        wanted = [name.upper() for name in named]
+        event = next((name for name in block.events if not steps or [name.upper()] == wanted), None)
+        if event is None or len(named) != len(steps):
+            expected = choices(block.events) if block.events else "none"
+            fail(access.at, f"{block.name} has no such event input: expected {expected}")
+        return block, event
+
+    def _assignment(self, at: ast.Position, target: ast.VariableAccess, value: ast.Expression) -> typed.Store:
+        place = self._target(target)
+        checked = self._expressions.coerce(self._expressions.infer(value), place.part or place.type)
+        if place.part is not None:
+            checked = with_part(at, place, checked)
+        return typed.Store(at, place.type, place.name, place.indices, place.aggregates, checked)
+
+    def _statements(self, node: ast.Statement) -> typed.Body:
         match node:
             case ast.Assignment(at, target, value):
-                place = self._target(target)
-                checked = self._expressions.coerce(self._expressions.infer(value), place.part or place.type)
-                if place.part is not None:
-                    checked = with_part(at, place, checked)
-                return typed.Store(at, place.type, place.name, place.indices, place.aggregates, checked)
+                return (self._assignment(at, target, value),)
+            case ast.Invocation():
+                return self._invocation(node)
+        return (self._control(node),)
+
+    def _control(
+        self, node: ast.If | ast.Case | ast.For | ast.While | ast.Repeat | ast.Exit | ast.Continue | ast.Return
+    ) -> typed.Statement:
+        match node:
             case ast.If(at, branches, otherwise):
                 checked_branches = tuple(
                     typed.Branch(self._condition(b.condition), self.body(b.body)) for b in branches
@@ -196,8 +245,8 @@ class _AlgorithmChecker:
     def _case(self, node: ast.Case) -> typed.Case:
         selector = self._expressions.default(self._expressions.infer(node.selector))
         data_type = selector.type
-        if not isinstance(data_type, ElementaryType) or not (data_type.is_integer or data_type.kind == "bits"):
-            fail(node.selector.at, f"CASE selects by {data_type}: expected an integer or bit string")
+        if not isinstance(data_type, ElementaryType) or data_type.kind not in _SELECTORS:
+            fail(node.selector.at, f"CASE selects by {data_type}: expected an integer, bit string or enumeration")
         count = sum(len(branch.labels) for branch in node.branches)
         if count > _MAXIMUM_LABELS:
             fail(node.at, f"CASE has {count} labels: expected at most {_MAXIMUM_LABELS}")

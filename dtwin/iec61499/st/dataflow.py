@@ -81,6 +81,8 @@ class _Flow:
                 if name not in assigned:
                     self.loads.add(name)
                 return assigned
+            case typed.Invoke():
+                return assigned
             case typed.If(branches=branches, otherwise=otherwise):
                 for branch in branches:
                     self._read(branch.condition, assigned)

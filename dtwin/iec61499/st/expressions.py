@@ -14,7 +14,15 @@ from typing import Final
 from dtwin.errors import choices
 from dtwin.iec61499.st import ast, typed
 from dtwin.iec61499.st.ast import fail
-from dtwin.iec61499.st.constants import FOLDABLE, FOLDABLE_INTEGERS, adapt, is_character, is_untyped
+from dtwin.iec61499.st.constants import (
+    FOLDABLE,
+    FOLDABLE_INTEGERS,
+    adapt,
+    adapt_text,
+    is_character,
+    is_untyped,
+    unify_texts,
+)
 from dtwin.iec61499.st.functions import (
     EXTENSIBLE,
     FUNCTIONS,
@@ -82,6 +90,8 @@ class ExpressionChecker:
     def _infer(self, node: ast.Expression) -> typed.Expression:
         match node:
             case ast.Literal(at, value, type_name):
+                if type_name and type_name not in ELEMENTARY:
+                    return self._scope.value(node)
                 if type_name:
                     return typed.Const(at, ELEMENTARY[type_name], value)
                 kind = BOOL if isinstance(value, bool) else LREAL if isinstance(value, float) else DINT
@@ -128,8 +138,8 @@ class ExpressionChecker:
         left, right = self._unify(at, operator, [left, right])
         common = self._elementary(left)
         if operator in COMPARISONS:
-            if common == BOOL and operator not in ("=", "<>"):
-                fail(at, f"{operator} does not order BOOL: expected = or <>")
+            if common.kind in ("bool", "enum") and operator not in ("=", "<>"):
+                fail(at, f"{operator} does not order {common}: expected = or <>")
             return typed.Binary(at, BOOL, operator, left, right)
         if operator in _LOGICAL:
             self._demand(left, "ANY_BIT", operator)
@@ -293,6 +303,7 @@ class ExpressionChecker:
 
     def _unify(self, at: ast.Position, name: str, values: Sequence[typed.Expression]) -> list[typed.Expression]:
         """The values, all converted to their common type."""
+        values = unify_texts(values)
         known = [self._elementary(v) for v in values if not (isinstance(v, typed.Const) and v.untyped)]
         target = known[0] if known else None
         for data_type in known[1:]:
@@ -333,6 +344,9 @@ class ExpressionChecker:
             return value
         if isinstance(value, typed.Const) and is_character(value.value) and target in (CHAR, WCHAR):
             return typed.Const(value.at, target, value.value)
+        text = adapt_text(value, target) if isinstance(value, typed.Const) else None
+        if text is not None:
+            return text
         if isinstance(value.type, ElementaryType) and isinstance(target, ElementaryType):
             if widens(value.type, target):
                 if isinstance(value, typed.Const):

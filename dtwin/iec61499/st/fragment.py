@@ -7,7 +7,7 @@ from typing import Final
 
 from dtwin.iec61499.types import DataType, ElementaryType
 
-_INTEGRAL: Final = frozenset({"signed", "unsigned", "bits", "time", "date"})
+_INTEGRAL: Final = frozenset({"signed", "unsigned", "bits", "time", "date", "enum"})
 
 
 @dataclass(frozen=True, slots=True)

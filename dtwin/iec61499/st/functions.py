@@ -11,7 +11,7 @@ from dtwin.iec61499.st.typed import CastKind
 from dtwin.iec61499.types import ELEMENTARY, INT, ElementaryType
 
 GROUPS: Final = {
-    "ANY": ("bool", "signed", "unsigned", "bits", "real", "string", "char", "time", "date"),
+    "ANY": ("bool", "signed", "unsigned", "bits", "real", "string", "char", "time", "date", "enum"),
     "ANY_MAGNITUDE": ("signed", "unsigned", "bits", "real", "string", "time", "date"),
     "ANY_NUM": ("signed", "unsigned", "real"),
     "ANY_INT": ("signed", "unsigned"),
@@ -172,6 +172,8 @@ def widens(source: ElementaryType, target: ElementaryType) -> bool:
     if target.kind == "bits":
         return source.kind in ("bits", "bool") and source.bits < target.bits
     if target.kind == "string":
+        if source.kind == "char":
+            return (source.name == "CHAR") == (target.name == "STRING")
         return source.name == target.name and source != target
     return target.kind in ("time", "date") and target.name == f"L{source.name}"
 

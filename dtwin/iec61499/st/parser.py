@@ -30,6 +30,7 @@ _TERMINALS: Final = {
     "STRING_LITERAL": "a string",
     "DURATION": "a duration",
     "DATE_LITERAL": "a date",
+    "VALUE_LITERAL": "a value of an enumeration",
     "BOUNDED_STRING": "a string type",
     "PART": "a part such as %X0",
     "COMPARISON": "a comparison",
@@ -51,6 +52,7 @@ _VALUE_STARTERS: Final = {
     "STRING_LITERAL",
     "DURATION",
     "DATE_LITERAL",
+    "VALUE_LITERAL",
     "LPAR",
     "NOT",
 }
@@ -229,6 +231,16 @@ class TreeBuilder(Transformer):
     def assignment(self, children: list[Any]) -> ast.Assignment:
         return ast.Assignment(self._at, *children)
 
+    def invocation(self, children: list[Any]) -> ast.Invocation:
+        block, *arguments = children
+        return ast.Invocation(self._at, block, tuple(argument for argument in arguments if argument is not None))
+
+    def given(self, children: list[Any]) -> ast.Argument:
+        return ast.Argument(self._at, str(children[0]), children[1], is_output=False)
+
+    def taken(self, children: list[Any]) -> ast.Argument:
+        return ast.Argument(self._at, str(children[0]), children[1], is_output=True)
+
     def empty(self, children: list[Any]) -> None:
         return None
 
@@ -328,6 +340,10 @@ class TreeBuilder(Transformer):
     def date(self, children: list[Token]) -> ast.Literal:
         data_type = literals.prefixed(children[0])
         return ast.Literal(self._at, literals.parse_literal(children[0], data_type, *self._at), data_type.name)
+
+    def value(self, children: list[Token]) -> ast.Literal:
+        type_name, _, name = children[0].partition("#")
+        return ast.Literal(self._at, name, type_name)
 
     def duration(self, children: list[Token]) -> ast.Literal:
         data_type = types.LTIME if children[0][0] in "lL" else types.TIME

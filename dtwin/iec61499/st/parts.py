@@ -1,4 +1,4 @@
-"""Reading and writing parts of bit strings, as operations on the whole bit string."""
+"""Reading and writing parts of bit strings, and characters of texts, as operations on the whole."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from dtwin.iec61499.types import BOOL, DINT, ElementaryType
 
 
 def read_part(at: ast.Position, place: Place) -> typed.Expression:
-    """The part of the bit string at a place."""
+    """The part of what is at a place."""
     whole, part = place.load(at), place.part
     assert part is not None
+    if place.character is not None:
+        return typed.Call(at, part, "CHARACTER", (whole, place.character))
     assert isinstance(place.type, ElementaryType)
     if part == BOOL:
         masked = typed.Binary(at, place.type, "AND", whole, typed.Const(at, place.type, 1 << place.offset))
@@ -21,9 +23,11 @@ def read_part(at: ast.Position, place: Place) -> typed.Expression:
 
 
 def with_part(at: ast.Position, place: Place, value: typed.Expression) -> typed.Expression:
-    """The bit string at a place, with another value of the part."""
+    """What is at a place, with another value of the part."""
     whole, part = place.load(at), place.part
     assert part is not None
+    if place.character is not None:
+        return typed.Call(at, place.type, "WITH_CHARACTER", (whole, place.character, value))
     assert isinstance(place.type, ElementaryType)
     mask = part.maximum << place.offset
     cleared = typed.Binary(at, place.type, "AND", whole, typed.Const(at, place.type, place.type.maximum ^ mask))

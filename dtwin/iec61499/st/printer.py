@@ -62,6 +62,11 @@ def _statement(node: ast.Statement, indent: str) -> list[str]:
     match node:
         case ast.Assignment(target=target, value=value):
             return [f"{indent}{print_expression(target)} := {print_expression(value)};"]
+        case ast.Invocation(block=block, arguments=arguments):
+            given = ", ".join(
+                f"{a.name} {'=>' if a.is_output else ':='} {print_expression(a.value)}" for a in arguments
+            )
+            return [f"{indent}{print_expression(block)}({given});"]
         case ast.If(branches=branches, otherwise=otherwise):
             lines = []
             for keyword, branch in zip(["IF"] + ["ELSIF"] * len(branches), branches, strict=False):
@@ -139,5 +144,7 @@ def _literal(node: ast.Literal) -> str:
             if isinstance(value, float)
             else str(value)
         )
+    if node.type_name not in ELEMENTARY:
+        return f"{node.type_name}#{value}"
     text = format_literal(value, ELEMENTARY[node.type_name])
     return text if node.type_name in _SELF_TYPED else f"{node.type_name}#{text}"

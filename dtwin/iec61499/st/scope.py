@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from dtwin.errors import choices
@@ -25,6 +25,7 @@ class Place:
         aggregates: the array or structure that each of them applies to.
         part: the type of the part, None for the whole value.
         offset: the number of the part's lowest bit.
+        character: for a part that is a character of a text its place, counted from 1.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Place:
     aggregates: tuple[Aggregate, ...] = ()
     part: ElementaryType | None = None
     offset: int = 0
+    character: typed.Expression | None = None
 
     def load(self, at: ast.Position) -> typed.Expression:
         """The value, without regard to the part."""
@@ -41,24 +43,50 @@ class Place:
         return typed.Load(at, self.type, self.name)
 
 
+@dataclass(frozen=True, slots=True)
+class InnerBlock:
+    """A block inside the one whose text is checked; its variables are in the scope as `NAME.VARIABLE`.
+
+    Attributes:
+        name: its name, as declared.
+        events: its event inputs; the first one is that of an invocation without a name.
+        inputs, outputs: its data ports; what is both is a VAR_IN_OUT.
+    """
+
+    name: str
+    events: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+
 class Scope:
     """Variables and constants by name; names compare without case, as in the standard.
 
     Args:
-        variables: the type of every variable, by its name as declared. Those of adapters are called `ADAPTER.NAME`.
+        variables: the type of every variable, by its name as declared. Those of adapters are called `ADAPTER.NAME`,
+            and those of blocks inside this one `BLOCK.NAME`.
         constants: type and value of what cannot be assigned and is known, by name.
+        blocks: the blocks inside this one.
     """
 
     def __init__(
-        self, variables: Mapping[str, DataType], constants: Mapping[str, tuple[DataType, Any]] | None = None
+        self,
+        variables: Mapping[str, DataType],
+        constants: Mapping[str, tuple[DataType, Any]] | None = None,
+        blocks: Sequence[InnerBlock] = (),
     ) -> None:
+        self.blocks = {block.name.upper(): block for block in blocks}
         self._variables = {name.upper(): (name, data_type) for name, data_type in variables.items()}
+        self._enumerations = {
+            found.name.upper(): found for data_type in variables.values() for found in _enumerations(data_type)
+        }
         self._constants = {name.upper(): value for name, value in (constants or {}).items()}
 
     def declare(self, at: ast.Position, name: str, data_type: DataType) -> None:
         """Adds a temporary variable."""
         if name.upper() in self._variables:
             fail(at, f"{name} is declared already")
+        self._enumerations |= {found.name.upper(): found for found in _enumerations(data_type)}
         self._variables[name.upper()] = (name, data_type)
 
     def set_constant(self, name: str, data_type: DataType, value: Any) -> None:
@@ -67,10 +95,27 @@ class Scope:
 
     def constant(self, access: ast.VariableAccess) -> typed.Const | None:
         """The constant of an elementary type that the text names; None for anything else."""
+        if access.name.upper() not in self._variables and not access.steps:
+            kinds = [kind for kind in self._enumerations.values() if kind.place(access.name) is not None]
+            if len(kinds) > 1:
+                fail(access.at, f"{access.name}: expected {choices([f'{kind}#{access.name}' for kind in kinds])}")
+            if kinds:
+                return typed.Const(access.at, kinds[0], kinds[0].place(access.name))
         data_type, value = self._constants.get(access.name.upper(), (None, None))
         if not isinstance(data_type, ElementaryType) or access.steps:
             return None
         return typed.Const(access.at, data_type, value)
+
+    def value(self, literal: ast.Literal) -> typed.Const:
+        """The value of an enumeration, such as `COLOUR#RED`. Raises FunctionBlockError for an unknown one."""
+        kind = self._enumerations.get(literal.type_name.rpartition("::")[2].upper())
+        if kind is None:
+            known = choices(sorted(map(str, self._enumerations.values()))) if self._enumerations else "none"
+            fail(literal.at, f"unknown enumeration {literal.type_name}: expected that of a variable here: {known}")
+        place = kind.place(str(literal.value))
+        if place is None:
+            fail(literal.at, f"{kind} has no value {literal.value}: expected {choices(kind.values)}")
+        return typed.Const(literal.at, kind, place)
 
     def place(self, access: ast.VariableAccess, checked_index: Callable[[ast.Expression], typed.Expression]) -> Place:
         """What the text names.
@@ -102,6 +147,10 @@ class Scope:
                 aggregates.append(data_type)
                 data_type = data_type.members[member].type
                 continue
+            if isinstance(data_type, ElementaryType) and data_type.kind == "string":
+                if number + 1 < len(steps):
+                    fail(access.at, "nothing follows a character of a text")
+                return _character(Place(name, data_type, tuple(indices), tuple(aggregates)), checked_index(step))
             if not isinstance(data_type, ArrayType):
                 fail(step.at, f"{name} is a {data_type} here and takes no index")
             index = checked_index(step)
@@ -128,6 +177,25 @@ class Scope:
             fail(access.at, f"unknown constant {access.name}: expected one of a file of constants (.gcf)")
         known = choices(sorted(name for name, _ in self._variables.values())) if self._variables else "none"
         fail(access.at, f"unknown variable {access.name}: expected {known}")
+
+
+def _character(place: Place, index: typed.Expression) -> Place:
+    """A character of the text at a place."""
+    assert isinstance(place.type, ElementaryType)
+    if isinstance(index, typed.Const) and index.value < 1:
+        fail(index.at, f"character {index.value} of {place.name}: expected 1 for the first one")
+    return replace(place, part=ELEMENTARY["CHAR" if place.type.name == "STRING" else "WCHAR"], character=index)
+
+
+def _enumerations(data_type: DataType) -> Iterator[ElementaryType]:
+    """The enumerations that a type consists of."""
+    if isinstance(data_type, ArrayType):
+        yield from _enumerations(data_type.element)
+    elif isinstance(data_type, StructType):
+        for member in data_type.members:
+            yield from _enumerations(member.type)
+    elif data_type.kind == "enum":
+        yield data_type
 
 
 def _part(step: ast.Part, data_type: DataType) -> tuple[ElementaryType, int]:

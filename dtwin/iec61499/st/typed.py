@@ -191,7 +191,20 @@ class Return:
     at: Position
 
 
-Statement: TypeAlias = Store | If | Case | For | While | Repeat | Exit | Continue | Return
+@dataclass(frozen=True, slots=True)
+class Invoke:
+    """The block inside this one called `name` reacts to an event.
+
+    It reads and writes its own variables, which are variables of this block called `name.VARIABLE`; what it gets is
+    stored to them before, what it gives is loaded from them afterwards.
+    """
+
+    at: Position
+    name: str
+    event: str
+
+
+Statement: TypeAlias = Store | Invoke | If | Case | For | While | Repeat | Exit | Continue | Return
 Body: TypeAlias = tuple[Statement, ...]
 
 
@@ -223,6 +236,11 @@ def walk(node: Any) -> Iterator[Any]:
         elif names := _parts(node.__class__):
             yield node
             pending.extend(getattr(node, name) for name in names)
+
+
+def invokes(body: Body) -> bool:
+    """Whether blocks inside this one react to events on the way, which cannot be taken back."""
+    return any(isinstance(node, Invoke) for node in walk(body))
 
 
 @cache

@@ -101,7 +101,7 @@ def test_a_block_without_body_is_known_by_its_interface(write: Write) -> None:
         (
             "<InternalVars>",
             "<InternalVars><FB Name='F' Type='E_SR'/>",
-            "block F inside a basic block is not supported",
+            "unknown block type E_SR: expected a file E_SR.fbt",
         ),
         (
             "</OutputVars>",
@@ -110,8 +110,8 @@ def test_a_block_without_body_is_known_by_its_interface(write: Write) -> None:
         ),
         (
             "</OutputVars>",
-            "</OutputVars><InOutVars><VarDeclaration Name='V'/></InOutVars>",
-            "VAR_IN_OUT variable V is",
+            "</OutputVars><InOutVars><VarDeclaration Name='V' Type='ANY'/></InOutVars>",
+            "VAR_IN_OUT V is not supported here",
         ),
         ("<BasicFB>", "<Thing/><BasicFB>", "unknown element <Thing> in <FBType>: expected <InterfaceList>"),
         ("</ECC>", "<ECX/></ECC>", "unknown element <ECX> in <ECC>: expected <ECState>"),

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
 
+from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.literals import format_literal, parse_literal
 from dtwin.iec61499.net.wire import Signature
 from dtwin.iec61499.types import STRING, WSTRING, bytes_of, text_of
@@ -85,3 +87,46 @@ def test_strings_become_numbers_as_in_forte(text: str, kind: str, value: Any) ->
 @pytest.mark.parametrize(("time", "text"), [("T#3s", "T#3000ms"), ("T#1500us", "T#1.500ms"), ("T#0s", "T#0ms")])
 def test_times_become_milliseconds(time: str, text: str) -> None:
     assert run_python(check(f"S := TIME_TO_STRING({time});", **TYPES), scope_of(TYPES), {})["S"] == text
+
+
+def test_characters_are_counted_from_one() -> None:
+    text = "S := 'abc'; S[1] := 'x'; S[N + 2] := S[2]; IF S[3] = 'b' THEN B := S[1] = 'x'; END_IF; N := LEN(S);"
+    types: dict[str, Any] = {**TYPES, "B": "BOOL"}
+    state = run_python(check(text, **types), scope_of(types), {"N": 1})
+    assert (state["S"], state["B"], state["N"]) == ("xbb", True, 3)
+    for interpreter in LUA:
+        other = run_lua(check(text, **types), scope_of(types), {"N": 1}, interpreter)
+        assert (other["S"], other["B"], other["N"]) == ("xbb", True, 3)
+    wide = run_python(check("""W := "Größe"; W[3] := W[4]; S := '';""", **TYPES), scope_of(TYPES), {})
+    assert wide["W"] == "Grßße"
+
+
+@pytest.mark.parametrize("place", [0, 4, -1, 32767])
+@pytest.mark.parametrize("text", ["S[N] := 'x';", "IF S[N] = 'x' THEN S := ''; END_IF;"])
+def test_a_character_that_is_not_there(text: str, place: int) -> None:
+    values = {"S": "abc", "N": place}
+    with pytest.raises(FunctionBlockError, match=f"character {place}: expected 1 to 3"):
+        run_python(check(text, **TYPES), scope_of(TYPES), values)
+    with pytest.raises(LUA["Lua 5.4"].LuaError, match=f"character {place}: expected 1 to 3"):
+        run_lua(check(text, **TYPES), scope_of(TYPES), values, "Lua 5.4")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("S[0] := 'x';", "character 0 of S: expected 1 for the first one"),
+        ("S[1] := 'xy';", "STRING does not fit CHAR"),
+        ("S[1].X := 'x';", "nothing follows a character of a text"),
+        ("S['a'] := 'x';", "index is STRING: expected an integer"),
+        ("N[1] := 1;", "N is a INT here and takes no index"),
+    ],
+)
+def test_characters_are_checked(text: str, message: str) -> None:
+    with pytest.raises(FunctionBlockError, match=re.escape(message)):
+        check(text, **TYPES)
+
+
+def test_a_constant_is_the_text_that_its_place_asks_for() -> None:
+    text = """S := "10 €"; W := '10 €'; N := BOOL_TO_INT(S = "10 €" AND W = '10 €');"""
+    state = run_python(check(text, **TYPES), scope_of(TYPES), {})
+    assert (state["S"], state["W"], state["N"]) == (bytes_of("10 €"), "10 €", 1)

@@ -44,6 +44,8 @@ def refuse(data_type: DataType, node: Any) -> None:
         data_type = data_type.element
     if isinstance(data_type, StructType):
         fail(node.at, f"structure {data_type} is not available in Lua: expected variables of elementary types")
+    if data_type.kind == "enum":
+        fail(node.at, f"enumeration {data_type} is not available on 4diac FORTE: expected a UINT")
     if is_integral(data_type) and data_type.bits == 64:
         other = _NARROWER.get(data_type.name, "LREAL seconds or DINT ticks")
         fail(node.at, f"{data_type} has 64 bit and a number in Lua holds integers of 53 bit: expected {other}")
@@ -130,6 +132,8 @@ class LuaExpressions:
         match value:
             case bool():
                 return Fragment("true" if value else "false", ATOM)
+            case str() if data_type.name == "CHAR":
+                return Fragment(f'"\\{ord(value):03d}"', ATOM)
             case str():
                 # a STRING has its bytes already, and the text of a WSTRING is UTF-8 in Lua
                 text = text_of(value) if data_type == STRING and bytes_of(text_of(value)) == value else value
@@ -229,6 +233,12 @@ class LuaExpressions:
                 return Fragment(" .. ".join(value.at_least(CONCATENATION) for value in values), CONCATENATION)
             case "LEN":
                 return Fragment(f"#{values[0].at_least(ATOM)}", UNARY, 0, 1 << 31)
+            case "CHARACTER" | "WITH_CHARACTER":
+                if node.arguments[0].type != STRING:
+                    fail(
+                        node.at, f"a character of a {node.arguments[0].type} is not available in Lua: expected STRING"
+                    )
+                return Fragment(self.call(f"_{name.lower()}", *texts, where(node)), ATOM)
             case "FIND":
                 return Fragment(self.call("_find", *texts), ATOM, 0, 1 << 31)
             case "SHL" | "SHR" | "ROL" | "ROR":

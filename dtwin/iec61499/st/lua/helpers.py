@@ -161,6 +161,22 @@ HELPERS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
         (),
     ),
     "_delete": ('local function _delete(s, n, p) return _replace(s, "", n, p) end', ("_replace",)),
+    "_character": (
+        "local function _character(s, i, where)\n"
+        "if i < 1 or i > #s then\n"
+        'error(where .. ": character " .. i .. ": expected 1 to " .. #s, 0)\n'
+        "end\n"
+        "return string.sub(s, i, i)\n"
+        "end",
+        (),
+    ),
+    "_with_character": (
+        "local function _with_character(s, i, c, where)\n"
+        "_character(s, i, where)\n"
+        "return string.sub(s, 1, i - 1) .. c .. string.sub(s, i + 1)\n"
+        "end",
+        ("_character",),
+    ),
     "_find": ("local function _find(s, t) return (string.find(s, t, 1, true)) or 0 end", ()),
     "_format": (
         "local function _format(x, f)\n"

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from dtwin.iec61499.st import typed
+from dtwin.iec61499.st.ast import fail
 from dtwin.iec61499.st.fragment import Fragment
 from dtwin.iec61499.st.lua.expressions import ATOM, LuaExpressions, refuse, where
 from dtwin.iec61499.st.semantics import ITERATION_LIMIT
@@ -90,6 +91,8 @@ class _LuaGenerator:
         match node:
             case typed.Store():
                 return [self._store(node)]
+            case typed.Invoke(at=at, name=name):
+                fail(at, f"block {name} inside a basic or simple block is not available in Lua: expected it beside")
             case typed.If(branches=branches, otherwise=otherwise):
                 conditions = [(self.expressions.text(branch.condition), branch.body) for branch in branches]
                 return self._branches(conditions, otherwise)

@@ -44,6 +44,11 @@ def python_name(name: str) -> str:
     return name
 
 
+def reaction_name(block: str, event: str) -> str:
+    """The function with which a block inside another one reacts to an event."""
+    return f"{block.replace('.', '__')}__on_{event}"
+
+
 def wiring_name(event: str) -> str:
     """The attribute of an instance that holds the queue entries which an output event is connected to."""
     return "to__" + event.replace(".", "__")
@@ -277,6 +282,8 @@ class PythonExpressions:
             return Fragment(f"len({listed})", ATOM, 0, 1 << 31)
         if name == "FIND":
             return Fragment(f"{self.helper('_find')}({listed})", ATOM, 0, 1 << 31)
+        if name in ("CHARACTER", "WITH_CHARACTER"):
+            return Fragment(f"{self.helper('_' + name.lower())}({listed}, {where(node)})", ATOM)
         assert name in _TEXT_FUNCTIONS or name == "MUX", name
         return Fragment(f"{self.helper('_' + name.lower())}({listed})", ATOM, *limits)
 

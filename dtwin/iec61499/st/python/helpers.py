@@ -224,6 +224,24 @@ def delete(text: str, length: int, position: int) -> str:
     return replace(text, "", length, position)
 
 
+def character(text: str, place: int, where: str) -> str:
+    """The character at the 1-based place of a text."""
+    return text[_character_offset(text, place, where)]
+
+
+def with_character(text: str, place: int, new: str, where: str) -> str:
+    """The text with another character at the 1-based place."""
+    offset = _character_offset(text, place, where)
+    return text[:offset] + new + text[offset + 1 :]
+
+
+def _character_offset(text: str, place: int, where: str) -> int:
+    if 1 <= place <= len(text):
+        return place - 1
+    expected = f"expected 1 to {len(text)}" if text else "the text is empty"
+    raise FunctionBlockError(f"character {place}: {expected}", *_position(where))
+
+
 def find(text: str, part: str) -> int:
     """1-based position of the first occurrence, 0 when there is none."""
     return text.find(part) + 1
@@ -355,6 +373,8 @@ COMMON: Final[dict[str, Any]] = {
     "_replace": replace,
     "_delete": delete,
     "_find": find,
+    "_character": character,
+    "_with_character": with_character,
     "_format": format_number,
     "_string_to_int": string_to_integer,
     "_string_to_real": string_to_real,

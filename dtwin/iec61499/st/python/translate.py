@@ -9,16 +9,16 @@ wrapping.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.st import typed
-from dtwin.iec61499.st.dataflow import Accesses, accesses
+from dtwin.iec61499.st.dataflow import accesses
 from dtwin.iec61499.st.fragment import Fragment, bounds, is_integral
 from dtwin.iec61499.st.python import helpers
-from dtwin.iec61499.st.python.expressions import SUM, PythonExpressions, python_name, where
+from dtwin.iec61499.st.python.expressions import SUM, PythonExpressions, python_name, reaction_name, where
 from dtwin.iec61499.types import BOOL, ElementaryType
 
 CONDITION_GLOBALS: Final[dict[str, Any]] = {**helpers.COMMON, **helpers.EXACT}
@@ -55,9 +55,9 @@ class PythonCode:
 def python_source(checked: typed.CheckedAlgorithm, self_name: str = "s") -> PythonCode:
     """Generates the body; `self_name` names the instance that a RETURN stores to."""
     access = accesses(checked)
-    fast = _PythonGenerator(access, self_name, exact=False)
+    fast = _PythonGenerator(checked, self_name, exact=False)
     lines = fast.algorithm(checked.body)
-    exact = _PythonGenerator(access, self_name, exact=True)
+    exact = _PythonGenerator(checked, self_name, exact=True)
     return PythonCode(
         lines=lines,
         exact_lines=exact.algorithm(checked.body) if fast.raises else None,
@@ -70,16 +70,22 @@ def python_source(checked: typed.CheckedAlgorithm, self_name: str = "s") -> Pyth
     )
 
 
-def compile_algorithm(checked: typed.CheckedAlgorithm, name: str) -> Callable[[Any], None]:
+def compile_algorithm(
+    checked: typed.CheckedAlgorithm, name: str, reactions: Mapping[str, Any] | None = None
+) -> Callable[[Any], None]:
     """A function that runs the algorithm on an instance whose attributes (`python_name`) are the variables.
 
     The name, such as `TYPE.ALGORITHM`, is what tracebacks and profiles show. Arrays are replaced, never changed in
-    place.
+    place. When blocks inside react on the way, `reactions` has their functions under their `reaction_name`.
 
     Raises:
         FunctionBlockError: the call of the function meets an index out of range, or a loop finds no iteration left in
             `resource__.iterations` of the instance.
     """
+    if typed.invokes(checked.body):
+        direct = _PythonGenerator(checked, "_s", exact=True, direct=True)
+        stepwise = list(direct.algorithm(checked.body))
+        return _define(name, stepwise, {**_select(direct.used, helpers.EXACT), **(reactions or {})})
     code = python_source(checked, "_s")
     loads = [f"{python_name(n)} = {_load(f'_s.{python_name(n)}', n in code.modified_arrays)}" for n in code.reads]
     stores = list(_stores(code.writes, "_s"))
@@ -135,13 +141,23 @@ def _define(name: str, lines: list[str], names: dict[str, Any]) -> Callable[[Any
 
 
 class _PythonGenerator:
-    """Statements of one version of one algorithm."""
+    """Statements of one version of one algorithm.
 
-    def __init__(self, access: Accesses, self_name: str, exact: bool) -> None:
-        self._access = access
+    With `direct` the block's variables are attributes of the instance and not loaded into local ones: blocks inside
+    see what is stored before they react.
+    """
+
+    def __init__(self, checked: typed.CheckedAlgorithm, self_name: str, exact: bool, direct: bool = False) -> None:
+        self._writes = () if direct else accesses(checked).writes
+        self._temporaries = checked.temporaries
         self._self = self_name
-        self._expressions = PythonExpressions(python_name, exact)
+        self._direct = direct
+        self._expressions = PythonExpressions(self._name, exact)
         self._repeat_flags: list[bool] = []
+
+    def _name(self, name: str) -> str:
+        local = python_name(name)
+        return f"{self._self}.{local}" if self._direct and name not in self._temporaries else local
 
     @property
     def raises(self) -> bool:
@@ -166,6 +182,8 @@ class _PythonGenerator:
         match node:
             case typed.Store():
                 return self._store(node)
+            case typed.Invoke(name=name, event=event):
+                return [f"{reaction_name(name, event)}({self._self})"]
             case typed.If(branches=branches, otherwise=otherwise):
                 conditions = [(self._expressions.text(branch.condition), branch.body) for branch in branches]
                 return self._branches(conditions, otherwise)
@@ -183,7 +201,7 @@ class _PythonGenerator:
             case typed.Continue():
                 return ["continue"]
             case typed.Return():
-                return [*_stores(self._access.writes, self._self), "return"]
+                return [*_stores(self._writes, self._self), "return"]
 
     def _plain(self, body: typed.Body) -> list[str]:
         return [line for statement in body for line in self._statement(statement)]
@@ -192,10 +210,11 @@ class _PythonGenerator:
         return self._expressions.text(typed.Unary(condition.at, BOOL, "NOT", condition))
 
     def _store(self, node: typed.Store) -> list[str]:
-        target = python_name(node.name)
+        target = self._name(node.name)
         if node.indices:
             value = self._expressions.value(node.value)
-            return [f"{target}{self._expressions.subscripts(node.indices, node.arrays)} = {value.text}"]
+            own = [f"{target} = {self._expressions.helper('_copy')}({target})"] if self._direct else []
+            return [*own, f"{target}{self._expressions.subscripts(node.indices, node.arrays)} = {value.text}"]
         if not isinstance(node.type, ElementaryType):
             text = self._expressions.text(node.value)
             copied = text if isinstance(node.value, typed.Const) else f"{self._expressions.helper('_copy')}({text})"
@@ -225,7 +244,7 @@ class _PythonGenerator:
 
     def _case(self, node: typed.Case) -> list[str]:
         if isinstance(node.selector, typed.Load):
-            selector, lines = python_name(node.selector.name), []
+            selector, lines = self._name(node.selector.name), []
         else:
             selector = self._expressions.temporary()
             lines = [f"{selector} = {self._expressions.text(node.selector)}"]
@@ -234,7 +253,7 @@ class _PythonGenerator:
 
     def _for(self, node: typed.For) -> list[str]:
         expressions = self._expressions
-        counter = python_name(node.name)
+        counter = self._name(node.name)
         start, stop = expressions.value(node.start), expressions.value(node.stop)
         values = expressions.temporary()
         if isinstance(node.step, typed.Const):
