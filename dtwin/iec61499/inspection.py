@@ -10,7 +10,7 @@ from typing import Final
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.departures import departures
+from dtwin.iec61499.departures.table import departures
 from dtwin.iec61499.files.block_types import read_type
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import load_boot_file

@@ -293,6 +293,15 @@ def format_literal(value: Any, data_type: DataType) -> str:
     return f"16#{value:X}" if data_type.kind == "bits" else str(value)
 
 
+def format_typed(value: Any, data_type: ElementaryType) -> str:
+    """The literal with the full name of its type, which is all that 4diac FORTE takes at a port of a generic type."""
+    literal = format_literal(value, data_type)
+    names = {short: long for long, short in LONG_NAMES.items()}
+    if data_type.kind in ("time", "date"):
+        literal = literal.partition("#")[2]
+    return f"{names.get(data_type.name, data_type.name)}#{literal}"
+
+
 def format_real(value: float) -> str:
     """Shortest decimal that reads back equal, with the point the standard asks for: `1.0E-07`."""
     if not math.isfinite(value):

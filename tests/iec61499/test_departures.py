@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dtwin.cli import main
-from dtwin.iec61499.departures import DEPARTURES, departures, table
+from dtwin.iec61499.departures.table import DEPARTURES, departures, table
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime.generic_ports import resolve
 from dtwin.iec61499.runtime.netlist import flatten

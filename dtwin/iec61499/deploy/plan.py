@@ -18,7 +18,7 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.border import BORDER, border_type, inner_name
 from dtwin.iec61499.deploy.lua_export import LuaType, export_type
 from dtwin.iec61499.library import Library
-from dtwin.iec61499.literals import format_literal, format_string
+from dtwin.iec61499.literals import format_literal, format_string, format_typed
 from dtwin.iec61499.management.bootfile import Command
 from dtwin.iec61499.management.protocol import (
     ManagedBlock,
@@ -32,7 +32,7 @@ from dtwin.iec61499.runtime.generic_ports import check_types, resolve
 from dtwin.iec61499.runtime.netlist import Node, Terminal, flatten
 from dtwin.iec61499.standard.catalogue import find_standard
 from dtwin.iec61499.standard.services import COMMUNICATION
-from dtwin.iec61499.types import BOOL, LREAL, REAL, DataType
+from dtwin.iec61499.types import BOOL, LREAL, REAL, DataType, ElementaryType
 
 RESOURCE_TYPE: Final = "EMB_RES"
 _PORT: Final = re.compile(r"(?<=:)\d+")
@@ -204,10 +204,11 @@ class _Plan:
         data_type = _data_type(variable)
         if variable.name == "ID" and COMMUNICATION.fullmatch(block.header.name):
             return format_string(_PORT.sub(self._replaced, value), '"')
-        literal = format_literal(value, data_type)
         declared = self._library.find(block.header.name).interface.inputs
         generic = any(v.name == variable.name and isinstance(v.type, model.GenericType) for v in declared)
-        return f"{data_type}#{literal}" if generic and "#" not in literal.partition("'")[0] else literal
+        if generic and isinstance(data_type, ElementaryType):
+            return format_typed(value, data_type)
+        return format_literal(value, data_type)
 
     def _replaced(self, port: re.Match[str]) -> str:
         return str(self._ports.get(int(port[0]), port[0]))

@@ -193,10 +193,11 @@ HELPERS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
         "if prefix ~= name then return 0 end\n"
         "s = rest\n"
         "end\n"
-        'local base, rest = string.match(s, "^(%d%d?)#(.*)$")\n'
-        "base = tonumber(base or 10)\n"
-        "if base ~= 2 and base ~= 8 and base ~= 10 and base ~= 16 then return 0 end\n"
+        'local base, rest = string.match(s, "^(..?)#(.*)$")\n'
+        'base = ({["2"] = 2, ["8"] = 8, ["10"] = 10, ["16"] = 16})[base or "10"]\n'
+        "if not base then return 0 end\n"
         'local sign, digits = string.match(rest or s, "^%s*([+-]?)(%w*)")\n'
+        'if sign ~= "" and (low == 0 or base ~= 10) then return 0 end\n'
         "local x = 0\n"
         'for c in string.gmatch(digits, ".") do\n'
         "local d = tonumber(c, 36)\n"

@@ -24,6 +24,7 @@ from dtwin.iec61499.st.semantics import (
 from dtwin.iec61499.types import bytes_of, round_to_real, text_of
 
 _INT64: Final = 1 << 63
+_BASES: Final = {"2": 2, "8": 8, "10": 10, "16": 16}
 _DIGITS: Final = {2: "01", 8: "0-7", 10: "0-9", 16: "0-9a-f"}
 
 
@@ -255,19 +256,21 @@ def format_number(value: float, digits: int) -> str:
 def string_to_integer(text: str, minimum: int, mask: int, name: str) -> int:
     """The number that the text begins with, as 4diac FORTE reads it: `12 mm`, `16#FF`, `INT#5`; else 0.
 
-    A number out of range is 0, too; one with a base has no sign and gives the bits.
+    A number out of range is 0, too; one with a base, or of an unsigned type, has no sign; one with a base gives the
+    bits.
     """
     if "#" in text and not text[0].isdigit():
         prefix, _, text = text.partition("#")
         if prefix != name:
             return 0
     base = 10
-    based = re.match(r"([0-9]{1,2})#", text)
+    based = re.match(r"(.{1,2})#", text, re.DOTALL)
     if based:
-        base, text = int(based[1]), text[based.end() :]
-        if base not in _DIGITS:
+        if based[1] not in _BASES:
             return 0
-    match = re.match(rf"\s*([+-]?)([{_DIGITS[base]}]{{1,1000}})", text, re.IGNORECASE)
+        base, text = _BASES[based[1]], text[based.end() :]
+    sign = "[+-]?" if minimum and base == 10 else ""
+    match = re.match(rf"\s*({sign})([{_DIGITS[base]}]{{1,1000}})", text, re.IGNORECASE)
     value = int(match[1] + match[2], base) if match else 0
     if minimum and base == 10:
         return value if minimum <= value <= minimum + mask else 0

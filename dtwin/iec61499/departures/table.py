@@ -7,37 +7,17 @@ embedded runtime does.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.literals import parse_duration
+from dtwin.iec61499.departures import uses
+from dtwin.iec61499.departures.uses import Use
 from dtwin.iec61499.runtime.generic_ports import variable_at
 from dtwin.iec61499.runtime.netlist import Netlist, Terminal
-from dtwin.iec61499.types import DataType, ElementaryType
-
-_TICK: Final = 1_000_000
-"""Shortest delay of FORTE's timers, ns."""
-
-
-@dataclass(frozen=True, slots=True)
-class Use:
-    """A block in a network.
-
-    Attributes:
-        types: the type of what comes to every data input, by the input's name.
-        literals: the literals at inputs that nothing is connected to.
-    """
-
-    type_name: str
-    types: Mapping[str, DataType | model.GenericType]
-    literals: Mapping[str, str]
-
-    def has(self, *kinds: str) -> bool:
-        """Whether something of these kinds comes to an input."""
-        return any(_kind(data_type) in kinds for data_type in self.types.values())
+from dtwin.iec61499.types import DataType
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,72 +43,6 @@ class Departure:
     applies: Callable[[Use], bool]
 
 
-def _kind(data_type: DataType | model.GenericType) -> str:
-    return data_type.kind if isinstance(data_type, ElementaryType) else ""
-
-
-def _always(use: Use) -> bool:
-    return True
-
-
-def _integer_with_real(use: Use) -> bool:
-    first = use.types.get("IN0" if use.type_name == "F_SEL" else "IN" if use.type_name == "F_LIMIT" else "IN1")
-    return first is not None and _kind(first) in ("signed", "unsigned") and use.has("real")
-
-
-def _has_texts(use: Use) -> bool:
-    return use.has("string")
-
-
-def _has_dates(use: Use) -> bool:
-    return use.has("date")
-
-
-def _has_reals(use: Use) -> bool:
-    return use.has("real")
-
-
-def _has_large(use: Use) -> bool:
-    return any(isinstance(found, ElementaryType) and found.name in ("ULINT", "LWORD") for found in use.types.values())
-
-
-def _is_not_copied(use: Use) -> bool:
-    return _kind(use.types["IN"]) not in ("bool", "signed", "unsigned", "bits", "real", "time")
-
-
-def _may_shift_all(use: Use) -> bool:
-    """Whether the count is a variable, or not below 32 (LWORD: 64)."""
-    data_type = use.types["IN"]
-    bits = 64 if isinstance(data_type, ElementaryType) and data_type.bits == 64 else 32
-    return not 0 <= _number(use, "N") < bits
-
-
-def _may_rotate_all(use: Use) -> bool:
-    data_type = use.types["IN"]
-    bits = data_type.bits if isinstance(data_type, ElementaryType) else 0
-    return not 0 <= _number(use, "N") <= bits
-
-
-def _may_divide_by_zero(use: Use) -> bool:
-    literal = use.literals.get("IN2", "0").rpartition("#")[2]
-    try:
-        return use.has("real") and float(literal) == 0
-    except ValueError:
-        return use.has("real")
-
-
-def _may_be_shorter_than_a_tick(use: Use) -> bool:
-    literal = use.literals.get("DT")
-    duration = parse_duration(literal.rpartition("#")[2]) if literal else None
-    return duration is not None and duration < _TICK
-
-
-def _number(use: Use, name: str) -> int:
-    """The literal at an input, -1 if it has none that is a decimal number."""
-    text = use.literals.get(name, "").rpartition("#")[2].strip()
-    return int(text) if text.isdecimal() and len(text) < 10 else -1
-
-
 _AS_STANDARD: Final = "as the standard"
 _AS_FORTE: Final = "as FORTE"
 
@@ -140,16 +54,16 @@ DEPARTURES: Final = (
         "the real is rounded to a LINT first: 1 + 1.6 is 3",
         _AS_STANDARD,
         "F_(ADD|SUB|MUL|DIV|GT|GE|EQ|LE|LT|NE|MAX|MIN|SEL|LIMIT)",
-        _integer_with_real,
+        uses.integer_with_real,
     ),
     Departure(
-        "F_DIV, F_GT, F_GE, F_LE, F_LT, F_MAX, F_MIN, F_LIMIT",
+        "F_DIV, F_MOD, F_ABS, F_GT, F_GE, F_LE, F_LT, F_MAX, F_MIN, F_LIMIT",
         "ULINT or LWORD from 2^63 on",
         "computed as unsigned numbers",
         "computed as LINT: such numbers are negative",
         _AS_STANDARD,
-        "F_(DIV|GT|GE|LE|LT|MAX|MIN|LIMIT)",
-        _has_large,
+        "F_(DIV|MOD|ABS|GT|GE|LE|LT|MAX|MIN|LIMIT)",
+        uses.has_large,
     ),
     Departure(
         "F_GT, F_GE, F_LE, F_LT, F_MAX, F_MIN, F_LIMIT",
@@ -158,7 +72,7 @@ DEPARTURES: Final = (
         "OUT stays as it was; the log says that it is not supported",
         _AS_STANDARD,
         "F_(GT|GE|LE|LT|MAX|MIN|LIMIT)",
-        _has_texts,
+        uses.has_texts,
     ),
     Departure(
         "F_GT, F_GE, F_EQ, F_LE, F_LT, F_NE, F_MAX, F_MIN, F_SEL, F_LIMIT",
@@ -167,7 +81,52 @@ DEPARTURES: Final = (
         "both inputs count as 0",
         _AS_STANDARD,
         "F_(GT|GE|EQ|LE|LT|NE|MAX|MIN|SEL|LIMIT)",
-        _has_dates,
+        uses.has_dates,
+    ),
+    Departure(
+        "F_LEN, F_LEFT, F_RIGHT, F_MID, F_INSERT, F_DELETE, F_REPLACE, F_FIND",
+        "a WSTRING with characters beyond ASCII",
+        "counted in characters",
+        "counted in bytes of UTF-8",
+        _AS_STANDARD,
+        "F_(LEN|LEFT|RIGHT|MID|INSERT|DELETE|REPLACE|FIND)",
+        uses.has_wide_texts,
+    ),
+    Departure(
+        "F_MID",
+        "P below 1 or behind the end, L below 0",
+        "not defined",
+        "the first L characters, or all from P on",
+        "the text as it was, or none",
+        "F_MID",
+        uses.may_begin_outside,
+    ),
+    Departure(
+        "F_DELETE, F_REPLACE",
+        "P below 1, L below 0, or up to the last character",
+        "the characters deleted or replaced; otherwise not defined",
+        "the text as it was, or a part of it twice",
+        "as the standard, otherwise the text as it was",
+        "F_(DELETE|REPLACE)",
+        uses.may_reach_an_end,
+    ),
+    Departure(
+        "XOR_3 and larger",
+        "BOOL",
+        "TRUE for an odd number of TRUE",
+        "TRUE for a single TRUE",
+        _AS_STANDARD,
+        r"XOR_([3-9]|[1-9]\d+)",
+        uses.has_truths,
+    ),
+    Departure(
+        "F_REAL_TO_INT and the other conversions of REAL to integers",
+        "from 2^22 on",
+        "exact",
+        "one off for some, as 0.5 is added as a REAL",
+        _AS_STANDARD,
+        "F_REAL_TO_U?[SDL]?INT",
+        uses.may_be_large,
     ),
     Departure(
         "F_MOVE",
@@ -176,7 +135,7 @@ DEPARTURES: Final = (
         "OUT stays as it was",
         _AS_STANDARD,
         "F_MOVE",
-        _is_not_copied,
+        uses.is_not_copied,
     ),
     Departure(
         "F_SHL, F_SHR",
@@ -185,7 +144,7 @@ DEPARTURES: Final = (
         "shifted by N modulo 32 (LWORD: 64) on x86",
         _AS_STANDARD,
         "F_SH[LR]",
-        _may_shift_all,
+        uses.may_shift_all,
     ),
     Departure(
         "F_ROL, F_ROR",
@@ -194,7 +153,25 @@ DEPARTURES: Final = (
         "bits are lost",
         _AS_STANDARD,
         "F_RO[LR]",
-        _may_rotate_all,
+        uses.may_rotate_all,
+    ),
+    Departure(
+        "F_MUX_2",
+        "K below 0 or above 1",
+        "not defined",
+        "no CNF when K is signed; what is behind the inputs when it is not, which may end FORTE",
+        "the first or the last input",
+        "F_MUX_2",
+        uses.may_miss,
+    ),
+    Departure(
+        "F_MUX_3 and larger",
+        "any",
+        "input K",
+        "another block: one event for each input, and no K",
+        _AS_STANDARD,
+        r"F_MUX_([3-9]|[1-9]\d+)",
+        uses.always,
     ),
     Departure(
         "F_MULTIME, F_DIVTIME",
@@ -203,7 +180,25 @@ DEPARTURES: Final = (
         "the lowest 16 bits of the number's pattern are taken for an INT: times 2.0 is 0",
         _AS_STANDARD,
         "F_(MUL|DIV)TIME",
-        _has_reals,
+        uses.has_reals,
+    ),
+    Departure(
+        "F_DIVTIME",
+        "a duration below 0 by ULINT",
+        "the duration by the number",
+        "computed without signs",
+        _AS_STANDARD,
+        "F_DIVTIME",
+        uses.has_large,
+    ),
+    Departure(
+        "F_DIV, F_MOD",
+        "the smallest LINT by -1",
+        "not defined",
+        "ends FORTE on x86",
+        "the smallest LINT, remainder 0",
+        "F_(DIV|MOD)",
+        uses.may_overflow,
     ),
     Departure(
         "F_DIV",
@@ -212,7 +207,7 @@ DEPARTURES: Final = (
         "0",
         _AS_STANDARD,
         "F_DIV",
-        _may_divide_by_zero,
+        uses.may_divide_by_zero,
     ),
     Departure(
         "F_REAL_TO_INT and the other conversions of reals to integers",
@@ -221,7 +216,7 @@ DEPARTURES: Final = (
         "the one further from 0",
         _AS_FORTE,
         "F_L?REAL_TO_U?[SDL]?INT",
-        _always,
+        uses.always,
     ),
     Departure(
         "F_TIME_TO_STRING, F_TIME_TO_WSTRING",
@@ -230,7 +225,7 @@ DEPARTURES: Final = (
         "always ms: T#3000ms",
         _AS_FORTE,
         "F_TIME_TO_W?STRING",
-        _always,
+        uses.always,
     ),
     Departure(
         "F_STRING_TO_INT and the other conversions of texts to integers",
@@ -239,7 +234,7 @@ DEPARTURES: Final = (
         "the number that it begins with, 0 when that is out of range",
         _AS_FORTE,
         "F_W?STRING_TO_(U?[SDL]?INT|BYTE|[DL]?WORD)",
-        _always,
+        uses.always,
     ),
     Departure(
         "E_RDELAY, E_RTimeOut",
@@ -248,7 +243,7 @@ DEPARTURES: Final = (
         "EO comes at once, within two ticks; other timers that wait may be lost",
         _AS_STANDARD,
         "E_R(DELAY|TimeOut)",
-        _always,
+        uses.always,
     ),
     Departure(
         "E_DELAY, E_RDELAY, E_CYCLE",
@@ -257,7 +252,7 @@ DEPARTURES: Final = (
         "EO comes with the next tick, 1 ms later",
         _AS_FORTE,
         "E_(R?DELAY|CYCLE)",
-        _may_be_shorter_than_a_tick,
+        uses.may_be_shorter_than_a_tick,
     ),
 )
 """The table; a use may fall under several rows."""
