@@ -98,6 +98,8 @@ def difference(client: ManagementClient, deployment: Deployment) -> Difference:
     for value in values:
         port = value.destination
         is_new = port.rpartition(".")[0] in new
+        if port in deployment.typed and not is_new:
+            continue
         text = "" if is_new else client.read(resource, port)
         if is_new or not _is_same(value.source, text):
             written.append(value)

@@ -28,8 +28,8 @@ from dtwin.iec61499.management.protocol import (
     RequestAction,
     Subject,
 )
-from dtwin.iec61499.runtime.generic_ports import check_types, resolve
-from dtwin.iec61499.runtime.netlist import Node, Terminal, flatten
+from dtwin.iec61499.runtime.generic_ports import check_types, resolve, variable_at
+from dtwin.iec61499.runtime.netlist import Node, Terminal, Wire, flatten
 from dtwin.iec61499.standard.catalogue import find_standard
 from dtwin.iec61499.standard.services import COMMUNICATION
 from dtwin.iec61499.types import BOOL, LREAL, REAL, DataType, ElementaryType
@@ -46,11 +46,13 @@ class Deployment:
         resource: the resource's name.
         types: the block types that the device does not have by itself, each once.
         commands: all requests in order: types, the resource, its blocks, connections and values, START.
+        typed: the ports to which a value is written only to tell the device their type.
     """
 
     resource: str
     types: tuple[LuaType, ...]
     commands: tuple[Command, ...]
+    typed: frozenset[str] = frozenset()
 
 
 def plan_deployment(
@@ -83,6 +85,7 @@ class _Plan:
         self._data = netlist.data
         self._types: dict[model.FBType, LuaType] = {}
         self._commands: list[Command] = []
+        self._typed: set[str] = set()
 
     def deployment(self) -> Deployment:
         lua_types = [self._lua_type(node) for node in self._nodes]
@@ -94,6 +97,8 @@ class _Plan:
             if (node.name, _type(node).header.name) != ("START", "E_RESTART"):
                 kind = lua.name if lua is not None else _type(node).header.name
                 self._add(self._resource, "CREATE", ManagedBlock(self._name(node), kind))
+        for wire in self._data.values():
+            self._give_type(wire)
         for wire in (*self._events, *self._data.values()):
             if wire.destination not in constants:
                 self._add(
@@ -105,7 +110,7 @@ class _Plan:
             for port, literal in self._values(number, node, lua, constants):
                 self._add(self._resource, "WRITE", ManagedConnection(literal, port))
         self._add(self._resource, "START", None)
-        return Deployment(self._resource, tuple(self._types.values()), tuple(self._commands))
+        return Deployment(self._resource, tuple(self._types.values()), tuple(self._commands), frozenset(self._typed))
 
     def _add(self, resource: str, action: RequestAction, subject: Subject | None) -> None:
         self._commands.append(Command(resource, Request(str(len(self._commands) + 1), action, subject)))
@@ -128,6 +133,26 @@ class _Plan:
             flat = border_type(block) if isinstance(block, model.CompositeFBType) else block
             self._types[block] = export_type(flat)
         return self._types[block]
+
+    def _give_type(self, wire: Wire) -> None:
+        """Tells the type where ports of generic types meet, which a device does not know by itself: by a value."""
+        source, destination = wire.source, wire.destination
+        ends = [(_type(self._nodes[end.node]), end.name) for end in (source, destination)]
+        if all(self._is_generic(block, name) for block, name in ends):
+            data_type = _data_type(variable_at(self._nodes[destination.node], destination.name))
+            if isinstance(data_type, ElementaryType):
+                literal = format_typed(data_type.default, data_type)
+                self._add(self._resource, "WRITE", ManagedConnection(literal, self._place(destination)))
+                self._typed.add(self._place(destination))
+
+    def _is_generic(self, block: model.FBType, name: str) -> bool:
+        """Whether a port of a block that the device has by itself has a generic type there."""
+        if not isinstance(block, model.ServiceInterfaceFBType):
+            return False
+        declared = self._library.find(block.header.name).interface
+        return any(
+            v.name == name and isinstance(v.type, model.GenericType) for v in (*declared.inputs, *declared.outputs)
+        )
 
     def _name(self, node: Node) -> str:
         if not isinstance(node.type, model.CompositeFBType):

@@ -224,7 +224,7 @@ def test_literals_for_generic_ports_carry_their_type_and_ids_their_new_port() ->
             "S.QI": "TRUE",
             "S.ID": "'localhost:61500'",
             "S.SD_1": "'it$'s'",
-            "S.SD_2": "T#5s",
+            "S.SD_2": "TIME#5s",
             "F.IN1": "2.5",
             "F.IN2": "LREAL#1",
         },
@@ -234,7 +234,7 @@ def test_literals_for_generic_ports_carry_their_type_and_ids_their_new_port() ->
         "S.QI": "TRUE",
         "S.ID": '"localhost:1234"',
         "S.SD_1": "STRING#'it$'s'",
-        "S.SD_2": "T#5s",
+        "S.SD_2": "TIME#5s",
         "F.IN1": "LREAL#2.5",
         "F.IN2": "LREAL#1.0",
     }

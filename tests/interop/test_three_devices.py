@@ -1,0 +1,85 @@
+"""The cell on three devices (sequence and planner, twin, controller and selector): the log of one, byte for byte.
+
+The devices are `dtwin fb run`: a 4diac FORTE loses one of two datagrams that come to one SUBSCRIBE in a row, as
+fb/README.md says. CELL_DURATION in the environment is the simulated time, s; 120 takes two minutes.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from dtwin.controller.embedded import EmbeddedController
+from dtwin.controller.remote import RemoteController
+from dtwin.iec61499.deploy.build import deploy
+from dtwin.iec61499.deploy.plan import plan_deployment
+from dtwin.iec61499.distribution import FIRST_PORT
+from dtwin.iec61499.library import Library
+from dtwin.iec61499.management.client import ManagementClient
+from dtwin.iec61499.mapping import resource_network
+from dtwin.iec61499.net.address import LOOPBACK, Address
+from dtwin.run.cell import Cell
+from dtwin.run.settings import CellSettings
+from tests.support.devices import BLOCKS, PATIENCE, PORTS, embedded
+from tests.support.ports import free_ports
+from tests.support.waiting import connected
+
+DURATION = float(os.environ.get("CELL_DURATION", "6"))
+DEVICES = {
+    "FIRST": ("EMULATOR", "DETECTOR", "ENCODERS", "SEQUENCE", "PLANNER"),
+    "SECOND": ("TWIN",),
+    "THIRD": ("OBSERVER", "CONTROLLER", "SELECTOR"),
+}
+START = '<EventConnections><Connection Source="START.COLD" Destination="EMULATOR.INIT"/></EventConnections>'
+CROSSINGS = 20
+"""Most pairs of PUBLISH and SUBSCRIBE between the devices."""
+
+
+def split_system() -> str:
+    """The system with the blocks of its application mapped to three devices."""
+    text = (BLOCKS / "dtwin.sys").read_text(encoding="utf-8")
+    text = re.sub(r"<Device .*</Device>|<Mapping [^>]*>|<Link [^>]*>", "", text, flags=re.DOTALL)
+    devices, mappings = "", ""
+    for name, blocks in DEVICES.items():
+        network = f"<FBNetwork>{START if name == 'FIRST' else ''}</FBNetwork>"
+        resource = f'<Resource Name="{name}_RES" Type="EMB_RES">{network}</Resource>'
+        address = '<Parameter Name="MGR_ID" Value="127.0.0.1:1"/>'
+        devices += f'<Device Name="{name}" Type="FORTE_PC">{address}{resource}</Device>'
+        mappings += "".join(f'<Mapping From="CELL.{block}" To="{name}.{name}_RES"/>' for block in blocks)
+    return text.replace("</System>", f"{devices}{mappings}</System>")
+
+
+@pytest.fixture
+def emulator_port(tmp_path: Path) -> Iterator[Address]:
+    """Where the cell connects to the first of three devices."""
+    path = tmp_path / "split.sys"
+    path.write_text(split_system(), encoding="utf-8")
+    library = Library([BLOCKS])
+    system = library.load_system(path)
+    free = free_ports(len(PORTS) + CROSSINGS)
+    ports = dict(zip([*PORTS, *range(FIRST_PORT, FIRST_PORT + CROSSINGS)], free, strict=True))
+    with ExitStack() as stack:
+        # the first device starts last, so that it finds the others listening
+        for name in reversed(DEVICES):
+            address = stack.enter_context(embedded())
+            plan = plan_deployment(f"{name}_RES", resource_network(system, f"{name}.{name}_RES"), library, ports)
+            deploy(stack.enter_context(connected(lambda: ManagementClient(address, PATIENCE))), plan)  # noqa: B023
+        yield Address(LOOPBACK, ports[PORTS[0]])
+
+
+def test_the_log_is_that_of_one_device(emulator_port: Address, tmp_path: Path) -> None:
+    settings = CellSettings(duration=DURATION, seed=3, noise=0.001)
+    alone = Cell(settings)
+    alone.run()
+    with connected(lambda: RemoteController(emulator_port, EmbeddedController(), timeout=10.0)) as remote:
+        split = Cell(settings, remote)
+        split.run()
+    assert len(split.log.freeze()) == round(100 * DURATION)
+    for name, cell in (("alone", alone), ("split", split)):
+        cell.log.freeze().write_parquet(tmp_path / name)
+    assert (tmp_path / "split").read_bytes() == (tmp_path / "alone").read_bytes()
