@@ -18,6 +18,7 @@ from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.checker import BlockChecker
 from dtwin.iec61499.runtime.compile import has_no_service
 from dtwin.iec61499.runtime.generic_ports import check_types, resolve, unconnected
+from dtwin.iec61499.runtime.inner_blocks import add_reactions
 from dtwin.iec61499.runtime.netlist import Finder, flatten
 
 SUFFIXES: Final = (".fbt", ".sub", ".sys", ".fboot")
@@ -106,6 +107,8 @@ def _inspect_service(found: model.LibraryElement) -> None:
 
 
 def _inspect_text(block: model.BasicFBType | model.SimpleFBType, problems: _Problems) -> None:
+    with problems.noted():
+        add_reactions(unconnected(block), {})
     checker = BlockChecker(unconnected(block))
     for algorithm in block.algorithms:
         with problems.noted():

@@ -34,6 +34,7 @@ from dtwin.iec61499.net.address import LOOPBACK, Address
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.standard.notation import interface
+from dtwin.iec61499.types import LREAL
 from dtwin.parameters import ROOT
 from tests.support.iec61499.networks import Types, chart, network
 
@@ -215,6 +216,16 @@ def test_values_that_enter_from_no_connection_go_to_the_blocks_inside() -> None:
     assert not [place for place in values if "BORDER" in place]
 
 
+def test_where_ports_of_generic_types_meet_a_value_tells_the_type_before_they_are_connected() -> None:
+    block = model.Block("S", "SUBSCRIBE_1", types=(("RD_1", LREAL),))
+    made = replace(network("P: PUBLISH_1", "S.IND -> P.REQ", "S.RD_1 -> P.SD_1"), file="x.sys")
+    found = replace(made, blocks=(block, *made.blocks))
+    deployment = plan_deployment("R", found, Library())
+    requests = [str(command.request) for command in deployment.commands]
+    assert requests.index("WRITE LREAL#0.0 to P.SD_1") < requests.index("CREATE S.RD_1 -> P.SD_1")
+    assert deployment.typed == {"P.SD_1"}
+
+
 def test_literals_for_generic_ports_carry_their_type_and_ids_their_new_port() -> None:
     found = network(
         "START: E_RESTART; S: SERVER_2_1; F: F_ADD",
@@ -224,7 +235,7 @@ def test_literals_for_generic_ports_carry_their_type_and_ids_their_new_port() ->
             "S.QI": "TRUE",
             "S.ID": "'localhost:61500'",
             "S.SD_1": "'it$'s'",
-            "S.SD_2": "TIME#5s",
+            "S.SD_2": "T#5s",
             "F.IN1": "2.5",
             "F.IN2": "LREAL#1",
         },

@@ -9,10 +9,12 @@ import pytest
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.deploy.lua_export import export_type
+from dtwin.iec61499.inspection import inspect
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.model import SimpleFBType
 from dtwin.iec61499.runtime.resource import Resource
 from tests.support.iec61499.networks import network
+from tests.support.iec61499.served_device import ANY_PORT, ServedDevice, build, wait_for
 
 GAIN = """<FBType Name="Gain"><InterfaceList>
   <EventInputs><Event Name="REQ"><With Var="IN"/></Event></EventInputs>
@@ -136,6 +138,27 @@ def test_what_cannot_stand_inside_is_named(tmp_path: Path, kind: str, message: s
     with pytest.raises(FunctionBlockError, match=re.escape(message)) as caught:
         Resource(network("A: User", ""), Library([tmp_path]))
     assert (Path(caught.value.file or "User.fbt").name, caught.value.line or 8) == ("User.fbt", 8)
+
+
+def test_a_check_names_what_cannot_stand_inside(tmp_path: Path) -> None:
+    file = tmp_path / "User.fbt"
+    file.write_text(USER.replace("lib::Toggle", "E_DELAY") % "")
+    (tmp_path / "Gain.fbt").write_text(GAIN)
+    (problem,) = inspect(file, Library([tmp_path])).problems
+    assert "E_DELAY inside a basic or simple block is a service" in problem.message
+    assert problem.line == 8
+
+
+def test_a_device_tells_their_variables(tmp_path: Path) -> None:
+    device = ServedDevice(library(tmp_path), ANY_PORT)
+    device.start()
+    try:
+        with device.client() as client:
+            build(client, "R", "A User N=7\nSTART.COLD -> A.REQ")
+            client.start("R")
+            wait_for(client, "R", "A.t.triple.IN", lambda value: value == "2")
+    finally:
+        device.stop()
 
 
 def test_lua_has_none(tmp_path: Path) -> None:
