@@ -125,6 +125,13 @@ class _Plan:
                 node.file,
                 node.line,
             )
+        for name in block.interface.in_outs:
+            raise FunctionBlockError(
+                f"block {node.name}: VAR_IN_OUT {name} of {block.header.name} cannot be deployed: expected an input "
+                "and an output, or fb run with the system",
+                node.file,
+                node.line,
+            )
         if isinstance(block, model.ServiceInterfaceFBType):
             return None
         if find_standard(block.header.name) is not None and not block.header.file:

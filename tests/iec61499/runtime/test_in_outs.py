@@ -9,6 +9,7 @@ import pytest
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.deploy.lua_export import export_type
+from dtwin.iec61499.deploy.plan import plan_deployment
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.model import SimpleFBType
 from dtwin.iec61499.runtime.resource import Resource
@@ -100,3 +101,8 @@ def test_lua_has_none(library: Library) -> None:
     with pytest.raises(FunctionBlockError, match="VAR_IN_OUT STORE of Adder is not available in Lua") as caught:
         export_type(block)
     assert caught.value.line == 5
+
+
+def test_a_device_gets_none(library: Library) -> None:
+    with pytest.raises(FunctionBlockError, match="block P: VAR_IN_OUT ALL of Pair cannot be deployed"):
+        plan_deployment("R", network("P: Pair"), library)
