@@ -57,9 +57,13 @@ class BlockCode:
 
 
 def block_fields(block: model.FBType) -> tuple[Field, ...]:
-    """The variables of a block type. Raises FunctionBlockError for a type that C does not have."""
+    """The variables of a block type. Raises FunctionBlockError for a type or variable that C does not have."""
     file = block.header.file
     fields = []
+    for name in block.interface.in_outs:
+        raise FunctionBlockError(f"C: the VAR_IN_OUT {name} is not supported", file)
+    for inner in block.blocks if isinstance(block, model.BasicFBType | model.SimpleFBType) else ():
+        raise FunctionBlockError(f"C: the block {inner.name} inside another one is not supported", file, inner.line)
     for variable in (*block.interface.inputs, *block.interface.outputs, *getattr(block, "internals", ())):
         assert not isinstance(variable.type, model.GenericType)
         check_supported(variable.type, Position(file, variable.line, 0))

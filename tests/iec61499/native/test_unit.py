@@ -188,3 +188,29 @@ def test_blocks_that_c_does_not_have_are_refused() -> None:
     net = network("A: E_CYCLE", "", "", {"A.DT": "T#1s"})
     with pytest.raises(FunctionBlockError, match="C: A is a E_CYCLE: expected basic, simple and composite blocks"):
         unit_of(network_layout(net, Types()), "unit")
+
+
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        ('<InOutVars><VarDeclaration Name="V" Type="INT"/></InOutVars></InterfaceList>', "the VAR_IN_OUT V"),
+        (
+            '</InterfaceList><InternalVars><FB Name="late" Type="FB_TON"/></InternalVars>',
+            "the block late inside another",
+        ),
+        ('<OutputVars><VarDeclaration Name="L" Type="Lamp"/></OutputVars></InterfaceList>', "Lamp.* an enumeration"),
+    ],
+)
+def test_variables_that_c_does_not_have_are_refused(tmp_path: Path, content: str, what: str) -> None:
+    head, _, rest = content.partition("</InterfaceList>")
+    (tmp_path / "Odd.fbt").write_text(
+        f'<FBType Name="Odd"><InterfaceList><EventInputs><Event Name="REQ"/></EventInputs>{head}</InterfaceList>'
+        f'<SimpleFB>{rest}<Algorithm Name="REQ"><ST/></Algorithm></SimpleFB></FBType>'
+    )
+    (tmp_path / "Lamp.dtp").write_text(
+        '<DataType Name="Lamp"><EnumeratedType InitialValue="OFF"><EnumeratedValue Name="OFF"/>'
+        '<EnumeratedValue Name="ON"/></EnumeratedType></DataType>'
+    )
+    made = network("A: Odd", "", "", {})
+    with pytest.raises(FunctionBlockError, match=f"Odd.*C: {what}.* is not supported"):
+        unit_of(network_layout(made, Library([tmp_path])), "odd")

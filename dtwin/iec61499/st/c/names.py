@@ -78,6 +78,8 @@ def check_supported(data_type: DataType, at: Position) -> None:
     for element in elementary_types(data_type):
         if element.name in ("WSTRING", "WCHAR"):
             raise FunctionBlockError(f"C: {element.name} is not supported: expected STRING or CHAR", *at)
+        if element.kind == "enum":
+            raise FunctionBlockError(f"C: {element}, an enumeration, is not supported", *at)
         if element.limit > TEXT:
             raise FunctionBlockError(f"C: {element}: expected at most STRING[{TEXT}]", *at)
 
