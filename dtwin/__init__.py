@@ -1,6 +1,28 @@
-"""A digital twin of a box-sorting arm controlled by IEC 61499 function blocks."""
+"""A digital twin of a box-sorting arm controlled by IEC 61499 function blocks.
 
+The names below are what notebooks and scripts use; docs/api.md tells all about them.
+"""
+
+import importlib
 import os
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dtwin.api.cell import Cell as Cell
+    from dtwin.api.identification import Identified as Identified
+    from dtwin.api.identification import identify as identify
+    from dtwin.api.live import LiveCell as LiveCell
+    from dtwin.api.live import connect as connect
+    from dtwin.api.monitoring import Monitored as Monitored
+    from dtwin.api.monitoring import monitor as monitor
+    from dtwin.api.run import Run as Run
+    from dtwin.api.run import RunError as RunError
+    from dtwin.api.run import load as load
+    from dtwin.api.simulation import optimise as optimise
+    from dtwin.api.simulation import simulate as simulate
+    from dtwin.errors import DtwinError as DtwinError
+    from dtwin.parameters import ArmParameters as ArmParameters
+    from dtwin.parameters import Gains as Gains
 
 __version__ = "0.1.0"
 
@@ -8,3 +30,35 @@ __version__ = "0.1.0"
 # are loaded, and processes that are started inherit it.
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+
+_MODULES = {
+    "Cell": "api.cell",
+    "Run": "api.run",
+    "RunError": "api.run",
+    "load": "api.run",
+    "identify": "api.identification",
+    "Identified": "api.identification",
+    "monitor": "api.monitoring",
+    "Monitored": "api.monitoring",
+    "simulate": "api.simulation",
+    "optimise": "api.simulation",
+    "connect": "api.live",
+    "LiveCell": "api.live",
+    "ArmParameters": "parameters",
+    "Gains": "parameters",
+    "DtwinError": "errors",
+}
+"""Where the public names are; a module is loaded when one of its names is first used."""
+__all__ = list(_MODULES)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module 'dtwin' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"dtwin.{_MODULES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -60,6 +60,12 @@ def test_services_load_what_they_need(name: str, needed: set[str]) -> None:
     assert not found & DEAREST
 
 
+def test_the_package_loads_nothing_before_a_name_is_used() -> None:
+    found = after("import dtwin; dtwin.DtwinError")
+    assert {name for name in found if name.startswith("dtwin")} == {"dtwin", "dtwin.errors"}
+    assert not found & HEAVY
+
+
 def test_the_monitor_at_work_has_loaded_of_scipy_only_the_products_of_matrices() -> None:
     found = after("import dtwin.services.monitoring as service; service.warm_up(service.Options()._belief())")
     assert {name for name in found if name.startswith(("scipy.linalg", "scipy.special"))} == {BLAS}

@@ -21,7 +21,7 @@ FLOORS = [
     {"dtwin.commissioning", "dtwin.recovery"},
     {"dtwin.console"},
     {"dtwin.services"},
-    {"dtwin.experiments"},
+    {"dtwin.experiments", "dtwin.api"},
     {"dtwin.commands"},
     {"dtwin.cli"},
     {"dtwin.__main__"},
@@ -113,7 +113,7 @@ def test_function_blocks_import_from_below(path: Path) -> None:
 
 
 def test_modules_import_in_no_circle() -> None:
-    modules = {name_of(path): path for path in MODULES}
+    modules = {name_of(path): path for path in MODULES if name_of(path) != "dtwin"}
     graph = {}
     for name, path in modules.items():
         imported = imports(path)

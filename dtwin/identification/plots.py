@@ -1,8 +1,7 @@
-"""Pictures of an identification as PNG files."""
+"""Pictures of an identification."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -11,7 +10,7 @@ from dtwin.identification.data import Array
 from dtwin.identification.estimation.estimate import NINETY_FIVE, Estimate
 from dtwin.identification.held_out import Comparison
 from dtwin.parameters import PERIOD, ArmParameters
-from dtwin.pictures import COLOURS, DARK, RED, new_figure, save
+from dtwin.pictures import COLOURS, DARK, RED, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,9 +20,7 @@ _SHOWN: Final = 1000
 """Largest number of samples of a motion that a picture shows."""
 
 
-def draw(
-    estimate: Estimate, old: Comparison, new: Comparison, truth: ArmParameters | None, path: Path, title: str
-) -> None:
+def picture(estimate: Estimate, old: Comparison, new: Comparison, truth: ArmParameters | None, title: str) -> Figure:
     """Draws a held-out motion beside the predictions of two models, the confidence intervals and the correlation.
 
     Args:
@@ -31,11 +28,7 @@ def draw(
         old: held-out motion and the prediction of the model before the identification.
         new: held-out motion and the prediction of the identified model.
         truth: true parameters, drawn beside the intervals; None where they are not known.
-        path: path of the PNG file.
         title: title of the picture.
-
-    Raises:
-        RecordingError: the path cannot be written.
     """
     figure = new_figure(13, 9)
     figure.suptitle(title)
@@ -46,7 +39,7 @@ def draw(
     if names:
         _intervals(figure.add_subplot(grid[0, 1]), estimate, names, truth)
         _correlation(figure, figure.add_subplot(grid[1:, 1]), estimate)
-    save(figure, path)
+    return figure
 
 
 def _motion(axis: Axes, joint: int, old: Comparison, new: Comparison) -> None:

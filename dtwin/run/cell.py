@@ -6,7 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from operator import attrgetter
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import msgspec
 import numpy as np
@@ -47,6 +47,7 @@ class RunSummary(msgspec.Struct, frozen=True):
     events: dict[str, int]
 
 
+@runtime_checkable
 class CellController(Controller, Protocol):
     """The controller of a whole cell, which also tells what happens in its sequence."""
 
@@ -75,7 +76,7 @@ class Cell:
         self.controller = controller or EmbeddedController(settings.control, settings.blocks, sequence_of(settings))
         self.emulation = emulate(settings)
         self.log = RunLog(metadata(settings))
-        self._hidden = hidden
+        self.hidden = hidden
         self._wall = 0.0
 
     def run(self, between: Callable[[int], bool] | None = None, realtime: bool = False) -> None:
@@ -103,7 +104,7 @@ class Cell:
 
     def _recorder(self) -> Callable[[StepRecord], None]:
         """What takes the record of each tick."""
-        hidden = self._hidden
+        hidden = self.hidden
         if hidden is None:
             return self.log.append
 

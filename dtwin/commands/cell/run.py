@@ -11,18 +11,18 @@ from typing import Final
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
+from dtwin.api.cell import finished
+from dtwin.api.run import RunError
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.remote import RemoteController
 from dtwin.controller.runtime import RuntimeOption
-from dtwin.errors import DtwinError
 from dtwin.files import ensure_writable
 from dtwin.iec61499.net.address import parse_address
 from dtwin.parameters import PERIOD
 from dtwin.run.cell import Cell, RunSummary
 from dtwin.run.hidden import HiddenLog
 from dtwin.run.options import ControlOptions, PlantOptions
-from dtwin.run.recording import Log
 from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.terminal import print_json, printable
 
@@ -63,7 +63,7 @@ class Run(PlantOptions, ControlOptions, RuntimeOption):
         remote = self._remote(settings) if self.controller else None
         hidden = None if record is None or settings.machine.ideal else HiddenLog()
         cell = Cell(settings, remote, hidden)
-        failure: DtwinError | None = None
+        failure: RunError | None = None
         with _Interruption() as interruption, _progress(cell, quiet=self.json) as progress:
 
             def between(done: int) -> bool:
@@ -71,11 +71,13 @@ class Run(PlantOptions, ControlOptions, RuntimeOption):
                 return not interruption.requested
 
             try:
-                cell.run(between, self.realtime)
-            except DtwinError as error:
-                failure = error
-            log = cell.log.freeze()
-            self._write(log, record, hidden)
+                run = finished(cell, between, self.realtime)
+            except RunError as error:
+                run, failure = error.run, error
+            if self.log is not None:
+                run.save(self.log)
+            if record is not None and len(run.log):
+                run.record(record)
         if remote is not None:
             remote.close()
             if remote.largest_difference > SAME_VOLTS:
@@ -83,11 +85,10 @@ class Run(PlantOptions, ControlOptions, RuntimeOption):
                 print(printable(f"dtwin: the voltages of {self.controller} are up to {apart}"), file=sys.stderr)
         if failure is not None:
             raise failure
-        summary = cell.summary(log)
         if self.json:
-            print_json(summary)
+            print_json(run.score)
         else:
-            _print(summary, record, self.log, earlier)
+            _print(run.score, record, self.log, earlier)
         return 130 if interruption.requested else 0
 
     def settings(self) -> CellSettings:
@@ -102,14 +103,6 @@ class Run(PlantOptions, ControlOptions, RuntimeOption):
         assert self.controller is not None
         shadow = EmbeddedController(settings.control, settings.blocks, sequence_of(settings))
         return RemoteController(parse_address(self.controller, "tcp"), shadow)
-
-    def _write(self, log: Log, record: Path | None, hidden: HiddenLog | None) -> None:
-        if self.log is not None:
-            log.write_parquet(self.log)
-        if record is not None and len(log):
-            from dtwin.view.write import write_recording  # rerun takes half a second to import
-
-            write_recording(log, self.mjcf, record, self.made(), hidden)
 
 
 class _Interruption:

@@ -8,35 +8,29 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import msgspec
 import numpy as np
 import tyro
 from rich.console import Console
 from rich.table import Table
 
+from dtwin.api.identification import Identified, Measured, fitted, measured
 from dtwin.controller.excitation import ExcitationController
 from dtwin.emulation.machine.files import machine_of
-from dtwin.errors import IdentificationError, ParameterError
+from dtwin.errors import ParameterError
 from dtwin.files import ensure_writable
-from dtwin.identification.data import Experiment, Start, from_log
-from dtwin.identification.estimation.estimate import NINETY_FIVE, Estimate, EstimationSettings, identify, load_kernels
-from dtwin.identification.estimation.friction import FRICTIONS, Friction, choose, with_friction
+from dtwin.identification.data import Start
+from dtwin.identification.estimation.estimate import NINETY_FIVE, Estimate, EstimationSettings, load_kernels
 from dtwin.identification.excitation.design import optimise
 from dtwin.identification.excitation.plan import HELD_OUT, PLAIN, Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.held_out import Comparison, compare
 from dtwin.identification.parsing import settings_for
-from dtwin.identification.result import from_estimate
 from dtwin.identification.store import STORE, ModelStore, check_name
 from dtwin.parameters import PERIOD, ArmParameters, assignment, load_arm, unit_of
+from dtwin.pictures import save as save_figure
 from dtwin.run.options import MachineOption
-from dtwin.run.recording import Log, read_log
+from dtwin.run.recording import read_log
 from dtwin.terminal import as_text, print_json, print_table
 
-_HELD_OUT_SHARE = 0.2
-"""share of a log that is kept for judging the model"""
-_MOST_SEGMENTS = 60
-"""number of segments of one second that a fit takes from a log; each has six unknowns, and more would take minutes"""
 _DESIGN_NOISE = 0.003
 
 
@@ -100,47 +94,30 @@ class Identify(MachineOption):
                 ensure_writable(path)
         settings = self._settings()
         with Console(stderr=True).status("measuring") as status:
-            if self.log is not None:
-                training, judging, truth = self._from_log(self.log)
-            else:
-                training, judging, truth = self._simulated(settings)
+            data = self._simulated(settings) if self.log is None else self._from_log(self.log)
             load_kernels()
             status.update("estimating")
             began = time.perf_counter()
-            estimate, criteria = self._estimate(training, settings)
+            found = fitted(data, settings, self.friction)
             seconds = time.perf_counter() - began
-        offset = estimate.problem.offset(estimate.x)
-        new = compare(judging, estimate.parameters, offset)
-        model = from_estimate(estimate, new.fit, str(self.log or "simulated experiment"))
-        doubts = model.validity.doubts
-        kept = self.save is not None and (self.anyway or not doubts)
-        file = ModelStore(self.store).save(model, self.save).path if self.save and kept else None
-        if self.plot is not None or self.record is not None:
-            self._draw(estimate, compare(judging, estimate.problem.fixed, offset), new, truth)
-        report = _report(estimate, new, truth, criteria, seconds, file, doubts)
+        kept = self.save is not None and (self.anyway or not found.doubts)
+        file = ModelStore(self.store).save(found.model, self.save).path if self.save and kept else None
+        if self.plot is not None:
+            save_figure(found.plot(), self.plot)
+        if self.record is not None:
+            _record(found, self.record)
+        report = _report(found, seconds, file)
         if self.json:
             print_json(report)
         else:
-            _print(report, estimate, "" if kept or self.save is None else self.save)
-        return 1 if doubts else 0
+            _print(report, found.estimate, "" if kept or self.save is None else self.save)
+        return 1 if found.doubts else 0
 
     def _settings(self) -> EstimationSettings:
         known = load_arm(self.known) if self.known is not None else None
         return settings_for(self.free, known, self.prior, self.loss, self.seed)
 
-    def _estimate(
-        self, experiments: tuple[Experiment, ...], settings: EstimationSettings
-    ) -> tuple[Estimate, dict[Friction, float] | None]:
-        if self.friction is None:
-            return identify(experiments, settings), None
-        if self.friction != "auto":
-            return identify(experiments, with_friction(settings, self.friction)), None
-        choice = choose(experiments, settings)
-        return choice.estimates[choice.best], {name: choice.estimates[name].bic for name in FRICTIONS}
-
-    def _simulated(
-        self, settings: EstimationSettings
-    ) -> tuple[tuple[Experiment, ...], tuple[Experiment, ...], ArmParameters | None]:
+    def _simulated(self, settings: EstimationSettings) -> Measured:
         nominal = ArmParameters().with_values(dict(map(assignment, self.set)))
         rig = Rig(nominal, self.noise, self.noise_kind, machine=machine_of(self.machine))
         start = Start(known=self.start == "known")
@@ -154,56 +131,29 @@ class Identify(MachineOption):
         training = tuple(rig.measure(plan, blocks, generators[0]) for plan in plans)
         held_out = Plan(HELD_OUT, plans[0].payload, self.payload_model)
         judging = rig.measure(held_out, blocks, generators[1])
-        return training, (judging,), rig.made
+        return Measured(training, (judging,), rig.made, "simulated experiment")
 
-    def _from_log(self, path: Path) -> tuple[tuple[Experiment, ...], tuple[Experiment, ...], ArmParameters | None]:
+    def _from_log(self, path: Path) -> Measured:
         log = read_log(path)
         if len(self.payload) > 1:
             raise ParameterError(f"--payload: expected one mass of a box for a log, got {len(self.payload)}")
-        segments = from_log(log, self.payload[0] if self.payload else None)
-        kept = max(1, round(_HELD_OUT_SHARE * len(segments)))
-        if len(segments) <= kept:
-            raise IdentificationError(f"{path}: too few samples: {len(log)}, expected at least two seconds")
-        stride = -(-(len(segments) - kept) // _MOST_SEGMENTS)
-        return segments[:-kept:stride], segments[-min(kept, _MOST_SEGMENTS) :], _truth(log)
+        return measured(log, self.payload[0] if self.payload else None, str(path))
 
     def _loads(self) -> list[float]:
         return self.payload or [0.2]
 
-    def _draw(self, estimate: Estimate, old: Comparison, new: Comparison, truth: ArmParameters | None) -> None:
-        if self.plot is not None:
-            from dtwin.identification.plots import draw
 
-            draw(estimate, old, new, truth, self.plot, f"identified from {self.log or 'a simulated experiment'}")
-        if self.record is not None:
-            from dtwin.view.identification import write_identification
+def _record(found: Identified, path: Path) -> None:
+    from dtwin.view.identification import write_identification
 
-            rows = [
-                (name, estimate.values[name], NINETY_FIVE * estimate.standard_errors[name])
-                for name in estimate.identifiability.identifiable
-            ]
-            motions = {"measured": new.measured, "before": old.predicted, "identified": new.predicted}
-            names = estimate.problem.shared
-            write_identification(self.record, PERIOD, motions, rows, names, estimate.correlation)
+    rows = [(name, value, found.intervals[name]) for name, value in found.values.items()]
+    new, old = found.held_out, found.before
+    motions = {"measured": new.measured, "before": old.predicted, "identified": new.predicted}
+    write_identification(path, PERIOD, motions, rows, found.estimate.problem.shared, found.estimate.correlation)
 
 
-def _truth(log: Log) -> ArmParameters | None:
-    """The arm an emulated run was made with, if its log says so."""
-    try:
-        return msgspec.convert(log.metadata["arm"], ArmParameters)
-    except (KeyError, msgspec.ValidationError):
-        return None
-
-
-def _report(
-    estimate: Estimate,
-    new: Comparison,
-    truth: ArmParameters | None,
-    criteria: dict[Friction, float] | None,
-    seconds: float,
-    file: Path | None,
-    doubts: str,
-) -> dict[str, Any]:
+def _report(found: Identified, seconds: float, file: Path | None) -> dict[str, Any]:
+    estimate, truth = found.estimate, found.truth
     identifiability = estimate.identifiability
     report = {
         "converged": estimate.converged,
@@ -222,14 +172,15 @@ def _report(
         "offsets": estimate.problem.offset(estimate.x).tolist(),
         "noise": estimate.noise.tolist(),
         "noise_shape": estimate.shape,
-        "fit": new.fit.tolist(),
+        "fit": found.held_out.fit.tolist(),
         "residual_white": estimate.whiteness.white,
         "bic": estimate.bic,
         "starts": estimate.starts,
         "seconds": seconds,
         "model_file": str(file) if file else None,
     }
-    return report | ({"criterion": criteria} if criteria else {}) | ({"doubts": doubts} if doubts else {})
+    criterion = {"criterion": found.criteria} if found.criteria else {}
+    return report | criterion | ({"doubts": found.doubts} if found.doubts else {})
 
 
 def _share(half: float, value: float) -> str:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import getpass
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from dtwin.bus.messages import RELEASE, STOP, ReleaseRequest, StopRequest, StopState
-from dtwin.services.runfile import join
+from dtwin.api.live import connect
+from dtwin.bus.messages import StopState
 from dtwin.signals import Stop
 
 MEANING: Final[dict[Stop, str]] = {
@@ -32,9 +31,6 @@ class _Word:
     zenoh: Path | None = None
     """Zenoh configuration file, for a cell on another machine."""
 
-    def name(self) -> str:
-        return self.who or getpass.getuser()
-
 
 @dataclass(frozen=True, kw_only=True)
 class StopCommand(_Word):
@@ -44,8 +40,8 @@ class StopCommand(_Word):
     """
 
     def execute(self) -> int:
-        with join(self.cell, self.zenoh) as bus:
-            answer = bus.ask(STOP, StopRequest(self.name(), self.why), StopState)
+        with connect(self.cell, zenoh=self.zenoh) as cell:
+            answer = cell.stop(self.why, who=self.who or None)
         _print(answer)
         return int(answer.stop == "none")
 
@@ -58,8 +54,8 @@ class ReleaseCommand(_Word):
     """
 
     def execute(self) -> int:
-        with join(self.cell, self.zenoh) as bus:
-            answer = bus.ask(RELEASE, ReleaseRequest(self.name(), self.why), StopState)
+        with connect(self.cell, zenoh=self.zenoh) as cell:
+            answer = cell.release(self.why, who=self.who or None)
         _print(answer)
         return int(answer.stop != "none")
 

@@ -4,31 +4,31 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
 
+from dtwin.api.monitoring import Monitored, model_of, monitor
+from dtwin.api.run import Run, load
 from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.controller.settings import ControlSettings
-from dtwin.emulation import MODEL_FILE
 from dtwin.errors import ParameterError
 from dtwin.experiments.monitoring.trial import Method
 from dtwin.files import ensure_writable
-from dtwin.identification.estimation.quality import noise
-from dtwin.identification.machine.record import read_record
-from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.monitoring.estimation.belief import Belief, assumed, commissioned, identified
-from dtwin.monitoring.monitor import Monitor
-from dtwin.monitoring.offline import SECOND, Stream, Trace, stream, watch
-from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
+from dtwin.identification.store import STORE
+from dtwin.monitoring.offline import SECOND, stream
+from dtwin.monitoring.settings import ALARMS_PER_HOUR
 from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
+from dtwin.monitoring.trend import Forecast
+from dtwin.monitoring.verdict import Finding
 from dtwin.parameters import ArmParameters
-from dtwin.run.recording import read_log
-from dtwin.run.settings import arm_of
+from dtwin.pool import Progress
 from dtwin.signals import Event
 from dtwin.terminal import as_text, print_json
 
@@ -78,73 +78,83 @@ class MonitorCommand:
             if self.method == "thesis":
                 raise ParameterError("--record: expected the default method, the thesis's has nothing to draw")
             ensure_writable(self.record)
-        log = read_log(self.log)
-        seen = stream(log)
+        run = load(self.log)
         began = time.process_time()
-        trace: Trace | None = None
-        monitor: Monitor | ThesisMonitor
-        with _progress(len(seen), self.json) as bar:
-            if self.method == "default":
-                settings = MonitorSettings(alarms_per_hour=self.alarms_per_hour)
-                monitor = Monitor(self._belief(seen), settings)
-                trace = watch(monitor, seen, lambda done: bar.update(bar.task_ids[0], completed=done))
-            else:
-                control = ControlSettings(target_time=self.target_time)
-                monitor = ThesisMonitor(self._arm(), ThesisSettings(self.sample_time, self.step, control))
-                for first in range(0, len(seen), SECOND):
-                    seen.feed(monitor, first, min(first + SECOND, len(seen)))
-                    bar.update(bar.task_ids[0], completed=first)
-        factor = 0.01 * len(seen) / max(time.process_time() - began, 1e-9)
-        if self.record is not None and trace is not None:
-            from dtwin.view.monitoring import write_monitoring  # rerun takes half a second to import
+        with _progress(len(run.log), self.json) as bar:
 
-            write_monitoring(log, trace, MODEL_FILE, self.record, arm_of(log.metadata))
-        verdict = monitor.verdict()
-        found = monitor.standing()
-        history = monitor.history if isinstance(monitor, Monitor) else found
+            def progress(done: int, of: int) -> None:
+                bar.update(bar.task_ids[0], completed=done)
+
+            result = self._watched(run, progress) if self.method == "default" else self._compared(run, progress)
+        factor = 0.01 * len(run.log) / max(time.process_time() - began, 1e-9)
+        if self.record is not None and isinstance(result, Monitored):
+            result.record(self.record)
+        verdict = result.verdict
         if self.json:
             report = {
                 "method": self.method,
                 "verdict": {
                     "time": verdict.time,
                     "states": {name: unit.state for name, unit in verdict.units.items()},
-                    "findings": found,
-                    "forecasts": monitor.forecasts if isinstance(monitor, Monitor) else [],
+                    "findings": result.findings,
+                    "forecasts": result.forecasts,
                     "unobservable": verdict.unobservable,
                     "missed": verdict.missed,
                 },
-                "findings": history,
-                "events": [{"time": event.time, "kind": event.kind, "text": event.text} for event in monitor.events],
+                "findings": result.history,
+                "events": [{"time": event.time, "kind": event.kind, "text": event.text} for event in result.events],
                 "real_time_factor": factor,
             }
             print_json(report)
         else:
-            _print(verdict, [each.text() for each in found], monitor.events, factor, self.record)
+            _print(verdict, [each.text() for each in result.findings], result.events, factor, self.record)
         wrong = any(unit.state in ("failed", "not commissioned") for unit in verdict.units.values())
-        return 1 if history or wrong else 0
+        return 1 if result.history or wrong else 0
 
-    def _belief(self, seen: Stream) -> Belief:
-        if self.model is not None:
-            return identified(open_model(self.model, ModelStore(self.store)))
-        if self.commissioned is not None:
-            return commissioned(read_record(self.commissioned))
-        first, second, third = noise(seen.measured).tolist()
-        return assumed(ArmParameters(), (first, second, third))
+    def _watched(self, run: Run, progress: Progress) -> Monitored:
+        """What the default method makes of a run."""
+        return monitor(
+            run,
+            model=self.model,
+            store=self.store,
+            commissioned=self.commissioned,
+            alarms_per_hour=self.alarms_per_hour,
+            progress=progress,
+        )
 
-    def _arm(self) -> ArmParameters:
-        return ArmParameters() if self.model is None else open_model(self.model, ModelStore(self.store)).arm
+    def _compared(self, run: Run, progress: Progress) -> _Compared:
+        """What the thesis's method makes of a run."""
+        seen = stream(run.log)
+        arm = ArmParameters() if self.model is None else model_of(self.model, self.store).arm
+        control = ControlSettings(target_time=self.target_time)
+        thesis = ThesisMonitor(arm, ThesisSettings(self.sample_time, self.step, control))
+        for first in range(0, len(seen), SECOND):
+            seen.feed(thesis, first, min(first + SECOND, len(seen)))
+            progress(first, len(seen))
+        found = tuple(thesis.standing())
+        return _Compared(thesis.verdict(), found, found, (), tuple(thesis.events))
 
 
-def _progress(rows: int, quiet: bool) -> Progress:
+class _Compared(NamedTuple):
+    """What the thesis's method makes of a run, as `Monitored` tells it."""
+
+    verdict: MonitoringVerdict
+    findings: tuple[Finding, ...]
+    history: tuple[Finding, ...]
+    forecasts: tuple[Forecast, ...]
+    events: tuple[Event, ...]
+
+
+def _progress(rows: int, quiet: bool) -> Bar:
     columns = (TextColumn("watching the log"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     console = Console(file=sys.stderr)
-    progress = Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal)
+    progress = Bar(*columns, console=console, transient=True, disable=quiet or not console.is_terminal)
     progress.add_task("", total=rows)
     return progress
 
 
 def _print(
-    verdict: MonitoringVerdict, found: list[str], events: list[Event], factor: float, record: Path | None
+    verdict: MonitoringVerdict, found: list[str], events: Sequence[Event], factor: float, record: Path | None
 ) -> None:
     console = Console(highlight=False, soft_wrap=True)
     for event in events:

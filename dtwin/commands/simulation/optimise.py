@@ -8,22 +8,19 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from dtwin.api.simulation import objective_of
 from dtwin.controller.runtime import RuntimeOption
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.errors import ParameterError
 from dtwin.files import ensure_writable, replacing
-from dtwin.identification.model import IdentifiedModel
 from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.parameters import ArmParameters, Law, Triple
-from dtwin.simulation.checks import MOTIONS, Motion
-from dtwin.simulation.objective import Limits, Objective, possible_arms, scenarios_for
+from dtwin.parameters import Law, Triple
+from dtwin.simulation.objective import Limits, Objective
 from dtwin.simulation.optimise import Optimum, check_search, optimise
-from dtwin.simulation.places import angles_of
 from dtwin.terminal import print_json, print_table
 
 _UNITS = {"time": "s", "tracking": "rad", "energy": "J", "voltage": "V"}
@@ -121,22 +118,18 @@ class Optimise(RuntimeOption):
 
     def _objective(self) -> Objective:
         model = open_model(self.model, ModelStore(self.store)) if self.model is not None else None
-        arm = model.arm if model is not None else ArmParameters()
-        middle = (self.box[0] + self.box[1]) / 2
-        base = ControlSettings(self.in_use, usual_gains(self.law, self.kp, self.ki, self.kd), self.law, arm, middle)
-        motions = tuple(map(_motion, self.motion)) or MOTIONS
-        return Objective(
-            base=base,
-            scenarios=scenarios_for(motions, arm, self.box, self._others(model), self.noise),
-            weights=dict(map(_weight, self.cost)),
-            limits=Limits(self.saturated, self.overshoot, self.tracking, self.voltage),
+        gains = usual_gains(self.law, self.kp, self.ki, self.kd)
+        return objective_of(
+            ControlSettings(self.in_use, gains, self.law, payload=(self.box[0] + self.box[1]) / 2),
+            dict(map(_weight, self.cost)),
+            self.motion,
+            self.box,
+            self.noise,
+            Limits(self.saturated, self.overshoot, self.tracking, self.voltage),
+            model,
+            self.arms,
+            self.seed,
         )
-
-    def _others(self, model: IdentifiedModel | None) -> tuple[ArmParameters, ...]:
-        if model is None:
-            return ()
-        matrix = np.array(model.covariance.matrix)
-        return possible_arms(model.arm, model.covariance.names, matrix, self.arms, np.random.default_rng(self.seed))
 
 
 def _weight(text: str) -> tuple[str, float]:
@@ -145,14 +138,6 @@ def _weight(text: str) -> tuple[str, float]:
         return name, float(value or 1.0)
     except ValueError:
         raise ParameterError(f"--cost {text}: expected TERM=WEIGHT, e.g. tracking=2") from None
-
-
-def _motion(text: str) -> Motion:
-    start, colon, goal = text.partition(":")
-    if not colon:
-        raise ParameterError(f"--motion {text}: expected FROM:TO, e.g. pickup:red")
-    angles_of(start), angles_of(goal)
-    return Motion(start, goal, start == "pickup")
 
 
 def _progress(quiet: bool) -> Progress:

@@ -6,38 +6,33 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from typing import Any
 
 import msgspec
 import numpy as np
 from rich.table import Column, Table
 
-from dtwin.bus.messages import SENSORS
-from dtwin.bus.session import Bus
-from dtwin.commands.simulation.upload import in_force
+from dtwin.api.live import LiveCell, connect
+from dtwin.api.simulation import motion_case
 from dtwin.controller.runtime import RuntimeOption
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.emulation.encoders import NoiseKind
-from dtwin.errors import CommunicationError, ParameterError
+from dtwin.errors import ParameterError
 from dtwin.files import ensure_writable
 from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.parameters import PERIOD, PLACES, ArmParameters, Law, Triple
+from dtwin.parameters import PERIOD, ArmParameters, Law, Triple
 from dtwin.run.options import CompensationOptions
 from dtwin.run.recording import Log, read_log
-from dtwin.services.runfile import join
 from dtwin.signals import Sensors
 from dtwin.simulation.candidates import vary
 from dtwin.simulation.figures import Figures, triple
 from dtwin.simulation.measured import MotionComparison, compare, find, settings_of
-from dtwin.simulation.places import parse_goal, parse_start
+from dtwin.simulation.places import parse_goal
 from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
 from dtwin.terminal import as_text, print_json, print_table
 
 _SAMPLES = 9
 """number of samples that the velocity of a running arm is taken from"""
-_PATIENCE = 5.0
-"""s that the samples of a running cell may take"""
 
 
 @dataclass(frozen=True)
@@ -124,37 +119,28 @@ class Simulate(CompensationOptions, RuntimeOption):
 
     def _base(self) -> MotionCase:
         arm = self._arm(self.model, ArmParameters())
-        simulated = with_set(arm, self.set)
-        start = parse_start(self.start, arm)
-        return MotionCase(
-            goal=parse_goal(self.goal, arm, start),
-            settings=ControlSettings(
-                self.target_time,
-                usual_gains(self.law, self.kp, self.ki, self.kd),
-                self.law,
-                self.believed(self._arm(self.controller_model, arm)),
-                self.box,
-                compensation=self.compensation(),
-            ),
-            theta=start,
-            arm=simulated,
-            payload=self._load(),
+        control = ControlSettings(
+            self.target_time,
+            usual_gains(self.law, self.kp, self.ki, self.kd),
+            self.law,
+            self.believed(self._arm(self.controller_model, arm)),
+            self.box,
+            compensation=self.compensation(),
+        )
+        return replace(
+            motion_case(self.start, self.goal, control, arm, self.payload),
+            arm=with_set(arm, self.set),
             noise=self.noise,
             noise_kind=self.noise_kind,
             seed=self.seed,
             duration=self.duration,
         )
 
-    def _load(self) -> float:
-        if self.payload is not None:
-            return self.payload
-        return self.box if self.start == "pickup" and self.goal in PLACES else 0.0
-
     def _from_live(self, base: MotionCase) -> MotionCase:
         """The case from where the arm of a running cell is and how fast it is."""
-        with join(self.cell) as bus:
-            last = _latest(bus)
-            now = in_force(bus)
+        with connect(self.cell) as cell:
+            last = _latest(cell)
+            now = cell.settings()
         settings = replace(base.settings, gains=now.gains, target_time=now.target_time, law=now.law, model=now.model)
         theta = last[-1].theta
         # A parabola through several samples: a difference of two would show the encoders' noise.
@@ -178,17 +164,13 @@ class Simulate(CompensationOptions, RuntimeOption):
         raise ParameterError(f"model {reference!r}: expected a .json file, or a name in a folder of models (--store)")
 
 
-def _latest(bus: Bus) -> list[Sensors]:
+def _latest(cell: LiveCell) -> list[Sensors]:
     """The latest samples of a running arm, one after the other without a gap."""
-    inbox: SimpleQueue[Sensors] = SimpleQueue()
-    bus.subscribe(SENSORS, Sensors, inbox.put)
     found: list[Sensors] = []
-    while len(found) < _SAMPLES:
-        try:
-            sample = inbox.get(timeout=_PATIENCE)
-        except Empty:
-            raise CommunicationError(f"no samples of the arm within {_PATIENCE:g} s; is the cell working?") from None
+    for sample in cell.samples():
         found = [*found, sample] if found and sample.sequence == found[-1].sequence + 1 else [sample]
+        if len(found) == _SAMPLES:
+            break
     return found
 
 

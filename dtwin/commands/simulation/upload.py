@@ -11,36 +11,18 @@ from pathlib import Path
 import msgspec
 import tyro
 
-from dtwin.bus.messages import ROLL_BACK, UPLOAD, Topic
-from dtwin.bus.session import Bus
-from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
+from dtwin.api.live import LiveCell, connect
+from dtwin.bus.twin_messages import Upload, UploadRequest
 from dtwin.controller.proposed import read_settings
-from dtwin.errors import CommunicationError, ModelError, ParameterError, UnansweredError
+from dtwin.errors import CommunicationError, ModelError, ParameterError
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import ArmParameters, Gains, Triple
-from dtwin.services.runfile import join
 from dtwin.terminal import print_json
 
 _LOOK = 0.2
 """Time between two looks at a trial, s."""
 _PATIENCE = 120.0
 """Time for a trial to end, s."""
-
-
-def in_force(bus: Bus) -> Upload:
-    """The settings in force, as the simulation service tells them.
-
-    Raises:
-        CommunicationError: the cell has no such service, or its controller does not answer.
-    """
-    return _ask(bus, UPLOAD, None)
-
-
-def _ask(bus: Bus, topic: Topic, request: UploadRequest | RollBackRequest | None) -> Upload:
-    try:
-        return bus.ask(topic, request, Upload)
-    except UnansweredError as error:
-        raise CommunicationError(f"{error} Settings go through that service: dtwin up --simulation") from None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,8 +44,8 @@ class RollBack(_Request):
     """Put the settings before those on trial into force again, at once and without a check: they were in force."""
 
     def execute(self) -> int:
-        with join(self.cell, self.zenoh) as bus:
-            _print(_ask(bus, ROLL_BACK, RollBackRequest(self.who or getpass.getuser(), self.why)))
+        with connect(self.cell, zenoh=self.zenoh) as cell:
+            _print(cell.roll_back(self.why, who=self.who or None))
         return 0
 
 
@@ -81,17 +63,17 @@ class UploadCommand(_Request):
     """Wait for the trial; the exit status is 1 when the settings are rolled back."""
 
     def execute(self) -> int:
-        with join(self.cell, self.zenoh) as bus:
-            now = in_force(bus)
+        with connect(self.cell, zenoh=self.zenoh) as cell:
+            now = cell.settings()
             request = UploadRequest(
                 who=self.who or getpass.getuser(),
                 why=self.why,
                 based_on=now.version if self.based_on is None else self.based_on,
                 arm=None if self.arm is None else self._model(self.arm),
             )
-            answer = _ask(bus, UPLOAD, self.change(request, now))
+            answer = cell.send(self.change(request, now))
             _print(answer)
-            return self._outcome(bus, answer) if self.wait else 0
+            return self._outcome(cell, answer) if self.wait else 0
 
     def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
         """The request with what shall change."""
@@ -103,14 +85,14 @@ class UploadCommand(_Request):
             print(f"dtwin: model {reference} is in doubt: {doubts}", file=sys.stderr)
         return model.arm
 
-    def _outcome(self, bus: Bus, answer: Upload) -> int:
+    def _outcome(self, cell: LiveCell, answer: Upload) -> int:
         """Waits until the trial is over."""
         deadline = time.monotonic() + _PATIENCE
         while answer.on_trial:
             if time.monotonic() > deadline:
                 raise CommunicationError(f"the trial of version {answer.version} goes on after {_PATIENCE:g} s")
             time.sleep(_LOOK)
-            answer = in_force(bus)
+            answer = cell.settings()
         _print(answer)
         return 0 if answer.action == "confirm" else 1
 

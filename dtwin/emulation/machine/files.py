@@ -132,7 +132,7 @@ def _value(where: str, value: Any, kind: Any) -> Any:
         return _number(where, value, "a number")
     if kind is not Triple:
         return value
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return tuple(_number(where, item, "a number for each of the 3 joints") for item in value)
     return (_number(where, value, "a number or three"),) * 3
 

@@ -1,0 +1,222 @@
+"""A cell that is up, as its operator sees and commands it."""
+
+from __future__ import annotations
+
+import getpass
+import itertools
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+from threading import Condition
+from types import TracebackType
+
+from dtwin.api.arguments import AnyPath, checked
+from dtwin.bus.messages import (
+    RELEASE,
+    ROLL_BACK,
+    SENSORS,
+    STOP,
+    SUMMARY,
+    UPLOAD,
+    ReleaseRequest,
+    StopRequest,
+    StopState,
+    Summary,
+    Topic,
+)
+from dtwin.bus.session import Bus
+from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
+from dtwin.errors import CommunicationError, ParameterError, UnansweredError
+from dtwin.parameters import ArmParameters, Gains
+from dtwin.services.runfile import join
+from dtwin.signals import Sensors
+
+_WHY = "by hand"
+
+
+class LiveCell:
+    """A cell that is up; a context manager that leaves it at its end. The cell goes on.
+
+    Attributes:
+        bus: the bus of the cell.
+        missed: number of samples that came while nobody took them from the iterators, which hold a bounded number.
+    """
+
+    def __init__(self, bus: Bus) -> None:
+        self.bus = bus
+        self.missed = 0
+
+    def __enter__(self) -> LiveCell:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leaves the cell; its iterators end."""
+        self.bus.close()
+
+    @checked
+    def samples(self, count: int | None = None, *, bound: int = 1000, patience: float = 5.0) -> Iterator[Sensors]:
+        """The samples of the arm as they come: tick, plant time (s), angles (rad), gripper (rad), box.
+
+        Args:
+            count: number of samples after which the iterator ends, at least 0; None goes on.
+            bound: number of samples that wait to be taken, at least 1; of more the oldest are lost and counted in
+                `missed`.
+            patience: time that a sample may take to come, s, above 0.
+
+        Raises:
+            ParameterError: an argument is of another kind or out of range.
+            CommunicationError: no sample came in time.
+        """
+        if count is not None and count < 0:
+            raise ParameterError(f"count: expected at least 0, got {count}")
+        if bound < 1:
+            raise ParameterError(f"bound: expected at least 1, got {bound}")
+        if not 0.0 < patience < float("inf"):
+            raise ParameterError(f"patience: expected a time above 0 s, got {patience:g}")
+        return self._samples(count, bound, patience)
+
+    def _samples(self, count: int | None, bound: int, patience: float) -> Iterator[Sensors]:
+        waiting: deque[Sensors] = deque(maxlen=bound)
+        arrived = Condition()
+
+        def take(sample: Sensors) -> None:
+            with arrived:
+                self.missed += len(waiting) == bound
+                waiting.append(sample)
+                arrived.notify()
+
+        subscription = self.bus.subscribe(SENSORS, Sensors, take)
+        try:
+            for _ in itertools.count() if count is None else range(count):
+                with arrived:
+                    if not arrived.wait_for(lambda: len(waiting) > 0, patience):
+                        raise CommunicationError(f"no samples of the arm within {patience:g} s; is the cell working?")
+                    sample = waiting.popleft()
+                yield sample
+        finally:
+            subscription.end()
+
+    def summary(self) -> Summary:
+        """How the services do, and what the emulator says of the run.
+
+        Raises:
+            CommunicationError: nobody answers.
+        """
+        return self.bus.ask(SUMMARY, None, Summary)
+
+    def settings(self) -> Upload:
+        """The settings of the controller that are in force, with their version. Needs `dtwin up --simulation`.
+
+        Raises:
+            CommunicationError: the cell has no such service, or its controller does not answer.
+        """
+        return self._settings(UPLOAD, None)
+
+    @checked
+    def stop(self, why: str = _WHY, *, who: str | None = None) -> StopState:
+        """Stops the arm: it brakes and is held until `release`. This is no emergency stop.
+
+        Args:
+            why: reason, for the events.
+            who: name, for the events; None for the login name.
+
+        Raises:
+            CommunicationError: nobody answers.
+        """
+        return self.bus.ask(STOP, StopRequest(who or getpass.getuser(), why), StopState)
+
+    @checked
+    def release(self, why: str = _WHY, *, who: str | None = None) -> StopState:
+        """Lets a stopped arm move again; while it brakes it stays stopped.
+
+        Args:
+            why: reason, for the events.
+            who: name, for the events; None for the login name.
+
+        Raises:
+            CommunicationError: nobody answers.
+        """
+        return self.bus.ask(RELEASE, ReleaseRequest(who or getpass.getuser(), why), StopState)
+
+    @checked
+    def upload(
+        self,
+        *,
+        gains: Gains | None = None,
+        target_time: float | None = None,
+        model: ArmParameters | None = None,
+        based_on: int | None = None,
+        why: str = _WHY,
+        who: str | None = None,
+    ) -> Upload:
+        """Gives the controller other settings, which are checked on the twin and on trial. Needs `up --simulation`.
+
+        Args:
+            gains: gains of the control law, with or without a target time.
+            target_time: duration of every motion from the next one on, s.
+            model: the arm as the controller shall believe it to be, alone.
+            based_on: version of the settings that you have seen; None for that in force. An old one is refused.
+            why: reason, for the history.
+            who: name, for the history; None for the login name.
+
+        Raises:
+            ParameterError: nothing shall change, or an argument is of another kind.
+            CommunicationError: the settings are refused, or nobody answers.
+        """
+        if gains is None and target_time is None and model is None:
+            raise ParameterError("upload: expected gains, target_time or model")
+        version = self.settings().version if based_on is None else based_on
+        request = UploadRequest(
+            who=who or getpass.getuser(), why=why, based_on=version, gains=gains, target_time=target_time, model=model
+        )
+        return self.send(request)
+
+    def send(self, request: UploadRequest) -> Upload:
+        """Sends a request for other settings as it is.
+
+        Args:
+            request: the message UploadRequest of docs/zenoh.md.
+
+        Raises:
+            CommunicationError: the settings are refused, or nobody answers.
+        """
+        return self._settings(UPLOAD, request)
+
+    @checked
+    def roll_back(self, why: str = _WHY, *, who: str | None = None) -> Upload:
+        """Puts the settings before those on trial into force again, at once and without a check.
+
+        Args:
+            why: reason, for the history.
+            who: name, for the history; None for the login name.
+
+        Raises:
+            CommunicationError: nothing is on trial, or nobody answers.
+        """
+        return self._settings(ROLL_BACK, RollBackRequest(who or getpass.getuser(), why))
+
+    def _settings(self, topic: Topic, request: UploadRequest | RollBackRequest | None) -> Upload:
+        try:
+            return self.bus.ask(topic, request, Upload)
+        except UnansweredError as error:
+            raise CommunicationError(f"{error} Settings go through that service: dtwin up --simulation") from None
+
+
+@checked
+def connect(cell: str = "cell", *, zenoh: AnyPath | None = None) -> LiveCell:
+    """Joins a cell that is up, as `dtwin status`, `watch`, `stop` and `upload` do.
+
+    Args:
+        cell: name of the cell.
+        zenoh: Zenoh configuration file, or a folder with `operator.json5`, for a cell on another machine; None for a
+            cell that `dtwin up` has started on this one.
+
+    Raises:
+        CommunicationError: the cell is not up, or its bus cannot be joined.
+    """
+    return LiveCell(join(cell, None if zenoh is None else Path(zenoh)))

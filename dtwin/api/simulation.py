@@ -1,0 +1,246 @@
+"""What if the arm were controlled otherwise: one motion, and the search for settings."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from dtwin.api.arguments import AnyPath, Texts, checked, texts
+from dtwin.api.identification import Identified
+from dtwin.api.monitoring import model_of
+from dtwin.controller.settings import APPLICATION_LAW, Compensation, ControlSettings, usual_gains
+from dtwin.emulation.encoders import NoiseKind
+from dtwin.errors import ParameterError
+from dtwin.identification.model import IdentifiedModel
+from dtwin.identification.store import STORE
+from dtwin.parameters import PLACES, ArmParameters, Gains, Law, Triple, assignment
+from dtwin.simulation import optimise as search
+from dtwin.simulation.checks import MOTIONS, Motion
+from dtwin.simulation.objective import Limits, Objective, possible_arms, scenarios_for
+from dtwin.simulation.places import angles_of, parse_goal, parse_start
+from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
+
+_LIMITS: Final = Limits()
+_COMPENSATION: Final = Compensation()
+
+Model = Identified | ArmParameters | str | Path
+"""what `identify` returned, parameters, a file, or a name in a folder of models"""
+
+
+@checked
+def simulate(
+    start: str = "pickup",
+    goal: str = "red",
+    *,
+    target_time: float = 2.0,
+    law: Law = APPLICATION_LAW,
+    gains: Gains | None = None,
+    friction: Triple | None = None,
+    delay: float = _COMPENSATION.delay,
+    dead_zone: float = _COMPENSATION.dead_zone,
+    bandwidth: float = _COMPENSATION.bandwidth,
+    payload: float | None = None,
+    box: float = 0.2,
+    noise: float = 0.0,
+    noise_kind: NoiseKind = "uniform",
+    seed: int = 0,
+    duration: float | None = None,
+    set: Texts | Mapping[str, float] = (),
+    model: Model | None = None,
+    controller_model: Model | None = None,
+    store: AnyPath = STORE,
+) -> Outcome:
+    """Simulates one motion on the analytic twin with the real function blocks, as `dtwin simulate` does.
+
+    Equal arguments give equal motions.
+
+    Args:
+        start: where the motion starts: a place (pickup, blue, red, green, home, hanging), coordinates of the tip
+            `"X,Y"` in m, or joint angles `"Q1,Q2,Q3"` in rad.
+        goal: where it goes to, in the same forms.
+        target_time: duration of the path, s.
+        law: control law: cascade, computed_torque or row_sum.
+        gains: gains of the control law; None for its usual ones.
+        friction: Coulomb friction of each joint that the cascade adds, N m, 0 to 5; None for that of the model.
+        delay: time from a sample until its voltages act that the cascade counts on, s, 0 to 0.01.
+        dead_zone: voltage lost in every amplifier that the cascade adds, V, 0 to 1.
+        bandwidth: double pole of the cascade's observer, rad/s, 10 to 300.
+        payload: mass at the tip, kg; None for what the cell carries on this motion.
+        box: mass that the controller takes a box to have, kg.
+        noise: encoder noise, rad: amplitude (uniform) or standard deviation (gaussian).
+        noise_kind: kind of the encoder noise; uniform noise is biased by half of its amplitude.
+        seed: number of the random generator of the noise, at least 0.
+        duration: how long to look at the motion, s; None for the target time and 2 s more.
+        set: parameters of the simulated arm in SI units, `{"D2": 0.1}` or `"D2=0.1"`; the controller's model stays.
+        model: identified model that is simulated; None for the data sheet.
+        controller_model: identified model that the controller uses; None for that of `model`.
+        store: folder of the kept models.
+
+    Raises:
+        ParameterError: an argument is unknown, of another kind or out of range, or there is no such place.
+        UnreachableError: the coordinates are out of the arm's reach.
+        ModelError: there is no such model.
+        DivergenceError: the motion has left the finite numbers.
+    """
+    arm = _arm(model, store, ArmParameters())
+    believed = _arm(controller_model, store, arm)
+    pairs = set if isinstance(set, Mapping) else dict(map(assignment, texts(set)))
+    control = ControlSettings(
+        target_time,
+        gains or usual_gains(law),
+        law,
+        believed if friction is None else replace(believed, coulomb=friction),
+        box,
+        compensation=Compensation(delay, dead_zone, bandwidth),
+    )
+    case = motion_case(start, goal, control, arm, payload)
+    simulated = arm.with_values(pairs)
+    return _simulator().run(
+        replace(case, arm=simulated, noise=noise, noise_kind=noise_kind, seed=seed, duration=duration)
+    )
+
+
+@checked
+def optimise(
+    *,
+    cost: Mapping[str, float] | None = None,
+    motion: Texts = (),
+    target_time: tuple[float, float] = (0.5, 4.0),
+    in_use: float = 2.0,
+    law: Law = APPLICATION_LAW,
+    gains: Gains | None = None,
+    model: Identified | str | Path | None = None,
+    store: AnyPath = STORE,
+    arms: int = 2,
+    box: tuple[float, float] = (0.19, 0.21),
+    noise: float = 0.001,
+    saturated: float = _LIMITS.saturated,
+    overshoot: float = _LIMITS.overshoot,
+    tracking: float = _LIMITS.tracking,
+    voltage: float = _LIMITS.voltage,
+    candidates: int = 1000,
+    processes: int | None = 1,
+    seed: int = 0,
+    between: Callable[[int, float], None] = lambda done, best: None,
+) -> search.Optimum:
+    """Searches gains and target time of least cost on the twin, under limits, as `dtwin optimise` does.
+
+    Args:
+        cost: weights of the terms of the cost: time, tracking, energy and voltage; None for `{"time": 1.0}`.
+        motion: motions FROM:TO that count, such as `"pickup:red"`; none for all that the cell makes.
+        target_time: shortest and longest target time of the search, s; equal ones keep the target time.
+        in_use: target time in use, s.
+        law: control law: cascade, computed_torque or row_sum.
+        gains: gains in use; None for the usual ones of the law.
+        model: identified model, whose covariance says what arms are possible; None for the data sheet's arm alone.
+        store: folder of the kept models.
+        arms: number of possible arms, drawn from the covariance, that must keep the limits too.
+        box: least and largest mass of a carried box, kg.
+        noise: standard deviation of the encoder noise, rad.
+        saturated: largest share of the samples of a motion that may have a voltage at its limit.
+        overshoot: largest distance that a joint may go beyond its target, rad.
+        tracking: largest distance of a joint from its path, rad.
+        voltage: largest voltage of a motor, V.
+        candidates: number of settings to judge.
+        processes: number of processes that share the work; None for one for each core, which a script must guard by
+            `if __name__ == "__main__"`.
+        seed: number of the random generator of the search; equal numbers give equal settings.
+        between: called after every generation with the number of candidates judged and the least cost.
+
+    Raises:
+        ParameterError: an argument is unknown, of another kind or out of range.
+        ModelError: there is no such model.
+    """
+    found = None if model is None else model_of(model, store)
+    objective = objective_of(
+        ControlSettings(in_use, gains or usual_gains(law), law, payload=(box[0] + box[1]) / 2),
+        cost or {"time": 1.0},
+        texts(motion),
+        box,
+        noise,
+        Limits(saturated, overshoot, tracking, voltage),
+        found,
+        arms,
+        seed,
+    )
+    return search.optimise(
+        objective, target_time, candidates=candidates, processes=processes, seed=seed, between=between
+    )
+
+
+def motion_case(
+    start: str, goal: str, control: ControlSettings, arm: ArmParameters, payload: float | None
+) -> MotionCase:
+    """A motion from place to place, as texts tell them.
+
+    Args:
+        start: place, coordinates or angles.
+        goal: place, coordinates or angles.
+        control: settings of the function blocks.
+        arm: arm that the places are of.
+        payload: mass at the tip, kg; None for what the cell carries: a box from the pickup place to that of a colour.
+
+    Raises:
+        ParameterError: a text has none of the forms, or there is no such place.
+        UnreachableError: the coordinates are out of reach.
+    """
+    theta = parse_start(start, arm)
+    if payload is None:
+        payload = control.payload if start == "pickup" and goal in PLACES else 0.0
+    return MotionCase(parse_goal(goal, arm, theta), control, theta, arm=arm, payload=payload)
+
+
+def objective_of(
+    base: ControlSettings,
+    cost: Mapping[str, float],
+    motions: tuple[str, ...],
+    box: tuple[float, float],
+    noise: float,
+    limits: Limits,
+    model: IdentifiedModel | None,
+    arms: int,
+    seed: int,
+) -> Objective:
+    """What a search minimises: settings in use, terms and weights, motions FROM:TO, boxes (kg), noise (rad), limits,
+    the arm that is expected, and how many other possible ones of it.
+
+    Raises:
+        ParameterError: a motion, weight or mass is wrong.
+    """
+    arm = ArmParameters() if model is None else model.arm
+    others: tuple[ArmParameters, ...] = ()
+    if model is not None:
+        matrix = np.array(model.covariance.matrix)
+        others = possible_arms(model.arm, model.covariance.names, matrix, arms, np.random.default_rng(seed))
+    chosen = tuple(map(_motion, motions)) or MOTIONS
+    return Objective(
+        base=replace(base, model=arm),
+        scenarios=scenarios_for(chosen, arm, box, others, noise),
+        weights=dict(cost),
+        limits=limits,
+    )
+
+
+@functools.cache
+def _simulator() -> Simulator:
+    """The simulator of this process, made once: making the blocks takes longer than using them."""
+    return Simulator()
+
+
+def _arm(model: Model | None, store: AnyPath, otherwise: ArmParameters) -> ArmParameters:
+    if model is None:
+        return otherwise
+    return model if isinstance(model, ArmParameters) else model_of(model, store).arm
+
+
+def _motion(text: str) -> Motion:
+    start, colon, goal = text.partition(":")
+    if not colon:
+        raise ParameterError(f"--motion {text}: expected FROM:TO, e.g. pickup:red")
+    angles_of(start), angles_of(goal)
+    return Motion(start, goal, start == "pickup")
