@@ -2,8 +2,11 @@
 
 import importlib
 import re
+import runpy
 import shlex
+import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -89,3 +92,49 @@ def test_the_runs_of_the_readme_run(
     shorter = [*words, "--duration", "2"] if "--duration" not in words else ["2" if w == "600" else w for w in words]
     assert main(shorter) == 0
     assert "Traceback" not in capsys.readouterr().err
+
+
+PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+
+
+@pytest.mark.parametrize("code", PYTHON, ids=range(len(PYTHON)))
+def test_the_python_of_the_readme_runs(
+    code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    found: dict[str, Any] = {}
+    exec(compile(code, "README.md", "exec"), found)
+    assert len([line for line in code.splitlines() if line.strip()]) <= 10
+    assert {path.name for path in tmp_path.iterdir()} == {"run.png", "arm.png"}
+    values, truth = found["arm"].values, found["run"].arm
+    assert set(values) == {"K2", "K3", "c1", "c2", "c3", "D1", "D2", "D3"}
+    assert values["K2"] == pytest.approx(truth.get("K2"), rel=0.02)
+    assert "K2 = " in capsys.readouterr().out
+
+
+EXAMPLES = {
+    "run_and_plot": (16, {"run.png", "run.rrd", "run.parquet"}, "delivered"),
+    "identify_a_machine": (20, {"identified.png", "arm.json"}, "doubts: none"),
+    "find_a_fault": (25, {"finding.png", "finding.rrd"}, "voltage constant of joint 1, -"),
+}
+"""seconds of plant time, files that are written, and a part of what is said"""
+
+
+def test_every_example_is_tried_and_listed() -> None:
+    folder = ROOT / "examples"
+    assert {path.stem for path in folder.glob("*.py")} == set(EXAMPLES)
+    listing = (folder / "README.md").read_text()
+    assert all(f"]({name}.py)" in listing for name in EXAMPLES)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_examples_run(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seconds, files, said = EXAMPLES[name]
+    path = ROOT / "examples" / f"{name}.py"
+    monkeypatch.setattr(sys, "argv", [str(path), str(seconds), str(tmp_path)])
+    runpy.run_path(str(path))
+    assert {path.name for path in tmp_path.iterdir()} == files
+    assert said in capsys.readouterr().out
+    assert path.read_text().startswith("# %% [markdown]\n# # ")
