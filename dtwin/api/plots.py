@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from dtwin.monitoring.offline import Trace
 from dtwin.parameters import VOLTAGE_LIMIT
 from dtwin.pictures import COLOURS, DARK, RED, new_figure
@@ -15,8 +17,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_GRAVE: Final = frozenset({EventKind.FAULT, EventKind.COLLISION, EventKind.MISPLACED, EventKind.GRIP_MISSED})
+_GRAVE: Final = (
+    *(EventKind.FAULT, EventKind.FAILED, EventKind.MISFIT, EventKind.SAFE, EventKind.STOP, EventKind.DIVERGED),
+    *(EventKind.COLLISION, EventKind.MISPLACED, EventKind.SLIPPED, EventKind.GRIP_MISSED),
+)
 """kinds of events that are drawn in red"""
+_LINES: Final = 3
+"""lines of text that the names of events above a picture share, so that near ones can be read"""
 
 
 def draw_run(log: Log) -> Figure:
@@ -53,6 +60,8 @@ def draw_trace(log: Log, trace: Trace) -> Figure:
             lw=0,
             label="three standard deviations",
         )
+        # The first samples are expected with a deviation beyond all that follows.
+        axis.set_ylim(*(1.2 * np.array((-1, 1)) * max(abs(residual[:, joint]).max(), np.median(spread[:, joint]))))
         axis.set_ylabel(f"joint {joint + 1}, mrad")
     last.plot(time, trace.statistic, color=DARK, lw=0.8, label="evidence of a change")
     last.axhline(trace.threshold, color=RED, lw=1.0, ls="--", label="threshold")
@@ -65,19 +74,20 @@ def _finish(axes: tuple[Axes, ...], events: Iterable[Event]) -> None:
     """Marks events by vertical lines, the first of each kind by its name, and lets legends and grids be seen."""
     named: set[str] = set()
     for event in events:
-        colour = RED if event.kind in _GRAVE or event.kind not in tuple(EventKind) else COLOURS[6]
+        colour = RED if event.kind in _GRAVE else COLOURS[6]
         for axis in axes:
             axis.axvline(event.time, color=colour, lw=0.8, alpha=0.6, gid=event.kind)
         if event.kind not in named:
+            height = 2 + 9 * (len(named) % _LINES)
             named.add(event.kind)
             axes[0].annotate(
                 event.kind,
                 (event.time, 1.0),
+                (1, height),
                 xycoords=("data", "axes fraction"),
-                rotation=45,
+                textcoords="offset points",
                 fontsize=7,
                 color=colour,
-                annotation_clip=True,
             )
     for axis in axes:
         axis.grid(alpha=0.3)
