@@ -18,6 +18,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 AnyPath = Path | str
+"""a path, also where it is given as a text"""
 Texts = str | tuple[str, ...]
 """one text or several"""
 
@@ -101,7 +102,7 @@ def _read(value: Any, hint: Any) -> Any:
         if isinstance(value, Integral) and value is not True and value is not False:
             return int(value)
     elif hint is Path and isinstance(value, str):
-        return Path(value)  # A hint that takes either gets a path.
+        return Path(value)
     elif isinstance(value, hint):
         return value
     raise _Wrong

@@ -98,7 +98,8 @@ class Run:
             table = self.log.table()
             return table.to_pandas() if name == "pandas" else module.from_arrow(table)
         wanted = library or "pandas or polars"
-        raise DtwinError(f"frame: expected {wanted} to be installed; arrays() gives the columns without")
+        advice = "pip install 'dtwin[frames]', or take arrays()"
+        raise DtwinError(f"frame: expected {wanted} to be installed: {advice}")
 
     def plot(self) -> Figure:
         """A picture of the run: measured angles on their paths (rad), voltages (V), events marked.

@@ -6,7 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from operator import attrgetter
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import msgspec
 import numpy as np
@@ -47,7 +47,6 @@ class RunSummary(msgspec.Struct, frozen=True):
     events: dict[str, int]
 
 
-@runtime_checkable
 class CellController(Controller, Protocol):
     """The controller of a whole cell, which also tells what happens in its sequence."""
 
