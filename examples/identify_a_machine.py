@@ -8,7 +8,7 @@ from pathlib import Path
 
 import dtwin
 
-seconds = float(sys.argv[1]) if len(sys.argv) == 3 else 60.0
+seconds = float(sys.argv[1]) if len(sys.argv) == 3 else 40.0
 folder = Path(sys.argv[2]) if len(sys.argv) == 3 else Path(".")
 
 # %%
@@ -26,7 +26,8 @@ for name, value in found.values.items():
     print(f"{name:4}{value:12.5f}{found.intervals[name]:10.5f}{stated:12.5f}{100 * (value / stated - 1):11.2f} %")
 
 # %% [markdown]
-# The identification says itself how far it is to be trusted.
+# The identification says itself how far it is to be trusted. Where the last fifth of a run is rest, the fit is low:
+# there is nothing but noise to predict.
 
 # %%
 print("fit on motion that was kept back:", found.held_out.fit)
