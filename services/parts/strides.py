@@ -9,9 +9,9 @@ import msgspec
 
 from dtwin.signals import Sensors
 
-STRIDE: Final = 0.4
-"""rad of a joint between two samples; RESTART_DETECTOR takes a jump of 0.5 rad of two joints for another arm"""
-MOST: Final = 50
+STRIDE: Final = 0.1
+"""rad of a joint between two samples: a fifth of what SAFE_STOP and RESTART_DETECTOR stand, and 10 rad/s of 25"""
+MOST: Final = 200
 """steps: an arm that is farther away is given up"""
 
 

@@ -40,10 +40,20 @@ class Here(ControlLoop):
 
 
 @pytest.mark.parametrize(
-    ("seed", "worked", "fell"), [(784, 884, 46), (964, 993, 33), (511, 1601, 14), (572, 1356, 20), (425, 997, 25)]
+    ("seed", "worked", "fell"),
+    [
+        (784, 884, 46),
+        (964, 993, 33),
+        (511, 1601, 14),
+        (572, 1356, 20),
+        (425, 997, 25),
+        (63, 1481, 159),
+        (562, 869, 236),
+        (245, 1120, 199),
+    ],
 )
 def test_an_arm_that_falls_is_caught_without_a_stop(seed: int, worked: int, fell: int) -> None:
-    """Without its velocity, or too early, the arm would leave its path, which stops it for good."""
+    """Without its velocity, too early, or led in long strides, it would leave its path, which stops it for good."""
     emulation, loop, recent = Emulation(seed=seed), Here(EmbeddedController(ControlOptions().control())), Recent()
 
     def obey(command: Voltages) -> None:
