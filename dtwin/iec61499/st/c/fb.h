@@ -580,20 +580,20 @@ static inline uint64_t fb_to_integer(struct fb_text text, int bits, bool is_sign
         }
         c = sharp + 1;
     }
-    if (end - c >= 2 && fb_digit(c[0]) < 10 && c[1] == '#') {
-        base = fb_digit(c[0]);
-        c += 2;
-    } else if (end - c >= 3 && fb_digit(c[0]) < 10 && fb_digit(c[1]) < 10 && c[2] == '#') {
-        base = 10 * fb_digit(c[0]) + fb_digit(c[1]);
+    if (end - c >= 3 && c[2] == '#') {
+        base = c[0] == '1' && c[1] == '0' ? 10 : c[0] == '1' && c[1] == '6' ? 16 : 0;
         c += 3;
+    } else if (end - c >= 2 && c[1] == '#') {
+        base = c[0] == '2' ? 2 : c[0] == '8' ? 8 : 0;
+        c += 2;
     }
-    if (base != 2 && base != 8 && base != 10 && base != 16) {
+    if (base == 0) {
         return 0;
     }
     while (c < end && fb_blank(*c)) {
         ++c;
     }
-    if (c < end && (*c == '+' || *c == '-')) {
+    if (is_signed && base == 10 && c < end && (*c == '+' || *c == '-')) {
         negative = *c == '-';
         ++c;
     }
@@ -605,10 +605,7 @@ static inline uint64_t fb_to_integer(struct fb_text text, int bits, bool is_sign
         }
         value = value * (uint64_t)base + digit;
     }
-    if (!negative) {
-        return value;
-    }
-    return is_signed && base == 10 ? 0u - value : 0;
+    return negative ? 0u - value : value;
 }
 
 /* The leading number; 0 when there is none. */
