@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -133,7 +134,9 @@ def test_a_signal_ends_a_cell_that_finds_no_router(desk: Desk, tmp_path: Path, n
     text = (ROOT / "config" / "routed" / "service.json5").read_text()
     (tmp_path / "service.json5").write_text(text.replace("7447", str(free_port())))
     command = [sys.executable, "-m", "dtwin", "up", "--zenoh", str(tmp_path)]
-    process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    # A shell's background job ignores SIGINT, and so would what it starts.
+    heed = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True, preexec_fn=heed)
     assert process.stderr is not None
     with process.stderr as said:
         assert "cannot join yet" in said.readline()
