@@ -55,6 +55,25 @@ def test_a_program_that_is_named_and_not_there_is_said(
     assert parts(capsys)["4diac FORTE"]["found"] == str(tmp_path / "forte")
 
 
+def test_a_program_on_the_path_does_not_hide_a_wrong_name(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "forte").write_text("#!/bin/sh\n")
+    (tmp_path / "forte").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("FORTE", raising=False)
+    assert parts(capsys)["4diac FORTE"]["found"] == str(tmp_path / "forte")
+    monkeypatch.setenv("FORTE", "elsewhere")
+    assert parts(capsys)["4diac FORTE"]["advice"] == "FORTE is elsewhere, which is no program"
+
+
+def test_what_the_viewer_reads_from_the_environment_names_no_program(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RERUN", "off")
+    assert parts(capsys)["Rerun viewer"]["state"] == "present"
+
+
 def test_a_port_that_somebody_has_is_taken() -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]

@@ -20,6 +20,7 @@ from dtwin import __version__
 from dtwin.bus.opening import RENDEZVOUS
 from dtwin.commands.frame import JsonOption
 from dtwin.errors import DtwinError
+from dtwin.iec61499.native.build import compilers
 from dtwin.services.launch import MANAGEMENT
 from dtwin.services.runfile import folder
 from dtwin.terminal import as_text, print_json, print_table
@@ -71,10 +72,11 @@ def examine() -> Iterator[Part]:
     yield Part("Python", "present", f"{platform.python_version()} ({sys.executable})")
     yield from _libraries()
     yield from _extras()
-    yield _program("Rerun viewer", "rerun", "RERUN", "pip install rerun-sdk", beside_python=True)
+    yield _viewer()
     yield _display()
     yield _program("browser", "chromium", "CHROMIUM", "for the tests of the page: apt install chromium")
     yield _program("4diac FORTE", "forte", "FORTE", "for the tests against it: build it, set FORTE to its path")
+    yield _compiler()
     yield _run_folder()
     yield examine_port("meeting point of services", int(RENDEZVOUS.rpartition(":")[2]))
     yield examine_port("device management", MANAGEMENT)
@@ -109,14 +111,30 @@ def _library(requirement: Requirement, otherwise: State, advice: str) -> Part:
         return Part(requirement.name, otherwise, "", advice)
 
 
-def _program(name: str, command: str, variable: str, advice: str, beside_python: bool = False) -> Part:
-    """A program named by an environment variable, beside the interpreter, or on the path."""
-    beside = str(Path(sys.executable).parent) if beside_python else None
+def _viewer() -> Part:
+    """The program of rerun-sdk, which a virtual environment has beside its interpreter."""
+    found = shutil.which("rerun", path=str(Path(sys.executable).parent)) or shutil.which("rerun")
+    return (
+        Part("Rerun viewer", "present", found)
+        if found
+        else Part("Rerun viewer", "missing", "", "pip install rerun-sdk")
+    )
+
+
+def _program(name: str, command: str, variable: str, advice: str) -> Part:
+    """A program that an environment variable names, else one on the path."""
     given = os.environ.get(variable)
-    found = shutil.which(given or command) or shutil.which(command, path=beside)
-    if found is None and given:
-        return Part(name, "missing", "", f"{variable} is {given}, which is no program")
-    return Part(name, "present", found) if found else Part(name, "missing", "", advice)
+    found = shutil.which(given or command)
+    if found is None:
+        return Part(name, "missing", "", f"{variable} is {given}, which is no program" if given else advice)
+    return Part(name, "present", found)
+
+
+def _compiler() -> Part:
+    found = next(compilers(), None)
+    if found is None:
+        return Part("C compiler", "missing", "", "for faster function blocks: cc, or pip install 'dtwin[native]'")
+    return Part("C compiler", "present", " ".join(found.command))
 
 
 def _display() -> Part:
