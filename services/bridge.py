@@ -147,8 +147,8 @@ class Bridge:
     def _serve(self, sensors: Sensors) -> None:
         with self._stops.answering:
             # Both may take a while, after which another sample is the newest.
-            if self._connect() is not None and not self._stops.known:
-                self._stops.remind()
+            if self._connect() is not None and not (self._stops.known or self._stops.remind()):
+                return
             self._answer(self._backlog.newest(sensors))
 
     def _answer(self, sensors: Sensors) -> None:
