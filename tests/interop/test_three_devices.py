@@ -10,6 +10,7 @@ import os
 import re
 from collections.abc import Iterator
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -68,7 +69,7 @@ def emulator_port(tmp_path: Path) -> Iterator[Address]:
         for name in reversed(DEVICES):
             address = stack.enter_context(embedded())
             plan = plan_deployment(f"{name}_RES", resource_network(system, f"{name}.{name}_RES"), library, ports)
-            deploy(stack.enter_context(connected(lambda: ManagementClient(address, PATIENCE))), plan)  # noqa: B023
+            deploy(stack.enter_context(connected(partial(ManagementClient, address, PATIENCE))), plan)
         yield Address(LOOPBACK, ports[PORTS[0]])
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Final
 
@@ -99,9 +100,13 @@ class EventBench:
                 client.write(resource, f"B.{name}", literal)
             client.trigger(resource, f"{self.split(step.event)}.EI")
             passed = f"{_RELAYS[-1]}.CV"
-            until(lambda: client.read(resource, passed) == str(count), "the event has been dealt with")  # noqa: B023
+            until(partial(_reads, client, resource, passed, str(count)), "the event has been dealt with")
             readings.append([client.read(resource, output) for output in self.outputs()])
         return readings
+
+
+def _reads(client: ManagementClient, resource: str, name: str, expected: str) -> bool:
+    return client.read(resource, name) == expected
 
 
 def expected_readings(bench: EventBench, steps: list[Step]) -> list[list[str]]:
