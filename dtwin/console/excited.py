@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import threading
 from collections import deque
 from typing import Final
 
 from dtwin.bus.messages import Acted
+from dtwin.bus.ticks import Tick, Ticks
 from dtwin.bus.twin_messages import IdentificationState
 from dtwin.console.calculations.tasks import Excited
-from dtwin.parameters import Triple
 from dtwin.signals import Sensors, Voltages
 
 LONGEST: Final = 6000
@@ -16,7 +17,7 @@ LONGEST: Final = 6000
 
 
 class ExcitedMotion:
-    """The samples and voltages of the last minute before an identification began to estimate.
+    """The samples of the last minute before an identification began to estimate, and the voltages that acted.
 
     Attributes:
         last: that minute, with what was estimated; None before the first identification.
@@ -24,18 +25,15 @@ class ExcitedMotion:
 
     def __init__(self) -> None:
         self.last: Excited | None = None
-        self._angles: deque[tuple[int, Triple]] = deque(maxlen=LONGEST)
-        self._volts: deque[tuple[int, Triple]] = deque(maxlen=LONGEST)
+        self._taking = threading.Lock()
+        self._incoming = Ticks()
+        self._ticks: deque[Tick] = deque(maxlen=LONGEST)
         self._phase = ""
 
-    def take_sensors(self, sensors: Sensors) -> None:
-        """Takes a sample."""
-        self._angles.append((sensors.sequence, sensors.theta))
-
-    def take_acted(self, acted: Voltages | Acted) -> None:
-        """Takes what acted after a sample."""
-        first, second, third, _ = acted.volts
-        self._volts.append((acted.sequence, (first, second, third)))
+    def take(self, message: Sensors | Voltages | Acted) -> None:
+        """Takes a sample, a command, or what acted instead of one."""
+        with self._taking:  # Zenoh may call for two topics at once.
+            self._ticks.extend(self._incoming.take(message))
 
     def take_state(self, state: IdentificationState) -> None:
         """Takes the state of an identification, which says when the excitation has ended."""
@@ -43,10 +41,15 @@ class ExcitedMotion:
             self._keep()
         elif state.phase == "proposed" and self.last is not None:
             proposed = {name: found.value for name, found in state.parameters.items()}
-            self.last = Excited(self.last.theta, self.last.volts, proposed)
+            self.last = Excited(self.last.numbers, self.last.theta, self.last.volts, proposed)
         self._phase = state.phase
 
     def _keep(self) -> None:
-        volts = dict(self._volts)
-        pairs = [(theta, volts[k]) for k, theta in self._angles.copy() if k in volts]
-        self.last = Excited(tuple(theta for theta, _ in pairs), tuple(volts for _, volts in pairs), {})
+        with self._taking:
+            ticks = self._ticks.copy()
+        self.last = Excited(
+            tuple(sensors.sequence for sensors, _ in ticks),
+            tuple(sensors.theta for sensors, _ in ticks),
+            tuple(acted.volts[:3] for _, acted in ticks),
+            {},
+        )

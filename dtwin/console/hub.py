@@ -249,7 +249,7 @@ class Hub:
             self._on_path = pair
         elif self._on_path is not None and sensors.sequence - self._on_path[0].sequence not in range(BEHIND):
             self._on_path = None
-        self.excited.take_sensors(sensors)
+        self.excited.take(sensors)
         waiting, held = self._colours
         if self._acted is None or not self._acted.box_gripped:
             held = waiting  # A box is held from the tick on in which it no longer waits.
@@ -258,7 +258,7 @@ class Hub:
 
     def _take_acted(self, acted: Voltages | Acted) -> None:
         self._acted = acted
-        self.excited.take_acted(acted)
+        self.excited.take(acted)
 
     def _take_path(self, path: Path) -> None:
         with self._pairing:

@@ -91,11 +91,13 @@ class Excited(msgspec.Struct, frozen=True):
     """An excited motion.
 
     Attributes:
+        numbers: sequence numbers of the samples, some of which may not have arrived.
         theta: measured angles of every sample, rad.
         volts: voltages of joints 1 to 3 after every sample, V.
         proposed: estimates by name.
     """
 
+    numbers: tuple[int, ...]
     theta: tuple[Triple, ...]
     volts: tuple[Triple, ...]
     proposed: dict[str, float]

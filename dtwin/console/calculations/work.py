@@ -11,10 +11,10 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
-from dtwin.console.calculations.tasks import Candidate, Compare, Optimise, Recall, Simulate, Work
+from dtwin.console.calculations.tasks import Candidate, Compare, Excited, Optimise, Recall, Simulate, Work
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import DtwinError, ParameterError
-from dtwin.identification.data import Experiment, Start
+from dtwin.identification.data import Experiment
 from dtwin.identification.held_out import compare
 from dtwin.identification.store import ModelStore
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
@@ -29,6 +29,8 @@ EVERY: Final = 2
 """Number of samples of which one is drawn."""
 HELD: Final = 5
 """Number of samples for which a signal holds its voltages at least."""
+PIECE: Final = 50
+"""Least number of samples of a piece of motion that a model is compared with."""
 NOISE: Final = 0.001
 """Standard deviation of the encoder noise in a search, rad, as for `dtwin optimise`."""
 BOXES: Final = (0.19, 0.21)
@@ -135,18 +137,32 @@ def _point(score: CandidateScore) -> dict[str, float]:
 
 def _compared(work: Work) -> dict[str, Any]:
     excited = work.excited
-    if excited is None or len(excited.theta) < 50:
+    if excited is None or not excited.numbers:
         raise ParameterError("no excited motion was heard; the console must run while the arm is excited")
-    signal = find_signal(np.array(excited.volts))
-    measured, volts = np.array(excited.theta)[signal], np.array(excited.volts)[signal]
-    experiment = Experiment(measured, volts, 0.0, Start(excited.theta[0], known=False))
+    experiments = excited_experiments(excited)
+    measured = np.concatenate([experiment.measured for experiment in experiments])
     proposed = {name: value for name, value in excited.proposed.items() if name in PARAMETER_NAMES}
     found = {"measured": measured.T.round(5).tolist()}
     for name, arm in (("before", work.model), ("proposed", work.model.with_values(proposed))):
-        predicted = compare([experiment], arm, np.zeros(3))
+        predicted = compare(experiments, arm, np.zeros(3))
         found[name] = predicted.predicted.T.round(5).tolist()
         found[f"{name}_fit"] = list(triple(predicted.fit))
     return found
+
+
+def excited_experiments(excited: Excited) -> list[Experiment]:
+    """The pieces of the last signal in which no sample is missing, each of at least PIECE samples.
+
+    Raises:
+        ParameterError: there is no signal, or no such piece of it.
+    """
+    numbers, theta, volts = (np.array(column) for column in (excited.numbers, excited.theta, excited.volts))
+    signal = find_signal(volts)
+    edges = [signal.start, *(np.flatnonzero(np.diff(numbers[signal]) != 1) + signal.start + 1).tolist(), signal.stop]
+    pieces = [slice(first, last) for first, last in pairwise(edges) if last - first >= PIECE]
+    if not pieces:
+        raise ParameterError(f"no {PIECE} samples of the signal came without a gap; excite the arm again")
+    return [Experiment(theta[piece], volts[piece]) for piece in pieces]
 
 
 def find_signal(volts: Array) -> slice:
