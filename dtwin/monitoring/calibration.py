@@ -2,8 +2,12 @@
 
 The torques that last are found as the EM algorithm finds them (Shumway and Stoffer, J. Time Series Analysis 3, 1982),
 with the filter's estimates in place of the smoother's: the estimator follows the log with some standard deviation of
-these torques, and what it estimates them to be, and how surely, gives the next one. Of some times that they may last,
-the one is taken under which the readings are most likely.
+these torques, and what it estimates them to be, and how surely, gives the next one.
+
+How long they last, and how much gears move a link without torque, is chosen by what the monitor is for. The readings
+would be most likely under what fits most of them, but the threshold depends on the rare ones. So the choice is that
+under which a sudden change of plausible size most probably passes, within two seconds, the threshold that the healthy
+arm asks for.
 
 The statistic of the signature bank is then observed over the whole log. How often a healthy arm passes which value,
 and how fast that gets rarer, tells from where on it is an alarm: peaks over a threshold with exponential excesses
@@ -15,10 +19,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import msgspec
 import numpy as np
+from scipy.special import erfc, gammaincinv
 
 from dtwin.errors import ParameterError
 from dtwin.identification.machine.record import LEARNED, Healthy, Learned, MachineRecord
@@ -26,19 +31,27 @@ from dtwin.monitoring.candidate import misfit_after
 from dtwin.monitoring.estimation.belief import Array, Belief, Tail, Unmodelled, commissioned
 from dtwin.monitoring.estimation.estimator import Estimator, Tuning
 from dtwin.monitoring.estimation.layout import ARM_NAMES, INDEX, MOVING, TORQUE
+from dtwin.monitoring.kinds import JUMPS, plausible_sizes
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream
 from dtwin.monitoring.sensing.commands import closes
+from dtwin.monitoring.settings import ALARMS_PER_HOUR
+from dtwin.monitoring.signatures import threshold
 from dtwin.parameters import GRAVITY, PERIOD, ArmParameters
 
 MEMORIES: Final = (0.1, 0.3, 1.0)
 """Times that the torques may last, s."""
+DISPLACEMENTS: Final = (0.0, 2e-4, 5e-4, 1e-3)
+"""Angles by which gears may move a link in a sample, rad, standard deviations."""
 FIRST: Final = 6000
 """Samples that the torques are learned from."""
+TRIED: Final = 12000
+"""Samples by which these choices are judged."""
 LEAST: Final = 30.0
 """Shortest log, s."""
 _FIRST: Final = 0.01
 _ROUNDS: Final = 3
+_TINY: Final = 1e-300
 _CLIP: Final = 4.0
 """Standard deviations beyond which a reading counts less: spikes."""
 _SETTLED: Final = 100
@@ -50,6 +63,12 @@ _BLOCK: Final = round(1.0 / PERIOD)
 _BIASES: Final = ("bias1", "bias2", "bias3")
 _PEAKS: Final = 0.9
 """Share of these observations that are no peaks."""
+_DOUBT: Final = 0.05
+"""Chance that larger excesses on average would have come out as small as those that were seen."""
+_SOON: Final = 2.0
+"""s, time in which a change shall show."""
+_EVERY: Final = 20
+"""Number of samples of which one tells how well a change shows."""
 
 
 def calibrated(belief: Belief, seen: Stream, progress: Callable[[str], None] = lambda text: None) -> Belief:
@@ -68,20 +87,12 @@ def calibrated(belief: Belief, seen: Stream, progress: Callable[[str], None] = l
     """
     if len(seen) * PERIOD < LEAST:
         raise ParameterError(f"the log has {len(seen) * PERIOD:g} s: expected at least {LEAST:g} s of healthy work")
-    found = []
-    for memory in MEMORIES:
-        slow = np.full(3, _FIRST)
-        for _ in range(_ROUNDS):
-            tried = _with(belief, slow, memory)
-            slow, likelihood = _pass(tried, seen)
-        progress(f"torques that last {memory:g} s: {1e3 * slow.max():.0f} mN m are not explained")
-        found.append((likelihood, memory, slow))
-    _, memory, slow = max(found, key=lambda each: each[0])
+    best = _chosen(belief, seen.part(0, TRIED), progress)
     progress("watches the arm to learn it")
-    learned = _after(_with(belief, slow, memory), seen)
+    learned = _after(_with(belief, best.slow, best.memory, best.displacement), seen)
     progress("watches the arm as it has learned it")
-    statistic, misfit = _watched(learned, seen)
-    return replace(learned, tail=replace(tail_of(statistic), misfit=max(Tail().misfit, misfit)))
+    found = _watched(learned, seen)
+    return replace(learned, tail=replace(tail_of(found.statistic), misfit=max(Tail().misfit, found.misfit)))
 
 
 def watched(
@@ -97,6 +108,7 @@ def watched(
         slow=error.slow,
         memory=error.memory,
         grip=error.grip,
+        displacement=error.displacement,
         level=tail.level,
         rate=tail.rate,
         excess=tail.excess,
@@ -107,9 +119,59 @@ def watched(
     return msgspec.structs.replace(record, healthy=healthy)
 
 
-def _with(belief: Belief, slow: Array, memory: float) -> Belief:
+class _Choice(NamedTuple):
+    """What the model may lack, and how probably a sudden change shows in time."""
+
+    chance: float
+    slow: Array
+    memory: float
+    displacement: float
+
+
+class _Watched(NamedTuple):
+    """What a monitor made of a healthy arm: the strongest evidence of a change at every sample, (N,), its largest
+    misfit, and at some samples what they tell of each fault of JUMPS, (M, 16), see `SignatureBank.information`."""
+
+    statistic: Array
+    misfit: float
+    information: Array
+
+
+def _chosen(belief: Belief, seen: Stream, progress: Callable[[str], None]) -> _Choice:
+    """The best displacement with torques that last for the shortest time, then the best time with that."""
+    slow, first = np.full(3, _FIRST), MEMORIES[0]
+    for _ in range(_ROUNDS - 1):
+        slow = _pass(_with(belief, slow, first, 0.0), seen)
+    tried = []
+    for displacement in DISPLACEMENTS:
+        tried.append(_tried(belief, seen, slow, first, displacement, progress))
+        slow = tried[-1].slow
+    best = max(tried, key=lambda each: each.chance)
+    others = [_tried(belief, seen, best.slow, memory, best.displacement, progress) for memory in MEMORIES[1:]]
+    return max([best, *others], key=lambda each: each.chance)
+
+
+def _tried(
+    belief: Belief, seen: Stream, slow: Array, memory: float, displacement: float, progress: Callable[[str], None]
+) -> _Choice:
+    """One choice, where the search for the torques starts from some, (3,), N m."""
+    slow = _pass(_with(belief, slow, memory, displacement), seen)
+    found = _watched(_with(belief, slow, memory, displacement), seen)
+    alarm = threshold(ALARMS_PER_HOUR, tail_of(found.statistic))
+    sizes = plausible_sizes(belief.arm)
+    known = np.array([sizes[fault] for fault in JUMPS]) ** 2 * np.maximum(found.information, _TINY)
+    chance = float(np.mean(erfc(np.sqrt(0.5 * alarm / known))))
+    progress(
+        f"torques that last {memory:g} s, play of {1e3 * displacement:g} mrad: {1e3 * slow.max():.0f} mN m are"
+        f" not explained, alarm from {alarm:.0f} on, {chance:.0%} of sudden changes show in {_SOON:g} s"
+    )
+    return _Choice(chance, slow, memory, displacement)
+
+
+def _with(belief: Belief, slow: Array, memory: float, displacement: float) -> Belief:
     first, second, third = slow.tolist()
-    return replace(belief, error=Unmodelled(belief.error.white, (first, second, third), memory, _grip(belief.arm)))
+    error = Unmodelled(belief.error.white, (first, second, third), memory, _grip(belief.arm), displacement)
+    return replace(belief, error=error)
 
 
 def _grip(arm: ArmParameters) -> float:
@@ -117,10 +179,10 @@ def _grip(arm: ArmParameters) -> float:
     return Tuning().box_mass * GRAVITY * sum(arm.get(f"l{joint}") for joint in (1, 2, 3))
 
 
-def _pass(belief: Belief, seen: Stream) -> tuple[Array, float]:
-    """Root mean squares of the torques that last, (3,), N m, and the logarithm of the readings' likelihood."""
+def _pass(belief: Belief, seen: Stream) -> Array:
+    """Root mean squares of the torques that last, (3,), N m."""
     estimator = Estimator(replace(belief, clip=(_CLIP, _CLIP, _CLIP)), Tuning())
-    squares, total, counted, followed = np.zeros(3), 0.0, 0, -1
+    squares, counted, followed = np.zeros(3), 0, -1
     finite = np.isfinite(seen.measured.sum(axis=1) + seen.volts.sum(axis=1))
     for row in range(min(FIRST, len(seen))):
         if row == 0 or seen.sample[row] != seen.sample[row - 1] + 1 or not finite[row - 1 : row + 1].all():
@@ -132,15 +194,15 @@ def _pass(belief: Belief, seen: Stream) -> tuple[Array, float]:
             volts, gripped = seen.volts[row - 1], bool(seen.gripped[row - 1])
             doubt = belief.error.grip if closes(volts, gripped) else 0.0
             estimator.predict(volts[:3], gripped, doubt)
-            likelihood = estimator.correct(seen.measured[row], np.ones(3, dtype=bool))
+            estimator.correct(seen.measured[row], np.ones(3, dtype=bool))
             followed += 1
             if followed >= _SETTLED:
                 squares += estimator.x[TORQUE:MOVING] ** 2 + estimator.P.diagonal()[TORQUE:MOVING]
-                total += likelihood
                 counted += 1
     if not counted:
         raise ParameterError(f"the log has gaps all the time: expected {_SETTLED * PERIOD:g} s without one")
-    return np.sqrt(squares / counted), total
+    found: Array = np.sqrt(squares / counted)
+    return found
 
 
 def _after(belief: Belief, seen: Stream) -> Belief:
@@ -154,23 +216,25 @@ def _after(belief: Belief, seen: Stream) -> Belief:
     spread1, spread2, spread3 = (estimator.deviation(name) for name in _BIASES)
     return replace(
         belief,
-        arm=belief.arm.with_values({name: float(estimator.x[INDEX[name]]) for name in names}),
+        arm=belief.arm.with_values({name: max(float(estimator.x[INDEX[name]]), 0.0) for name in names}),
         covariance=np.diag(variances),
         offset=(bias1, bias2, bias3),
         offset_deviation=(spread1, spread2, spread3),
     )
 
 
-def _watched(belief: Belief, seen: Stream) -> tuple[Array, float]:
-    """The strongest evidence of a change at every sample of a healthy arm, (N,), and its largest misfit."""
+def _watched(belief: Belief, seen: Stream) -> _Watched:
+    """What a monitor makes of a healthy arm."""
     monitor = _calm(belief)
-    statistic, misfit = np.zeros(len(seen)), np.ones(len(seen))
+    statistic, misfit, information = np.zeros(len(seen)), np.ones(len(seen)), []
     now = 1.0
     for row in range(len(seen)):
         seen.feed(monitor, row, row + 1)
         statistic[row] = monitor.statistic
         misfit[row] = now = misfit_after(now, monitor.estimator, monitor.used)
-    return statistic[SETTLING:], float(misfit[SETTLING:].max())
+        if row % _EVERY == 0:
+            information.append(monitor.information(_SOON))
+    return _Watched(statistic[SETTLING:], float(misfit[SETTLING:].max()), np.array(information))
 
 
 def _calm(belief: Belief) -> Monitor:
@@ -181,10 +245,17 @@ def _calm(belief: Belief) -> Monitor:
 
 
 def tail_of(statistic: Array) -> Tail:
-    """How far a statistic goes while the arm is healthy; of a value at every sample, (N,), at least 10 s of them."""
+    """How far a statistic goes while the arm is healthy; of a value at every sample, (N,), at least 10 s of them.
+
+    The excess is the upper confidence limit of the mean of exponential excesses.
+    """
     highest = statistic[: len(statistic) // _BLOCK * _BLOCK].reshape(-1, _BLOCK).max(axis=1)
     level = float(np.quantile(highest, _PEAKS))
     above = highest > level
     if not above.any():
         return Tail(level)
-    return Tail(level, float(np.mean(above)) * 3600.0 / (_BLOCK * PERIOD), float(np.mean(highest[above] - level)))
+    count = int(above.sum())
+    # The mean of so few excesses may be too small by chance, and an extrapolation over hours would multiply that.
+    most = count / float(gammaincinv(count, _DOUBT))
+    rate = count / len(highest) * 3600.0 / (_BLOCK * PERIOD)
+    return Tail(level, rate, most * float(np.mean(highest[above] - level)))

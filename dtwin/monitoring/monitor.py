@@ -130,6 +130,10 @@ class Monitor:
             case Watching() | Lost() | Unfit():
                 return self._bank.worst()
 
+    def information(self, since: float) -> Array:
+        """What the last samples tell of sudden changes so long ago (s), see `SignatureBank.information`."""
+        return self._bank.information(self.sample - round(since / PERIOD))
+
     @property
     def events(self) -> list[Event]:
         """Everything that was noticed, in order."""

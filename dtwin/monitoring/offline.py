@@ -44,6 +44,11 @@ class Stream:
     def __len__(self) -> int:
         return len(self.sample)
 
+    def part(self, start: int, stop: int) -> Stream:
+        """Rows start to stop - 1."""
+        rows = slice(start, stop)
+        return Stream(self.sample[rows], self.measured[rows], self.volts[rows], self.gripped[rows], self.colour[rows])
+
     def feed(self, monitor: Monitor | ThesisMonitor, start: int, stop: int) -> None:
         """Gives rows start to stop - 1 to a monitor."""
         rows = zip(

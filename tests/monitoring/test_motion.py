@@ -7,7 +7,7 @@ import pytest
 
 from dtwin.monitoring.estimation.belief import Unmodelled, assumed
 from dtwin.monitoring.estimation.estimator import HANDLING, Estimator, Tuning
-from dtwin.monitoring.estimation.layout import ARM, ARM_NAMES, INDEX, MOVING, PAYLOAD, SIZE, TORQUE
+from dtwin.monitoring.estimation.layout import ARM, ARM_NAMES, INDEX, MOVING, PAYLOAD, SIZE, TORQUE, W
 from dtwin.monitoring.estimation.motion import Array, MachineMotion, Motion, RigidMotion
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.twin.effects import Effects
@@ -113,3 +113,28 @@ def test_the_motion_is_in_doubt_while_a_box_comes_or_goes() -> None:
         grown.append(estimator.deviation("w2") / np.linalg.norm(estimator.F[4, TORQUE:MOVING]))
     np.testing.assert_allclose(grown[:HANDLING], 1.0, rtol=1e-3)
     assert max(grown[HANDLING:]) < 0.01
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.1, 2.0])
+def test_near_standstill_nobody_knows_how_much_dry_friction_acts(speed: float) -> None:
+    """It may be anything up to its level, 30 mN m here: a torque in doubt that fades as the joint gets faster."""
+    belief = assumed(ArmParameters().with_values({"mu2": 0.02}), (1e-3, 1e-3, 1e-3))
+    estimator = Estimator(replace(belief, effects=Effects(stiction=(0.0, 0.01, 0.0))), Tuning())
+    estimator.begin(STATE[:3], False)
+    estimator.x[W:ARM], estimator.P[:] = speed, 0.0
+    estimator.predict(VOLTS[0], False)
+    torque = np.array([0.0, 0.03, 0.0]) * np.exp(-0.5 * (estimator.x[W + 1] / 0.05) ** 2)
+    slopes = estimator.F[W + 1, TORQUE:MOVING]
+    expected = np.sum(np.square(slopes) * (np.square(torque) + np.square(belief.error.white)))
+    assert estimator.deviation("w2") == pytest.approx(np.sqrt(expected), rel=1e-6)
+
+
+def test_play_moves_an_angle_without_any_torque() -> None:
+    belief = replace(
+        assumed(ArmParameters(), (1e-3, 1e-3, 1e-3)), error=Unmodelled((0.0, 0.0, 0.0), displacement=5e-4)
+    )
+    estimator = Estimator(belief, Tuning())
+    estimator.begin(STATE[:3], False)
+    estimator.P[:] = 0.0
+    estimator.predict(VOLTS[0], False)
+    np.testing.assert_allclose(estimator.P, 25e-8 * np.diag([*np.ones(3), *np.zeros(SIZE - 3)]), atol=1e-8)

@@ -18,6 +18,7 @@ HEALTHY = Healthy(
     slow=(0.02, 0.01, 0.03),
     memory=0.3,
     grip=0.9,
+    displacement=0.0005,
     level=20.0,
     rate=36.0,
     excess=5.0,

@@ -17,7 +17,7 @@ Grade = Literal["identified", "approximate", "unusable"]
 
 NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 
-SCHEMA: Final = "dtwin machine record 4"
+SCHEMA: Final = "dtwin machine record 5"
 LEARNED: Final = tuple(f"{symbol}{joint}" for symbol in ("K", "D", "mu", "bias") for joint in (1, 2, 3))
 """Names of what is learned of a machine while it is watched: parameters, and offsets of encoders, rad."""
 
@@ -59,6 +59,7 @@ class Healthy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         slow: standard deviation of torques that last, N m.
         memory: time that they last, s.
         grip: standard deviation of torques while a box is gripped or let go, N m.
+        displacement: standard deviation of the angle by which the gears move a link in a sample without torque, rad.
         level: a value that the monitor's statistic passes now and then.
         rate: how often it does, 1/h.
         excess: by how much it passes it on average.
@@ -70,6 +71,7 @@ class Healthy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     slow: tuple[NotNegative, NotNegative, NotNegative]
     memory: Annotated[float, msgspec.Meta(gt=0.0)]
     grip: NotNegative
+    displacement: NotNegative
     level: NotNegative
     rate: NotNegative
     excess: NotNegative

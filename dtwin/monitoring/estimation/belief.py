@@ -40,6 +40,8 @@ class Unmodelled:
         memory: time after which a share of 1/e of the latter is left, s.
         grip: standard deviation of those that are new in every sample while a box is gripped or let go, N m: the jaws
             push the arm, and the weight does not come and go in one sample.
+        displacement: standard deviation of the angle by which gears that yield or have play move a link in a sample
+            without any torque, rad.
 
     Raises:
         ParameterError: a number is out of range.
@@ -49,6 +51,7 @@ class Unmodelled:
     slow: Triple = (0.0, 0.0, 0.0)
     memory: float = 0.1
     grip: float = 0.0
+    displacement: float = 0.0
 
     def __post_init__(self) -> None:
         torques = (*self.white, *self.slow, self.grip)
@@ -56,6 +59,8 @@ class Unmodelled:
             raise ParameterError(f"white, slow, grip: expected finite torques of at least 0, got {torques}")
         if not 0.0 < self.memory < math.inf:
             raise ParameterError(f"memory: expected a time above 0 s, got {self.memory}")
+        if not 0.0 <= self.displacement < math.inf:
+            raise ParameterError(f"displacement: expected an angle of at least 0 rad, got {self.displacement}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +182,7 @@ def commissioned(record: MachineRecord) -> Belief:
         offset=(bias1.value, bias2.value, bias3.value),
         offset_deviation=(bias1.deviation, bias2.deviation, bias3.deviation),
         effects=record.effects,
-        error=Unmodelled(slow=known.slow, memory=known.memory, grip=known.grip),
+        error=Unmodelled(slow=known.slow, memory=known.memory, grip=known.grip, displacement=known.displacement),
         tail=Tail(known.level, known.rate, known.excess, known.misfit),
     )
 

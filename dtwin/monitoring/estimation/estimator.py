@@ -6,6 +6,8 @@ The mean is carried by the twin's own map and the covariance by that map's deriv
 
 What the model does not explain of a healthy arm lasts: ripple, friction that depends on the angle, gears that yield.
 A torque on each joint stands for it, a first-order Gauss-Markov process (Gelb, Applied Optimal Estimation, 1974).
+Play moves a link without any torque, by steps that are new in every sample. Near standstill dry friction may be
+anything up to its level, because whether a joint sticks depends on less than a filter knows of its velocity.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from dtwin.monitoring.estimation.belief import NOISE_FLOOR, Belief
 from dtwin.monitoring.estimation.layout import ARM, ARM_NAMES, BIAS, DRIFT, INDEX, MOVING, PAYLOAD, SIZE, TORQUE, W
 from dtwin.monitoring.estimation.motion import motion_of
 from dtwin.parameters import PERIOD, ArmParameters, symbol_of
+from dtwin.twin.effects import NO_EFFECTS
 
 Array = NDArray[np.float64]
 
@@ -39,6 +42,8 @@ _JOLT: Final = 0.5
 _MARGIN: Final = {"D": 0.2, "mu": 0.02}
 """N m s/rad, N m: how far the estimates of friction may err beyond what friction can be while they are poor; cut off
 at once, they would keep the error that the cut makes"""
+_STANDSTILL: Final = 0.05
+"""rad/s: velocity below which nobody knows how much dry friction acts"""
 _FOREIGN: Final = 0.1
 """N m, standard deviation of a torque on a joint that no fault explains"""
 
@@ -108,6 +113,7 @@ class Estimator:
         self.memory = math.exp(-PERIOD / error.memory)
         self._walk[TORQUE:MOVING] = np.square(error.slow) * (1.0 - self.memory**2)
         self._torque = np.square(error.white)
+        self._friction = _dry_friction(belief)
         self._locked = 0
         self._least, self._most = _bounds(arm)
         self._lower, self._upper = self._least.copy(), self._most.copy()
@@ -164,7 +170,9 @@ class Estimator:
         handling = self.belief.error.grip if self._handling else 0.0
         self._handling = max(self._handling - 1, 0)
         torque = self._torque + doubt**2 + handling**2
-        kernels.predict(self.P, self.F, torque, self._walk, self.memory, PERIOD)
+        torque += self._friction**2 * np.exp(-np.square(x[W:ARM] / _STANDSTILL))
+        displacement = self.belief.error.displacement**2
+        kernels.predict(self.P, self.F, torque, displacement, self._walk, self.memory, PERIOD)
 
     def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:
         """Takes in a sample, (3,) rad; returns the logarithm of the likelihood of the readings used."""
@@ -306,6 +314,13 @@ class Estimator:
         self._make_certain(PAYLOAD, self.box_mass if gripped else 0.0)
         self.P[PAYLOAD, PAYLOAD] = self.payload_variance if gripped else 0.0
         self._handling = HANDLING
+
+
+def _dry_friction(belief: Belief) -> Array:
+    """Level of the dry friction of an arm that is known with its effects, (3,), N m; 0 of one that is not."""
+    if belief.effects == NO_EFFECTS:
+        return np.zeros(3)
+    return np.array(belief.arm.coulomb) + np.array(belief.effects.stiction)
 
 
 def _bounds(arm: ArmParameters) -> tuple[Array, Array]:
