@@ -219,7 +219,8 @@ def _monitor(record: MachineRecord) -> list[str]:
         ),
         paragraph(
             f"The model leaves torques of {slow} mN m (standard deviations of the joints) that last"
-            f" {healthy.memory:g} s, and the gears play of {1e3 * healthy.displacement:g} mrad. The statistic"
+            f" {healthy.memory:g} s, the gears play of {1e3 * healthy.displacement:g} mrad and a compliance of"
+            f" {1e3 * healthy.compliance:g} mrad/(N m). The statistic"
             f" passed {healthy.level:.0f} {healthy.rate:.0f} times an hour, by {healthy.excess:.1f} on average."
         ),
     ]

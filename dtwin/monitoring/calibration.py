@@ -4,10 +4,10 @@ The torques that last are found as the EM algorithm finds them (Shumway and Stof
 with the filter's estimates in place of the smoother's: the estimator follows the log with some standard deviation of
 these torques, and what it estimates them to be, and how surely, gives the next one.
 
-How long they last, and how much gears move a link without torque, is chosen by what the monitor is for. The readings
-would be most likely under what fits most of them, but the threshold depends on the rare ones. So the choice is that
-under which a sudden change of plausible size most probably passes, within two seconds, the threshold that the healthy
-arm asks for.
+How long they last, how much gears move a link without torque, and how far they swing, is chosen by what the monitor
+is for. The readings would be most likely under what fits most of them, but the threshold depends on the rare ones. So
+the choice is that under which a sudden change of plausible size most probably passes, within two seconds, the
+threshold that the healthy arm asks for.
 
 The statistic of the signature bank is then observed over the whole log. How often a healthy arm passes which value,
 and how fast that gets rarer, tells from where on it is an alarm: peaks over a threshold with exponential excesses
@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import msgspec
 import numpy as np
@@ -41,6 +41,8 @@ from dtwin.parameters import GRAVITY, PERIOD, ArmParameters
 
 MEMORIES: Final = (0.1, 0.3, 1.0)
 """Times that the torques may last, s."""
+COMPLIANCES: Final = (0.0, 0.005, 0.01, 0.02)
+"""Angles by which gears may swing after a jump of the torque, rad/(N m); the data sheet's yield by 0.01 to 0.02."""
 DISPLACEMENTS: Final = (0.0, 2e-4, 5e-4, 1e-3)
 """Angles by which gears may move a link in a sample, rad, standard deviations."""
 FIRST: Final = 6000
@@ -87,9 +89,9 @@ def calibrated(belief: Belief, seen: Stream, progress: Callable[[str], None] = l
     """
     if len(seen) * PERIOD < LEAST:
         raise ParameterError(f"the log has {len(seen) * PERIOD:g} s: expected at least {LEAST:g} s of healthy work")
-    best = _chosen(belief, seen.part(0, TRIED), progress)
+    error = _chosen(belief, seen.part(0, TRIED), progress)
     progress("watches the arm to learn it")
-    learned = _after(_with(belief, best.slow, best.memory, best.displacement), seen)
+    learned = _after(replace(belief, error=error), seen)
     progress("watches the arm as it has learned it")
     found = _watched(learned, seen)
     return replace(learned, tail=replace(tail_of(found.statistic), misfit=max(Tail().misfit, found.misfit)))
@@ -109,6 +111,7 @@ def watched(
         memory=error.memory,
         grip=error.grip,
         displacement=error.displacement,
+        compliance=error.compliance,
         level=tail.level,
         rate=tail.rate,
         excess=tail.excess,
@@ -120,12 +123,10 @@ def watched(
 
 
 class _Choice(NamedTuple):
-    """What the model may lack, and how probably a sudden change shows in time."""
+    """How probably a sudden change shows in time if the model lacks this."""
 
     chance: float
-    slow: Array
-    memory: float
-    displacement: float
+    error: Unmodelled
 
 
 class _Watched(NamedTuple):
@@ -137,41 +138,44 @@ class _Watched(NamedTuple):
     information: Array
 
 
-def _chosen(belief: Belief, seen: Stream, progress: Callable[[str], None]) -> _Choice:
-    """The best displacement with torques that last for the shortest time, then the best time with that."""
-    slow, first = np.full(3, _FIRST), MEMORIES[0]
+def _chosen(belief: Belief, seen: Stream, progress: Callable[[str], None]) -> Unmodelled:
+    """What the model lacks: the best compliance, then the best play with that, then how long torques last."""
+    first = (_FIRST, _FIRST, _FIRST)
+    error = Unmodelled(belief.error.white, first, MEMORIES[0], _grip(belief.arm), DISPLACEMENTS[0], COMPLIANCES[0])
     for _ in range(_ROUNDS - 1):
-        slow = _pass(_with(belief, slow, first, 0.0), seen)
-    tried = []
-    for displacement in DISPLACEMENTS:
-        tried.append(_tried(belief, seen, slow, first, displacement, progress))
-        slow = tried[-1].slow
-    best = max(tried, key=lambda each: each.chance)
-    others = [_tried(belief, seen, best.slow, memory, best.displacement, progress) for memory in MEMORIES[1:]]
-    return max([best, *others], key=lambda each: each.chance)
+        error = _learned(belief, seen, error)
+    best = _tried(belief, seen, error, progress)
+    choices: dict[str, tuple[float, ...]]
+    choices = {"compliance": COMPLIANCES, "displacement": DISPLACEMENTS, "memory": MEMORIES}
+    for name, values in choices.items():
+        tried = [best]
+        for value in values[1:]:
+            changed: dict[str, Any] = {name: value, "slow": tried[-1].error.slow}
+            tried.append(_tried(belief, seen, replace(best.error, **changed), progress))
+        best = max(tried, key=lambda each: each.chance)
+    return best.error
 
 
-def _tried(
-    belief: Belief, seen: Stream, slow: Array, memory: float, displacement: float, progress: Callable[[str], None]
-) -> _Choice:
-    """One choice, where the search for the torques starts from some, (3,), N m."""
-    slow = _pass(_with(belief, slow, memory, displacement), seen)
-    found = _watched(_with(belief, slow, memory, displacement), seen)
+def _tried(belief: Belief, seen: Stream, error: Unmodelled, progress: Callable[[str], None]) -> _Choice:
+    """One choice, where the search for the torques starts from those in `error`."""
+    error = _learned(belief, seen, error)
+    found = _watched(replace(belief, error=error), seen)
     alarm = threshold(ALARMS_PER_HOUR, tail_of(found.statistic))
     sizes = plausible_sizes(belief.arm)
     known = np.array([sizes[fault] for fault in JUMPS]) ** 2 * np.maximum(found.information, _TINY)
     chance = float(np.mean(erfc(np.sqrt(0.5 * alarm / known))))
     progress(
-        f"torques that last {memory:g} s, play of {1e3 * displacement:g} mrad: {1e3 * slow.max():.0f} mN m are"
-        f" not explained, alarm from {alarm:.0f} on, {chance:.0%} of sudden changes show in {_SOON:g} s"
+        f"{1e3 * max(error.slow):.0f} mN m that last {error.memory:g} s, {1e3 * error.displacement:g} mrad of play,"
+        f" {1e3 * error.compliance:g} mrad/(N m): alarm from {alarm:.0f} on, {chance:.0%} of sudden changes show in"
+        f" {_SOON:g} s"
     )
-    return _Choice(chance, slow, memory, displacement)
+    return _Choice(chance, error)
 
 
-def _with(belief: Belief, slow: Array, memory: float, displacement: float) -> Belief:
-    first, second, third = slow.tolist()
-    error = Unmodelled(belief.error.white, (first, second, third), memory, _grip(belief.arm), displacement)
-    return replace(belief, error=error)
+def _learned(belief: Belief, seen: Stream, error: Unmodelled) -> Unmodelled:
+    """The same with torques that last as they come out of the log."""
+    first, second, third = _pass(replace(belief, error=error), seen).tolist()
+    return replace(error, slow=(first, second, third))
 
 
 def _grip(arm: ArmParameters) -> float:

@@ -138,3 +138,20 @@ def test_play_moves_an_angle_without_any_torque() -> None:
     estimator.P[:] = 0.0
     estimator.predict(VOLTS[0], False)
     np.testing.assert_allclose(estimator.P, 25e-8 * np.diag([*np.ones(3), *np.zeros(SIZE - 3)]), atol=1e-8)
+
+
+def test_a_gear_that_yields_swings_after_a_jump_of_the_torque_and_settles() -> None:
+    """A jump of V volts swings a joint by compliance K V; after 0.1 s a share of 1/e is left."""
+    error = Unmodelled((0.0, 0.0, 0.0), compliance=0.02)
+    belief = replace(assumed(ArmParameters(), (1e-3, 1e-3, 1e-3)), error=error)
+    estimator = Estimator(belief, Tuning())
+    estimator.begin(np.zeros(3), False)
+    estimator.predict(np.zeros(3), False)
+    swung = []
+    for _ in range(11):
+        estimator.P[:] = 0.0
+        estimator.predict(np.array([0.0, 3.0, 0.0]), False)
+        swung.append(estimator.deviation("q2"))
+    assert swung[0] == pytest.approx(0.02 * 3.0 * ArmParameters().get("K2"), rel=1e-3)
+    assert swung[10] == pytest.approx(swung[0] / np.e, rel=1e-3)
+    assert estimator.deviation("q1") < 1e-3 * swung[0]

@@ -19,6 +19,7 @@ HEALTHY = Healthy(
     memory=0.3,
     grip=0.9,
     displacement=0.0005,
+    compliance=0.01,
     level=20.0,
     rate=36.0,
     excess=5.0,

@@ -60,6 +60,7 @@ class Healthy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         memory: time that they last, s.
         grip: standard deviation of torques while a box is gripped or let go, N m.
         displacement: standard deviation of the angle by which the gears move a link in a sample without torque, rad.
+        compliance: angle by which the gears swing after a torque of the motor has jumped, rad/(N m).
         level: a value that the monitor's statistic passes now and then.
         rate: how often it does, 1/h.
         excess: by how much it passes it on average.
@@ -72,6 +73,7 @@ class Healthy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     memory: Annotated[float, msgspec.Meta(gt=0.0)]
     grip: NotNegative
     displacement: NotNegative
+    compliance: NotNegative
     level: NotNegative
     rate: NotNegative
     excess: NotNegative

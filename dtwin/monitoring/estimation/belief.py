@@ -42,6 +42,8 @@ class Unmodelled:
             push the arm, and the weight does not come and go in one sample.
         displacement: standard deviation of the angle by which gears that yield or have play move a link in a sample
             without any torque, rad.
+        compliance: angle by which the gears swing after a torque of the motor has jumped, rad/(N m), as a standard
+            deviation.
 
     Raises:
         ParameterError: a number is out of range.
@@ -52,6 +54,7 @@ class Unmodelled:
     memory: float = 0.1
     grip: float = 0.0
     displacement: float = 0.0
+    compliance: float = 0.0
 
     def __post_init__(self) -> None:
         torques = (*self.white, *self.slow, self.grip)
@@ -59,8 +62,9 @@ class Unmodelled:
             raise ParameterError(f"white, slow, grip: expected finite torques of at least 0, got {torques}")
         if not 0.0 < self.memory < math.inf:
             raise ParameterError(f"memory: expected a time above 0 s, got {self.memory}")
-        if not 0.0 <= self.displacement < math.inf:
-            raise ParameterError(f"displacement: expected an angle of at least 0 rad, got {self.displacement}")
+        for name in ("displacement", "compliance"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise ParameterError(f"{name}: expected a finite number of at least 0, got {getattr(self, name)}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +186,13 @@ def commissioned(record: MachineRecord) -> Belief:
         offset=(bias1.value, bias2.value, bias3.value),
         offset_deviation=(bias1.deviation, bias2.deviation, bias3.deviation),
         effects=record.effects,
-        error=Unmodelled(slow=known.slow, memory=known.memory, grip=known.grip, displacement=known.displacement),
+        error=Unmodelled(
+            slow=known.slow,
+            memory=known.memory,
+            grip=known.grip,
+            displacement=known.displacement,
+            compliance=known.compliance,
+        ),
         tail=Tail(known.level, known.rate, known.excess, known.misfit),
     )
 

@@ -6,7 +6,8 @@ The mean is carried by the twin's own map and the covariance by that map's deriv
 
 What the model does not explain of a healthy arm lasts: ripple, friction that depends on the angle, gears that yield.
 A torque on each joint stands for it, a first-order Gauss-Markov process (Gelb, Applied Optimal Estimation, 1974).
-Play moves a link without any torque, by steps that are new in every sample. Near standstill dry friction may be
+Play moves a link without any torque, by steps that are new in every sample. A gear that yields swings after the
+torque of its motor has jumped, faster than samples could show, and settles. Near standstill dry friction may be
 anything up to its level, because whether a joint sticks depends on less than a filter knows of its velocity.
 """
 
@@ -31,7 +32,7 @@ from dtwin.twin.effects import NO_EFFECTS
 Array = NDArray[np.float64]
 
 _OWN: Final = (
-    *("x", "P", "gains", "innovation", "variance", "score", "information", "_walk", "_torque"),
+    *("x", "P", "gains", "innovation", "variance", "score", "information", "_walk", "_torque", "_swing"),
     *("_clones", "_C", "_B", "_motion"),
 )
 """what changes in place, of which a copy needs its own"""
@@ -44,6 +45,9 @@ _MARGIN: Final = {"D": 0.2, "mu": 0.02}
 at once, they would keep the error that the cut makes"""
 _STANDSTILL: Final = 0.05
 """rad/s: velocity below which nobody knows how much dry friction acts"""
+_SWING: Final = 0.1
+"""s: time after which a share of 1/e of a gear's swing is left: twice the rotor's inertia over the gear's damping"""
+_SETTLED: Final = math.exp(-2.0 * PERIOD / _SWING)
 _FOREIGN: Final = 0.1
 """N m, standard deviation of a torque on a joint that no fault explains"""
 
@@ -114,6 +118,7 @@ class Estimator:
         self._walk[TORQUE:MOVING] = np.square(error.slow) * (1.0 - self.memory**2)
         self._torque = np.square(error.white)
         self._friction = _dry_friction(belief)
+        self._swing = np.zeros(3)
         self._locked = 0
         self._least, self._most = _bounds(arm)
         self._lower, self._upper = self._least.copy(), self._most.copy()
@@ -171,7 +176,10 @@ class Estimator:
         self._handling = max(self._handling - 1, 0)
         torque = self._torque + doubt**2 + handling**2
         torque += self._friction**2 * np.exp(-np.square(x[W:ARM] / _STANDSTILL))
-        displacement = self.belief.error.displacement**2
+        jump = 0.0 if last is None else x[ARM : ARM + 3] * (self._command - last)
+        self._swing *= _SETTLED
+        self._swing += np.square(self.belief.error.compliance * jump)
+        displacement = self.belief.error.displacement**2 + self._swing
         kernels.predict(self.P, self.F, torque, displacement, self._walk, self.memory, PERIOD)
 
     def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:

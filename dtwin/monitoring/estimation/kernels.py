@@ -48,7 +48,7 @@ def huber(clip: float) -> tuple[float, float]:
 
 @kernel
 def predict(
-    P: Array, F: Array, torque: Array, displacement: float, walk: Array, memory: float, period: float
+    P: Array, F: Array, torque: Array, displacement: Array, walk: Array, memory: float, period: float
 ) -> None:
     """Carries the covariance over one sample, in place.
 
@@ -56,7 +56,7 @@ def predict(
         P: covariance.
         F: derivatives over the sample.
         torque: (3,), variance of the torque that no model knows, held over the sample, (N m)^2.
-        displacement: variance of the angle that each joint gains in the sample without any torque, rad^2.
+        displacement: (3,), variance that the angles gain in the sample without any torque, rad^2.
         walk: (31,), variance that each state gains in the sample.
         memory: share that is left after a sample of a torque that the model does not explain.
         period: s.
@@ -74,7 +74,7 @@ def predict(
         for j in range(i + 1):
             P[i, j] = P[j, i] = 0.5 * (corner[i, j] + corner[j, i])
     for i in range(3):
-        P[i, i] += displacement
+        P[i, i] += displacement[i]
     for i in range(3):
         for j in range(SIZE):
             P[BIAS + i, j] += period * P[DRIFT + i, j]
