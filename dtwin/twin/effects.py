@@ -1,7 +1,7 @@
 """What a real arm has beside the equations of motion, as far as the twin can predict it.
 
 docs/machine.md has the equations. Some effects of a real arm are not here because the twin has no state for them:
-elasticity and play of gears, ripple, samples that are lost.
+elasticity and play of gears, samples that are lost.
 """
 
 from __future__ import annotations
@@ -32,6 +32,9 @@ class Effects:
         com_offset: distance of the centre of mass from the link's line, to the left of it, m.
         eccentric_sin: error of the encoder that goes with the sine of the angle, rad.
         eccentric_cos: error of the encoder that goes with the cosine of the angle, rad.
+        ripple_sin: torque of the motor that goes with the sine of ripple_periods times the angle, N m.
+        ripple_cos: torque that goes with the cosine of that, N m.
+        ripple_periods: periods of that torque in a turn.
         tilt: angle by which the base is turned in the arm's plane, rad.
         delay: time from a command until the encoders show that it acts, as far as it is a delay, s.
         sag: resistance of the supply, as a share of that of one winding.
@@ -50,6 +53,9 @@ class Effects:
     com_offset: Triple = _NONE
     eccentric_sin: Triple = _NONE
     eccentric_cos: Triple = _NONE
+    ripple_sin: Triple = _NONE
+    ripple_cos: Triple = _NONE
+    ripple_periods: Triple = (20.0, 20.0, 20.0)
     tilt: float = 0.0
     delay: float = 0.0
     sag: float = 0.0
@@ -90,7 +96,7 @@ class Effects:
 
 _FIELDS: Final = tuple(field.name for field in fields(Effects))
 _OF_JOINTS: Final = tuple(field.name for field in fields(Effects) if isinstance(field.default, tuple))
-SIGNED: Final = ("torque", "com_offset", "eccentric", "tilt")
+SIGNED: Final = ("torque", "com_offset", "eccentric", "ripple_sin", "ripple_cos", "tilt")
 """How the names begin of the effects that may be below 0."""
 EFFECT_NAMES: Final = tuple(
     name for field in _FIELDS for name in ([f"{field}{j}" for j in (1, 2, 3)] if field in _OF_JOINTS else [field])

@@ -2,9 +2,10 @@
 
 Beside what `dynamics` has, with the notation there:
 
-    K v = (M(q) + diag(J)) q'' + h(q, q') + g(q) + D q' + F(q') + k q - tau - e
+    K v = (M(q) + diag(J)) q'' + h(q, q') + g(q) + D q' + F(q') + k q - tau - r(q) - e
     T v' = dead(u(t - delay)) / (1 + r sum (u_j / U)^2) - v          the voltage that acts
     F = (mu + S exp(-(q'/v_s)^2)) tanh(q'/width)                     dry friction
+    r = a sin(n q) + b cos(n q)                                      ripple of the motors
     reading = q + a sin q + b cos q                                  eccentric encoders
 
 dead(u) is sign(u) max(|u| - z, 0). g has the tilt of the base and the offsets o of the centres of mass: link i turns
@@ -55,6 +56,9 @@ _TORQUE: Final = MACHINE_NAMES.index("torque1")
 _OFFSET: Final = MACHINE_NAMES.index("com_offset1")
 _SIN: Final = MACHINE_NAMES.index("eccentric_sin1")
 _COS: Final = MACHINE_NAMES.index("eccentric_cos1")
+_RIPPLE_SIN: Final = MACHINE_NAMES.index("ripple_sin1")
+_RIPPLE_COS: Final = MACHINE_NAMES.index("ripple_cos1")
+_PERIODS: Final = MACHINE_NAMES.index("ripple_periods1")
 _TILT: Final = MACHINE_NAMES.index("tilt")
 _DELAY: Final = MACHINE_NAMES.index("delay")
 _SAG: Final = MACHINE_NAMES.index("sag")
@@ -66,7 +70,7 @@ _STOPPED: Final = 1e-8
 
 
 def vector_of(arm: ArmParameters, effects: Effects) -> Array:
-    """The vector of a machine without torques of unknown cause, (69,), in the order of MACHINE_NAMES."""
+    """The vector of a machine without torques of unknown cause, (78,), in the order of MACHINE_NAMES."""
     return np.array([*arm.vector(), *effects.values().values(), *(0.0 for _ in EXTRA_NAMES)])
 
 
@@ -85,7 +89,7 @@ def machine_rollout(vector: Array, state0: ArrayLike, volts: Array, payload: Arr
     """Integrates the equations above from a state; volts and payload are held over each sample.
 
     Args:
-        vector: (69,), see MACHINE_NAMES.
+        vector: (78,), see MACHINE_NAMES.
         state0: (6,), angles (rad), then velocities (rad/s) at the start.
         volts: (N, 3), commanded voltages, V; those before the first sample are taken to be like the first.
         payload: (N,), point mass at the tip, kg.
@@ -154,7 +158,13 @@ def _extra(p: Array, i: int, q: float, w: float, v: float) -> float:
 
 
 @kernel
-def _accelerate(x: Array, v: Triple, p: Array, c: Array, extra: bool, slope: Array) -> None:
+def _ripple(p: Array, i: int, q: float) -> float:
+    angle = p[_PERIODS + i] * q
+    return p[_RIPPLE_SIN + i] * math.sin(angle) + p[_RIPPLE_COS + i] * math.cos(angle)
+
+
+@kernel
+def _accelerate(x: Array, v: Triple, p: Array, c: Array, ripple: bool, extra: bool, slope: Array) -> None:
     """Writes the derivative (6,) of a state (6,) under the voltages that act, without dry friction."""
     q1, q2, q3, w1, w2, w3 = x[0], x[1], x[2], x[3], x[4], x[5]
     A, B, E = c[3] * math.sin(q2), c[4] * math.sin(q2 + q3), c[5] * math.sin(q3)
@@ -169,6 +179,10 @@ def _accelerate(x: Array, v: Triple, p: Array, c: Array, extra: bool, slope: Arr
     r1 = p[0] * v[0] - h1 - g1 - p[15] * w1 - p[_CABLE] * q1 + p[_TORQUE]
     r2 = p[1] * v[1] - h2 - g2 - p[16] * w2 - p[_CABLE + 1] * q2 + p[_TORQUE + 1]
     r3 = p[2] * v[2] - h3 - g3 - p[17] * w3 - p[_CABLE + 2] * q3 + p[_TORQUE + 2]
+    if ripple:
+        r1 += _ripple(p, 0, q1)
+        r2 += _ripple(p, 1, q2)
+        r3 += _ripple(p, 2, q3)
     if extra:
         r1 += _extra(p, 0, q1, w1, v[0])
         r2 += _extra(p, 1, q2, w2, v[1])
@@ -184,7 +198,7 @@ def machine_acceleration(vector: Array, state: Array, volts: Array, payload: flo
     """Accelerations (3,), rad/s^2, without dry friction.
 
     Args:
-        vector: (69,), see MACHINE_NAMES.
+        vector: (78,), see MACHINE_NAMES.
         state: (6,), angles in rad, then velocities in rad/s.
         volts: (3,), voltages that act on the motors, V.
         payload: point mass at the tip, kg.
@@ -192,7 +206,7 @@ def machine_acceleration(vector: Array, state: Array, volts: Array, payload: flo
     constants, slope = np.empty(15), np.empty(6)
     _constants(vector, payload, constants)
     first, second, third = volts.tolist()
-    _accelerate(state, (first, second, third), vector, constants, True, slope)
+    _accelerate(state, (first, second, third), vector, constants, True, True, slope)
     return slope[3:]
 
 
@@ -253,7 +267,7 @@ def integrate_machine(
     """Integrates from states[0] and writes states[1:].
 
     Args:
-        p: (69,), see MACHINE_NAMES.
+        p: (78,), see MACHINE_NAMES.
         volts: (first + N, 3), V.
         payload: (first + N,), kg.
         period: time between samples, s.
@@ -268,6 +282,7 @@ def integrate_machine(
         N, or the number of the last finite row when the next one is not finite.
     """
     dry = p[18] + p[19] + p[20] + p[_STICTION] + p[_STICTION + 1] + p[_STICTION + 2] != 0.0
+    ripple = bool(np.any(p[_RIPPLE_SIN:_PERIODS] != 0.0))
     extra = bool(np.any(p[_EXTRA:] != 0.0))
     late = math.floor(p[_DELAY] / period)
     first_part = p[_DELAY] - late * period
@@ -297,16 +312,16 @@ def integrate_machine(
                 start = (v1 if e1 else u1, v2 if e2 else u2, v3 if e3 else u3)
                 middle = (u1 + (v1 - u1) * e1, u2 + (v2 - u2) * e2, u3 + (v3 - u3) * e3)
                 v1, v2, v3 = u1 + (middle[0] - u1) * e1, u2 + (middle[1] - u2) * e2, u3 + (middle[2] - u3) * e3
-                _accelerate(x, start, p, c, extra, k1)
+                _accelerate(x, start, p, c, ripple, extra, k1)
                 for i in range(6):
                     y[i] = x[i] + 0.5 * h * k1[i]
-                _accelerate(y, middle, p, c, extra, k2)
+                _accelerate(y, middle, p, c, ripple, extra, k2)
                 for i in range(6):
                     y[i] = x[i] + 0.5 * h * k2[i]
-                _accelerate(y, middle, p, c, extra, k3)
+                _accelerate(y, middle, p, c, ripple, extra, k3)
                 for i in range(6):
                     y[i] = x[i] + h * k3[i]
-                _accelerate(y, (v1, v2, v3), p, c, extra, k4)
+                _accelerate(y, (v1, v2, v3), p, c, ripple, extra, k4)
                 for i in range(6):
                     x[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
             if dry:
@@ -325,7 +340,7 @@ def linearise_machine(
     """Carries a state over the last of some samples, and tells how what it comes to depends on where it started.
 
     Args:
-        p: (69,), see MACHINE_NAMES.
+        p: (78,), see MACHINE_NAMES.
         volts: (n, 3), commands up to this sample, V.
         payload: mass at the tip, kg.
         columns: (m,), what to differentiate by: a number of the state, 6 and more a number of p, -1 the payload.

@@ -162,3 +162,13 @@ def test_names_and_vectors() -> None:
         Effects().with_values({"lag4": 0.0})
     with pytest.raises(ParameterError, match="delay: expected a finite number of at least 0, got -1"):
         Effects(delay=-1.0)
+
+
+def test_ripple_is_a_torque_that_goes_with_the_angle() -> None:
+    wavy = Effects(ripple_sin=(0.01, 0.0, 0.02), ripple_cos=(0.0, 0.03, 0.01), ripple_periods=(7.0, 20.0, 31.5))
+    angles = np.array([7.0, 20.0, 31.5]) * START[:3]
+    first, second, third = (
+        np.array([0.01, 0, 0.02]) * np.sin(angles) + np.array([0, 0.03, 0.01]) * np.cos(angles)
+    ).tolist()
+    steady = Effects(torque=(first, second, third))
+    np.testing.assert_allclose(acceleration(vector_of(ARM, wavy)), acceleration(vector_of(ARM, steady)), rtol=1e-4)

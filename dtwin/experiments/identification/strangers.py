@@ -63,6 +63,9 @@ def truth_of(machine: Machine, nominal: ArmParameters) -> dict[str, float]:
             f"cable{joint}": transmission.cable[i],
             f"torque{joint}": transmission.cable[i] * transmission.cable_rest[i],
             f"com_offset{joint}": machine.structure.com_offset[i],
+            f"ripple_sin{joint}": float(transmission.ripple[i] * np.cos(transmission.ripple_phase[i])),
+            f"ripple_cos{joint}": float(transmission.ripple[i] * np.sin(transmission.ripple_phase[i])),
+            f"ripple_periods{joint}": transmission.ripple_periods[i],
             f"eccentric_sin{joint}": float(sensing.eccentricity[i] * np.cos(sensing.eccentricity_phase[i])),
             f"eccentric_cos{joint}": float(sensing.eccentricity[i] * np.sin(sensing.eccentricity_phase[i])),
         }
@@ -131,7 +134,7 @@ def strangers_report(found: Sequence[Stranger], duration: float) -> Report:
         "Strangers",
         f"{len(found)} drawn machines whose bodies touch, each at work for {duration:g} s under the usual controller,"
         " identified from readings and commands alone with the data sheet's tolerances as prior. They have elastic"
-        " gears, play and ripple, which no model here has.",
+        " gears and play, which no model here has.",
         table(["machine", "grade", "least fit", "numbers told", "intervals that hold the truth", "remarks"], rows),
         f"Of the 95 % intervals of what the data tell {covered(found):.1%} hold the truth.",
         "## What is most often outside",

@@ -37,7 +37,7 @@ class MachineFit:
     Attributes:
         problem: the estimation problem.
         x: scaled unknowns.
-        vector: (69,), numbers of the machine.
+        vector: (78,), numbers of the machine.
         converged: whether the search ended at a minimum.
         noise: (3,), standard deviation of what is not explained, rad.
         residuals: measured minus predicted readings of every segment, each (N, 3), rad.
@@ -77,15 +77,19 @@ def fit_machine(
     fixed: Array,
     priors: Mapping[str, Prior],
     progress: Callable[[str], None] = lambda text: None,
+    before: MachineFit | None = None,
+    start: Mapping[str, float] | None = None,
 ) -> MachineFit:
     """Fits a machine to segments of motion.
 
     Args:
         segments: segments of motion.
         free: names of the free numbers.
-        fixed: (69,), all numbers, of which those count that are not free.
+        fixed: (78,), all numbers, of which those count that are not free.
         priors: expectation and standard deviation of every free number.
         progress: is told in words how far the search is.
+        before: a fit of the same segments at which the search begins, instead of what is expected and measured.
+        start: values of free numbers at which it begins, whatever they were before.
 
     Raises:
         IdentificationError: the twin diverges at the start.
@@ -93,6 +97,11 @@ def fit_machine(
     """
     problem = MachineProblem(tuple(segments), tuple(free), fixed, priors)
     x, noise = problem.start(), np.full(3, _FIRST_NOISE)
+    if before is not None:
+        x[len(free) :], noise = before.x[len(before.problem.free) :], before.noise
+    known = {**(before.values if before is not None else {}), **(start or {})}
+    for name, value in known.items():
+        x[free.index(name)] = value / priors[name].deviation
     weights = [np.broadcast_to(1.0 / noise, e.measured.shape) for e in segments]
     for round_ in range(1, _ROUNDS + 1):
         found = _search(problem, x, weights)

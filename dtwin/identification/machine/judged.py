@@ -15,10 +15,11 @@ from dtwin.identification.data import Array, Experiment, fingerprint, from_log
 from dtwin.identification.estimation.quality import noise
 from dtwin.identification.estimation.residuals import fit as fit_of
 from dtwin.identification.estimation.solver import minimise
-from dtwin.identification.machine.fit import MachineFit, fit_machine
+from dtwin.identification.machine.fit import MachineFit
 from dtwin.identification.machine.left import Left, what_is_left
 from dtwin.identification.machine.problem import MachineProblem
 from dtwin.identification.machine.record import SCHEMA, Grade, MachineRecord, Number, SensorCheck
+from dtwin.identification.machine.ripple import fit_with_ripple
 from dtwin.identification.machine.sheet import IDENTIFIED, sheet
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
 from dtwin.run.recording import Log
@@ -136,7 +137,7 @@ def identify_machine(log: Log, arm: ArmParameters, progress: Callable[[str], Non
             f" of {JUDGED:g} s to judge by, expected at least {FEWEST} and 1; record two minutes of work"
         )
     chosen = segments[:: -(-len(segments) // MOST)]
-    found = fit_machine(chosen, IDENTIFIED, vector_of(arm, _START), sheet(arm), progress)
+    found = fit_with_ripple(chosen, IDENTIFIED, vector_of(arm, _START), sheet(arm), progress)
     encoders = np.median([noise(segment.measured) for segment in chosen], axis=0)
     return Judged(found, judge(found, judging), np.maximum(encoders, 1e-6), what_is_left(found))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -10,12 +11,14 @@ from dtwin.identification.data import Array
 from dtwin.identification.estimation.problem import Prior
 from dtwin.identification.machine.fit import MachineFit
 from dtwin.identification.machine.problem import MachineProblem
-from dtwin.twin.machine import EXTRA_NAMES
+from dtwin.twin.machine import EXTRA_NAMES, MACHINE_NAMES
 
 NOTICEABLE: Final = 0.1
 """Share of what is not explained from which on a torque that would explain it is told."""
 _UNIT: Final = {"sine": 0.01, "cosine": 0.01, "direction": 0.01, "speed": 0.01, "voltage": 0.001}
 """Sizes that the factors of these torques are compared with, SI units."""
+_STEP: Final = 1e-4
+"""Step of the difference quotients in these units."""
 _WORDS: Final = {
     "sine": ("angle", "a weight or a spring"),
     "cosine": ("angle", "a weight or a spring"),
@@ -39,36 +42,58 @@ class Left(NamedTuple):
         return f"{depends}: {lacks} that the model lacks"
 
 
-def what_is_left(fit: MachineFit) -> tuple[Left, ...]:
-    """The torques that would explain a noticeable share of the residuals, the largest share first.
+class Remainder:
+    """What a fit leaves of its residuals, and what further numbers of the machine would explain of that.
 
-    This is the score test of Rao (Proc. Cambridge Phil. Soc. 44, 1948) for one further factor at a time, with
-    everything that was fitted, initial states among them, fitted again.
+    This is the score test of Rao (Proc. Cambridge Phil. Soc. 44, 1948): everything that was fitted, initial states
+    among them, is fitted again with the further numbers, to first order.
     """
-    problem = fit.problem
-    priors = {**problem.priors, **{name: Prior(0.0, _UNIT[name[:-1]]) for name in EXTRA_NAMES}}
-    wider = MachineProblem(problem.segments, (*problem.free, *EXTRA_NAMES), fit.vector, priors)
-    free = len(problem.free)
-    x = np.concatenate((fit.x[:free], np.zeros(len(EXTRA_NAMES)), fit.x[free:]))
-    weights = [np.broadcast_to(1.0 / fit.noise, e.measured.shape) for e in problem.segments]
-    rows, residuals = [], []
-    for residual, shared, local in wider.linearise(x, weights):
-        basis = np.linalg.qr(local)[0]
-        rows.append(shared - basis @ (basis.T @ shared))
-        residuals.append(residual - basis @ (basis.T @ residual))
-    known = np.vstack([np.vstack(rows)[:, :free], np.eye(free)])
-    further = np.vstack([np.vstack(rows)[:, free:], np.zeros((free, len(EXTRA_NAMES)))])
-    residual = np.concatenate([*residuals, np.zeros(free)])
-    basis = np.linalg.qr(known)[0]
-    further -= basis @ (basis.T @ further)
-    residual -= basis @ (basis.T @ residual)
-    shares = _shares(further, residual)
+
+    def __init__(self, fit: MachineFit) -> None:
+        self._fit = fit
+        problem = fit.problem
+        self._weights = [np.broadcast_to(1.0 / fit.noise, e.measured.shape) for e in problem.segments]
+        linearised = problem.linearise(fit.x, self._weights)
+        self._states = [np.linalg.qr(state)[0] for _, _, state in linearised]
+        free = len(problem.free)
+        known = np.vstack([*self._again([shared for _, shared, _ in linearised]), np.eye(free)])
+        self._known = np.linalg.qr(known)[0]
+        residual = np.concatenate([*self._again([residual for residual, _, _ in linearised]), np.zeros(free)])
+        self.residual = residual - self._known @ (self._known.T @ residual)
+
+    def columns(self, units: Mapping[str, float], vector: Array) -> Array:
+        """Effects of further numbers on the residuals, (R, n), in their units; of a machine with a vector, (78,)."""
+        problem = self._fit.problem
+        priors = {name: Prior(0.0, unit) for name, unit in units.items()}
+        further = MachineProblem(problem.segments, tuple(units), vector, priors)
+        at = [vector[MACHINE_NAMES.index(name)] / unit for name, unit in units.items()]
+        x = np.concatenate((at, self._fit.x[len(problem.free) :]))
+        columns = np.zeros((len(self.residual), len(units)))
+        base = further.simulate(x)
+        for column in range(len(units)):
+            moved = x.copy()
+            moved[column] += _STEP
+            pairs = zip(further.simulate(moved), base, self._weights, strict=True)
+            rows = self._again([((readings - before) * weight).ravel() / _STEP for readings, before, weight in pairs])
+            columns[: -len(problem.free), column] = np.concatenate(rows)
+        found: Array = columns - self._known @ (self._known.T @ columns)
+        return found
+
+    def share(self, columns: Array) -> float:
+        """Share of the squares of what is left that some columns, (R, n), explain together."""
+        basis = np.linalg.qr(columns)[0]
+        explained = basis.T @ self.residual
+        return float(explained @ explained / (self.residual @ self.residual))
+
+    def _again(self, parts: Sequence[Array]) -> list[Array]:
+        """The same of every segment with its initial state fitted again."""
+        return [part - basis @ (basis.T @ part) for part, basis in zip(parts, self._states, strict=True)]
+
+
+def what_is_left(fit: MachineFit) -> tuple[Left, ...]:
+    """The torques that would explain a noticeable share of the residuals, the largest share first, one at a time."""
+    remainder = Remainder(fit)
+    columns = remainder.columns({name: _UNIT[name[:-1]] for name in EXTRA_NAMES}, fit.vector)
+    shares = [remainder.share(column[:, None]) for column in columns.T]
     found = [Left(name[:-1], int(name[-1]), share) for name, share in zip(EXTRA_NAMES, shares, strict=True)]
     return tuple(sorted((each for each in found if each.share > NOTICEABLE), key=lambda each: -each.share))
-
-
-def _shares(columns: Array, residual: Array) -> list[float]:
-    """Share of the squares of a residual, (R,), that each of some columns, (R, n), explains alone."""
-    squares = np.maximum(np.sum(columns**2, axis=0), np.finfo(float).tiny)
-    shares: list[float] = ((columns.T @ residual) ** 2 / squares / float(residual @ residual)).tolist()
-    return shares

@@ -51,7 +51,7 @@ class MachineProblem:
     Attributes:
         segments: segments of motion, at least one.
         free: names of the free numbers, some of MACHINE_NAMES.
-        fixed: (69,), all numbers; those of the free ones do not matter.
+        fixed: (78,), all numbers; those of the free ones do not matter.
         priors: expectation and standard deviation of every free number.
 
     Raises:
@@ -93,7 +93,7 @@ class MachineProblem:
         return np.array(known + states)
 
     def vector(self, x: Array) -> Array:
-        """All numbers of the machine, (69,), for given scaled unknowns."""
+        """All numbers of the machine, (78,), for given scaled unknowns."""
         vector = self.fixed.copy()
         vector[self._places] = x[: len(self.free)] * self.scale
         return vector

@@ -10,7 +10,7 @@ import math
 from typing import Final
 
 from dtwin.identification.estimation.problem import Prior
-from dtwin.parameters import PARAMETER_NAMES, ArmParameters, symbol_of
+from dtwin.parameters import PARAMETER_NAMES, VOLTAGE_LIMIT, ArmParameters, symbol_of
 from dtwin.twin.effects import EFFECT_NAMES
 
 _RELATIVE: Final = {
@@ -41,16 +41,20 @@ _EFFECTS: Final = {
     "sag": (0.0, 0.05),
 }
 """Ranges of the effects in their units; that of the delay is drive and encoders together."""
+_RIPPLE: Final = 0.005
+"""Largest ripple as a share of the torque of a motor that stands still under its largest voltage."""
+RIPPLE_PERIODS: Final = (6.0, 40.0)
+"""Range of the ripple's periods in a turn."""
 _DOUBT: Final = 1.5
 
 IDENTIFIED: Final = (
     *(name for name in PARAMETER_NAMES if symbol_of(name) != "l"),
-    *(name for name in EFFECT_NAMES if not name.startswith("stribeck_velocity")),
+    *(name for name in EFFECT_NAMES if not name.startswith(("stribeck_velocity", "ripple"))),
 )
-"""Names of what is identified.
+"""Names of what is identified of every machine.
 
-The lengths keep the values of the data sheet because it tells them well, the Stribeck velocities because motions of
-ordinary work hardly tell them from stiction.
+Ripple is identified of the motors that show it (see `ripple`). The lengths keep the values of the data sheet because
+it tells them well, the Stribeck velocities because motions of ordinary work hardly tell them from stiction.
 """
 
 
@@ -61,7 +65,17 @@ def sheet(arm: ArmParameters) -> dict[str, Prior]:
         arm: arm as it was designed.
     """
     priors = {name: _parameter(name, arm) for name in PARAMETER_NAMES}
-    return priors | {name: _within(*_EFFECTS[name.rstrip("123")]) for name in EFFECT_NAMES}
+    return priors | {name: _effect(name, arm) for name in EFFECT_NAMES}
+
+
+def _effect(name: str, arm: ArmParameters) -> Prior:
+    kind = name.rstrip("123")
+    if kind == "ripple_periods":
+        return _within(*RIPPLE_PERIODS)
+    if kind in ("ripple_sin", "ripple_cos"):
+        most = _RIPPLE * VOLTAGE_LIMIT * arm.get(f"K{name[-1]}")
+        return _within(-most, most)
+    return _within(*_EFFECTS[kind])
 
 
 def _parameter(name: str, arm: ArmParameters) -> Prior:

@@ -20,11 +20,11 @@ from dtwin.parameters import ArmParameters
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
 from dtwin.twin.effects import NO_EFFECTS, Effects
-from dtwin.twin.machine import MACHINE_NAMES, machine_rollout, vector_of
+from dtwin.twin.machine import MACHINE_NAMES, vector_of
+from tests.support.segments import NOISE, motions
 
 ARM = ArmParameters()
 FREE = ("D1", "D2", "D3", "mu1", "mu2", "mu3", "dead_zone1", "dead_zone2", "dead_zone3", "delay")
-NOISE = 5e-4
 TRUE = vector_of(
     ArmParameters(damping=(0.06, 0.07, 0.05), coulomb=(0.01, 0.02, 0.015)),
     Effects(dead_zone=(0.1, 0.2, 0.05), delay=0.007),
@@ -39,18 +39,6 @@ def fitting(*fits: float) -> HeldOutMotion:
     """Held-out motion of which each joint is predicted with a given fit."""
     measured = np.linspace(-1.0, 1.0, 50)[:, None] * np.ones(3)
     return HeldOutMotion((measured,), (measured * np.array(fits),))
-
-
-def motions(vector: Array, count: int, seed: int) -> list[Experiment]:
-    """Segments of motion from the bench, under voltages that hold the arm and swing it."""
-    generator = np.random.default_rng(seed)
-    found = []
-    for _ in range(count):
-        state = np.concatenate((generator.uniform(-1.0, 1.0, 3), generator.uniform(-1.0, 1.0, 3)))
-        volts = np.repeat(generator.uniform(-5.0, 5.0, (5, 3)), 8, axis=0)
-        readings = machine_rollout(vector, state, volts, np.zeros(40))[1][:-1]
-        found.append(Experiment(readings + generator.normal(0.0, NOISE, readings.shape), volts))
-    return found
 
 
 @pytest.fixture(scope="module")
@@ -124,8 +112,8 @@ def test_grades_and_the_record(fitted: MachineFit, tmp_path: Path) -> None:
     content = json.loads((tmp_path / "arm.json").read_text())
     delay = content["numbers"]["delay"]
     for change, message in (
-        ({"schema": "2"}, "schema: expected 'dtwin machine record 4', got '2'; commission the machine anew"),
-        ({"schema": "2", "grade": "good", "older": 1}, "schema: expected 'dtwin machine record 4', got '2'"),
+        ({"schema": "2"}, "schema: expected 'dtwin machine record 5', got '2'; commission the machine anew"),
+        ({"schema": "2", "grade": "good", "older": 1}, "schema: expected 'dtwin machine record 5', got '2'"),
         ({"grade": "good"}, "expected the record of a machine: Invalid enum value 'good'"),
         ({"numbers": {}}, "numbers: K1 is missing"),
         ({"numbers": {**content["numbers"], "delay": {**delay, "value": -1.0}}}, "delay: expected"),
