@@ -107,10 +107,10 @@ def fit_machine(
         found = _search(problem, x, weights)
         x = found.x
         residuals = [e.measured - readings for e, readings in zip(segments, problem.simulate(x), strict=True)]
-        before, noise = noise, _spread(residuals)
+        last, noise = noise, _spread(residuals)
         weights = [np.sqrt(_FAR / np.maximum(np.abs(r) / noise, _FAR)) / noise for r in residuals]
         progress(f"round {round_}: {1e3 * noise.max():.2f} mrad are not explained")
-        if np.abs(np.log(noise / before)).max() < _SAME:
+        if np.abs(np.log(noise / last)).max() < _SAME:
             break
     return MachineFit(
         problem, x, problem.vector(x), found.converged, noise, tuple(residuals), _covariance(problem, x, weights)
