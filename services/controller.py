@@ -5,12 +5,13 @@ from __future__ import annotations
 import logging
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 from dtwin.controller.ports import BLOCKS, SYSTEM
 from dtwin.controller.settings import ControlSettings
-from dtwin.iec61499.deploy.build import deploy
+from dtwin.iec61499.deploy.build import deploy, suited
 from dtwin.iec61499.deploy.plan import plan_deployment
 from dtwin.iec61499.device.embedded import EmbeddedDevice
 from dtwin.iec61499.library import Library
@@ -79,7 +80,8 @@ def deploy_cell(address: Address, settings: ControlSettings) -> None:
         for device in system.devices:
             for resource in device.resources:
                 network = resource_network(system, f"{device.name}.{resource.name}")
-                deploy(client, plan_deployment(resource.name, network, library))
+                plan = partial(plan_deployment, resource.name, network, library, None)
+                deploy(client, suited(client, plan))
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from dtwin.cli import main
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.remote import RemoteController
 from dtwin.iec61499 import model
-from dtwin.iec61499.deploy.lua_export import LuaType
+from dtwin.iec61499.deploy.device_type import DeviceType
 from dtwin.iec61499.library import Library
 from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell
@@ -123,7 +123,7 @@ def test_lua_files_hold_the_types(tmp_path: Path, capsys: pytest.CaptureFixture[
     ]
     counter = Library([BLOCKS]).find("EVENT_COUNTER")
     assert isinstance(counter, model.BasicFBType)
-    bench = LuaBench(LuaType("COUNTER", (tmp_path / "lua" / "EVENT_COUNTER.lua").read_text(), counter))
+    bench = LuaBench(DeviceType("COUNTER", (tmp_path / "lua" / "EVENT_COUNTER.lua").read_text(), counter))
     assert [bench.fire("REQ", COUNT_LIMIT=3) for _ in range(6)] == [[], [], ["CNT_CMP"]] * 2
 
 

@@ -35,7 +35,7 @@ from dtwin.run.recording import Log
 from dtwin.run.settings import CellSettings
 from dtwin.signals import STOPS
 from tests.support.devices import BLOCKS, DeployedApplication, Receiver, embedded
-from tests.support.forte import FORTE, NO_FORTE, forte
+from tests.support.forte import FORTE, FORTES, NO_FORTE, forte
 from tests.support.waiting import connected, until
 
 SAME = 1e-9
@@ -43,9 +43,10 @@ SAME = 1e-9
 needs_forte = pytest.mark.skipif(not FORTE, reason=NO_FORTE)
 
 
-@pytest.fixture(params=["embedded", pytest.param("forte", marks=needs_forte)])
+@pytest.fixture(params=["embedded", *FORTES])
 def served(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[DeployedApplication]:
-    with forte(tmp_path) if request.param == "forte" else embedded() as management:
+    device = embedded() if request.param == "embedded" else forte(tmp_path, binary=request.param)
+    with device as management:
         device = DeployedApplication(management)
         device.deploy()
         with device.client:
@@ -87,6 +88,21 @@ def test_a_minute_under_the_cascade_is_the_same(served: DeployedApplication) -> 
     log = cell.log.freeze()
     assert_same_run(log, alone.log.freeze())
     assert cell.summary(log).boxes.delivered > 1
+
+
+def test_two_minutes_are_the_same_to_the_byte(served: DeployedApplication) -> None:
+    settings = CellSettings(duration=120.0, seed=3, noise=0.001)
+    alone = Cell(settings)
+    alone.run()
+    with controller(served) as remote:
+        cell = Cell(settings, remote)
+        cell.run()
+    found, expected = cell.log.freeze(), alone.log.freeze()
+    assert found.events == expected.events
+    assert {name: values.tobytes() for name, values in found.columns.items()} == {
+        name: values.tobytes() for name, values in expected.columns.items()
+    }
+    assert cell.summary(found).boxes.delivered > 2
 
 
 def test_a_second_run_on_the_same_application(served: DeployedApplication) -> None:
@@ -294,13 +310,13 @@ def test_every_type_reaches_forte_and_wraps_there(tmp_path: Path) -> None:
         assert alone.read("C.Y") == [1.0, 5.0, -3.0]
 
 
-@needs_forte
-def test_forte_boots_from_an_exported_file(tmp_path: Path) -> None:
+@pytest.mark.parametrize("binary", FORTES)
+def test_forte_boots_from_an_exported_file(tmp_path: Path, binary: str) -> None:
     boot = tmp_path / "cell.fboot"
-    with forte(tmp_path) as management:
+    with forte(tmp_path, binary=binary) as management:
         ports = DeployedApplication(management)
-    boot.write_text(print_boot_file(ports.plan().commands))
-    with forte(tmp_path, "-f", str(boot)), controller(ports) as remote:
+        boot.write_text(print_boot_file(ports.plan().commands))
+    with forte(tmp_path, "-f", str(boot), binary=binary), controller(ports) as remote:
         Cell(CellSettings(duration=3.0, seed=1), remote).run()
         assert remote.largest_difference <= SAME
 

@@ -8,12 +8,13 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.deploy.build import deploy
+from dtwin.iec61499.deploy.build import deploy, suited
 from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.client import ManagementClient
@@ -40,7 +41,7 @@ class DeployedApplication:
     def plan(self, blocks: Path = BLOCKS, settings: ControlSettings | None = None) -> Deployment:
         library = Library([blocks])
         system = configured(library.load_system(BLOCKS / "dtwin.sys"), (settings or ControlSettings()).inputs())
-        return plan_deployment("EMB_RES", resource_network(system), library, self.ports)
+        return suited(self.client, partial(plan_deployment, "EMB_RES", resource_network(system), library, self.ports))
 
     def deploy(self, blocks: Path = BLOCKS, settings: ControlSettings | None = None) -> None:
         deploy(self.client, self.plan(blocks, settings))

@@ -13,7 +13,9 @@ from dtwin.controller.sequence import SequenceName, with_sequence
 from dtwin.errors import DtwinError, FunctionBlockError, ParameterError, choices
 from dtwin.files import replacing
 from dtwin.iec61499 import model
-from dtwin.iec61499.deploy.build import deploy, remove
+from dtwin.iec61499.deploy.build import Planner, deploy, remove, suited
+from dtwin.iec61499.deploy.cpp_export import built_in_type, module_files
+from dtwin.iec61499.deploy.device_type import TypeExport
 from dtwin.iec61499.deploy.difference import change, difference
 from dtwin.iec61499.deploy.lua_export import export_type
 from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
@@ -70,7 +72,8 @@ class FbCheck:
 
 @dataclass(frozen=True)
 class FbExport:
-    """Write a system as boot files for 4diac FORTE and `dtwin fb run`, its block types as Lua, or resources as C.
+    """Write a system as boot files for 4diac FORTE and `dtwin fb run`, its block types as Lua or for the build of a
+    FORTE, or resources as C.
 
     The C of a resource is one reentrant C99 unit without allocation, which computes what the other runtimes do, to
     the bit: compile it with -ffp-contract=off and without fast-math, and link it with -lm.
@@ -78,13 +81,16 @@ class FbExport:
 
     folder: tyro.conf.Positional[Path]
     """Folder to write to."""
-    format: Literal["lua", "fboot", "c"] = "fboot"
+    format: Literal["lua", "fboot", "c", "forte"] = "fboot"
     """With fboot DEVICE.fboot for every device, with lua TYPE.lua for every basic and simple block type, with c
-    SYSTEM.h and SYSTEM.c, or DEVICE_RESOURCE of several resources, and fb.h, which they include."""
+    SYSTEM.h and SYSTEM.c, or DEVICE_RESOURCE of several resources, and fb.h, which they include; with forte a module
+    of all types of the system for the folder that FORTE_EXTERNAL_MODULES_DIRECTORY names when a FORTE is built."""
     system: Path = SYSTEM
-    """System (.sys) that the boot files build, or that is written as C."""
+    """System (.sys) that the boot files build, whose types a FORTE gets, or that is written as C."""
     blocks: Path | None = None
     """Folder of the block types; without it the folder of the system."""
+    types: Literal["lua", "built-in"] = "lua"
+    """Whether boot files give a FORTE the block types as Lua, or are for one that has them built in."""
 
     def execute(self) -> int:
         library = Library([self.blocks or self.system.parent])
@@ -94,15 +100,22 @@ class FbExport:
         except OSError as error:
             raise ParameterError(f"{self.folder}: cannot be made a folder: {error.strerror}") from None
         for name, text in texts.items():
-            with replacing(self.folder / name) as temporary:
+            file = self.folder / name
+            file.parent.mkdir(exist_ok=True)
+            with replacing(file) as temporary:
                 temporary.write_text(text)
-            print(printable(str(self.folder / name)))
+            print(printable(str(file)))
         return 0
 
     def _texts(self, library: Library) -> dict[str, str]:
         if self.format == "lua":
             return _lua_files(library)
-        return _boot_files(library, self.system) if self.format == "fboot" else c_files(library, self.system)
+        if self.format == "c":
+            return c_files(library, self.system)
+        if self.format == "fboot":
+            return _boot_files(library, self.system, built_in_type if self.types == "built-in" else export_type)
+        planners = [plan for plans in _planners(library, library.load_system(self.system)).values() for plan in plans]
+        return module_files(kind for plan in planners for kind in plan(built_in_type).types)
 
 
 @dataclass(frozen=True)
@@ -134,7 +147,7 @@ class FbDeploy:
         file = Path(self.address) if whole else self.system
         library = Library([self.blocks or file.parent])
         system = with_sequence(library.load_system(file), self.sequence)
-        plans = _plans(library, system)
+        planners = _planners(library, system)
         for line in system.inserted:
             print(printable(f"inserted: {line}"))
         if whole:
@@ -142,11 +155,11 @@ class FbDeploy:
                 raise ParameterError("--online: expected the address of one device")
             if self.device:
                 raise ParameterError(f"--device {self.device}: expected an address, as {self.address} is built whole")
-            self._deploy_all(system, plans)
+            self._deploy_all(system, planners)
             return 0
-        chosen = _chosen(plans, self.device)
+        chosen = _chosen(planners, self.device)
         with ManagementClient(parse_stream_address(self.address)) as client:
-            for plan in chosen:
+            for plan in [suited(client, planner) for planner in chosen]:
                 if self.online:
                     lines = change(client, plan).lines()
                     print(printable(f"{plan.resource}: {len(lines)} changes, read back"))
@@ -155,7 +168,7 @@ class FbDeploy:
                     print(printable(_done(plan)))
         return 0
 
-    def _deploy_all(self, system: model.System, plans: dict[str, list[Deployment]]) -> None:
+    def _deploy_all(self, system: model.System, planners: dict[str, list[Planner]]) -> None:
         """Builds every device; what was built before one refuses is taken away again."""
         addresses = {device.name: management_address(device) for device in system.devices}
         for name, address in addresses.items():
@@ -166,6 +179,7 @@ class FbDeploy:
                 name: open_clients.enter_context(ManagementClient(parse_stream_address(address)))
                 for name, address in addresses.items()
             }
+            plans = {name: [suited(client, plan) for plan in planners[name]] for name, client in clients.items()}
             built: list[tuple[ManagementClient, Deployment]] = []
             try:
                 # the first device starts last, so that it finds the others listening
@@ -200,23 +214,22 @@ class FbDiff:
 
     def execute(self) -> int:
         library = Library([self.blocks or self.system.parent])
-        plans = _plans(library, library.load_system(self.system))
-        chosen = _chosen(plans, self.device)
+        chosen = _chosen(_planners(library, library.load_system(self.system)), self.device)
         lines = []
         with ManagementClient(parse_stream_address(self.address)) as client:
-            for plan in chosen:
-                lines += difference(client, plan).lines()
+            for planner in chosen:
+                lines += difference(client, suited(client, planner)).lines()
         for line in lines:
             print(printable(line))
         print(f"differences: {len(lines)}")
         return 1 if lines else 0
 
 
-def _chosen(plans: dict[str, list[Deployment]], device: str) -> list[Deployment]:
-    if device not in plans and (device or len(plans) != 1):
-        valid = choices(plans) if plans else "a system with a device"
+def _chosen(planners: dict[str, list[Planner]], device: str) -> list[Planner]:
+    if device not in planners and (device or len(planners) != 1):
+        valid = choices(planners) if planners else "a system with a device"
         raise ParameterError(f"--device {device!r}: expected {valid}")
-    return plans.get(device) or next(iter(plans.values()))
+    return planners.get(device) or next(iter(planners.values()))
 
 
 def _done(plan: Deployment) -> str:
@@ -227,15 +240,14 @@ def _files(path: Path) -> list[Path]:
     return sorted(file for file in path.rglob("*") if file.suffix in SUFFIXES) if path.is_dir() else [path]
 
 
-def _plans(library: Library, system: model.System) -> dict[str, list[Deployment]]:
-    """For every device of a system the deployments of its resources."""
-    return {
-        device.name: [
-            plan_deployment(resource.name, resource_network(system, f"{device.name}.{resource.name}"), library)
-            for resource in device.resources
-        ]
-        for device in system.devices
-    }
+def _planners(library: Library, system: model.System) -> dict[str, list[Planner]]:
+    """For every device of a system what plans its resources."""
+
+    def planner(device: model.DeviceDeclaration, resource: model.ResourceDeclaration) -> Planner:
+        network = resource_network(system, f"{device.name}.{resource.name}")
+        return lambda export: plan_deployment(resource.name, network, library, None, export)
+
+    return {device.name: [planner(device, resource) for resource in device.resources] for device in system.devices}
 
 
 def _lua_files(library: Library) -> dict[str, str]:
@@ -247,10 +259,10 @@ def _lua_files(library: Library) -> dict[str, str]:
     }
 
 
-def _boot_files(library: Library, system_file: Path) -> dict[str, str]:
+def _boot_files(library: Library, system_file: Path, export: TypeExport) -> dict[str, str]:
     files = {}
-    for device, plans in _plans(library, library.load_system(system_file)).items():
-        commands: list[Command] = [command for plan in plans for command in plan.commands]
+    for device, planners in _planners(library, library.load_system(system_file)).items():
+        commands: list[Command] = [command for plan in planners for command in plan(export).commands]
         numbered = (
             replace(command, request=replace(command.request, id=str(number)))
             for number, command in enumerate(commands, 1)

@@ -2,19 +2,46 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NoReturn
 
+from dtwin.errors import FunctionBlockError
+from dtwin.iec61499.deploy.cpp_export import built_in_type
+from dtwin.iec61499.deploy.device_type import TypeExport, is_built_in, original_name
+from dtwin.iec61499.deploy.lua_export import export_type
 from dtwin.iec61499.deploy.plan import Deployment
 from dtwin.iec61499.management.bootfile import Command
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.protocol import ManagedBlock, ManagedType, ManagementError, Reason, Request
+
+Planner = Callable[[TypeExport], Deployment]
+"""Plans a resource for devices that get the types of its blocks in one way."""
+
+
+def suited(client: ManagementClient, plan: Planner) -> Deployment:
+    """The plan for a device: with types built into it if it has all of them in this version, otherwise as Lua.
+
+    Raises:
+        FunctionBlockError: as `plan_deployment`.
+        ManagementError: the device does not tell its types.
+        CommunicationError: the device does not answer.
+    """
+    names = {name for name in client.types() if is_built_in(name)}
+    if names:
+        try:
+            built_in = plan(built_in_type)
+        except FunctionBlockError:
+            return plan(export_type)  # which says what is wrong, or does what C cannot
+        if all(kind.name in names for kind in built_in.types):
+            return built_in
+    return plan(export_type)
 
 
 def deploy(client: ManagementClient, deployment: Deployment) -> None:
     """Builds and starts the resource.
 
     The block types come first: a device that cannot take them keeps what it runs. What fails later leaves no half
-    resource behind.
+    resource behind. Types that are built in must be there, as `suited` finds.
 
     Raises:
         ManagementError: the device refuses; names the block.
@@ -64,10 +91,10 @@ def _demand(client: ManagementClient, deployment: Deployment, command: Command) 
 
 
 def _refuse(client: ManagementClient, deployment: Deployment, request: Request, reason: Reason) -> NoReturn:
-    raise ManagementError(reason, f"{client.address}: {_refusal(deployment, request, reason)}")
+    raise ManagementError(reason, f"{client.address}: {_refusal(client, deployment, request, reason)}")
 
 
-def _refusal(deployment: Deployment, request: Request, reason: Reason) -> str:
+def _refusal(client: ManagementClient, deployment: Deployment, request: Request, reason: Reason) -> str:
     subject = request.subject
     if isinstance(subject, ManagedType):
         blocks = [command.request.subject for command in deployment.commands]
@@ -76,7 +103,7 @@ def _refusal(deployment: Deployment, request: Request, reason: Reason) -> str:
         )
         needed = {
             "UNSUPPORTED_CMD": "the device takes no block types: expected dtwin fb run, or a 4diac FORTE built with "
-            "FORTE_USE_LUATYPES",
+            f"FORTE_USE_LUATYPES or with what dtwin fb export --format forte writes{_other_version(client, subject)}",
             "UNSUPPORTED_TYPE": "the device has no such block type, or another one of that name: expected the "
             "same library",
         }.get(reason, "the device cannot read it: expected a 4diac FORTE with Lua 5.1 or later")
@@ -87,3 +114,10 @@ def _refusal(deployment: Deployment, request: Request, reason: Reason) -> str:
             "expected a 4diac FORTE built with the module that holds it"
         )
     return f"refused {request} in resource {deployment.resource}: {reason}"
+
+
+def _other_version(client: ManagementClient, subject: ManagedType) -> str:
+    """What the device has built in in place of a type."""
+    wanted = original_name(subject.name)
+    found = next((name for name in client.types() if is_built_in(name) and original_name(name) == wanted), "")
+    return f"; {found}, which it has, is of another version of the library" if found else ""

@@ -11,13 +11,13 @@ a type it knows by name, so the name of an exported type ends with a digest of i
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
+from dtwin.iec61499.deploy.device_type import Algorithmic, DeviceType, digested
 from dtwin.iec61499.management.protocol import REQUEST_LIMIT, ManagedType, Request
 from dtwin.iec61499.runtime.chart import CHAIN_LIMIT
 from dtwin.iec61499.runtime.checker import BlockChecker
@@ -32,31 +32,9 @@ PORT_LIMIT: Final = 255
 """Most events, inputs, outputs or internal variables of a type; FORTE ends its lists with 255."""
 LOCAL_LIMIT: Final = 180
 """Most variables that one algorithm may use; Lua has 200 locals a function, and loops need some."""
-_DIGITS: Final = 8
 
 
-@dataclass(frozen=True, slots=True)
-class LuaType:
-    """A block type for a device.
-
-    Attributes:
-        name: the name on the device: the type's own name, _ and a digest of the text.
-        text: the Lua chunk.
-        block: what the chunk says: the type under that name, its variables without initial values.
-    """
-
-    name: str
-    text: str
-    block: model.BasicFBType | model.SimpleFBType
-
-
-def original_name(name: str) -> str | None:
-    """The name of the type that `name` is an export of; None if it does not look like one."""
-    original, _, digest = name.rpartition("_")
-    return original if original and len(digest) == _DIGITS and set(digest) <= set("0123456789abcdef") else None
-
-
-def export_type(block: model.BasicFBType | model.SimpleFBType) -> LuaType:
+def export_type(block: Algorithmic) -> DeviceType:
     """The block as a Lua type.
 
     Raises:
@@ -64,7 +42,7 @@ def export_type(block: model.BasicFBType | model.SimpleFBType) -> LuaType:
             counts, or the request that creates the type is longer than FORTE takes; names file and line, or the size.
     """
     text = _Export(block).text()
-    name = f"{block.header.name}_{hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]}"
+    name = digested(block, text)
     size = len(Request("999999", "CREATE", ManagedType(name, text)).xml().encode())
     if size > REQUEST_LIMIT:
         raise FunctionBlockError(
@@ -73,10 +51,10 @@ def export_type(block: model.BasicFBType | model.SimpleFBType) -> LuaType:
             block.header.file,
             block.header.line,
         )
-    return LuaType(name, text, _as_deployed(block, name))
+    return DeviceType(name, text, _as_deployed(block, name))
 
 
-def _as_deployed(block: model.BasicFBType | model.SimpleFBType, name: str) -> model.BasicFBType | model.SimpleFBType:
+def _as_deployed(block: Algorithmic, name: str) -> Algorithmic:
     def bare(variables: Iterable[model.Variable]) -> tuple[model.Variable, ...]:
         return tuple(replace(variable, initial="") for variable in variables)
 
@@ -88,7 +66,7 @@ def _as_deployed(block: model.BasicFBType | model.SimpleFBType, name: str) -> mo
 
 
 class _Export:
-    def __init__(self, block: model.BasicFBType | model.SimpleFBType) -> None:
+    def __init__(self, block: Algorithmic) -> None:
         self._block = block
         self._keys: dict[str, int] = {}
         self._short: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""What device management must be told to build a resource: block types as Lua, blocks, connections, values, START.
+"""What device management must be told to build a resource: block types, blocks, connections, values, START.
 
 The network is laid flat, as devices take it: a block inside a composite has a dotted name
 (`TWIN.IDENTIFICATION.REQUEST`), and the composite itself becomes its border (`TWIN.BORDER`), so that events come in
@@ -16,7 +16,8 @@ from typing import Any, Final
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.border import BORDER, border_type, inner_name
-from dtwin.iec61499.deploy.lua_export import LuaType, export_type
+from dtwin.iec61499.deploy.device_type import DeviceType, TypeExport
+from dtwin.iec61499.deploy.lua_export import export_type
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.literals import format_literal, format_string, format_typed
 from dtwin.iec61499.management.bootfile import Command
@@ -45,18 +46,23 @@ class Deployment:
     Attributes:
         resource: the resource's name.
         types: the block types that the device does not have by itself, each once.
-        commands: all requests in order: types, the resource, its blocks, connections and values, START.
+        commands: all requests in order: types given as Lua, the resource, its blocks, connections and values,
+            START.
         typed: the ports to which a value is written only to tell the device their type.
     """
 
     resource: str
-    types: tuple[LuaType, ...]
+    types: tuple[DeviceType, ...]
     commands: tuple[Command, ...]
     typed: frozenset[str] = frozenset()
 
 
 def plan_deployment(
-    resource: str, network: model.FBNetwork, library: Library, ports: Mapping[int, int] | None = None
+    resource: str,
+    network: model.FBNetwork,
+    library: Library,
+    ports: Mapping[int, int] | None = None,
+    export: TypeExport = export_type,
 ) -> Deployment:
     """The requests that make a network run in a new resource.
 
@@ -65,37 +71,47 @@ def plan_deployment(
         network: what shall run, as `resource_network` gives it.
         library: finds the block types that the network uses.
         ports: TCP or UDP ports, by the port that each replaces in the IDs of communication blocks.
+        export: makes a block a type of the device; without it as Lua.
 
     Raises:
-        FunctionBlockError: the network or one of its types is wrong, or beyond what FORTE takes as Lua.
+        FunctionBlockError: the network or one of its types is wrong, or beyond what the device can have.
     """
-    return _Plan(resource, network, library, ports or {}).deployment()
+    return _Plan(resource, network, library, ports or {}, export).deployment()
 
 
 class _Plan:
-    def __init__(self, resource: str, network: model.FBNetwork, library: Library, ports: Mapping[int, int]) -> None:
+    def __init__(
+        self,
+        resource: str,
+        network: model.FBNetwork,
+        library: Library,
+        ports: Mapping[int, int],
+        export: TypeExport,
+    ) -> None:
         netlist = flatten(network, library.find)
         resolve(netlist)
         check_types(netlist)
         self._resource = resource
         self._library = library
         self._ports = ports
+        self._export = export
         self._nodes = netlist.nodes
         self._events = netlist.events
         self._data = netlist.data
-        self._types: dict[model.FBType, LuaType] = {}
+        self._types: dict[model.FBType, DeviceType] = {}
         self._commands: list[Command] = []
         self._typed: set[str] = set()
 
     def deployment(self) -> Deployment:
-        lua_types = [self._lua_type(node) for node in self._nodes]
+        given_types = [self._device_type(node) for node in self._nodes]
         constants = self._constants()
-        for lua_type in self._types.values():
-            self._add("", "CREATE", ManagedType(lua_type.name, lua_type.text))
+        for given in self._types.values():
+            if given.text:
+                self._add("", "CREATE", ManagedType(given.name, given.text))
         self._add("", "CREATE", ManagedBlock(self._resource, RESOURCE_TYPE))
-        for node, lua in zip(self._nodes, lua_types, strict=True):
+        for node, own in zip(self._nodes, given_types, strict=True):
             if (node.name, _type(node).header.name) != ("START", "E_RESTART"):
-                kind = lua.name if lua is not None else _type(node).header.name
+                kind = own.name if own is not None else _type(node).header.name
                 self._add(self._resource, "CREATE", ManagedBlock(self._name(node), kind))
         for wire in self._data.values():
             self._give_type(wire)
@@ -106,8 +122,8 @@ class _Plan:
                     "CREATE",
                     ManagedConnection(self._place(wire.source), self._place(wire.destination)),
                 )
-        for number, (node, lua) in enumerate(zip(self._nodes, lua_types, strict=True)):
-            for port, literal in self._values(number, node, lua, constants):
+        for number, (node, own) in enumerate(zip(self._nodes, given_types, strict=True)):
+            for port, literal in self._values(number, node, own, constants):
                 self._add(self._resource, "WRITE", ManagedConnection(literal, port))
         self._add(self._resource, "START", None)
         return Deployment(self._resource, tuple(self._types.values()), tuple(self._commands), frozenset(self._typed))
@@ -115,8 +131,8 @@ class _Plan:
     def _add(self, resource: str, action: RequestAction, subject: Subject | None) -> None:
         self._commands.append(Command(resource, Request(str(len(self._commands) + 1), action, subject)))
 
-    def _lua_type(self, node: Node) -> LuaType | None:
-        """The node's type as Lua; None if the device has it by itself."""
+    def _device_type(self, node: Node) -> DeviceType | None:
+        """The node's type as the device gets it; None if it has it by itself."""
         block = _type(node)
         for adapter in block.interface.adapters:
             raise FunctionBlockError(
@@ -138,7 +154,7 @@ class _Plan:
             return None
         if block not in self._types:
             flat = border_type(block) if isinstance(block, model.CompositeFBType) else block
-            self._types[block] = export_type(flat)
+            self._types[block] = self._export(flat)
         return self._types[block]
 
     def _give_type(self, wire: Wire) -> None:
@@ -204,9 +220,9 @@ class _Plan:
         return model.literal(parameter.value, _data_type(variable), node.file, parameter.line)
 
     def _values(
-        self, number: int, node: Node, lua: LuaType | None, constants: Mapping[Terminal, Any]
+        self, number: int, node: Node, own: DeviceType | None, constants: Mapping[Terminal, Any]
     ) -> Iterator[tuple[str, str]]:
-        """The ports and literals to write: parameters, constants, initial values other than the type's default."""
+        """The ports and literals to write: parameters, constants, initial values that the type does not have."""
         block = _type(node)
         composite = isinstance(block, model.CompositeFBType)
         for variable in block.interface.inputs:
@@ -215,21 +231,21 @@ class _Plan:
                 continue
             if port in constants and self._is_sampled(port):
                 value = _widened(constants[port], _data_type(variable))
-            elif variable.name in node.parameters or lua is not None:
+            elif variable.name in node.parameters or own is not None:
                 value = self._initial(node, variable)
             else:
                 continue
-            if lua is None or value != _data_type(variable).default:
+            if own is None or value != own.start(variable.name):
                 yield self._place(port), self._literal(block, variable, value)
         for variable in block.interface.outputs if composite else ():
             port = Terminal(number, variable.name, inner=True)
             if port in constants:
                 value = _widened(constants[port], _data_type(variable))
                 yield self._place(port), format_literal(value, _data_type(variable))
-        if lua is not None:
+        if own is not None:
             for variable in (*block.interface.outputs, *getattr(block, "internals", ())):
                 value = model.initial_value(variable, block.header.file)
-                if value != _data_type(variable).default:
+                if value != own.start(variable.name):
                     yield self._place(Terminal(number, variable.name)), format_literal(value, _data_type(variable))
 
     def _literal(self, block: model.FBType, variable: model.Variable, value: Any) -> str:

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.deploy.lua_export import original_name
+from dtwin.iec61499.deploy.device_type import original_name
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.protocol import Watch

@@ -7,7 +7,8 @@ from xml.sax.saxutils import quoteattr
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.border import border_type
-from dtwin.iec61499.deploy.lua_export import export_type, original_name
+from dtwin.iec61499.deploy.device_type import original_name
+from dtwin.iec61499.deploy.lua_export import export_type
 from dtwin.iec61499.device.managed_resource import ManagedResource
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.protocol import (

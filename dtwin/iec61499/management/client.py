@@ -173,3 +173,7 @@ class ManagementClient:
     def blocks(self, resource: str) -> tuple[ManagedBlock, ...]:
         """The blocks of a resource, or with "" the resources of the device."""
         return self.demand(resource, "QUERY", ManagedBlock(ANY, ANY)).blocks or ()
+
+    def types(self) -> tuple[str, ...]:
+        """The names of the block types of the device."""
+        return self.demand("", "QUERY", ManagedType(ANY)).names or ()

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.deploy.lua_export import LuaType, export_type, original_name
+from dtwin.iec61499.deploy.device_type import DeviceType, original_name
+from dtwin.iec61499.deploy.lua_export import export_type
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.protocol import REQUEST_LIMIT
 from dtwin.iec61499.standard.notation import interface
@@ -33,7 +34,7 @@ def basic(name: str) -> model.BasicFBType:
 
 
 @cache
-def exported(name: str) -> LuaType:
+def exported(name: str) -> DeviceType:
     """A block of the library as Lua, made once for all examples."""
     return export_type(basic(name))
 

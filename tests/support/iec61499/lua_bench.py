@@ -10,7 +10,7 @@ import lupa.lua54
 import lupa.luajit21
 
 from dtwin.iec61499 import model
-from dtwin.iec61499.deploy.lua_export import LuaType
+from dtwin.iec61499.deploy.device_type import DeviceType
 from dtwin.iec61499.types import ArrayType
 
 INTERPRETERS: Final = {"Lua 5.1": lupa.lua51, "Lua 5.4": lupa.lua54, "LuaJIT 2.1": lupa.luajit21}
@@ -35,7 +35,7 @@ end, __call = function(_, event) issue(event) end})
 class LuaBench:
     """A block of an exported type; the chunk's lists are checked against the interface they are made from."""
 
-    def __init__(self, exported: LuaType, interpreter: str = "Lua 5.4") -> None:
+    def __init__(self, exported: DeviceType, interpreter: str = "Lua 5.4") -> None:
         self._lua = INTERPRETERS[interpreter].LuaRuntime(encoding="latin-1")
         chunk = self._lua.execute(exported.text)
         block = exported.block
