@@ -45,8 +45,7 @@ needs_forte = pytest.mark.skipif(not FORTE, reason=NO_FORTE)
 
 @pytest.fixture(params=["embedded", *FORTES])
 def served(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[DeployedApplication]:
-    device = embedded() if request.param == "embedded" else forte(tmp_path, binary=request.param)
-    with device as management:
+    with embedded() if request.param == "embedded" else forte(tmp_path, binary=request.param) as management:
         device = DeployedApplication(management)
         device.deploy()
         with device.client:

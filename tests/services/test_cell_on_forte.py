@@ -39,26 +39,26 @@ from dtwin.services.runfile import join
 from dtwin.signals import Event, EventKind, Voltages
 from dtwin.simulation.history import History
 from tests.support.desk import Desk
-from tests.support.forte import FORTE, NO_FORTE, forte
+from tests.support.forte import FORTE, FORTES, NO_FORTE, forte
 from tests.support.waiting import until
 
 needs_forte = pytest.mark.skipif(not FORTE, reason=NO_FORTE)
 
 
-@pytest.fixture(params=["embedded", pytest.param("forte", marks=needs_forte)])
+@pytest.fixture(params=["embedded", *FORTES])
 def controller(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
     """What `dtwin up` is told of the controller."""
     if request.param == "embedded":
         yield "embedded"
         return
-    with forte(tmp_path) as address:
+    with forte(tmp_path, binary=request.param) as address:
         yield f"forte://{address}"
 
 
-@needs_forte
-def test_a_forte_moves_the_arm_as_the_embedded_device_does(desk: Desk, tmp_path: Path) -> None:
+@pytest.mark.parametrize("binary", FORTES)
+def test_a_forte_moves_the_arm_as_the_embedded_device_does(desk: Desk, tmp_path: Path, binary: str) -> None:
     log = tmp_path / "run.parquet"
-    with forte(tmp_path) as address:
+    with forte(tmp_path, binary=binary) as address:
         words = ["--controller", f"forte://{address}", "--pace", "lockstep", "--duration", "30", "--seed", "1"]
         desk.up(*words, "--log", str(log), "--json")
     cell = Cell(CellSettings(30.0, 1, control=ControlOptions().control()))

@@ -27,6 +27,7 @@ from dtwin.iec61499.mapping import management_address, resource_network
 from dtwin.iec61499.native.export import c_files
 from dtwin.iec61499.net.address import parse_stream_address
 from dtwin.iec61499.runtime.generic_ports import unconnected
+from dtwin.iec61499.st.c.names import c_name
 from dtwin.parameters import ROOT
 from dtwin.terminal import printable
 
@@ -114,8 +115,10 @@ class FbExport:
             return c_files(library, self.system)
         if self.format == "fboot":
             return _boot_files(library, self.system, built_in_type if self.types == "built-in" else export_type)
-        planners = [plan for plans in _planners(library, library.load_system(self.system)).values() for plan in plans]
-        return module_files(kind for plan in planners for kind in plan(built_in_type).types)
+        system = library.load_system(self.system)
+        planners = [planner for of_device in _planners(library, system).values() for planner in of_device]
+        types = [kind for planner in planners for kind in planner(built_in_type).types]
+        return module_files(c_name(system.header.name), types)
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,6 @@ def suited(client: ManagementClient, plan: Planner) -> Deployment:
 
     Raises:
         FunctionBlockError: as `plan_deployment`.
-        ManagementError: the device does not tell its types.
         CommunicationError: the device does not answer.
     """
     names = {name for name in client.types() if is_built_in(name)}

@@ -25,11 +25,11 @@ from dtwin.iec61499.st.c.expressions import Places
 from dtwin.iec61499.st.c.names import c_name, initialiser, quoted
 from dtwin.iec61499.types import ArrayType, ElementaryType
 
-MODULE: Final = "dtwin"
-"""Name of the module's folder; FORTE calls its option FORTE_MODULE_DTWIN."""
 _KINDS: Final = ("bool", "signed", "unsigned", "bits", "real", "string", "time")
 """What FORTE 2.0 and 3.0 hold in the same way."""
 _OTHER_FLAGS: Final = ("-O1", "-shared")
+_EXTERN_C: Final = ("#ifdef __cplusplus", 'extern "C" {', "#endif")
+_END_EXTERN_C: Final = ("#ifdef __cplusplus", "}", "#endif")
 _INDENT: Final = "    "
 
 
@@ -45,24 +45,50 @@ def built_in_type(block: Algorithmic) -> DeviceType:
     return DeviceType(name, "", replace(block, header=replace(block.header, name=name)))
 
 
-def module_files(types: Iterable[DeviceType]) -> dict[str, str]:
-    """The files of a module of types, as `built_in_type` makes them, by their paths in the folder that
-    FORTE_EXTERNAL_MODULES_DIRECTORY names. Raises FunctionBlockError as `built_in_type` does."""
-    blocks = {kind.name: kind.block for kind in types}
-    sources = {f"{c_name(name)}.c": _source(block) for name, block in blocks.items()}
-    listed = [f"extern const struct dtwin_type {c_name(name)};" for name in blocks]
-    listed += ["", "const struct dtwin_type *const dtwin_types[] = {"]
-    listed += [f"{_INDENT}&{c_name(name)}," for name in blocks] + [f"{_INDENT}NULL,", "};"]
-    sources["types.c"] = _text(['#include "types.h"', "", *listed])
-    cmake = [
-        f"forte_add_module({MODULE.upper()} ON \"Block types written by 'dtwin fb export --format forte'\")",
-        "forte_add_sourcefile_cpp(blocks.cpp)",
-        f"add_library({MODULE}_types STATIC {' '.join(sources)})",
-        f"target_compile_options({MODULE}_types PRIVATE {' '.join(f for f in FLAGS if f not in _OTHER_FLAGS)})",
-        f"forte_add_link_library({MODULE}_types)",
+def module_files(name: str, types: Iterable[DeviceType]) -> dict[str, str]:
+    """The files of a module of types, by their paths below the folder that FORTE_EXTERNAL_MODULES_DIRECTORY names.
+
+    Args:
+        name: a C identifier, the name of the module and its folder.
+        types: what `built_in_type` gives.
+
+    Raises:
+        FunctionBlockError: as `built_in_type`.
+    """
+    blocks = {c_name(kind.name): kind.block for kind in types}
+    sources = {f"{symbol}.c": _source(block) for symbol, block in blocks.items()}
+    sources["module.c"] = _text(
+        [
+            '#include "module.h"',
+            "",
+            f"const struct dtwin_type *const {name}_types[] = {{",
+            *(f"{_INDENT}&{symbol}," for symbol in blocks),
+            f"{_INDENT}NULL,",
+            "};",
+        ]
+    )
+    header = [
+        '#include "types.h"',
+        "",
+        *_EXTERN_C,
+        *(f"extern const struct dtwin_type {symbol};" for symbol in blocks),
+        "/* All of them; NULL ends them. */",
+        f"extern const struct dtwin_type *const {name}_types[];",
+        *_END_EXTERN_C,
+        "",
+        f"#define DTWIN_MODULE {name}_types",
     ]
-    files = {**_wrapper(), **sources, "CMakeLists.txt": _text(cmake)}
-    return {f"{MODULE}/{name}": text for name, text in files.items()}
+    build = [
+        f"forte_add_module({name.upper()} ON \"Block types written by 'dtwin fb export --format forte'\")",
+        f"forte_add_sourcefile_cpp({name}_blocks.cpp)",
+        f"add_library({name}_types STATIC {' '.join(sources)})",
+        f"target_compile_options({name}_types PRIVATE {' '.join(f for f in FLAGS if f not in _OTHER_FLAGS)})",
+        f"forte_add_link_library({name}_types)",
+    ]
+    # FORTE's build wants C++ files of different names in all modules
+    wrapper = {f"{name}_{file}" if file.endswith(".cpp") else file: text for file, text in _wrapper().items()}
+    files = {**wrapper, **sources, "module.h": _text(header), "CMakeLists.txt": _text(build)}
+    return {f"{name}/{file}": text for file, text in files.items()}
 
 
 @cache

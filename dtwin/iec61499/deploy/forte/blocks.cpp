@@ -1,9 +1,9 @@
-// Makes the block types of `dtwin_types` known to the 4diac FORTE into which this is built, of 2.0 or 3.0.
+// Makes the block types of the module known to the 4diac FORTE into which this is built, of 2.0 or 3.0.
 //
 // The values of a block that FORTE sees are copied to the state that the C functions work on before an event, and
 // back whenever they issue one and at their end.
 
-#include "types.h"
+#include "module.h"
 
 #include <basicfb.h>
 #include <resource.h>
@@ -468,7 +468,7 @@ class Entry : public CTypeLib::CFBTypeEntry {
 class Module {
   public:
     Module() {
-      for(const dtwin_type *const *type = dtwin_types; *type; ++type) {
+      for(const dtwin_type *const *type = DTWIN_MODULE; *type; ++type) {
         mTypes.emplace_back(new Type(**type));
         mEntries.emplace_back(new Entry(*mTypes.back()));
       }

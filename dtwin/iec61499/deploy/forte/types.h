@@ -44,13 +44,4 @@ static inline void fb_issue(struct fb_run *run, int32_t output)
     execution->issue(execution->block, (uint16_t)output);
 }
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-/* All types of the module; NULL ends them. */
-extern const struct dtwin_type *const dtwin_types[];
-#ifdef __cplusplus
-}
-#endif
-
 #endif
