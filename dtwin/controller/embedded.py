@@ -12,6 +12,7 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.resource import Resource
+from dtwin.iec61499.trace.ctf import TraceWriter
 from dtwin.parameters import Triple
 from dtwin.signals import Event, EventKind, Sensors, Voltages
 
@@ -24,6 +25,7 @@ class EmbeddedController:
         blocks: folder of the function-block library.
         sequence: how boxes are fetched and brought to their places.
         prepare: does something to the application before it starts, which then runs in Python.
+        writer: writes a trace of all events until it is closed, if nothing is prepared.
 
     Attributes:
         resource: the running application, whose block variables can be read and written between steps.
@@ -39,11 +41,12 @@ class EmbeddedController:
         blocks: Path = BLOCKS,
         sequence: SequenceSettings = STRAIGHT,
         prepare: Callable[[Resource], None] | None = None,
+        writer: TraceWriter | None = None,
     ) -> None:
         library = Library([blocks])
         network = resource_network(library.load_system(blocks / SYSTEM))
         if prepare is None:
-            self.resource = running(network, library)
+            self.resource = running(network, library, writer)
         else:
             prepared = Resource(network, library)
             prepare(prepared)

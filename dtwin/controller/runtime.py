@@ -18,6 +18,8 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.native.resource import NativeResource
 from dtwin.iec61499.runtime.resource import Resource
+from dtwin.iec61499.trace.ctf import TraceWriter
+from dtwin.iec61499.trace.recorder import TracedResource
 
 log = logging.getLogger(__name__)
 
@@ -103,8 +105,13 @@ class RuntimeOption:
     results are the same to the bit. Without it machine code where it can be had."""
 
 
-def running(network: model.FBNetwork, library: Library) -> Blocks:
+def running(network: model.FBNetwork, library: Library, writer: TraceWriter | None = None) -> Blocks:
     """The blocks of a network, not yet started.
+
+    Args:
+        network: what runs.
+        library: finds the block types that the network uses.
+        writer: writes a trace of all events until it is closed; without it none is recorded.
 
     Raises:
         FunctionBlockError: the network or one of its types is wrong.
@@ -116,9 +123,9 @@ def running(network: model.FBNetwork, library: Library) -> Blocks:
         raise ParameterError(f"{VARIABLE}: expected {choices(get_args(Runtime))}, got {runtime!r}")
     if runtime != "python":
         try:
-            return NativeResource(network, library)
+            return NativeResource(network, library, writer)
         except (NativeError, FunctionBlockError) as error:
             if runtime == "native":
                 raise
             log.info("the blocks run in Python: %s", error)
-    return Resource(network, library)
+    return Resource(network, library) if writer is None else TracedResource(network, library, writer)

@@ -16,9 +16,7 @@ from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.protocol import ManagedBlock, ManagedConnection, Request
 from dtwin.iec61499.net.address import LocalAddress
 from dtwin.iec61499.net.client import BlockingClient
-from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.trace.ctf import TraceWriter
-from dtwin.iec61499.trace.recorder import Recorder
 from dtwin.parameters import PERIOD, PICKUP
 from dtwin.run.cell import Cell
 from dtwin.run.loop import run, tick_count
@@ -87,13 +85,7 @@ def trace_cost() -> float:
     settings = CellSettings(TRACED)
     with TemporaryDirectory() as name:
         writer = TraceWriter(Path(name) / "trace", {"system": SYSTEM}, TRACE_SIZE)
-        recorder = Recorder(writer)
-
-        def prepare(resource: Resource) -> None:
-            recorder.begin(resource.time, resource.states())
-            resource.trace(recorder)
-
-        traced = EmbeddedController(settings.control, settings.blocks, sequence_of(settings), prepare)
+        traced = EmbeddedController(settings.control, settings.blocks, sequence_of(settings), writer=writer)
         cells = Cell(settings), Cell(settings, traced)
         seconds = [0.0, 0.0]
         for _ in range(tick_count(TRACED) // TURN):
@@ -102,7 +94,6 @@ def trace_cost() -> float:
                 run(cell.emulation, cell.controller, TURN, record=cell.log.append)
                 seconds[number] += time.thread_time() - began
         began = time.thread_time()
-        recorder.flush()
-        seconds[1] += time.thread_time() - began
         writer.close()
+        seconds[1] += time.thread_time() - began
     return seconds[1] / seconds[0]

@@ -18,9 +18,7 @@ from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.address import parse_stream_address
-from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.trace.ctf import TraceWriter, read_trace
-from dtwin.iec61499.trace.recorder import Recorder
 from dtwin.iec61499.trace.replay import replay
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings, sequence_of
@@ -79,17 +77,11 @@ class FbTrace:
 
     def _record_run(self, writer: TraceWriter) -> None:
         settings = CellSettings(self.duration, self.seed)
-        recorder = Recorder(writer)
-
-        def prepare(resource: Resource) -> None:
-            recorder.begin(resource.time, resource.states())
-            resource.trace(recorder)
-
-        controller = EmbeddedController(settings.control, settings.blocks, sequence_of(settings), prepare)
         try:
+            sequence = sequence_of(settings)
+            controller = EmbeddedController(settings.control, settings.blocks, sequence, writer=writer)
             Cell(settings, controller).run()
         finally:
-            recorder.flush()
             writer.close()
 
     def _record_device(self, client: ManagementClient, resource: str, library: Library, writer: TraceWriter) -> None:

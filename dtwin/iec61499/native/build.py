@@ -41,7 +41,7 @@ FLAGS: Final = (
 _CHECKSUM: Final = hashlib.sha256().digest_size
 _LONGEST: Final = 120.0
 """Longest time that a compiler may take, s."""
-_FOLDERS: Final = ("../st", "../runtime", "../standard", ".")
+_FOLDERS: Final = ("../st", "../runtime", "../standard", "../trace", ".")
 """Folders of the sources that decide what is generated."""
 
 

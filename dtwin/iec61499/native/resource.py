@@ -18,8 +18,11 @@ from dtwin.iec61499.library import Library
 from dtwin.iec61499.native import memory
 from dtwin.iec61499.native.build import load
 from dtwin.iec61499.native.layout import CHART, Layout, Place, is_server, network_layout
+from dtwin.iec61499.native.recorder import NativeRecorder
+from dtwin.iec61499.native.tracing import traced_events
 from dtwin.iec61499.native.unit import unit_of
 from dtwin.iec61499.runtime.wiring import checked_value
+from dtwin.iec61499.trace.ctf import TraceWriter
 from dtwin.iec61499.types import DataType, ElementaryType
 
 NAME: Final = "unit"
@@ -35,18 +38,21 @@ class NativeResource:
     Args:
         network: what runs, e.g. from `resource_network`.
         library: finds the block types that the network uses.
+        writer: writes a trace of all events; without it none is recorded.
 
     Attributes:
         address: the address of the unit in memory, for machine code that calls `function`.
 
     Raises:
         FunctionBlockError: the network or one of its types is wrong, or needs what C cannot do; names file and line.
-        NativeError: machine code cannot be made here.
+        NativeError: machine code cannot be made here, or cannot record the events.
     """
 
-    def __init__(self, network: model.FBNetwork, library: Library) -> None:
+    def __init__(self, network: model.FBNetwork, library: Library, writer: TraceWriter | None = None) -> None:
         self._layout = network_layout(network, library)
-        self._library = load(repr(self._layout.netlist), NAME, lambda: unit_of(self._layout, NAME))
+        traced = writer is not None
+        subject = f"{self._layout.netlist!r}{' traced' * traced}"
+        self._library = load(subject, NAME, lambda: unit_of(self._layout, NAME, traced))
         size = ctypes.c_size_t.in_dll(self._library, f"{NAME}__size").value
         self._memory = ctypes.create_string_buffer(size)
         self._view = memoryview(self._memory).cast("B")
@@ -55,6 +61,11 @@ class NativeResource:
         self._offsets, self._flags = _offsets(self._library, self._layout)
         self._stopped = False
         self._function(f"{NAME}__initialise", None)(self.address)
+        self._recorder = None
+        if writer is not None:
+            self._recorder = NativeRecorder(writer, traced_events(self._layout))
+            self._recorder.begin(self.states())
+            self._function(f"{NAME}__trace", None, 2)(self.address, self._recorder.address)
 
     def function(self, name: str) -> int:
         """The address of a function of the unit, whose first argument is `address`."""
@@ -145,6 +156,8 @@ class NativeResource:
         except ValueError as error:
             raise FunctionBlockError(str(error)) from None
         memory.write(self._view, self._offsets[name], place.type, checked)
+        if self._recorder is not None:
+            self._recorder.written(name, value)
 
     def states(self) -> dict[str, dict[str, Any]]:
         """The values of all variables, by block and name."""

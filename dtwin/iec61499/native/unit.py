@@ -16,6 +16,7 @@ from dtwin.iec61499.native.blocks import OUTPUTS, BlockCode, block_code, block_f
 from dtwin.iec61499.native.heads import Heads, structures, values_of
 from dtwin.iec61499.native.layout import Layout, is_server
 from dtwin.iec61499.native.services import ANSWERS, ATTACHED, OPEN, service_code
+from dtwin.iec61499.native.tracing import trace_tables, traced_outputs
 from dtwin.iec61499.runtime.generic_ports import variable_at
 from dtwin.iec61499.runtime.netlist import Node, Terminal
 from dtwin.iec61499.st.ast import Position
@@ -40,23 +41,26 @@ class Unit:
     source: str
 
 
-def unit_of(layout: Layout, name: str) -> Unit:
+def unit_of(layout: Layout, name: str, traced: bool = False) -> Unit:
     """The C unit of a network.
 
     Args:
         layout: its layout.
         name: a C identifier that begins the names that the unit has for others.
+        traced: whether it can record its events.
 
     Raises:
         FunctionBlockError: a block is wrong, or needs what C cannot do; names file and line, and in Structured Text
             the column.
+        NativeError: the events cannot be recorded by C.
     """
-    return _Writer(layout, name).unit()
+    return _Writer(layout, name, traced).unit()
 
 
 class _Writer:
-    def __init__(self, layout: Layout, name: str) -> None:
+    def __init__(self, layout: Layout, name: str, traced: bool) -> None:
         self._layout = layout
+        self._traced = traced
         self._nodes = layout.netlist.nodes
         self._name = name
         self._heads = Heads(layout, name)
@@ -82,6 +86,7 @@ class _Writer:
             f'#include "{self._name}.h"',
             *self._wiring(),
             *(line for code in self._types.values() for line in code.lines),
+            *(trace_tables(self._layout, self._name) if self._traced else ()),
             *self._delivery(),
             *self._initial(),
             *self._interface(),
@@ -99,6 +104,8 @@ class _Writer:
         for code in self._types.values():
             lines += ["", *structure(code)]
         lines += ["", "/* The state of all blocks; a copy of it is a snapshot. */", f"struct {name} {{"]
+        if self._traced:
+            members.append("struct fb_trace *trace__;")
         lines += [*_indented(["struct fb_run run;", *members]), "};"]
         for number in self._heads.servers():
             lines += ["", *self._heads.messages(number)]
@@ -121,6 +128,8 @@ class _Writer:
         lines += ["", "/* Every variable by its name; reading and writing one is copying it from or to its place. */"]
         lines += [f"extern const struct fb_variable {name}__variables[];", f"extern const size_t {name}__count;"]
         lines += [f"extern const size_t {name}__size;", f"extern const char *const {name}__events[];"]
+        if self._traced:
+            lines += ["struct fb_trace;", f"void {name}__trace(struct {name} *unit, struct fb_trace *trace);"]
         lines += [f"extern const struct fb_place {name}__places[];"]
         lines += [f"const struct fb_variable *{name}__find(const char *variable);"]
         lines += [f"void {name}__read(const struct {name} *unit, const struct fb_variable *variable, void *value);"]
@@ -131,6 +140,8 @@ class _Writer:
         """The tables of what every event output leads to, and what queues it."""
         layout = self._layout
         targets: list[list[int]] = [[] for _ in range(layout.outputs[-1] + len(layout.inner))]
+        for port, entry in traced_outputs(layout).items() if self._traced else ():
+            targets[self._output(port)].append(entry)
         for wire in layout.netlist.events:
             targets[self._output(wire.source)].append(layout.entries[wire.destination])
         first = [0]
@@ -169,7 +180,12 @@ class _Writer:
             node = self._nodes[port.node]
             lines.append(f"{_INDENT}case {number}: /* {node.name}.{port.name} */")
             lines += _indented(_indented([*self._entry(port), "break;"]))
-        lines += [*_indented(["default:", f"{_INDENT}break;", "}"]), "}"]
+        lines += _indented(["default:", f"{_INDENT}break;", "}"])
+        if self._traced:
+            lines.append(
+                f"{_INDENT}fb_record(unit->trace__, unit, &fb_entries[entry], fb_pieces, FB_LONGEST_RECORD);"
+            )
+        lines.append("}")
         run = f"""
 int32_t {name}__run(struct {name} *unit)
 {{
@@ -328,6 +344,9 @@ void {name}__write(struct {name} *unit, const struct fb_variable *variable, cons
     memcpy((char *)unit + variable->offset, value, variable->size);
 }}
 """
+        if self._traced:
+            lines += ["", f"void {name}__trace(struct {name} *unit, struct fb_trace *trace)"]
+            lines += ["{", f"{_INDENT}unit->trace__ = trace;", "}"]
         return [*lines, *access.splitlines()]
 
 

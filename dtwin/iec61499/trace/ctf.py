@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 import shutil
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -162,6 +162,11 @@ class TraceWriter:
         self._files = [_File(folder / f"{STREAM}0")]
         self._kinds: list[EventKind] = []
         self._is_described = False
+        self._ends: list[Callable[[], None]] = []
+
+    def end_with(self, flush: Callable[[], None]) -> None:
+        """Lets something that holds records back write them before the trace is closed."""
+        self._ends.append(flush)
 
     def kind(self, name: str, fields: tuple[Field, ...]) -> EventKind:
         """A kind of event of that name, the same for the same fields."""
@@ -190,7 +195,12 @@ class TraceWriter:
         self._packets += 1
 
     def close(self) -> None:
-        """Joins the files to one, since readers put packets of several files in order by their times alone."""
+        """Writes what is held back and joins the files to one.
+
+        Readers put packets of several files in order by their times alone.
+        """
+        for flush in self._ends:
+            flush()
         self._describe()
         self._stream.close()
         whole, *others = self._files

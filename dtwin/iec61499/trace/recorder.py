@@ -13,7 +13,9 @@ from functools import cached_property, partial
 from typing import Any, Final
 
 from dtwin.iec61499 import model
+from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime.operation import ObservedEvent, Path, QueueEntry
+from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.st.python.expressions import python_name
 from dtwin.iec61499.trace.ctf import TEXT, EventKind, Field, TraceWriter, encoding
 from dtwin.iec61499.types import ArrayType, DataType
@@ -24,6 +26,7 @@ WRITTEN: Final = "written"
 """The kind of event that holds a value which was written from outside."""
 CHART: Final = "ECC"
 """The field that holds the number of the state of a chart."""
+CHART_FIELD: Final = Field(CHART, "uint_t")
 PACKET: Final = 2000
 """Records after which a packet is written."""
 LONGEST: Final = 64
@@ -112,6 +115,7 @@ class Recorder:
         self._packet: list[bytes] = []
         self._count = 0
         self._first = self._last = 0
+        writer.end_with(self.flush)
         text = (Field("name", TEXT), Field("value", TEXT))
         self._state, self._written = (_text_encoder(writer.kind(name, text)) for name in (STATE, WRITTEN))
 
@@ -189,7 +193,7 @@ class Recorder:
         """Records an entry from now on, in place of the one that the event had before the network was changed."""
         fields, expressions = layout(event.variables)
         if isinstance(event.kind, model.BasicFBType):
-            fields, expressions = (*fields, Field(CHART, "uint_t")), (*expressions, "{b}.state__")
+            fields, expressions = (*fields, CHART_FIELD), (*expressions, "{b}.state__")
         old = self._entries.get(event.name)
         if old is not None:
             del self._sources[old]
@@ -200,6 +204,22 @@ class Recorder:
     def _forget(self) -> None:
         self._paths = 0
         self.path = self._root = _Path()
+
+
+class TracedResource(Resource):
+    """A resource whose events are recorded from its beginning.
+
+    Args:
+        network: what runs.
+        library: finds the block types that the network uses.
+        writer: writes the trace.
+    """
+
+    def __init__(self, network: model.FBNetwork, library: Library, writer: TraceWriter) -> None:
+        super().__init__(network, library)
+        recorder = Recorder(writer)
+        recorder.begin(self.time, self.states())
+        self.trace(recorder)
 
 
 def layout(variables: tuple[model.Variable, ...]) -> tuple[tuple[Field, ...], tuple[str, ...]]:

@@ -7,16 +7,19 @@ import struct
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.controller.embedded import EmbeddedController
+from dtwin.controller.runtime import Runtime, chosen, running
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.mapping import resource_network
+from dtwin.iec61499.native.resource import NativeResource
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.trace.ctf import LAYOUTS, TEXT, EventKind, Field, TraceWriter, encoding, read_trace
 from dtwin.iec61499.trace.recorder import Recorder
@@ -24,28 +27,24 @@ from dtwin.iec61499.trace.replay import Replay, replay
 from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings, sequence_of
+from tests.support.iec61499.c_harness import needs_compiler
 from tests.support.iec61499.networks import Types, chart, network
 
 SIZE = 50_000_000
 
 
-@pytest.fixture(scope="module")
-def traced(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture(scope="module", params=["python", pytest.param("native", marks=needs_compiler)])
+def traced(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The trace of 15 s of the cell."""
     folder = tmp_path_factory.mktemp("trace") / "cell"
     settings = CellSettings(15.0, 3)
     writer = TraceWriter(folder, {"system": "dtwin.sys"}, SIZE)
-    recorder = Recorder(writer)
-
-    def prepare(resource: Resource) -> None:
-        recorder.begin(resource.time, resource.states())
-        resource.trace(recorder)
-
-    cell = Cell(settings, EmbeddedController(settings.control, settings.blocks, sequence_of(settings), prepare))
-    plain = Cell(settings)
+    with chosen(request.param):
+        sequence = sequence_of(settings)
+        cell = Cell(settings, EmbeddedController(settings.control, settings.blocks, sequence, writer=writer))
+        plain = Cell(settings)
     cell.run()
     plain.run()
-    recorder.flush()
     writer.close()
     assert (cell.log.freeze().stack("volts") == plain.log.freeze().stack("volts")).all()
     return folder
@@ -227,3 +226,39 @@ def shown(folder: Path) -> list[str]:
     done = subprocess.run(["babeltrace2", folder], capture_output=True, text=True, check=True)
     assert done.stderr == ""
     return done.stdout.splitlines()
+
+
+@needs_compiler
+def test_machine_code_records_the_same_events_with_the_same_data(tmp_path: Path) -> None:
+    """Values of every kind that C records, texts with characters that are escaped, and several packets."""
+    kinds = ("BOOL", "SINT", "INT", "LINT", "UINT", "UDINT", "ULINT", "BYTE", "LWORD", "REAL", "LREAL", "TIME")
+    outputs = "; ".join([*(f"V_{kind}: {kind}" for kind in kinds), "S: STRING", "V: LREAL[3]"])
+    source = chart(
+        "SOURCE",
+        f"E -> F({' '.join([*(f'V_{kind}' for kind in kinds), 'S', 'V'])})",
+        f"-> {outputs}",
+        {"START": [], "ON": [("V[1] := V[1] + 0.5; V_INT := V_INT - 1; V_TIME := T#3ms; S := 'ü$00\\$27';", "F")]},
+        [("START", "E", "ON"), ("ON", "1", "START")],
+    )
+    sink = chart(
+        "SINK", f"E({' '.join([*(f'V_{k}' for k in kinds), 'S', 'V'])}) -> ", f"{outputs} -> ", {"START": []}, []
+    )
+    data = "; ".join(f"A.{name} -> B.{name}" for name in [*(f"V_{kind}" for kind in kinds), "S", "V"])
+    drawn = network("A: SOURCE; B: SINK; R: E_RESTART", "R.COLD -> A.E; A.F -> B.E", data)
+    found = []
+    for name in get_args(Runtime):
+        writer = TraceWriter(tmp_path / name, {"system": "test"}, SIZE)
+        with chosen(name):
+            blocks = running(drawn, Types(source, sink), writer)
+        assert isinstance(blocks, Resource | NativeResource)
+        blocks.start()
+        for number in range(7000):
+            blocks.trigger("A.E")
+            blocks.run_until_idle()
+            if number == 5:
+                blocks.write("A.V", [1.0, float("nan"), 3.0])
+        writer.close()
+        trace = read_trace(tmp_path / name)
+        assert writer.written > 14000
+        found.append([(trace.kinds[record[0]].name, repr(record[1:])) for record in trace.records()])
+    assert found[0] == found[1]
