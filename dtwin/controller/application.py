@@ -13,6 +13,7 @@ from typing import Final
 
 from dtwin.controller.ports import EMULATOR, Port
 from dtwin.errors import CommunicationError
+from dtwin.iec61499.literals import format_string
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.protocol import ManagementError
 from dtwin.iec61499.net.address import LocalAddress, StreamAddress, parse_block_id
@@ -126,12 +127,16 @@ class Application:
             return
         name = port.block
         with self._lock:
+            identity = self._management.read(self._resource, f"{name}.ID")
             try:
                 self._management.reset_block(self._resource, name)
             except ManagementError as error:
                 if error.reason != "NO_SUCH_OBJECT":
                     raise
                 return
+            # a FORTE of 2024 has taken all values back with the block, older ones keep them
+            self._management.write(self._resource, f"{name}.ID", format_string(identity, '"'))
+            self._management.write(self._resource, f"{name}.QI", "TRUE")
             self._management.write(self._resource, f"{name}.QO", "FALSE")
             self._management.trigger(self._resource, f"{name}.INIT")
         deadline = time.monotonic() + TIMEOUT
