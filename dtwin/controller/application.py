@@ -13,11 +13,12 @@ from typing import Final
 
 from dtwin.controller.ports import EMULATOR, Port
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.literals import format_string
+from dtwin.iec61499.literals import format_string, format_typed
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.protocol import ManagementError
 from dtwin.iec61499.net.address import LocalAddress, StreamAddress, parse_block_id
 from dtwin.iec61499.net.client import BlockingClient
+from dtwin.iec61499.types import ElementaryType
 
 TIMEOUT: Final = 1.0
 """Longest wait for every answer, s."""
@@ -134,9 +135,14 @@ class Application:
                 if error.reason != "NO_SUCH_OBJECT":
                     raise
                 return
-            # a FORTE of 2024 has taken all values back with the block, older ones keep them
-            self._management.write(self._resource, f"{name}.ID", format_string(identity, '"'))
-            self._management.write(self._resource, f"{name}.QI", "TRUE")
+            if self._management.read(self._resource, f"{name}.QI") != "TRUE":
+                # a FORTE of 2024 takes all values and the types of generic ports back, older ones keep them
+                self._management.write(self._resource, f"{name}.ID", format_string(identity, '"'))
+                self._management.write(self._resource, f"{name}.QI", "TRUE")
+                for number, kind in enumerate(port.receives.types, 1):
+                    assert isinstance(kind, ElementaryType)
+                    literal = format_typed(kind.default, kind)
+                    self._management.write(self._resource, f"{name}.RD_{number}", literal)
             self._management.write(self._resource, f"{name}.QO", "FALSE")
             self._management.trigger(self._resource, f"{name}.INIT")
         deadline = time.monotonic() + TIMEOUT
