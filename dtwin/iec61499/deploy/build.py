@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NoReturn
+from collections.abc import Callable, Collection
+from typing import NoReturn, Protocol
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.deploy.cpp_export import built_in_type
@@ -18,7 +18,14 @@ Planner = Callable[[TypeExport], Deployment]
 """Plans a resource for devices that get the types of its blocks in one way."""
 
 
-def suited(client: ManagementClient, plan: Planner) -> Deployment:
+class HasTypes(Protocol):
+    """A device, as far as it tells what it has."""
+
+    def types(self) -> Collection[str]:
+        """The names of its block types."""
+
+
+def suited(client: HasTypes, plan: Planner) -> Deployment:
     """The plan for a device: with types built into it if it has all of them in this version, otherwise as Lua.
 
     Raises:
