@@ -14,7 +14,7 @@ FLOORS = [
     {"dtwin.files", "dtwin.options", "dtwin.parameters", "dtwin.pool", "dtwin.terminal", "dtwin.iec61499"},
     {"dtwin.signals"},
     {"dtwin.bus", "dtwin.emulation", "dtwin.twin", "dtwin.controller"},
-    {"dtwin.run"},
+    {"dtwin.run", "dtwin.fmu"},
     {"dtwin.pictures"},
     {"dtwin.view", "dtwin.identification"},
     {"dtwin.monitoring", "dtwin.simulation"},

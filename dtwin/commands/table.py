@@ -169,6 +169,11 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         ),
         "demo recovery": Subcommand("simulation.demo", "DemoRecovery", "let the twin find a fault and put it right"),
     },
+    "other simulators": {
+        "fmu twin": Subcommand("exchange.fmu", "FmuTwin", "write the analytic twin as an FMU, with C inside"),
+        "fmu controller": Subcommand("exchange.fmu", "FmuController", "write the control application as an FMU"),
+        "fmu cell": Subcommand("exchange.fmu", "FmuCell", "write the arm under its control application as an FMU"),
+    },
     "this machine": {
         "doctor": Subcommand("setup.doctor", "Doctor", "tell what is missing on this machine and how to get it"),
         "completion": Subcommand(

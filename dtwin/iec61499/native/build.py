@@ -19,7 +19,7 @@ import stat
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -168,18 +168,30 @@ def _workshop(folder: Path | None) -> Iterator[Path]:
 
 def compile_unit(unit: Unit, name: str, compiler: Compiler, folder: Path, flags: tuple[str, ...] = FLAGS) -> Path:
     """Compiles a unit in a folder and returns the path of the result. Raises NativeError."""
-    for file, text in unit_files(unit, name).items():
+    return compile_files(unit_files(unit, name), f"{name}.so", compiler, folder, flags)
+
+
+def compile_files(
+    texts: Mapping[str, str], target: str, compiler: Compiler, folder: Path, flags: tuple[str, ...] = FLAGS
+) -> Path:
+    """Compiles C files, given by their names, in a folder to a library there and returns its path.
+
+    Raises:
+        NativeError: the compiler cannot be run, or refuses the files.
+    """
+    for file, text in texts.items():
         (folder / file).write_text(text)
-    target = folder / f"{name}.so"
-    command = [*compiler.command, *flags, "-o", str(target), str(folder / f"{name}.c"), "-lm"]
+    made = folder / target
+    sources = [str(folder / file) for file in sorted(texts) if file.endswith(".c")]
+    command = [*compiler.command, *flags, "-o", str(made), *sources, "-lm"]
     try:
         done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=_LONGEST)
     except (OSError, subprocess.TimeoutExpired) as error:
         raise NativeError(f"{compiler.command[0]}: {error}") from None
-    if done.returncode or not target.is_file():
+    if done.returncode or not made.is_file():
         first = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr[:200].strip())
         raise NativeError(f"{compiler.command[0]} failed: {first}")
-    return target
+    return made
 
 
 def unit_files(unit: Unit, name: str) -> dict[str, str]:

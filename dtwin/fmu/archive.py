@@ -1,0 +1,120 @@
+"""FMUs: the models, their descriptions, sources and binaries in one file."""
+
+from __future__ import annotations
+
+import platform
+import re
+import tempfile
+import zipfile
+from pathlib import Path
+from typing import Final
+
+from dtwin.controller.ports import BLOCKS, SYSTEM
+from dtwin.controller.settings import ControlSettings
+from dtwin.errors import NativeError
+from dtwin.files import replacing
+from dtwin.fmu.description import Description, build_description, model_description_2, model_description_3
+from dtwin.fmu.sources import Subject, Version, source_files
+from dtwin.fmu.variables import Variable, cell_variables, controller_variables, twin_variables
+from dtwin.iec61499.library import Library
+from dtwin.iec61499.mapping import resource_network
+from dtwin.iec61499.native.build import FLAGS, compile_files, compilers
+from dtwin.iec61499.native.layout import Layout, network_layout
+from dtwin.parameters import ArmParameters
+
+SUMMARIES: Final[dict[Subject, str]] = {
+    "twin": "Three-link arm with a gripper: voltages in, angles out",
+    "controller": "Control application of the arm, in IEC 61499 function blocks: samples in, voltages out",
+    "cell": "Three-link arm with a gripper under its control application in IEC 61499 function blocks",
+}
+_EPOCH: Final = (1980, 1, 1, 0, 0, 0)
+"""Time of every file in an FMU, so that equal models are equal files."""
+_MACHINES: Final = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
+_SYSTEMS: Final = {"Linux": ("linux", ".so"), "Darwin": ("darwin", ".dylib")}
+_PLATFORMS_2: Final = {"x86_64-linux": "linux64", "x86_64-darwin": "darwin64"}
+
+
+def write_fmu(
+    path: Path,
+    subject: Subject,
+    version: Version,
+    arm: ArmParameters | None = None,
+    settings: ControlSettings | None = None,
+    blocks: Path = BLOCKS,
+) -> None:
+    """Writes an FMU for co-simulation with a binary for this machine and all sources.
+
+    Args:
+        path: the file to write.
+        subject: the model.
+        version: version of FMI.
+        arm: the parameters that the arm starts with; those of the data sheet when None.
+        settings: the values that the parameters of the controller start with; the default ones when None.
+        blocks: folder of the function-block library.
+
+    Raises:
+        NativeError: there is no C compiler, or FMI has no name for this machine.
+        FunctionBlockError: the function blocks cannot be used.
+        RecordingError: the file cannot be written.
+    """
+    place, suffix = _platform(version)
+    layout = _layout(blocks) if subject != "twin" else None
+    variables = _variables(subject, arm or ArmParameters(), settings or ControlSettings(), layout)
+    texts = source_files(subject, version, variables, layout)
+    token = re.search(r'model_token\[\] = "(.*)"', texts["variables.c"])
+    assert token is not None
+    model = Description(subject, SUMMARIES[subject], token[1], variables, has_derivatives=subject == "twin")
+    files: dict[str, bytes] = {f"sources/{name}": text.encode() for name, text in texts.items()}
+    if version == "3.0":
+        files["modelDescription.xml"] = model_description_3(model)
+        files["sources/buildDescription.xml"] = build_description(model, texts)
+    else:
+        files["modelDescription.xml"] = model_description_2(model, texts)
+    files[f"binaries/{place}/{model.identifier}{suffix}"] = _binary(texts, f"{model.identifier}{suffix}")
+    with replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+        for name in sorted(files):
+            entry = zipfile.ZipInfo(name, _EPOCH)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(entry, files[name])
+
+
+def _layout(blocks: Path) -> Layout:
+    library = Library([blocks])
+    return network_layout(resource_network(library.load_system(blocks / SYSTEM)), library)
+
+
+def _variables(
+    subject: Subject, arm: ArmParameters, settings: ControlSettings, layout: Layout | None
+) -> list[Variable]:
+    if layout is None:
+        return twin_variables(arm)
+    return (
+        controller_variables(settings, layout) if subject == "controller" else cell_variables(arm, settings, layout)
+    )
+
+
+def _binary(texts: dict[str, str], name: str) -> bytes:
+    problems = []
+    for compiler in compilers():
+        with tempfile.TemporaryDirectory() as folder:
+            try:
+                return compile_files(texts, name, compiler, Path(folder), FLAGS).read_bytes()
+            except NativeError as error:
+                problems.append(str(error))
+    raise NativeError(
+        f"FMU: {'; '.join(problems) or 'there is no C compiler'}: expected a C compiler as `cc`, or the package "
+        "ziglang (pip install dtwin[native])"
+    )
+
+
+def _platform(version: Version) -> tuple[str, str]:
+    """The folder of the binary and the end of its name. Raises NativeError where FMI has no name for this machine."""
+    system, suffix = _SYSTEMS.get(platform.system(), ("", ""))
+    machine = _MACHINES.get(platform.machine().lower(), "")
+    place = f"{machine}-{system}"
+    if version == "2.0":
+        place = _PLATFORMS_2.get(place, "")
+    if not (system and machine and place):
+        here = f"{platform.system()} on {platform.machine()}"
+        raise NativeError(f"FMU: {here} has no name in FMI {version}: expected Linux or macOS on a 64-bit machine")
+    return place, suffix

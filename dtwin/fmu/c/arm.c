@@ -1,0 +1,152 @@
+#include "arm.h"
+
+#include <complex.h>
+#include <math.h>
+#include <tgmath.h>
+
+#include "constants.h"
+
+#define NUMBER double
+#define REAL(x) (x)
+#define E(name) real_##name
+#include "equations.h"
+#undef NUMBER
+#undef REAL
+#undef E
+
+#define NUMBER double complex
+#define REAL(x) creal(x)
+#define E(name) complex_##name
+#include "equations.h"
+#undef NUMBER
+#undef REAL
+#undef E
+
+#define COMPLEX_STEP 1e-30
+/* A share of a step that is rounding alone. */
+#define ROUNDING 1e-9
+
+void arm_begin(struct arm *arm)
+{
+    int i;
+    for (i = 0; i < 6; ++i) {
+        arm->x[i] = arm->start[i];
+    }
+    arm->gripper = arm->gripper_start;
+    arm->gripper_omega = 0.0;
+}
+
+static void motor_torques(const struct arm *arm, const struct real_coefficients *equations, double *torque)
+{
+    int i;
+    for (i = 0; i < 3; ++i) {
+        torque[i] = equations->K[i] * real_clipped(arm->volts[i]);
+    }
+}
+
+void arm_refresh(struct arm *arm)
+{
+    const struct real_coefficients equations = real_coefficients_of(arm->p, arm->payload, arm->weight_only);
+    double torque[3];
+    motor_torques(arm, &equations, torque);
+    real_accelerate(&equations, arm->x, torque, arm->coulomb_width, arm->alpha);
+    arm->is_closed = arm->gripper <= arm->gripper_closed;
+    arm->is_open = arm->gripper >= arm->gripper_opened;
+}
+
+static void along(const double *x, double step, const double *slope, double *end)
+{
+    int i;
+    for (i = 0; i < 6; ++i) {
+        end[i] = x[i] + step * slope[i];
+    }
+}
+
+static void slope_of(const struct real_coefficients *equations, const double *x, const double *torque, double width,
+                     double *slope)
+{
+    int i;
+    for (i = 0; i < 3; ++i) {
+        slope[i] = x[3 + i];
+    }
+    real_accelerate(equations, x, torque, width, slope + 3);
+}
+
+/* One step of the classical Runge-Kutta method with the torque held. */
+static void runge_kutta(const struct real_coefficients *equations, const double *torque, double width, double step,
+                        double *x)
+{
+    double k1[6], k2[6], k3[6], k4[6], stage[6];
+    slope_of(equations, x, torque, width, k1);
+    along(x, 0.5 * step, k1, stage);
+    slope_of(equations, stage, torque, width, k2);
+    along(x, 0.5 * step, k2, stage);
+    slope_of(equations, stage, torque, width, k3);
+    along(x, step, k3, stage);
+    slope_of(equations, stage, torque, width, k4);
+    along(x, step / 6.0, k1, x);
+    along(x, step / 3.0, k2, x);
+    along(x, step / 3.0, k3, x);
+    along(x, step / 6.0, k4, x);
+}
+
+/* The same for the gripper, I w' = K u - D w. */
+static void move_gripper(struct arm *arm, double step)
+{
+    const double torque = arm->gripper_K * real_clipped(arm->volts[3]);
+    const double rate = arm->gripper_D / arm->gripper_inertia, push = torque / arm->gripper_inertia;
+    const double w1 = arm->gripper_omega, a1 = push - rate * w1;
+    const double w2 = w1 + 0.5 * step * a1, a2 = push - rate * w2;
+    const double w3 = w1 + 0.5 * step * a2, a3 = push - rate * w3;
+    const double w4 = w1 + step * a3, a4 = push - rate * w4;
+    arm->gripper += step / 6.0 * (w1 + 2.0 * w2 + 2.0 * w3 + w4);
+    arm->gripper_omega += step / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
+}
+
+bool arm_advance(struct arm *arm, double duration)
+{
+    const struct real_coefficients equations = real_coefficients_of(arm->p, arm->payload, arm->weight_only);
+    const double steps = fmax(1.0, ceil(duration / arm->longest_step - ROUNDING));
+    /* a duration that differs from whole steps by rounding counts as whole steps */
+    const bool is_whole = fabs(steps * arm->longest_step - duration) < ROUNDING * arm->longest_step;
+    const double step = is_whole ? arm->longest_step : duration / steps;
+    double torque[3], k;
+    int i;
+    bool finite = isfinite(steps) && isfinite(arm->gripper) && isfinite(arm->gripper_omega);
+    motor_torques(arm, &equations, torque);
+    for (k = 0.0; k < steps && finite; k += 1.0) {
+        runge_kutta(&equations, torque, arm->coulomb_width, step, arm->x);
+        move_gripper(arm, step);
+        for (i = 0; i < 6; ++i) {
+            finite = finite && isfinite(arm->x[i]);
+        }
+    }
+    if (arm->gripper < arm->gripper_closed || arm->gripper > arm->gripper_opened) {
+        arm->gripper = arm->gripper < arm->gripper_closed ? arm->gripper_closed : arm->gripper_opened;
+        arm->gripper_omega = 0.0;
+    }
+    return finite;
+}
+
+void arm_derivative(const struct arm *arm, const struct arm *direction, double *alpha)
+{
+    double complex p[21], x[6], torque[3], a[3];
+    const double complex step = COMPLEX_STEP * I;
+    const double complex width = arm->coulomb_width + step * direction->coulomb_width;
+    struct complex_coefficients equations;
+    int i;
+    for (i = 0; i < 21; ++i) {
+        p[i] = arm->p[i] + step * direction->p[i];
+    }
+    for (i = 0; i < 6; ++i) {
+        x[i] = arm->x[i] + step * direction->x[i];
+    }
+    equations = complex_coefficients_of(p, arm->payload + step * direction->payload, arm->weight_only);
+    for (i = 0; i < 3; ++i) {
+        torque[i] = equations.K[i] * complex_clipped(arm->volts[i] + step * direction->volts[i]);
+    }
+    complex_accelerate(&equations, x, torque, width, a);
+    for (i = 0; i < 3; ++i) {
+        alpha[i] = cimag(a[i]) / COMPLEX_STEP;
+    }
+}

@@ -1,0 +1,39 @@
+/* The arm and its gripper: the analytic twin of dtwin in C. SI units, radians. */
+#ifndef DTWIN_ARM_H
+#define DTWIN_ARM_H
+
+#include <stdbool.h>
+
+struct arm {
+    /* parameters: K, m, I, l, c, D, mu of the three links */
+    double p[21];
+    double coulomb_width; /* velocity over which Coulomb friction changes sign */
+    bool weight_only;     /* whether a load has weight without inertia */
+    double longest_step;  /* of the classical Runge-Kutta method */
+    double gripper_K, gripper_D, gripper_inertia, gripper_closed, gripper_opened;
+    double start[6]; /* angles, then velocities */
+    double gripper_start;
+    /* inputs, held over a step */
+    double volts[4]; /* of the joints and the gripper */
+    double payload;  /* mass at the tip */
+    /* state and outputs */
+    double x[6]; /* angles, then velocities */
+    double gripper, gripper_omega;
+    double alpha[3]; /* accelerations */
+    bool is_closed, is_open;
+};
+
+/* Puts the state to the start. */
+void arm_begin(struct arm *arm);
+
+/* Computes what follows from state and inputs. */
+void arm_refresh(struct arm *arm);
+
+/* Integrates over a duration, the inputs held. The gripper meets its stops at the end of it, as in the emulation.
+ * Returns whether the state is finite. */
+bool arm_advance(struct arm *arm, double duration);
+
+/* How the accelerations move when parameters, inputs and state move in a direction. */
+void arm_derivative(const struct arm *arm, const struct arm *direction, double *alpha);
+
+#endif

@@ -1,0 +1,16 @@
+/* The arm under its controller. */
+#ifndef DTWIN_CELL_H
+#define DTWIN_CELL_H
+
+#include "arm.h"
+#include "control.h"
+
+struct model {
+    double time;
+    bool begun;
+    double box_mass; /* of the box that waits */
+    struct control control;
+    struct arm arm;
+};
+
+#endif

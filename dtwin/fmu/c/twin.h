@@ -1,0 +1,13 @@
+/* The analytic twin alone: volts in, angles out. */
+#ifndef DTWIN_TWIN_H
+#define DTWIN_TWIN_H
+
+#include "arm.h"
+
+struct model {
+    double time;
+    bool begun;
+    struct arm arm;
+};
+
+#endif

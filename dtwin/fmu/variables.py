@@ -1,0 +1,217 @@
+"""The variables of the models: what they are to a simulator, and where they are in the structure of the C model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from dtwin.controller.ports import PATH, SYSTEM
+from dtwin.controller.sequence import HELP, STRAIGHT
+from dtwin.controller.settings import ControlSettings
+from dtwin.errors import FunctionBlockError
+from dtwin.iec61499.native.layout import Layout
+from dtwin.iec61499.runtime.generic_ports import variable_at
+from dtwin.iec61499.types import BOOL, DINT, LREAL
+from dtwin.parameters import (
+    COULOMB_WIDTH,
+    HANGING,
+    PARAMETER_NAMES,
+    PHYSICS_STEP,
+    ArmParameters,
+    GripperParameters,
+    unit_of,
+)
+
+Value = float | int | bool | str
+Kind = Literal["Float64", "Int32", "Boolean", "String"]
+Causality = Literal["independent", "parameter", "input", "output"]
+Variability = Literal["continuous", "discrete", "fixed", "tunable"]
+_KINDS: Final[dict[object, Kind]] = {LREAL: "Float64", DINT: "Int32", BOOL: "Boolean"}
+_JOINTS: Final = (1, 2, 3)
+BOX_MASS: Final = 0.2
+"""Mass of the box that waits in the cell unless another one is given, kg."""
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """A variable of a model; its value reference is its place among all.
+
+    Attributes:
+        name: its name, in the structured naming convention of FMI.
+        kind: its type, as FMI 3.0 names it.
+        causality: what it is to others.
+        variability: when it changes.
+        member: the C lvalue below the model.
+        description: what it is.
+        start: the start value; None for what is computed.
+        unit: its unit, "" for none.
+        derivative_of: name of the variable of which it is the derivative by time, "" for none.
+    """
+
+    name: str
+    kind: Kind
+    causality: Causality
+    variability: Variability
+    member: str
+    description: str
+    start: Value | None = None
+    unit: str = ""
+    derivative_of: str = ""
+
+
+TIME: Final = Variable("time", "Float64", "independent", "continuous", "time", "Time", unit="s")
+
+
+def twin_variables(arm: ArmParameters) -> list[Variable]:
+    """The variables of the twin alone.
+
+    Args:
+        arm: the parameters that it starts with.
+    """
+    volts = [
+        Variable(f"V{name}", "Float64", "input", "continuous", f"arm.volts[{i}]", text, 0.0, "V")
+        for i, (name, text) in enumerate([*((str(j), f"Voltage of motor {j}") for j in _JOINTS), ("_gripper", _GRIP)])
+    ]
+    payload = Variable("payload", "Float64", "input", "continuous", "arm.payload", "Mass at the tip", 0.0, "kg")
+    return [TIME, *_arm_parameters(arm, ""), *volts, payload, *_arm_outputs()]
+
+
+def controller_variables(settings: ControlSettings, layout: Layout) -> list[Variable]:
+    """The variables of the controller alone.
+
+    Args:
+        settings: the values that its parameters start with.
+        layout: the layout of its C unit.
+
+    Raises:
+        FunctionBlockError: a block has not the variables that the settings name.
+    """
+    angles = [
+        Variable(f"theta{j}", "Float64", "input", "discrete", f"control.theta[{j - 1}]", f"Angle {j}", 0.0, "rad")
+        for j in _JOINTS
+    ]
+    gripper = Variable("gripper", "Float64", "input", "discrete", "control.gripper", "Gripper", _OPENED, "rad")
+    return [TIME, *_settings(settings, layout), *angles, gripper, *_box(waits=False), *_commands(layout)]
+
+
+def cell_variables(arm: ArmParameters, settings: ControlSettings, layout: Layout) -> list[Variable]:
+    """The variables of the arm under its controller.
+
+    Args:
+        arm: the parameters that the arm starts with.
+        settings: the values that the parameters of the controller start with.
+        layout: the layout of the C unit of the controller.
+
+    Raises:
+        FunctionBlockError: a block has not the variables that the settings name.
+    """
+    mass = Variable(
+        "box_mass", "Float64", "input", "discrete", "box_mass", "Mass of the box that waits", BOX_MASS, "kg"
+    )
+    payload = Variable("payload", "Float64", "output", "discrete", "arm.payload", "Mass at the tip", unit="kg")
+    parameters = [*_arm_parameters(arm, "arm."), *_settings(settings, layout)]
+    return [TIME, *parameters, *_box(waits=True), mass, *_arm_outputs(), payload, *_commands(layout)]
+
+
+_GRIP: Final = "Voltage of the gripper, which opens it when above 0"
+_OPENED: Final = GripperParameters().opened
+_SYMBOLS: Final[Mapping[str, str]] = {
+    "K": "Torque of motor {} by its voltage",
+    "m": "Mass of link {}",
+    "I": "Moment of inertia of link {} about its centre of mass",
+    "l": "Length of link {}",
+    "c": "Distance of the centre of mass of link {} from its joint",
+    "D": "Viscous damping of joint {}",
+    "mu": "Coulomb friction of joint {}",
+}
+
+
+def _arm_parameters(arm: ArmParameters, prefix: str) -> Iterator[Variable]:
+    def real(name: str, member: str, text: str, start: float, unit: str, fixed: bool = False) -> Variable:
+        variability: Variability = "fixed" if fixed else "tunable"
+        return Variable(f"{prefix}{name}", "Float64", "parameter", variability, f"arm.{member}", text, start, unit)
+
+    for i, name in enumerate(PARAMETER_NAMES):
+        text = _SYMBOLS[name.rstrip("123")].format(name[-1])
+        yield real(name, f"p[{i}]", text, arm.get(name), unit_of(name))
+    yield real("coulomb_width", "coulomb_width", "Velocity over which mu changes sign", COULOMB_WIDTH, "rad/s")
+    yield Variable(
+        f"{prefix}weight_only",
+        "Boolean",
+        "parameter",
+        "tunable",
+        "arm.weight_only",
+        "Whether a load has weight without inertia",
+        False,
+    )
+    yield real("longest_step", "longest_step", "Longest step of the integration", PHYSICS_STEP, "s", fixed=True)
+    gripper = GripperParameters()
+    yield real("gripper_K", "gripper_K", "Torque of the gripper by its voltage", gripper.voltage_constant, "N m/V")
+    yield real("gripper_D", "gripper_D", "Viscous damping of the gripper", gripper.damping, "N m s/rad")
+    yield real("gripper_I", "gripper_inertia", "Moment of inertia of the gripper", gripper.inertia, "kg m^2")
+    yield real("gripper_closed_at", "gripper_closed", "Stop of the closed gripper", gripper.closed, "rad")
+    yield real("gripper_open_at", "gripper_opened", "Stop of the open gripper", gripper.opened, "rad")
+    for i, angle in enumerate(HANGING):
+        yield real(f"theta{i + 1}_start", f"start[{i}]", f"Angle {i + 1} at the start", angle, "rad", fixed=True)
+    for i in range(3):
+        name, text = f"omega{i + 1}_start", f"Velocity of joint {i + 1} at the start"
+        yield real(name, f"start[{3 + i}]", text, 0.0, "rad/s", fixed=True)
+    yield real("gripper_start", "gripper_start", "Gripper at the start", gripper.opened, "rad", fixed=True)
+
+
+def _arm_outputs() -> Iterator[Variable]:
+    def real(name: str, member: str, text: str, unit: str, derivative_of: str = "") -> Variable:
+        return Variable(
+            name, "Float64", "output", "continuous", f"arm.{member}", text, None, unit, derivative_of=derivative_of
+        )
+
+    for i, j in enumerate(_JOINTS):
+        yield real(f"theta{j}", f"x[{i}]", f"Angle {j}", "rad")
+    for i, j in enumerate(_JOINTS):
+        yield real(f"omega{j}", f"x[{3 + i}]", f"Velocity of joint {j}", "rad/s", f"theta{j}")
+    for i, j in enumerate(_JOINTS):
+        yield real(f"alpha{j}", f"alpha[{i}]", f"Acceleration of joint {j}", "rad/s^2", f"omega{j}")
+    yield real("gripper", "gripper", "Angle of the gripper", "rad")
+    for name, text in (("closed", "Whether the gripper is closed"), ("open", "Whether the gripper is open")):
+        yield Variable(f"gripper_is_{name}", "Boolean", "output", "discrete", f"arm.is_{name}", text)
+
+
+def _box(waits: bool) -> Iterator[Variable]:
+    """The box sensor."""
+    text = "Whether a box waits at the pickup point"
+    yield Variable("box_present", "Boolean", "input", "discrete", "control.box_present", text, waits)
+    text = "Colour of the box that waits: blue, red or green"
+    yield Variable("box_colour", "String", "input", "discrete", "control.box_colour", text, "red" if waits else "")
+
+
+def _commands(layout: Layout) -> Iterator[Variable]:
+    """What the controller answers, and where its path is."""
+    for i, name in enumerate(("V1", "V2", "V3", "V_gripper")):
+        text = f"Voltage of motor {i + 1}" if i < 3 else _GRIP
+        yield Variable(name, "Float64", "output", "discrete", f"control.volts[{i}]", text, unit="V")
+    text = "Whether the gripper holds a box"
+    yield Variable("box_gripped", "Boolean", "output", "discrete", "control.box_gripped", text)
+    for name in (*PATH, HELP):
+        kind, member, text = _of_block(layout, name)
+        unit = "rad" if name in PATH else ""
+        yield Variable(name, kind, "output", "discrete", member, text, unit=unit)
+
+
+def _settings(settings: ControlSettings, layout: Layout) -> Iterator[Variable]:
+    """The inputs of the blocks that hold settings, by the names of the blocks."""
+    for name, value in {**settings.inputs(), **STRAIGHT.inputs()}.items():
+        kind, member, text = _of_block(layout, name)
+        start = {"Float64": float, "Int32": int, "Boolean": bool}[kind](value)
+        yield Variable(name, kind, "parameter", "tunable", member, text, start)
+
+
+def _of_block(layout: Layout, name: str) -> tuple[Kind, str, str]:
+    """The type, the member and the comment of a block's variable."""
+    places = {place.name: place for place in layout.variables}
+    block, _, variable = name.rpartition(".")
+    node = next((node for node in layout.netlist.nodes if node.name == block), None)
+    if node is None or name not in places or places[name].type not in _KINDS:
+        raise FunctionBlockError(f"{name}: expected a variable of type LREAL, DINT or BOOL in {SYSTEM}")
+    place = places[name]
+    return _KINDS[place.type], f"control.program.{place.member}", variable_at(node, variable).comment
