@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, Triple
+from dtwin.twin.compiled import kernel
 
 Array = NDArray[np.float64]
 
@@ -60,24 +61,60 @@ def figures(theta: Array, omega: Array, path: Array, volts: Array, target: Tripl
         target: angles at which the path ends, rad.
         constants: voltage constants of the motors, N m/V.
     """
-    error = path - theta[:-1]
-    goal = np.array(target)
-    way = goal - theta[0]
-    band = np.maximum(SETTLED_SHARE * np.abs(way), SETTLED_BAND)
-    moving = ((np.abs(theta - goal) > band) | (np.abs(omega) > SETTLED_SPEED)).any(axis=1)
-    last = int(np.flatnonzero(moving)[-1]) if moving.any() else -1
-    # The torque is constant between samples, so this sum is the exact work.
-    work = np.array(constants) * volts * np.diff(theta, axis=0)
+    largest, work = np.empty((4, 3)), np.empty(volts.shape)
+    motion = map(np.ascontiguousarray, (theta, omega, path, volts))
+    last, saturated = _largest(*motion, np.array(target), np.array(constants), largest, work)
+    tracking, squares, beyond, peak = largest
     return Figures(
-        tracking_max=triple(np.abs(error).max(axis=0)),
-        tracking_rms=triple(np.sqrt(np.mean(error**2, axis=0))),
+        tracking_max=triple(tracking),
+        tracking_rms=triple(np.sqrt(squares / len(volts))),
         settling_time=None if last == len(theta) - 1 else round((last + 1) * PERIOD, 9),
-        overshoot=triple(np.maximum(0.0, (np.sign(way) * (theta - goal)).max(axis=0))),
-        final_error=triple(np.abs(theta[-1] - goal)),
-        peak_volts=triple(np.abs(volts).max(axis=0)),
-        saturated=float((np.abs(volts) >= VOLTAGE_LIMIT).any(axis=1).mean()),
-        energy=float(np.maximum(work, 0.0).sum()),
+        overshoot=triple(beyond),
+        final_error=triple(np.abs(theta[-1] - target)),
+        peak_volts=triple(peak),
+        saturated=saturated / len(volts),
+        energy=float(work.sum()),
     )
+
+
+@kernel
+def _largest(
+    theta: Array, omega: Array, path: Array, volts: Array, goal: Array, constants: Array, largest: Array, work: Array
+) -> tuple[int, int]:
+    """Looks over a motion once.
+
+    Args:
+        theta, omega, path, volts, constants: as for `figures`.
+        goal: (3,), the target.
+        largest: (4, 3), receives for each joint the largest distance from the path, the sum of the squares of the
+            distances, the largest distance beyond the target, and the largest voltage.
+        work: (N, 3), receives what each motor puts in between samples, J; exact, because its torque is constant
+            meanwhile.
+
+    Returns:
+        The last row of theta at which a joint is not settled, -1 for none; the number of samples with a voltage at
+        its limit.
+    """
+    samples, last, saturated = volts.shape[0], -1, 0
+    largest[:] = 0.0
+    for i in range(3):
+        way = goal[i] - theta[0, i]
+        band = max(SETTLED_SHARE * abs(way), SETTLED_BAND)
+        direction = np.sign(way)
+        for k in range(samples + 1):
+            if abs(theta[k, i] - goal[i]) > band or abs(omega[k, i]) > SETTLED_SPEED:
+                last = max(last, k)
+            largest[2, i] = max(largest[2, i], direction * (theta[k, i] - goal[i]))
+        for k in range(samples):
+            error = path[k, i] - theta[k, i]
+            largest[0, i] = max(largest[0, i], abs(error))
+            largest[1, i] += error * error
+            largest[3, i] = max(largest[3, i], abs(volts[k, i]))
+            work[k, i] = max(constants[i] * volts[k, i] * (theta[k + 1, i] - theta[k, i]), 0.0)
+    for k in range(samples):
+        if max(abs(volts[k, 0]), abs(volts[k, 1]), abs(volts[k, 2])) >= VOLTAGE_LIMIT:
+            saturated += 1
+    return last, saturated
 
 
 def fit(measured: Array, predicted: Array) -> Triple:

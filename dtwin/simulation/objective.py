@@ -18,9 +18,8 @@ from dtwin.errors import DivergenceError, ParameterError, choices
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.simulation.checks import Motion
 from dtwin.simulation.figures import Array, Figures, triple
-from dtwin.simulation.margins.demands import DEMANDS
+from dtwin.simulation.margins.demands import DEMANDS, demanded_margins
 from dtwin.simulation.margins.loop import linear_loop
-from dtwin.simulation.margins.measures import margins
 from dtwin.simulation.places import angles_of
 from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
 
@@ -134,10 +133,12 @@ def score(objective: Objective, target_time: float, gains: Gains) -> CandidateSc
     """
     settings = replace(objective.base, target_time=target_time, gains=gains)
     simulator = _simulator(objective.blocks)
+    demands = DEMANDS[settings.law]
     for scenario in _resting_points(objective.scenarios):
         theta = angles_of(scenario.motion.goal)
-        found_there = margins(linear_loop(simulator.controller, settings, scenario.arm, scenario.payload, theta))
-        short = DEMANDS[settings.law].shortfall(found_there)
+        loop = linear_loop(simulator.controller, settings, scenario.arm, scenario.payload, theta)
+        found_there = demanded_margins(loop, demands)
+        short = demands.shortfall(found_there)
         if short is not None:
             excess = found_there.spectral_radius if not short.share else 1.0 - short.share
             return CandidateScore(target_time, gains, {}, short.name, UNUSABLE * (_UNSTABLE + excess), 0)

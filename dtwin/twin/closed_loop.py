@@ -117,6 +117,68 @@ def exchanges(function: int, unit: int, requests: NDArray[np.uint8], answers: Ar
     return requests.shape[0]
 
 
+@kernel(nogil=True)
+def _responses(
+    function: int,
+    unit: int,
+    request: NDArray[np.uint8],
+    answer: Array,
+    memory: Array,
+    rest: Array,
+    places: NDArray[np.int64],
+    points: Array,
+    found: Array,
+) -> tuple[int, int]:
+    """Lets a controller answer samples that all come in the same state, as `responses` says."""
+    angles = request[:24].view(np.float64)
+    request_address, answer_address = request.ctypes.data, answer.ctypes.data
+    count = places.shape[0]
+    for k in range(points.shape[0]):
+        memory[:] = rest
+        for i in range(count):
+            memory[places[i]] = points[k, i]
+        for i in range(3):
+            angles[i] = points[k, count + i]
+        problem = _exchange(function, unit, request_address, answer_address)
+        if problem != FINISHED:
+            return problem, k
+        for i in range(count):
+            found[k, i] = memory[places[i]]
+        for i in range(3):
+            found[k, count + i] = answer[i]
+    memory[:] = rest
+    return FINISHED, points.shape[0]
+
+
+def responses(blocks: NativeResource, server: str, names: Sequence[str], carries: bool, points: Array) -> Array:
+    """What one tick of a motion controller makes of samples, all from the state that it is in and stays in.
+
+    Args:
+        blocks: the blocks, in machine code.
+        server: the SERVER block, as for `CompiledLoop`.
+        names: n variables, of type LREAL.
+        carries: whether the controller counts on a box in the gripper.
+        points: (P, n + 3), values that the variables have before the tick, and the angles of its sample, rad.
+
+    Returns:
+        The values of the variables after the tick, and the voltages, V: (P, n + 3).
+
+    Raises:
+        FunctionBlockError: a block failed. CommunicationError: the blocks did not answer.
+    """
+    memory = blocks.numbers()
+    found = np.empty(points.shape)
+    request = np.zeros(32, np.uint8)
+    request[25] = carries
+    places = np.array([blocks.offset(name) // 8 for name in names])
+    function = blocks.function(f"exchange__{server}")
+    problem, _ = _responses(
+        function, blocks.address, request, np.empty(3), memory, memory.copy(), places, points, found
+    )
+    blocks.check(problem, server)
+    return found
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
     """What a motion comes to; sample k is at k times 10 ms.

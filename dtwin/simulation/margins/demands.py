@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import ControlSettings
 from dtwin.parameters import ArmParameters, Law
-from dtwin.simulation.margins.loop import linear_loop
-from dtwin.simulation.margins.measures import Margins, margins
+from dtwin.simulation.margins.loop import Loop, linear_loop
+from dtwin.simulation.margins.measures import Margins, margins, no_margins
 from dtwin.simulation.margins.poses import Pose
 from dtwin.twin.effects import NO_EFFECTS, Effects
 
@@ -77,6 +77,14 @@ STABILITY: Final = Demands(0.0, 0.0, 0.0, 0.0, 0.0)
 """Demanded of the thesis's laws, which are kept for its experiments: a stable loop and no more."""
 DEMANDS: Final[dict[Law, Demands]] = {"computed_torque": STABILITY, "row_sum": STABILITY, "cascade": MARGINS}
 """What is demanded before settings are used, by the control law."""
+
+
+def demanded_margins(loop: Loop, demands: Demands) -> Margins:
+    """The margins of a loop as far as demands ask for them: enough to tell the shortfall.
+
+    A delay margin beyond the demand is not looked for, and where stability alone is demanded nothing beside it.
+    """
+    return no_margins(loop.radius()) if demands == STABILITY else margins(loop, demands.delay)
 
 
 class Case(NamedTuple):

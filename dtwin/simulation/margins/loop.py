@@ -10,19 +10,22 @@ friction is left out, because it would hide a slow instability.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from dtwin.controller.motion import MotionController
+from dtwin.controller.motion import ARM, MotionController
 from dtwin.controller.ports import MEMORY
 from dtwin.controller.settings import ControlSettings
+from dtwin.iec61499.native.resource import NativeResource
 from dtwin.parameters import PERIOD, ArmParameters, Triple
 from dtwin.simulation.figures import Array
+from dtwin.twin.closed_loop import responses
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from dtwin.twin.machine import machine_acceleration, vector_of
 
@@ -57,7 +60,8 @@ class StateSpace(NamedTuple):
         return np.asarray(self.C @ np.linalg.solve(resolvent, self.B[None]) + self.D, dtype=np.complex128)
 
 
-class Plant(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Plant:
     """The arm near a pose: x' = A x + B V with x = (theta, omega).
 
     Attributes:
@@ -70,25 +74,30 @@ class Plant(NamedTuple):
 
     def sampled(self, delay: float = 0.0) -> StateSpace:
         """The arm from volts to angles over one tick, with the volts held and acting late by a number of ticks."""
-        whole = math.floor(delay)
-        late = (delay - whole) * PERIOD
-        state, full = _held(self.A, self.B, PERIOD)
-        new = _held(self.A, self.B, PERIOD - late)[1]
-        # The volts of `whole` ticks ago act at the end of the tick, those of one tick more at its beginning.
-        past = whole + 1
-        A = np.zeros((6 + 3 * past, 6 + 3 * past))
-        B = np.zeros((6 + 3 * past, 3))
-        A[:6, :6] = state
-        A[:6, 3 + 3 * past :] = full - new
-        if whole:
-            A[:6, 3 + 3 * whole : 6 + 3 * whole] += new
-        else:
-            B[:6] = new
-        B[6:9] = np.eye(3)
-        A[9:, 6:-3] = np.eye(3 * whole)
-        C = np.zeros((3, len(A)))
-        C[:, :3] = np.eye(3)
-        return StateSpace(A, B, C, np.zeros((3, 3)))
+        return _sampled(self, delay)
+
+
+@lru_cache(maxsize=512)
+def _sampled(plant: Plant, delay: float) -> StateSpace:
+    whole = math.floor(delay)
+    late = (delay - whole) * PERIOD
+    state, full = _held(plant.A, plant.B, PERIOD)
+    new = _held(plant.A, plant.B, PERIOD - late)[1]
+    # The volts of `whole` ticks ago act at the end of the tick, those of one tick more at its beginning.
+    past = whole + 1
+    A = np.zeros((6 + 3 * past, 6 + 3 * past))
+    B = np.zeros((6 + 3 * past, 3))
+    A[:6, :6] = state
+    A[:6, 3 + 3 * past :] = full - new
+    if whole:
+        A[:6, 3 + 3 * whole : 6 + 3 * whole] += new
+    else:
+        B[:6] = new
+    B[6:9] = np.eye(3)
+    A[9:, 6:-3] = np.eye(3 * whole)
+    C = np.zeros((3, len(A)))
+    C[:, :3] = np.eye(3)
+    return StateSpace(*map(_unchanging, (A, B, C, np.zeros((3, 3)))))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,20 +156,21 @@ def linear_loop(
     return Loop(blocks, linear_arm(arm, payload, theta, effects), late)
 
 
+@lru_cache(maxsize=64)
 def linear_arm(arm: ArmParameters, payload: float, theta: Triple, effects: Effects = NO_EFFECTS) -> Plant:
     """The arm near the pose theta (rad), with a box of mass payload (kg) in its gripper; it may have effects."""
     vector = vector_of(arm, effects)
 
-    def acceleration(point: Array) -> Array:
-        return machine_acceleration(vector, point[:6], point[6:], payload)
+    def accelerations(points: Array) -> Array:
+        return np.array([machine_acceleration(vector, point[:6], point[6:], payload) for point in points])
 
     rest = np.concatenate((theta, np.zeros(3)))
     falling = machine_acceleration(vector, rest, np.zeros(3), payload)
     by_volt = [machine_acceleration(vector, rest, volts, payload) - falling for volts in np.eye(3)]
     hold = -np.linalg.solve(np.column_stack(by_volt), falling)
-    slopes = _differences(acceleration, np.concatenate((theta, np.zeros(3), hold)))
+    slopes = _differences(accelerations, np.concatenate((theta, np.zeros(3), hold)))
     A = np.vstack((np.eye(3, 6, 3), slopes[:, :6]))
-    return Plant(A, np.vstack((np.zeros((3, 3)), slopes[:, 6:])))
+    return Plant(_unchanging(A), _unchanging(np.vstack((np.zeros((3, 3)), slopes[:, 6:]))))
 
 
 def linear_blocks(
@@ -173,26 +183,15 @@ def linear_blocks(
     """
     controller.begin(theta, theta, settings, carries=carries)
     resource = controller.resource
-    rest = resource.snapshot()
-
-    readers = [resource.reader(names) for names in MEMORY]
     memory = [name for names in MEMORY for name in names]
+    at_rest = [resource.read(name) for name in memory]
 
-    def remembered() -> list[float]:
-        return [value for read in readers for value in read()]
+    def ticks(points: Array) -> Array:
+        if isinstance(resource, NativeResource):
+            return responses(resource, ARM, memory, carries, points)
+        return _responses(controller, memory, points)
 
-    at_rest = remembered()
-
-    def tick(point: Array) -> Array:
-        resource.restore(rest)
-        *values, first, second, third = point.tolist()
-        for name, value, before in zip(memory, values, at_rest, strict=True):
-            if value != before:
-                resource.write(name, value)
-        volts = controller.step((first, second, third))
-        return np.array((*remembered(), *volts))
-
-    slopes = _differences(tick, np.array((*at_rest, *theta)))
+    slopes = _differences(ticks, np.array((*at_rest, *theta)))
     count = len(memory)
     still = np.hstack((np.eye(count), np.zeros((count, 3))))
     live = np.flatnonzero(np.abs(slopes[:count] - still).max(axis=1) > _IDLE)
@@ -209,11 +208,30 @@ def _held(A: Array, B: Array, time: float) -> tuple[Array, Array]:
     return both[:size, :size], both[:size, size:]
 
 
+def _responses(controller: MotionController, memory: Sequence[str], points: Array) -> Array:
+    """What `dtwin.twin.closed_loop.responses` gives, by the Python runtime."""
+    resource = controller.resource
+    rest = resource.snapshot()
+    found = []
+    for *values, first, second, third in points.tolist():
+        resource.restore(rest)
+        for name, value in zip(memory, values, strict=True):
+            resource.write(name, value)
+        volts = controller.step((first, second, third))
+        found.append((*map(resource.read, memory), *volts))
+    resource.restore(rest)
+    return np.array(found)
+
+
+def _unchanging(matrix: Array) -> Array:
+    """A matrix that nobody can change, because many share it."""
+    matrix.setflags(write=False)
+    return matrix
+
+
 def _differences(function: Callable[[Array], Array], point: Array) -> Array:
-    """Jacobian of a function at a point by central differences."""
-    columns = []
-    for k in range(len(point)):
-        offset = np.zeros(len(point))
-        offset[k] = _STEP
-        columns.append((function(point + offset) - function(point - offset)) / (2.0 * _STEP))
-    return np.column_stack(columns)
+    """Jacobian at a point by central differences, of a function that takes and gives a row for every point."""
+    offsets = _STEP * np.eye(len(point))
+    found = function(np.vstack((point + offsets, point - offsets)))
+    jacobian: Array = (found[: len(point)] - found[len(point) :]).T / (2.0 * _STEP)
+    return jacobian

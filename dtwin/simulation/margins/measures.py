@@ -73,8 +73,7 @@ def margins(loop: Loop, longest_delay: float = LONGEST_DELAY) -> Margins:
     """Computes the margins of a loop; a delay margin is sought up to a number of ticks."""
     radius = loop.radius()
     if not radius < 1.0:
-        none = (0.0, 0.0, 0.0)
-        return Margins(radius, 0.0, 0.0, none, none, none, (math.inf,) * 3)
+        return no_margins(radius)
     ratio = loop.returned(np.exp(1j * _FREQUENCIES * PERIOD))
     sensitivity: ComplexArray = np.linalg.inv(np.eye(3) + ratio)
     own = np.einsum("kii->ki", sensitivity)
@@ -89,6 +88,12 @@ def margins(loop: Loop, longest_delay: float = LONGEST_DELAY) -> Margins:
         triple(phase_margin(each) for each in single),
         triple(np.abs(own).max(axis=0)),
     )
+
+
+def no_margins(radius: float) -> Margins:
+    """The margins of a loop of which no more than the spectral radius is known or good."""
+    none = (0.0, 0.0, 0.0)
+    return Margins(radius, 0.0, 0.0, none, none, none, (math.inf,) * 3)
 
 
 def tolerated_factors(ratio: ComplexArray) -> tuple[float, float]:
