@@ -31,6 +31,9 @@ TIME_DIGITS: Final = 3
 """Decimal places of target times that are tried, s."""
 POPULATION: Final = 40
 """Number of candidates in a generation, four per variable."""
+SHARE: Final = 4
+"""Number of candidates that a process is handed at once: handing over takes time, and so does waiting for the last
+one of a generation."""
 LOWEST: Final = (50.0, 10.0, 0.5)
 """Lower bounds of kp, ki and kd in the search, unless half of a gain in use is less."""
 HIGHEST: Final = (2000.0, 2000.0, 100.0)
@@ -105,14 +108,15 @@ def optimise(
 
     def judge(workers: Workers, _: Any, rows: Iterable[Array]) -> list[float]:
         points = [tuple(row.tolist()) for row in np.atleast_2d(np.array(list(rows)))]
-        found = workers.map(partial(_judge, objective), points)
+        shares = [points[k : k + SHARE] for k in range(0, len(points), SHARE)]
+        found = [each for share in workers.map(partial(_judge_all, objective), shares) for each in share]
         scores.extend(found)
         between(len(scores), min(each.cost for each in scores))
         return [each.cost for each in found]
 
     with Workers(processes) as workers:
         if workers.count > 1:
-            workers.map(partial(_judge, objective), [(*lower.tolist(),)] * (2 * workers.count))
+            workers.map(partial(_judge_all, objective), [[tuple(lower.tolist())]] * (2 * workers.count))
         began = time.perf_counter()
         differential_evolution(
             _unused,
@@ -164,6 +168,10 @@ def _first_generation(lower: Array, upper: Array, target_time: float, gains: Gai
     rows[:near] = present + (2.0 * spread[:near] - 1.0) * math.log(2.0)
     rows[0] = present
     return np.clip(rows, lower, upper)
+
+
+def _judge_all(objective: Objective, points: Sequence[Sequence[float]]) -> list[CandidateScore]:
+    return [_judge(objective, point) for point in points]
 
 
 def _judge(objective: Objective, point: Sequence[float]) -> CandidateScore:

@@ -1,5 +1,6 @@
 """The kernels against Lagrange's equation, built here from where the masses are."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from dtwin.twin.dynamics import (
     inverse_dynamics,
     mass_matrix,
     motor_torque,
+    sine_cosine,
 )
 from dtwin.twin.kinematics import joint_positions
 from tests.support.arms import DEFAULT, Array, angles, arms, payloads, reals, vector, vectors, velocities
@@ -175,3 +177,17 @@ def test_motors_clip_at_the_limit() -> None:
     torque = motor_torque(np.array([100.0, -100.0, 3.0]), vector(DEFAULT))
     K = DEFAULT.voltage_constant
     assert torque == pytest.approx([K[0] * VOLTAGE_LIMIT, -K[1] * VOLTAGE_LIMIT, K[2] * 3.0])
+
+
+@given(st.floats(-1e6, 1e6))
+def test_sine_and_cosine_are_those_of_libm(angle: float) -> None:
+    sine, cosine = sine_cosine(angle)
+    assert abs(sine - math.sin(angle)) <= 2.3e-16
+    assert abs(cosine - math.cos(angle)) <= 2.3e-16
+
+
+def test_sine_and_cosine_at_every_quarter_turn() -> None:
+    for quarter in range(-9, 10):
+        for beside in (-1e-9, 0.0, 1e-9):
+            angle = quarter * math.pi / 4.0 + beside
+            assert sine_cosine(angle) == pytest.approx((math.sin(angle), math.cos(angle)), abs=2.3e-16, rel=0.0)

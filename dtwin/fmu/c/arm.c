@@ -2,9 +2,50 @@
 
 #include <complex.h>
 #include <math.h>
+#include <stdint.h>
+#include <string.h>
 #include <tgmath.h>
 
 #include "constants.h"
+
+/* pi/2 in three parts, of which the first two have 33 bits, so that their product with a whole number is exact. */
+#define QUARTER_1 1.57079632673412561417e00
+#define QUARTER_2 6.07710050630396597660e-11
+#define QUARTER_3 2.02226624879595063154e-21
+#define TWO_BY_PI 0.6366197723675814
+/* A number that, added to another one, rounds it to a whole number. */
+#define ROUNDER 6755399441055744.0
+
+/* Sine and cosine by the operations of sine_cosine in dtwin/twin/dynamics.py: the same bits with every libm. */
+static void real_sine_cosine(double x, double *sine, double *cosine)
+{
+    const double turned = x * TWO_BY_PI + ROUNDER;
+    const double k = turned - ROUNDER;
+    double r, z, w, s, c;
+    uint64_t quarter; /* k, in the last bits of the sum */
+    memcpy(&quarter, &turned, sizeof quarter);
+    r = ((x - k * QUARTER_1) - k * QUARTER_2) - k * QUARTER_3;
+    z = r * r;
+    w = z * z;
+    s = r + r * z *
+                ((-1.66666666666666324348e-01 + z * 8.33333333332248946124e-03) +
+                 w * ((-1.98412698298579493134e-04 + z * 2.75573137070700676789e-06) +
+                      w * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)));
+    c = (1.0 - 0.5 * z) + w * ((4.16666666666666019037e-02 + z * -1.38888888888741095749e-03) +
+                               w * ((2.48015872894767294178e-05 + z * -2.75573143513906633035e-07) +
+                                    w * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)));
+    *sine = ((quarter & 1) != 0 ? c : s) * (1.0 - (double)(quarter & 2));
+    *cosine = ((quarter & 1) != 0 ? s : c) * (1.0 - (double)((quarter + 1) & 2));
+}
+
+/* The same to the first order in the imaginary part, which is a complex step. */
+static void complex_sine_cosine(double complex x, double complex *sine, double complex *cosine)
+{
+    double s, c;
+    real_sine_cosine(creal(x), &s, &c);
+    *sine = s + cimag(x) * c * I;
+    *cosine = c - cimag(x) * s * I;
+}
 
 #define NUMBER double
 #define REAL(x) (x)

@@ -55,7 +55,10 @@ static void E(accelerate)(const struct E(coefficients) *arm, const NUMBER *x, co
                           NUMBER *a)
 {
     const NUMBER w1 = x[3], w2 = x[4], w3 = x[5];
-    const NUMBER s1 = sin(x[0]), c1 = cos(x[0]), s2 = sin(x[1]), c2 = cos(x[1]), s3 = sin(x[2]), c3 = cos(x[2]);
+    NUMBER s1, c1, s2, c2, s3, c3;
+    E(sine_cosine)(x[0], &s1, &c1);
+    E(sine_cosine)(x[1], &s2, &c2);
+    E(sine_cosine)(x[2], &s3, &c3);
     const NUMBER s23 = s2 * c3 + c2 * s3, c23 = c2 * c3 - s2 * s3;
     const NUMBER c12 = c1 * c2 - s1 * s2, c123 = c1 * c23 - s1 * s23;
     /* centrifugal and Coriolis torques */
@@ -76,19 +79,15 @@ static void E(accelerate)(const struct E(coefficients) *arm, const NUMBER *x, co
     const NUMBER M22 = arm->J2 + arm->J3 + 2.0 * cE;
     const NUMBER M21 = M22 + cA + cB;
     const NUMBER M11 = arm->J1 + arm->J2 + arm->J3 + 2.0 * (cA + cB + cE);
-    /* M a = r by M = L diag(d) L^T from the last row up */
-    const NUMBER d3 = arm->J3;
-    const NUMBER L31 = M31 / d3, L32 = M32 / d3;
-    const NUMBER d2 = M22 - L32 * M32;
-    const NUMBER u21 = M21 - L31 * M32;
-    const NUMBER L21 = u21 / d2;
-    const NUMBER d1 = M11 - L31 * M31 - L21 * u21;
-    NUMBER r1 = torque[0] - h1 - g1 - E(friction)(arm, 0, w1, width);
-    NUMBER r2 = torque[1] - h2 - g2 - E(friction)(arm, 1, w2, width);
+    const NUMBER M33 = arm->J3;
+    /* M a = r by cofactors */
+    const NUMBER n11 = M22 * M33 - M32 * M32, n21 = M31 * M32 - M21 * M33, n31 = M21 * M32 - M31 * M22;
+    const NUMBER n22 = M11 * M33 - M31 * M31, n32 = M21 * M31 - M11 * M32, n33 = M11 * M22 - M21 * M21;
+    const NUMBER scale = 1.0 / (M11 * n11 + (M21 * n21 + M31 * n31));
+    const NUMBER r1 = torque[0] - h1 - g1 - E(friction)(arm, 0, w1, width);
+    const NUMBER r2 = torque[1] - h2 - g2 - E(friction)(arm, 1, w2, width);
     const NUMBER r3 = torque[2] - h3 - g3 - E(friction)(arm, 2, w3, width);
-    r2 -= L32 * r3;
-    r1 -= L31 * r3 + L21 * r2;
-    a[0] = r1 / d1;
-    a[1] = r2 / d2 - L21 * a[0];
-    a[2] = r3 / d3 - L31 * a[0] - L32 * a[1];
+    a[0] = ((n11 * r1 + n21 * r2) + n31 * r3) * scale;
+    a[1] = ((n21 * r1 + n22 * r2) + n32 * r3) * scale;
+    a[2] = ((n31 * r1 + n32 * r2) + n33 * r3) * scale;
 }
