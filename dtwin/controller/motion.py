@@ -46,11 +46,12 @@ class MotionController:
         self.resource = running(resource_network(library.load_system(blocks / MOTION_SYSTEM)), library)
         server = self.resource.server(ARM)
         self.resource.start()
-        self._fresh = self.resource.snapshot()
+        self._configured = self.resource.snapshot()
         self._exchange = server.exchange
         self._path = self.resource.reader(PATH)
         self._target = self.resource.reader(PATH_END)
         self._settings: ControlSettings | None = None
+        self._inputs: dict[str, float | int] = {}
         self._carries = False
 
     def begin(
@@ -88,14 +89,13 @@ class MotionController:
             ParameterError: there is no place of the goal's name.
         """
         resource = self.resource
+        resource.restore(self._configured)
         if settings != self._settings:
-            resource.restore(self._fresh)
-            for name, value in settings.inputs().items():
-                if name not in OFFSETS:
+            inputs = settings.inputs()
+            for name, value in inputs.items():
+                if name not in OFFSETS and value != self._inputs.get(name):
                     resource.write(name, value)
-            self._settings, self._configured = settings, resource.snapshot()
-        else:
-            resource.restore(self._configured)
+            self._settings, self._inputs, self._configured = settings, inputs, resource.snapshot()
         if isinstance(goal, str):
             if goal not in NAMES:
                 raise ParameterError(f"unknown place {goal!r}: expected {choices(NAMES)}")

@@ -15,6 +15,9 @@ DIGITS: Final = 1e-14
 """Relative difference between a number and the 15 digits of it that a FORTE writes."""
 LAWS: Final[tuple[Law, ...]] = get_args(Law)
 """Names of the control laws; the index is the value of the input LAW of the controller block."""
+_OF_JOINTS: Final = tuple(
+    f"CONTROLLER.{name}{joint}" for name in ("KP", "KI", "KD", *"KMILCD", "MU") for joint in (1, 2, 3)
+)
 _NEEDED: Final[dict[Law, PayloadModel]] = {"computed_torque": "point", "row_sum": "weight", "cascade": "point"}
 USUAL_GAINS: Final[dict[Law, Gains]] = {
     "computed_torque": Gains(),
@@ -116,23 +119,8 @@ class ControlSettings:
     def inputs(self) -> dict[str, float | int]:
         """The values by the names of the block inputs, `BLOCK.INPUT`."""
         gains, model = self.gains, self.model
-        by_name: dict[str, Triple] = {
-            "KP": gains.kp,
-            "KI": gains.ki,
-            "KD": gains.kd,
-            "K": model.voltage_constant,
-            "M": model.mass,
-            "I": model.inertia,
-            "L": model.length,
-            "C": model.com,
-            "D": model.damping,
-            "MU": model.coulomb,
-        }
-        values: dict[str, float | int] = {
-            f"CONTROLLER.{name}{joint}": value
-            for name, triple in by_name.items()
-            for joint, value in enumerate(triple, 1)
-        }
+        triples = (*gains.kp, *gains.ki, *gains.kd, *model.vector())
+        values: dict[str, float | int] = dict(zip(_OF_JOINTS, triples, strict=True))
         values["CONTROLLER.LAW"] = LAWS.index(self.law)
         values[PAYLOAD] = self.payload
         values["CONTROLLER.WEIGHT_ONLY"] = self.box_counts == "weight"

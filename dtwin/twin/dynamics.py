@@ -240,12 +240,14 @@ def _solve(M: Sextuple, r1: float, r2: float, r3: float) -> Triple:
 
 
 @kernel
-def _derivative(x: Sextuple, torque: Triple, arm: Coefficients, width: float) -> Sextuple:
+def _derivative(x: Sextuple, torque: Triple, arm: Coefficients, width: float, rubs: bool) -> Sextuple:
     q1, q2, q3, w1, w2, w3 = x
     d = _directions(q1, q2, q3)
     h1, h2, h3 = _coriolis(d, w1, w2, w3, arm)
     g1, g2, g3 = _gravity(d, arm)
-    f1, f2, f3 = _friction(w1, w2, w3, arm, width)
+    f1, f2, f3 = arm.D1 * w1, arm.D2 * w2, arm.D3 * w3
+    if rubs:
+        f1, f2, f3 = _friction(w1, w2, w3, arm, width)
     a1, a2, a3 = _solve(_mass(d, arm), torque[0] - h1 - g1 - f1, torque[1] - h2 - g2 - f2, torque[2] - h3 - g3 - f3)
     return w1, w2, w3, a1, a2, a3
 
@@ -263,12 +265,12 @@ def _along(x: Sextuple, step: float, slope: Sextuple) -> Sextuple:
 
 
 @kernel
-def _rk4(x: Sextuple, torque: Triple, arm: Coefficients, width: float, step: float) -> Sextuple:
-    """One step of the classical Runge-Kutta method with the torque held."""
-    k1 = _derivative(x, torque, arm, width)
-    k2 = _derivative(_along(x, 0.5 * step, k1), torque, arm, width)
-    k3 = _derivative(_along(x, 0.5 * step, k2), torque, arm, width)
-    k4 = _derivative(_along(x, step, k3), torque, arm, width)
+def _rk4(x: Sextuple, torque: Triple, arm: Coefficients, width: float, step: float, rubs: bool) -> Sextuple:
+    """One step of the classical Runge-Kutta method with the torque held; `rubs` says whether there may be a mu."""
+    k1 = _derivative(x, torque, arm, width, rubs)
+    k2 = _derivative(_along(x, 0.5 * step, k1), torque, arm, width, rubs)
+    k3 = _derivative(_along(x, 0.5 * step, k2), torque, arm, width, rubs)
+    k4 = _derivative(_along(x, step, k3), torque, arm, width, rubs)
     return _along(_along(_along(_along(x, step / 6.0, k1), step / 3.0, k2), step / 3.0, k3), step / 6.0, k4)
 
 
@@ -304,8 +306,13 @@ def integrate(
     for k in range(samples):
         arm = coefficients(p, payload[k], weight_only)
         torque = _motor(volts[k], arm)
-        for _ in range(substeps):
-            x = _rk4(x, torque, arm, width, step)
+        # two loops, because code that may call tanh is slower where it does not
+        if arm.mu1 == 0.0 and arm.mu2 == 0.0 and arm.mu3 == 0.0:
+            for _ in range(substeps):
+                x = _rk4(x, torque, arm, width, step, False)
+        else:
+            for _ in range(substeps):
+                x = _rk4(x, torque, arm, width, step, True)
         finite = True
         for i in range(6):
             states[k + 1, i] = x[i]
@@ -360,7 +367,7 @@ def forward_dynamics(
     """Joint accelerations q'' under given voltages, (3,), rad/s^2."""
     arm = coefficients(p, payload, weight_only)
     x = (state[0], state[1], state[2], state[3], state[4], state[5])
-    return np.array(_derivative(x, _motor(volts, arm), arm, width)[3:])
+    return np.array(_derivative(x, _motor(volts, arm), arm, width, True)[3:])
 
 
 @kernel
