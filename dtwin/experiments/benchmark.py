@@ -6,6 +6,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any, Final
@@ -25,7 +26,7 @@ from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.iec61499.net.stream import StreamServer
 from dtwin.iec61499.net.wire import MessageReader
-from dtwin.parameters import PERIOD, PICKUP, ArmParameters
+from dtwin.parameters import PERIOD, PICKUP, ArmParameters, Gains
 from dtwin.run.cell import Cell
 from dtwin.run.loop import run, tick_count
 from dtwin.run.settings import CellSettings
@@ -46,6 +47,8 @@ CANDIDATES: Final = 120
 """Candidates that one round of the search tries."""
 BOXES: Final = (0.19, 0.21)
 """Least and largest mass of a box in the search, kg."""
+WHAT_IFS: Final = 20
+"""Motions that one round simulates."""
 MESSAGES: Final = 2000
 """Messages that are written and read, and exchanges over a stream, in one round."""
 
@@ -234,10 +237,13 @@ def _round_trip(address: StreamAddress) -> float:
 
 
 def _what_if() -> float:
-    """Simulates one motion of 4 s with a box on the twin, under the function blocks."""
+    """Simulates motions of 4 s with a box on the twin, under the function blocks with other gains each time."""
     simulator = Simulator()
-    case = MotionCase("red", ControlSettings(target_time=4.0), PICKUP.theta, payload=0.2, duration=4.0)
-    return _timed(lambda: simulator.run(case))
+    gains = [Gains(kp=(200.0 + k, 500.0, 300.0)) for k in range(WHAT_IFS + 1)]
+    settings = [ControlSettings(4.0, each) for each in gains]
+    first, *cases = [MotionCase("red", each, PICKUP.theta, payload=0.2, duration=4.0) for each in settings]
+    simulator.run(first)
+    return median(_timed(partial(simulator.run, case)) for case in cases)
 
 
 def _optimise() -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Final
 
@@ -61,33 +62,33 @@ def figures(theta: Array, omega: Array, path: Array, volts: Array, target: Tripl
         target: angles at which the path ends, rad.
         constants: voltage constants of the motors, N m/V.
     """
-    largest, work = np.empty((4, 3)), np.empty(volts.shape)
+    found, work = np.empty((5, 3)), np.empty(volts.shape)
     motion = map(np.ascontiguousarray, (theta, omega, path, volts))
-    last, saturated = _largest(*motion, np.array(target), np.array(constants), largest, work)
-    tracking, squares, beyond, peak = largest
+    last, saturated = _look(*motion, np.array(target), np.array(constants), found, work)
+    tracking, rms, beyond, peak, final = map(triple, found.tolist())
     return Figures(
-        tracking_max=triple(tracking),
-        tracking_rms=triple(np.sqrt(squares / len(volts))),
+        tracking_max=tracking,
+        tracking_rms=rms,
         settling_time=None if last == len(theta) - 1 else round((last + 1) * PERIOD, 9),
-        overshoot=triple(beyond),
-        final_error=triple(np.abs(theta[-1] - target)),
-        peak_volts=triple(peak),
+        overshoot=beyond,
+        final_error=final,
+        peak_volts=peak,
         saturated=saturated / len(volts),
         energy=float(work.sum()),
     )
 
 
 @kernel
-def _largest(
-    theta: Array, omega: Array, path: Array, volts: Array, goal: Array, constants: Array, largest: Array, work: Array
+def _look(
+    theta: Array, omega: Array, path: Array, volts: Array, goal: Array, constants: Array, found: Array, work: Array
 ) -> tuple[int, int]:
     """Looks over a motion once.
 
     Args:
         theta, omega, path, volts, constants: as for `figures`.
         goal: (3,), the target.
-        largest: (4, 3), receives for each joint the largest distance from the path, the sum of the squares of the
-            distances, the largest distance beyond the target, and the largest voltage.
+        found: (5, 3), receives for each joint the largest distance from the path, the root mean square of that, the
+            largest distance beyond the target, the largest voltage, and the distance from the target at the end.
         work: (N, 3), receives what each motor puts in between samples, J; exact, because its torque is constant
             meanwhile.
 
@@ -96,7 +97,7 @@ def _largest(
         its limit.
     """
     samples, last, saturated = volts.shape[0], -1, 0
-    largest[:] = 0.0
+    found[:] = 0.0
     for i in range(3):
         way = goal[i] - theta[0, i]
         band = max(SETTLED_SHARE * abs(way), SETTLED_BAND)
@@ -104,13 +105,15 @@ def _largest(
         for k in range(samples + 1):
             if abs(theta[k, i] - goal[i]) > band or abs(omega[k, i]) > SETTLED_SPEED:
                 last = max(last, k)
-            largest[2, i] = max(largest[2, i], direction * (theta[k, i] - goal[i]))
+            found[2, i] = max(found[2, i], direction * (theta[k, i] - goal[i]))
         for k in range(samples):
             error = path[k, i] - theta[k, i]
-            largest[0, i] = max(largest[0, i], abs(error))
-            largest[1, i] += error * error
-            largest[3, i] = max(largest[3, i], abs(volts[k, i]))
+            found[0, i] = max(found[0, i], abs(error))
+            found[1, i] += error * error
+            found[3, i] = max(found[3, i], abs(volts[k, i]))
             work[k, i] = max(constants[i] * volts[k, i] * (theta[k + 1, i] - theta[k, i]), 0.0)
+        found[1, i] = math.sqrt(found[1, i] / samples)
+        found[4, i] = abs(theta[samples, i] - goal[i])
     for k in range(samples):
         if max(abs(volts[k, 0]), abs(volts[k, 1]), abs(volts[k, 2])) >= VOLTAGE_LIMIT:
             saturated += 1

@@ -145,7 +145,7 @@ def score(objective: Objective, target_time: float, gains: Gains) -> CandidateSc
     found: list[tuple[Scenario, Figures]] = []
     for done, scenario in enumerate(objective.scenarios, 1):
         try:
-            outcome = _judged(simulator.run(_case(scenario, settings)))
+            outcome = _judged(simulator.run(_case(scenario, settings)), objective.limits)
         except DivergenceError:
             return CandidateScore(target_time, gains, {}, "divergence", UNUSABLE * _UNSTABLE, done)
         broken, excess = _broken(outcome, objective.limits, must_settle=not scenario.noise)
@@ -241,8 +241,10 @@ def _resting_points(scenarios: Sequence[Scenario]) -> list[Scenario]:
     return list({(s.motion.goal, s.motion.carries): s for s in scenarios}.values())
 
 
-def _judged(outcome: Outcome) -> Figures:
+def _judged(outcome: Outcome, limits: Limits) -> Figures:
     """The figures of a motion, where only what lies beyond the path counts as overshoot: some paths make a detour."""
+    if max(outcome.figures.overshoot) <= limits.overshoot:
+        return outcome.figures
     way = np.sign(np.array(outcome.target) - outcome.path[0])
     detour = np.maximum(0.0, (way * (outcome.path - np.array(outcome.target))).max(axis=0))
     beyond = triple(np.maximum(0.0, np.array(outcome.figures.overshoot) - detour))

@@ -129,7 +129,7 @@ def _responses(
     points: Array,
     found: Array,
 ) -> tuple[int, int]:
-    """Lets a controller answer samples that all come in the same state, as `responses` says."""
+    """Lets a controller answer samples that all come in the same state, as `TickResponses.after` says."""
     angles = request[:24].view(np.float64)
     request_address, answer_address = request.ctypes.data, answer.ctypes.data
     count = places.shape[0]
@@ -150,33 +150,56 @@ def _responses(
     return FINISHED, points.shape[0]
 
 
-def responses(blocks: NativeResource, server: str, names: Sequence[str], carries: bool, points: Array) -> Array:
-    """What one tick of a motion controller makes of samples, all from the state that it is in and stays in.
+class TickResponses:
+    """What one tick of a motion controller makes of its memory and of a sample.
 
     Args:
         blocks: the blocks, in machine code.
         server: the SERVER block, as for `CompiledLoop`.
-        names: n variables, of type LREAL.
-        carries: whether the controller counts on a box in the gripper.
-        points: (P, n + 3), values that the variables have before the tick, and the angles of its sample, rad.
-
-    Returns:
-        The values of the variables after the tick, and the voltages, V: (P, n + 3).
-
-    Raises:
-        FunctionBlockError: a block failed. CommunicationError: the blocks did not answer.
+        names: n variables, of type LREAL: the memory.
     """
-    memory = blocks.numbers()
-    found = np.empty(points.shape)
-    request = np.zeros(32, np.uint8)
-    request[25] = carries
-    places = np.array([blocks.offset(name) // 8 for name in names])
-    function = blocks.function(f"exchange__{server}")
-    problem, _ = _responses(
-        function, blocks.address, request, np.empty(3), memory, memory.copy(), places, points, found
-    )
-    blocks.check(problem, server)
-    return found
+
+    def __init__(self, blocks: NativeResource, server: str, names: Sequence[str]) -> None:
+        self._blocks = blocks
+        self._server = server
+        self._function = blocks.function(f"exchange__{server}")
+        self._memory = blocks.numbers()
+        self._places = np.array([blocks.offset(name) // 8 for name in names])
+        self._request = np.zeros(32, np.uint8)
+        self._answer = np.empty(3)
+
+    def values(self) -> Array:
+        """The values of the variables, (n,)."""
+        return self._memory[self._places]
+
+    def after(self, carries: bool, points: Array) -> Array:
+        """The variables after a tick, all from the state in which the blocks are and stay.
+
+        Args:
+            carries: whether the controller counts on a box in the gripper.
+            points: (P, n + 3), values that the variables have before the tick, and the angles of its sample, rad.
+
+        Returns:
+            The values of the variables, and the voltages, V: (P, n + 3).
+
+        Raises:
+            FunctionBlockError: a block failed. CommunicationError: the blocks did not answer.
+        """
+        found = np.empty(points.shape)
+        self._request[25] = carries
+        problem, _ = _responses(
+            self._function,
+            self._blocks.address,
+            self._request,
+            self._answer,
+            self._memory,
+            self._memory.copy(),
+            self._places,
+            points,
+            found,
+        )
+        self._blocks.check(problem, self._server)
+        return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -224,19 +224,20 @@ def _motor(volts: Array, arm: Coefficients) -> Triple:
 
 @kernel
 def _solve(M: Sextuple, r1: float, r2: float, r3: float) -> Triple:
-    """Solves M x = r by cofactors, with the one division that they need.
-
-    M is symmetric and positive definite with a condition number of some hundreds: little more than rounding is lost.
-    """
-    M11, M21, M31, M22, M32, M33 = M
-    n11, n21, n31 = M22 * M33 - M32 * M32, M31 * M32 - M21 * M33, M21 * M32 - M31 * M22
-    n22, n32, n33 = M11 * M33 - M31 * M31, M21 * M31 - M11 * M32, M11 * M22 - M21 * M21
-    scale = 1.0 / (M11 * n11 + (M21 * n21 + M31 * n31))
-    return (
-        ((n11 * r1 + n21 * r2) + n31 * r3) * scale,
-        ((n21 * r1 + n22 * r2) + n32 * r3) * scale,
-        ((n31 * r1 + n32 * r2) + n33 * r3) * scale,
-    )
+    """Solves M x = r by M = L diag(d) L^T from the last row up; M is symmetric positive definite, so no pivoting."""
+    M11, M21, M31, M22, M32, d3 = M
+    per_d3 = 1.0 / d3
+    L31, L32 = M31 * per_d3, M32 * per_d3
+    d2 = M22 - L32 * M32
+    u21 = M21 - L31 * M32
+    per_d2 = 1.0 / d2
+    L21 = u21 * per_d2
+    d1 = (M11 - L31 * M31) - L21 * u21
+    r2 -= L32 * r3
+    r1 = (r1 - L31 * r3) - L21 * r2
+    x1 = r1 / d1
+    x2 = r2 * per_d2 - L21 * x1
+    return x1, x2, (r3 * per_d3 - L31 * x1) - L32 * x2
 
 
 @kernel

@@ -120,7 +120,7 @@ def _linearise(x: Array, c: Array, u: Array, width: float, coulomb: bool, a: Arr
     r2 = c[10] * u[1] - c[13] * w2 - c[16] * t2 - sA * Q - sB * Q + sE * R - g2
     r3 = c[11] * u[2] - c[14] * w3 - c[17] * t3 - sB * Q - sE * S - g3
 
-    # M^-1 by cofactors; the primal agrees with that of the rollout to rounding.
+    # M^-1 by cofactors; the primal agrees with the factorised solution of the rollout to rounding.
     M33, M32, M22 = J3, J3 + gE, J2 + J3 + 2.0 * gE
     M31, M21, M11 = M32 + gB, M22 + gA + gB, J1 + J2 + J3 + 2.0 * (gA + gB + gE)
     n11, n21, n31 = M22 * M33 - M32 * M32, M31 * M32 - M21 * M33, M21 * M32 - M31 * M22

@@ -79,15 +79,20 @@ static void E(accelerate)(const struct E(coefficients) *arm, const NUMBER *x, co
     const NUMBER M22 = arm->J2 + arm->J3 + 2.0 * cE;
     const NUMBER M21 = M22 + cA + cB;
     const NUMBER M11 = arm->J1 + arm->J2 + arm->J3 + 2.0 * (cA + cB + cE);
-    const NUMBER M33 = arm->J3;
-    /* M a = r by cofactors */
-    const NUMBER n11 = M22 * M33 - M32 * M32, n21 = M31 * M32 - M21 * M33, n31 = M21 * M32 - M31 * M22;
-    const NUMBER n22 = M11 * M33 - M31 * M31, n32 = M21 * M31 - M11 * M32, n33 = M11 * M22 - M21 * M21;
-    const NUMBER scale = 1.0 / (M11 * n11 + (M21 * n21 + M31 * n31));
-    const NUMBER r1 = torque[0] - h1 - g1 - E(friction)(arm, 0, w1, width);
-    const NUMBER r2 = torque[1] - h2 - g2 - E(friction)(arm, 1, w2, width);
+    /* M a = r by M = L diag(d) L^T from the last row up */
+    const NUMBER per_d3 = 1.0 / arm->J3;
+    const NUMBER L31 = M31 * per_d3, L32 = M32 * per_d3;
+    const NUMBER d2 = M22 - L32 * M32;
+    const NUMBER u21 = M21 - L31 * M32;
+    const NUMBER per_d2 = 1.0 / d2;
+    const NUMBER L21 = u21 * per_d2;
+    const NUMBER d1 = (M11 - L31 * M31) - L21 * u21;
+    NUMBER r1 = torque[0] - h1 - g1 - E(friction)(arm, 0, w1, width);
+    NUMBER r2 = torque[1] - h2 - g2 - E(friction)(arm, 1, w2, width);
     const NUMBER r3 = torque[2] - h3 - g3 - E(friction)(arm, 2, w3, width);
-    a[0] = ((n11 * r1 + n21 * r2) + n31 * r3) * scale;
-    a[1] = ((n21 * r1 + n22 * r2) + n32 * r3) * scale;
-    a[2] = ((n31 * r1 + n32 * r2) + n33 * r3) * scale;
+    r2 -= L32 * r3;
+    r1 = (r1 - L31 * r3) - L21 * r2;
+    a[0] = r1 / d1;
+    a[1] = r2 * per_d2 - L21 * a[0];
+    a[2] = (r3 * per_d3 - L31 * a[0]) - L32 * a[1];
 }

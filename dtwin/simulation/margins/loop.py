@@ -10,9 +10,9 @@ friction is left out, because it would hide a slow instability.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.iec61499.native.resource import NativeResource
 from dtwin.parameters import PERIOD, ArmParameters, Triple
 from dtwin.simulation.figures import Array
-from dtwin.twin.closed_loop import responses
+from dtwin.twin.closed_loop import TickResponses
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from dtwin.twin.machine import machine_acceleration, vector_of
 
@@ -36,6 +36,7 @@ Their truncation error is of the order of its square, their rounding error of 1e
 """
 _IDLE: Final = 1e-6
 """Change of a variable, by the change of another or of an angle, below which it counts as none."""
+_MEMORY: Final = tuple(name for names in MEMORY for name in names)
 ComplexArray = NDArray[np.complexfloating]
 
 
@@ -117,9 +118,14 @@ class Loop:
     def closed(self, delay: float = 0.0) -> Array:
         """The matrix of one tick of the closed loop, with the volts acting later by a number of ticks."""
         plant, control = self.plant.sampled(self.late + delay), self.controller
-        return np.block(
-            [[plant.A + plant.B @ control.D @ plant.C, plant.B @ control.C], [control.B @ plant.C, control.A]]
-        )
+        count = len(plant.A)
+        size = count + len(control.A)
+        matrix = np.empty((size, size))
+        matrix[:count, :count] = plant.A + plant.B @ control.D @ plant.C
+        matrix[:count, count:] = plant.B @ control.C
+        matrix[count:, :count] = control.B @ plant.C
+        matrix[count:, count:] = control.A
+        return matrix
 
     def radius(self, delay: float = 0.0) -> float:
         """Largest absolute eigenvalue of one tick; the loop is stable below 1."""
@@ -183,16 +189,14 @@ def linear_blocks(
     """
     controller.begin(theta, theta, settings, carries=carries)
     resource = controller.resource
-    memory = [name for names in MEMORY for name in names]
-    at_rest = [resource.read(name) for name in memory]
-
-    def ticks(points: Array) -> Array:
-        if isinstance(resource, NativeResource):
-            return responses(resource, ARM, memory, carries, points)
-        return _responses(controller, memory, points)
-
-    slopes = _differences(ticks, np.array((*at_rest, *theta)))
-    count = len(memory)
+    if isinstance(resource, NativeResource):
+        machine_code = _in_machine_code(resource)
+        at_rest = machine_code.values()
+        slopes = _differences(partial(machine_code.after, carries), np.array((*at_rest, *theta)))
+    else:
+        at_rest = np.array([resource.read(name) for name in _MEMORY])
+        slopes = _differences(partial(_after, controller), np.array((*at_rest, *theta)))
+    count = len(_MEMORY)
     still = np.hstack((np.eye(count), np.zeros((count, 3))))
     live = np.flatnonzero(np.abs(slopes[:count] - still).max(axis=1) > _IDLE)
     from_states, from_angles = slopes[:, live], slopes[:, count:]
@@ -208,17 +212,22 @@ def _held(A: Array, B: Array, time: float) -> tuple[Array, Array]:
     return both[:size, :size], both[:size, size:]
 
 
-def _responses(controller: MotionController, memory: Sequence[str], points: Array) -> Array:
-    """What `dtwin.twin.closed_loop.responses` gives, by the Python runtime."""
+@lru_cache(maxsize=8)
+def _in_machine_code(resource: NativeResource) -> TickResponses:
+    return TickResponses(resource, ARM, _MEMORY)
+
+
+def _after(controller: MotionController, points: Array) -> Array:
+    """What `TickResponses.after` gives, by the Python runtime."""
     resource = controller.resource
     rest = resource.snapshot()
     found = []
     for *values, first, second, third in points.tolist():
         resource.restore(rest)
-        for name, value in zip(memory, values, strict=True):
+        for name, value in zip(_MEMORY, values, strict=True):
             resource.write(name, value)
         volts = controller.step((first, second, third))
-        found.append((*map(resource.read, memory), *volts))
+        found.append((*map(resource.read, _MEMORY), *volts))
     resource.restore(rest)
     return np.array(found)
 
