@@ -17,7 +17,7 @@ from dtwin.iec61499.native.resource import NativeResource
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, ArmParameters, PayloadModel
 from dtwin.twin import dynamics
 from dtwin.twin.compiled import kernel
-from dtwin.twin.dynamics import Array, integrate
+from dtwin.twin.dynamics import Array, advance, coefficients, held_torque
 from dtwin.twin.rollout import is_weight_only
 
 FINISHED: Final = 0
@@ -47,7 +47,7 @@ def closed_loop(
     watched: NDArray[np.int64],
     noise: Array,
     p: Array,
-    payload: Array,
+    payload: float,
     period: float,
     substeps: int,
     weight_only: bool,
@@ -69,7 +69,7 @@ def closed_loop(
         watched: (3,), places in `memory` of the desired angles, rad.
         noise: (N, 3), what the encoders add to the angles, rad; (0, 3) for none.
         p: (21,), parameters of the arm.
-        payload: (1,), mass at the tip, kg.
+        payload: mass at the tip, kg.
         period, substeps, weight_only, width: as for `integrate`.
         states: (N + 1, 6), angles in rad, then velocities in rad/s; row 0 is the start, the others are written.
         samples: (N, 3), receives what the encoders measured, rad.
@@ -81,6 +81,8 @@ def closed_loop(
     """
     angles = request[:24].view(np.float64)
     request_address, answer_address = request.ctypes.data, answer.ctypes.data
+    arm = coefficients(p, payload, weight_only)
+    x = (states[0, 0], states[0, 1], states[0, 2], states[0, 3], states[0, 4], states[0, 5])
     for k in range(samples.shape[0]):
         for i in range(3):
             samples[k, i] = states[k, i] + noise[k, i] if noise.shape[0] else states[k, i]
@@ -92,7 +94,10 @@ def closed_loop(
         for i in range(3):
             volts[k, i] = answer[i]
             path[k, i] = memory[watched[i]]
-        if integrate(p, volts[k : k + 1], payload, period, substeps, weight_only, width, states[k : k + 2]) == 0:
+        x, finite = advance(x, held_torque(answer, arm), arm, width, period / substeps, substeps)
+        for i in range(6):
+            states[k + 1, i] = x[i]
+        if not finite:
             return DIVERGED, k
     return FINISHED, samples.shape[0]
 
@@ -277,7 +282,7 @@ class CompiledLoop:
             self._watched,
             noise,
             np.array(arm.vector()),
-            np.array([payload]),
+            float(payload),
             PERIOD,
             self._substeps,
             is_weight_only(payload_model),

@@ -218,7 +218,8 @@ def _clip(volts: float) -> float:
 
 
 @kernel
-def _motor(volts: Array, arm: Coefficients) -> Triple:
+def held_torque(volts: Array, arm: Coefficients) -> Triple:
+    """The torques of the motors under given voltages (3,), which are clipped."""
     return arm.K1 * _clip(volts[0]), arm.K2 * _clip(volts[1]), arm.K3 * _clip(volts[2])
 
 
@@ -276,6 +277,24 @@ def _rk4(x: Sextuple, torque: Triple, arm: Coefficients, width: float, step: flo
 
 
 @kernel
+def advance(
+    x: Sextuple, torque: Triple, arm: Coefficients, width: float, step: float, substeps: int
+) -> tuple[Sextuple, bool]:
+    """The state after a number of steps with the torque held, and whether it is finite."""
+    # two loops, because code that may call tanh is slower where it does not
+    if arm.mu1 == 0.0 and arm.mu2 == 0.0 and arm.mu3 == 0.0:
+        for _ in range(substeps):
+            x = _rk4(x, torque, arm, width, step, False)
+    else:
+        for _ in range(substeps):
+            x = _rk4(x, torque, arm, width, step, True)
+    finite = True
+    for i in range(6):
+        finite = finite and math.isfinite(x[i])
+    return x, finite
+
+
+@kernel
 def integrate(
     p: Array,
     volts: Array,
@@ -306,18 +325,9 @@ def integrate(
     x = (states[0, 0], states[0, 1], states[0, 2], states[0, 3], states[0, 4], states[0, 5])
     for k in range(samples):
         arm = coefficients(p, payload[k], weight_only)
-        torque = _motor(volts[k], arm)
-        # two loops, because code that may call tanh is slower where it does not
-        if arm.mu1 == 0.0 and arm.mu2 == 0.0 and arm.mu3 == 0.0:
-            for _ in range(substeps):
-                x = _rk4(x, torque, arm, width, step, False)
-        else:
-            for _ in range(substeps):
-                x = _rk4(x, torque, arm, width, step, True)
-        finite = True
+        x, finite = advance(x, held_torque(volts[k], arm), arm, width, step, substeps)
         for i in range(6):
             states[k + 1, i] = x[i]
-            finite = finite and math.isfinite(x[i])
         if not finite:
             return k
     return samples
@@ -353,7 +363,7 @@ def friction(omega: Array, p: Array, width: float = COULOMB_WIDTH) -> Array:
 @kernel
 def motor_torque(volts: Array, p: Array) -> Array:
     """Motor torques K u with u clipped to +-VOLTAGE_LIMIT, (3,), N m."""
-    return np.array(_motor(volts, coefficients(p, 0.0, False)))
+    return np.array(held_torque(volts, coefficients(p, 0.0, False)))
 
 
 @kernel
@@ -368,7 +378,7 @@ def forward_dynamics(
     """Joint accelerations q'' under given voltages, (3,), rad/s^2."""
     arm = coefficients(p, payload, weight_only)
     x = (state[0], state[1], state[2], state[3], state[4], state[5])
-    return np.array(_derivative(x, _motor(volts, arm), arm, width, True)[3:])
+    return np.array(_derivative(x, held_torque(volts, arm), arm, width, True)[3:])
 
 
 @kernel
