@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from dtwin.controller.motion import MotionController
+from dtwin.controller.runtime import Runtime, chosen
 from dtwin.controller.settings import LAWS, USUAL_GAINS, Compensation, ControlSettings
 from dtwin.experiments.simulation.margins import compare, usual
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, PLACES, ArmParameters, Gains, Law, Triple
-from dtwin.simulation.margins.demands import MARGINS, STABILITY, cases
+from dtwin.simulation.margins.demands import MARGINS, STABILITY, cases, demanded_margins
 from dtwin.simulation.margins.loop import Loop, Plant, StateSpace, linear_arm, linear_blocks, linear_loop
 from dtwin.simulation.margins.measures import (
     LONGEST_DELAY,
@@ -27,6 +28,7 @@ from dtwin.simulation.margins.measures import (
 from dtwin.simulation.margins.poses import places, poses
 from dtwin.simulation.whatif import Simulator
 from dtwin.twin.dynamics import gravity, integrate
+from tests.support.iec61499.c_harness import needs_compiler
 
 ARM = ArmParameters()
 S = 1j * np.geomspace(1e-2, 1e3, 2000)
@@ -150,6 +152,35 @@ def moved_freely(theta: Triple, payload: float) -> tuple[np.ndarray, np.ndarray]
         integrate(vector, hold[None], np.array([payload]), PERIOD, 40, False, COULOMB_WIDTH, states)
         after.append(states[1])
     return moved, (after[0] - after[1]) / 2.0
+
+
+@needs_compiler
+@pytest.mark.parametrize("law", LAWS)
+def test_both_runtimes_have_the_same_linear_blocks(law: Law) -> None:
+    settings, theta = ControlSettings(law=law, gains=USUAL_GAINS[law]), PLACES["blue"].theta
+    found = []
+    runtimes: tuple[Runtime, ...] = ("native", "python")
+    for runtime in runtimes:
+        with chosen(runtime):
+            controller = MotionController()
+        before = controller.begin(theta, theta, settings, carries=True)
+        found.append(linear_blocks(controller, settings, theta, carries=True))
+        assert controller.begin(theta, theta, settings, carries=True) == before
+    for native, python in zip(*found, strict=True):
+        assert np.array_equal(native, python)
+
+
+@pytest.mark.parametrize("kp", [200.0, 2000.0])
+@pytest.mark.parametrize("law", LAWS)
+def test_what_is_not_demanded_is_not_computed_and_changes_nothing(simulator: Simulator, law: Law, kp: float) -> None:
+    settings = ControlSettings(law=law, gains=Gains(kp=(kp,) * 3))
+    for pose in places():
+        loop = linear_loop(simulator.controller, settings, ARM, 0.2, pose.theta)
+        for demands in (STABILITY, MARGINS):
+            known = demanded_margins(loop, demands)
+            short, expected = demands.shortfall(known), demands.shortfall(margins(loop))
+            assert short == expected
+            assert known.spectral_radius == margins(loop).spectral_radius
 
 
 def at(simulator: Simulator, arm: ArmParameters, payload: float = 0.2) -> Loop:
