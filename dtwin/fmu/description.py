@@ -99,9 +99,11 @@ def model_description_2(model: Description, sources: Iterable[str]) -> bytes:
         etree.SubElement(files, "File", name=name)
     _units(root, model.variables)
     _experiment(root)
-    places = {variable.name: str(k) for k, variable in enumerate(model.variables, 1)}
+    # time is listed in FMI 3.0 alone; here some importers ask for its start value, which it cannot have
+    numbered = [pair for pair in enumerate(model.variables) if pair[1].causality != "independent"]
+    places = {variable.name: str(k) for k, (_, variable) in enumerate(numbered, 1)}
     listed = etree.SubElement(root, "ModelVariables")
-    for reference, variable in enumerate(model.variables):
+    for reference, variable in numbered:
         attributes = {"name": variable.name, "valueReference": str(reference)} | _attributes(variable)
         scalar = etree.SubElement(listed, "ScalarVariable", attributes)
         value = _unit(variable) | _start(variable)
