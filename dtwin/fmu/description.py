@@ -60,7 +60,8 @@ class Description:
 def model_description_3(model: Description) -> bytes:
     """modelDescription.xml of FMI 3.0."""
     root = _root(model, {"fmiVersion": "3.0", "instantiationToken": model.token})
-    simulation = {**_simulation(model), "canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
+    able = ("canGetAndSetFMUState", "canSerializeFMUState", "hasEventMode")
+    simulation = _simulation(model) | dict.fromkeys(able, "true")
     if model.has_derivatives:
         simulation["providesDirectionalDerivatives"] = "true"
     if model.subject != "twin":

@@ -92,7 +92,8 @@ def _table(subject: Subject, variables: Sequence[Variable], token: str) -> str:
     lines.append("const struct model_variable model_variables[] = {")
     for variable in variables:
         place = f"offsetof(struct model, {variable.member})"
-        lines.append(f"    {{{place}, {_TYPES[variable.kind]}, {_setting(variable)}}}, /* {variable.name} */")
+        row = ", ".join((place, _TYPES[variable.kind], _setting(variable), _event(variable)))
+        lines.append(f"    {{{row}}}, /* {variable.name} */")
     lines += [
         "};",
         f"const size_t model_count = {len(variables)};",
@@ -112,3 +113,7 @@ def _setting(variable: Variable) -> str:
     if variable.causality in ("independent", "output"):
         return "MODEL_NEVER"
     return "MODEL_BEFORE_START" if variable.variability == "fixed" else "MODEL_ALWAYS"
+
+
+def _event(variable: Variable) -> str:
+    return str(variable.causality == "output" and variable.kind == "Boolean").lower()

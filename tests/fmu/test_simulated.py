@@ -238,6 +238,43 @@ def test_directional_derivatives(slave: Callable[..., Slave], version: Version, 
     assert fmu.directional(others, known) == [0.0] * len(others)
 
 
+def test_the_gripper_makes_events(made: Made) -> None:
+    """FMI 3.0 alone has events in co-simulation: here the gripper leaves its open stop and meets the closed one."""
+    from fmpy.fmi3 import FMU3Slave
+
+    folder = made("twin", "3.0")
+    description = fmpy.read_model_description(str(folder))
+    references = {v.name: v.valueReference for v in description.modelVariables}
+    fmu = FMU3Slave(
+        guid=description.guid,
+        unzipDirectory=str(folder),
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        instanceName="gripper",
+    )
+    fmu.instantiate(eventModeUsed=True)
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    with pytest.raises(Exception, match="rror"):
+        fmu.doStep(currentCommunicationPoint=0.0, communicationStepSize=PERIOD)
+    fmu.enterStepMode()
+    fmu.setFloat64([references["V_gripper"]], [-GripperParameters().volts])
+    stops, changes = [references["gripper_is_open"], references["gripper_is_closed"]], []
+    before = fmu.getBoolean(stops)
+    for tick in range(100):
+        event, *_ = fmu.doStep(currentCommunicationPoint=tick * PERIOD, communicationStepSize=PERIOD)
+        now = fmu.getBoolean(stops)
+        assert event == (now != before)
+        if event:
+            changes.append(now)
+            fmu.enterEventMode()
+            assert not any(fmu.updateDiscreteStates()[:5])
+            fmu.enterStepMode()
+        before = now
+    assert changes == [[False, False], [False, True]]
+    fmu.terminate()
+    fmu.freeInstance()
+
+
 @pytest.mark.parametrize("version", VERSIONS)
 def test_start_values_are_set_before_the_start(slave: Callable[..., Slave], version: Version) -> None:
     fmu = slave("twin", version, theta1_start=0.25)

@@ -47,7 +47,6 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     (void)resources;
     (void)visible;
     (void)logging;
-    (void)events;
     (void)early_return;
     (void)intermediate;
     (void)count;
@@ -61,6 +60,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     made->tell = tell;
     made->logger = (void (*)(void))log;
     made->environment = environment;
+    made->has_event_mode = events;
     return made;
 }
 
@@ -84,7 +84,35 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolera
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance instance)
 {
-    return status_of(instance_begin(instance));
+    struct instance *self = instance;
+    const bool good = instance_begin(self);
+    if (self->has_event_mode) {
+        self->mode = MODE_EVENT;
+    }
+    return status_of(good);
+}
+
+/* A change of a discrete output is an event, at the end of the step in which it comes. Nothing is left to do then. */
+fmi3Status fmi3EnterEventMode(fmi3Instance instance)
+{
+    ((struct instance *)instance)->mode = MODE_EVENT;
+    return fmi3OK;
+}
+
+fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, fmi3Boolean *terminate,
+                                    fmi3Boolean *nominals, fmi3Boolean *states, fmi3Boolean *next_defined,
+                                    fmi3Float64 *next)
+{
+    (void)instance;
+    *again = *terminate = *nominals = *states = *next_defined = false;
+    *next = 0.0;
+    return fmi3OK;
+}
+
+fmi3Status fmi3EnterStepMode(fmi3Instance instance)
+{
+    ((struct instance *)instance)->mode = MODE_STEPPING;
+    return fmi3OK;
 }
 
 fmi3Status fmi3Terminate(fmi3Instance instance)
@@ -103,8 +131,9 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float64 durat
                       fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *reached)
 {
     const bool good = instance_step(instance, time, duration);
+    const struct instance *self = instance;
     (void)forward;
-    *event = false;
+    *event = self->has_event_mode && self->event;
     *terminate = false;
     *early = false;
     *reached = good ? time + duration : time;
@@ -233,8 +262,6 @@ NONE(fmi3GetAdjointDerivative, fmi3Instance i, const fmi3ValueReference u[], siz
      size_t kn, const fmi3Float64 s[], size_t sn, fmi3Float64 v[], size_t vn)
 NONE(fmi3EnterConfigurationMode, fmi3Instance i)
 NONE(fmi3ExitConfigurationMode, fmi3Instance i)
-NONE(fmi3EnterEventMode, fmi3Instance i)
-NONE(fmi3EnterStepMode, fmi3Instance i)
 NONE(fmi3GetIntervalDecimal, fmi3Instance i, const fmi3ValueReference r[], size_t n, fmi3Float64 v[],
      fmi3IntervalQualifier q[])
 NONE(fmi3GetIntervalFraction, fmi3Instance i, const fmi3ValueReference r[], size_t n, fmi3UInt64 c[], fmi3UInt64 s[],
@@ -248,8 +275,6 @@ NONE(fmi3SetShiftDecimal, fmi3Instance i, const fmi3ValueReference r[], size_t n
 NONE(fmi3SetShiftFraction, fmi3Instance i, const fmi3ValueReference r[], size_t n, const fmi3UInt64 c[],
      const fmi3UInt64 s[])
 NONE(fmi3EvaluateDiscreteStates, fmi3Instance i)
-NONE(fmi3UpdateDiscreteStates, fmi3Instance i, fmi3Boolean *a, fmi3Boolean *b, fmi3Boolean *c, fmi3Boolean *d,
-     fmi3Boolean *e, fmi3Float64 *f)
 NONE(fmi3GetOutputDerivatives, fmi3Instance i, const fmi3ValueReference r[], size_t n, const fmi3Int32 o[],
      fmi3Float64 v[], size_t m)
 NONE(fmi3EnterContinuousTimeMode, fmi3Instance i)

@@ -123,17 +123,35 @@ bool instance_begin(struct instance *instance)
     return problem == NULL || failed(instance, problem);
 }
 
+/* The outputs whose changes are events, as the bits of a number. */
+static uint64_t events_of(struct instance *instance)
+{
+    uint64_t bits = 0;
+    size_t k;
+    refresh(instance);
+    for (k = 0; k < model_count; ++k) {
+        if (model_variables[k].event) {
+            const bool *place = (const void *)((const char *)instance->model + model_variables[k].offset);
+            bits = (bits << 1) | *place;
+        }
+    }
+    return bits;
+}
+
 bool instance_step(struct instance *instance, double time, double duration)
 {
     const char *problem;
+    uint64_t before;
     if (instance->mode != MODE_STEPPING) {
-        return failed(instance, "a step can be done after the initialization and before the end");
+        return failed(instance, "a step can be done in step mode: after the initialization, before the end");
     }
     if (!(duration >= 0.0)) {
         return failed(instance, "expected a communication step of at least 0 s");
     }
+    before = events_of(instance);
     problem = model_step(instance->model, time, duration);
     instance->stale = true;
+    instance->event = events_of(instance) != before;
     return problem == NULL || failed(instance, problem);
 }
 

@@ -4,13 +4,15 @@
 
 #include "model.h"
 
-enum mode { MODE_INSTANTIATED, MODE_INITIALIZING, MODE_STEPPING, MODE_TERMINATED };
+enum mode { MODE_INSTANTIATED, MODE_INITIALIZING, MODE_STEPPING, MODE_EVENT, MODE_TERMINATED };
 
 struct instance {
     struct model *model;
     enum mode mode;
     bool stale;        /* whether the outputs have to be computed */
+    bool event;        /* whether a discrete output changed in the last step */
     double start_time; /* of the simulation */
+    bool has_event_mode;
     void *environment; /* of the simulator, as is what follows */
     void (*tell)(struct instance *instance, const char *message);
     void (*logger)(void);

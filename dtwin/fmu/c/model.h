@@ -17,6 +17,7 @@ struct model_variable {
     size_t offset;
     enum model_type type;
     enum model_setting setting; /* when it can be set */
+    bool event;                 /* whether it is an output whose change is an event */
 };
 
 struct model;
