@@ -16,7 +16,7 @@ from dtwin.errors import ParameterError
 from dtwin.experiments.simulation.emulated_arm import EmulatedArm
 from dtwin.parameters import HANGING, PERIOD, PLACES, ArmParameters, Gains, Law
 from dtwin.simulation.whatif import MotionCase, Simulator
-from dtwin.twin.dynamics import energy
+from dtwin.twin.energy import energy
 
 T4 = ControlSettings(target_time=4.0)
 

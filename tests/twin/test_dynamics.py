@@ -13,7 +13,6 @@ from dtwin.parameters import GRAVITY, VOLTAGE_LIMIT, ArmParameters
 from dtwin.twin.dynamics import (
     COULOMB_WIDTH,
     coriolis,
-    energy,
     forward_dynamics,
     friction,
     gravity,
@@ -22,6 +21,7 @@ from dtwin.twin.dynamics import (
     motor_torque,
     sine_cosine,
 )
+from dtwin.twin.energy import energy
 from dtwin.twin.kinematics import joint_positions
 from tests.support.arms import DEFAULT, Array, angles, arms, payloads, reals, vector, vectors, velocities
 

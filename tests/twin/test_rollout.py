@@ -7,7 +7,8 @@ from scipy.integrate import simpson
 
 from dtwin.errors import DivergenceError, ParameterError
 from dtwin.parameters import GRAVITY, HANGING, PHYSICS_STEP, ArmParameters, Triple, scaled
-from dtwin.twin.dynamics import energy, forward_dynamics, friction, motor_torque
+from dtwin.twin.dynamics import forward_dynamics, friction, motor_torque
+from dtwin.twin.energy import energy
 from dtwin.twin.rollout import rollout
 from tests.support.arms import DEFAULT, Array, vector
 
