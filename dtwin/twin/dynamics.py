@@ -27,6 +27,7 @@ Arguments of all kernels, as float64 arrays or numbers:
     width: velocity over which the smoothed Coulomb friction changes sign, rad/s, above 0.
 
 Numba notices edits of this file but not of files whose kernels it inlined, so all kernels of a rollout live here.
+dtwin/fmu/c has the same equations in C, operation by operation, and so the same bits.
 """
 
 from __future__ import annotations
