@@ -206,7 +206,7 @@ class Place:
     theta: Triple
 
 
-Colour = Literal["blue", "red", "green"]
+Colour = str
 """Colour of a box, and name of the place it belongs to."""
 PICKUP: Final = Place(0.2, -0.2, (-0.6699, -1.5931, 2.2630))
 PLACES: Final[Mapping[Colour, Place]] = {

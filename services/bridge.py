@@ -15,7 +15,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import Final, TypeVar
 
@@ -45,6 +45,7 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, ParameterError, RecordingError
 from dtwin.iec61499.net.address import StreamAddress, parse_stream_address
 from dtwin.parameters import PERIOD, ArmParameters, Gains
+from dtwin.run.options import CellFileOption
 from dtwin.services.parts.gate import STALE
 from dtwin.services.parts.recent import Backlog, Recent
 from dtwin.services.parts.state_file import StateFile, to_message
@@ -70,7 +71,7 @@ S = TypeVar("S")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options(Link):
+class Options(CellFileOption, Link):
     """Connect the bus with a controller's ports."""
 
     controller: str = "127.0.0.1:61499"
@@ -85,8 +86,9 @@ class Options(Link):
     def run(self) -> int:
         address = parse_stream_address(self.controller)
         state = StateFile(self.state)
+        sequence = replace(SEQUENCES[self.sequence], task=self.task())
         with Service(NAME, self) as service:
-            Bridge(service, address, state, self.lossless, SEQUENCES[self.sequence]).run()
+            Bridge(service, address, state, self.lossless, sequence).run()
         return 0
 
 

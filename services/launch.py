@@ -34,7 +34,7 @@ from dtwin.iec61499.net.address import LocalAddress, parse_address
 from dtwin.options import arguments
 from dtwin.parameters import SOURCE
 from dtwin.run.loop import tick_count
-from dtwin.run.options import ArmOptions, ControlOptions, PlantOptions
+from dtwin.run.options import ArmOptions, CellFileOption, ControlOptions, PlantOptions
 from dtwin.run.settings import CellSettings, metadata, sequence_name
 from dtwin.services import runfile
 from dtwin.services.parts.fence import fence_warning
@@ -110,7 +110,6 @@ class CellOptions(PlantOptions, ControlOptions):
         """
         if self.duration is not None:
             tick_count(self.duration)
-        self.settings()
         self._check_plant()
         for path in (self.log, self.record):
             if path is not None:
@@ -130,8 +129,9 @@ class CellOptions(PlantOptions, ControlOptions):
     def _check_plant(self) -> None:
         """Has the emulated cell made once in a process of its own, if more than its noise is unusual."""
         check_seed(self.seed)
-        check_noise(self.noise_kind, self.noise)
-        if arguments(replace(self, seed=0, noise=0.0, noise_kind="uniform"), PlantOptions):
+        settings = self.settings()
+        check_noise(settings.noise_kind, settings.noise)
+        if arguments(replace(self, seed=0, noise=None, noise_kind=None), PlantOptions):
             command = [sys.executable, "-m", "dtwin.services.check", *arguments(self, PlantOptions)]
             made = subprocess.run(
                 command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(SOURCE)}, check=False
@@ -175,7 +175,8 @@ class CellOptions(PlantOptions, ControlOptions):
             listen = ["--listen", management, *turns]
             programs.append(_service("controller", [*link, *listen, *arguments(self, ControlOptions)]))
         bridge = ["--controller", management, "--state", str(state_of(file)), *turns]
-        bridge += ["--sequence", sequence_name(self.settings())]
+        cell = arguments(self, CellFileOption)
+        bridge += ["--sequence", sequence_name(self.settings()), *cell]
         bridge += ["--lossless"] if self.pace != "realtime" else []
         emulator = ["--pace", self.pace, *turns, "--journal", str(journal_of(file)), *arguments(self, PlantOptions)]
         emulator += [] if self.duration is None else ["--duration", str(self.duration)]
@@ -191,7 +192,7 @@ class CellOptions(PlantOptions, ControlOptions):
             arm = ["--commissioned", str(self.commissioned.resolve())] if self.commissioned else model
             programs.append(_service("monitoring", [*link, *arm, *stop]))
         if self.simulation:
-            programs.append(_service("simulation", [*link, "--history", str(self.history.resolve())]))
+            programs.append(_service("simulation", [*link, *cell, "--history", str(self.history.resolve())]))
         if self.console:
             programs.append(_service("console", [*link, *self._console_options(ports, console)]))
         programs.append(_service("emulator", [*link, *emulator, "--wait-for", "bridge"], leading=True))

@@ -279,7 +279,7 @@ class Recorder:
         file = None if options.record is None else numbered(options.record, self._runs)
         url = "" if self._viewer is None else options.ports.data_url
         try:
-            self._view = LiveView(options.mjcf, self._arm, file, url, options.monitored)
+            self._view = LiveView(options.mjcf, self._arm, file, url, options.monitored, options.task())
         except NoSpaceError as error:
             self._say_unready(str(error))
 

@@ -44,10 +44,11 @@ from dtwin.controller.bounds import check_bounds, check_model
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.run.options import CellFileOption
 from dtwin.services.parts.state_file import from_message
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors
-from dtwin.simulation.checks import MOTIONS, Checker
+from dtwin.simulation.checks import Checker
 from dtwin.simulation.history import HISTORY, Entry, History
 from dtwin.simulation.upload import Proposal, Uploader, changed
 
@@ -59,7 +60,7 @@ RETRY: Final = 0.2
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options(Link):
+class Options(CellFileOption, Link):
     """Upload settings to the controller of a running cell."""
 
     history: Path = HISTORY
@@ -67,7 +68,7 @@ class Options(Link):
 
     def run(self) -> int:
         with Service(NAME, self) as service:
-            Simulation(service, History(self.history), Checker()).run()
+            Simulation(service, History(self.history), Checker(task=self.task())).run()
         return 0
 
 
@@ -237,7 +238,7 @@ class Simulation:
             version,
             tuple(
                 PredictedMotion(*motion, f.tracking_rms, f.tracking_max, f.peak_volts, f.saturated)
-                for motion, f in zip(MOTIONS, found, strict=True)
+                for motion, f in zip(self._checker.motions, found, strict=True)
             ),
         )
 

@@ -10,10 +10,9 @@ from dtwin.api.arguments import AnyPath, Texts, checked, texts
 from dtwin.api.run import Run, RunError
 from dtwin.controller.bounds import check_bounds
 from dtwin.controller.ports import BLOCKS
-from dtwin.controller.settings import APPLICATION_LAW, Compensation
+from dtwin.controller.settings import Compensation
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.encoders import NoiseKind
-from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import DtwinError, ParameterError
 from dtwin.parameters import PHYSICS_STEP, Gains, Law, Triple
 from dtwin.run import cell
@@ -29,18 +28,22 @@ class Cell:
     by byte.
 
     Args:
+        cell_file: cell to take what no other argument says from: a file (*.toml), or a name of the folder cells;
+            None for the usual cell.
         machine: machine that the arm is: a name of `dtwin machine list`, a file (*.toml, *.json), or a number to draw
-            it by.
+            it by; None for that of the cell, ideal.
         set: parameters of the emulated arm in SI units, `{"m1": 0.15}` or `"m1=0.15"`; the controller's model stays.
         mjcf: MJCF file of the arm, which is simulated with the values of the file.
         seed: number of the random generators of boxes and noise, at least 0.
-        noise: encoder noise, rad: amplitude (uniform) or standard deviation (gaussian).
-        noise_kind: uniform adds noise * u with u in [0, 1), so it is biased by half of it; gaussian is not biased.
+        noise: encoder noise, rad: amplitude (uniform) or standard deviation (gaussian); None for that of the cell,
+            which is 0 unless its file says otherwise.
+        noise_kind: uniform adds noise * u with u in [0, 1), so it is biased by half of it; gaussian is not biased;
+            None for that of the cell, uniform.
         fault: faults, each TARGET OP VALUE @ START[-END], such as `"K2*=0.1@45"`; times in s.
         step: physics step, s; the 10 ms period must be a whole multiple of it.
-        target_time: duration of every motion, s.
-        law: control law: cascade, computed_torque or row_sum.
-        gains: gains of the control law; None for its usual ones.
+        target_time: duration of every motion, s; None for that of the cell, 2.
+        law: control law: cascade, computed_torque or row_sum; None for that of the cell, cascade.
+        gains: gains of the control law; None for those of the cell, or the usual ones of the law.
         friction: Coulomb friction of each joint that the cascade adds, N m, 0 to 5; None for that of the model.
         delay: time from a sample until its voltages act that the cascade counts on, s, 0 to 0.01.
         dead_zone: voltage lost in every amplifier that the cascade adds, V, 0 to 1.
@@ -57,16 +60,17 @@ class Cell:
     def __init__(
         self,
         *,
-        machine: str | int | Path = IDEAL.name,
+        cell_file: AnyPath | None = None,
+        machine: str | int | Path | None = None,
         set: Texts | Mapping[str, float] = (),
         mjcf: AnyPath = MODEL_FILE,
         seed: int = 0,
-        noise: float = 0.0,
-        noise_kind: NoiseKind = "uniform",
+        noise: float | None = None,
+        noise_kind: NoiseKind | None = None,
         fault: Texts = (),
         step: float = PHYSICS_STEP,
-        target_time: float = 2.0,
-        law: Law = APPLICATION_LAW,
+        target_time: float | None = None,
+        law: Law | None = None,
         gains: Gains | None = None,
         friction: Triple | None = None,
         delay: float = Compensation().delay,
@@ -75,8 +79,10 @@ class Cell:
         tuned: AnyPath | None = None,
         blocks: AnyPath = BLOCKS,
     ) -> None:
+        file = None if cell_file is None else str(cell_file)
         plant = PlantOptions(
-            machine=str(machine),
+            cell_file=file,
+            machine=None if machine is None else str(machine),
             set=assignments(set),
             mjcf=Path(mjcf),
             seed=seed,
@@ -86,6 +92,7 @@ class Cell:
             step=step,
         )
         control = ControlOptions(
+            cell_file=file,
             target_time=target_time,
             law=law,
             friction=friction,

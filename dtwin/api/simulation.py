@@ -18,12 +18,14 @@ from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import ParameterError
 from dtwin.identification.model import IdentifiedModel
 from dtwin.identification.store import STORE
-from dtwin.parameters import PLACES, ArmParameters, Gains, Law, Triple, assignment
+from dtwin.parameters import ArmParameters, Gains, Law, Triple, assignment
+from dtwin.run.cell_file import cell_of
 from dtwin.simulation import optimise as search
 from dtwin.simulation.checks import MOTIONS, Motion
 from dtwin.simulation.objective import Limits, Objective, possible_arms, scenarios_for
 from dtwin.simulation.places import angles_of, parse_goal, parse_start
 from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
+from dtwin.task import DEFAULT_TASK, PICKUP_NAME, Task
 
 _LIMITS: Final = Limits()
 _COMPENSATION: Final = Compensation()
@@ -45,7 +47,7 @@ def simulate(
     dead_zone: float = _COMPENSATION.dead_zone,
     bandwidth: float = _COMPENSATION.bandwidth,
     payload: float | None = None,
-    box: float = 0.2,
+    box: float | None = None,
     noise: float = 0.0,
     noise_kind: NoiseKind = "uniform",
     seed: int = 0,
@@ -54,13 +56,15 @@ def simulate(
     model: Model | None = None,
     controller_model: Model | None = None,
     store: AnyPath = STORE,
+    cell_file: AnyPath | None = None,
 ) -> Outcome:
     """Simulates one motion on the analytic twin with the real function blocks, as `dtwin simulate` does.
 
     Equal arguments give equal motions.
 
     Args:
-        start: where the motion starts: a place (pickup, blue, red, green, home, hanging), coordinates of the tip
+        start: where the motion starts: a place (pickup, blue, red, green, or those of the cell file, home, hanging),
+            coordinates of the tip
             `"X,Y"` in m, or joint angles `"Q1,Q2,Q3"` in rad.
         goal: where it goes to, in the same forms.
         target_time: duration of the path, s.
@@ -71,7 +75,7 @@ def simulate(
         dead_zone: voltage lost in every amplifier that the cascade adds, V, 0 to 1.
         bandwidth: double pole of the cascade's observer, rad/s, 10 to 300.
         payload: mass at the tip, kg; None for what the cell carries on this motion.
-        box: mass that the controller takes a box to have, kg.
+        box: mass that the controller takes a box to have, kg; None for the middle of those of the cell.
         noise: encoder noise, rad: amplitude (uniform) or standard deviation (gaussian).
         noise_kind: kind of the encoder noise; uniform noise is biased by half of its amplitude.
         seed: number of the random generator of the noise, at least 0.
@@ -80,6 +84,7 @@ def simulate(
         model: identified model that is simulated; None for the data sheet.
         controller_model: identified model that the controller uses; None for that of `model`.
         store: folder of the kept models.
+        cell_file: cell whose places there are: a file (*.toml), or a name of the folder cells; None for the usual.
 
     Raises:
         ParameterError: an argument is unknown, of another kind or out of range, or there is no such place.
@@ -87,6 +92,7 @@ def simulate(
         ModelError: there is no such model.
         DivergenceError: the motion has left the finite numbers.
     """
+    task = DEFAULT_TASK if cell_file is None else cell_of(str(cell_file)).task
     arm = _arm(model, store, ArmParameters())
     believed = _arm(controller_model, store, arm)
     pairs = set if isinstance(set, Mapping) else dict(map(assignment, texts(set)))
@@ -95,12 +101,12 @@ def simulate(
         gains or usual_gains(law),
         law,
         believed if friction is None else replace(believed, coulomb=friction),
-        box,
+        task.boxes.middle if box is None else box,
         compensation=Compensation(delay, dead_zone, bandwidth),
     )
-    case = motion_case(start, goal, control, arm, payload)
+    case = motion_case(start, goal, control, arm, payload, task)
     simulated = arm.with_values(pairs)
-    return _simulator().run(
+    return _simulator(task).run(
         replace(case, arm=simulated, noise=noise, noise_kind=noise_kind, seed=seed, duration=duration)
     )
 
@@ -174,7 +180,12 @@ def optimise(
 
 
 def motion_case(
-    start: str, goal: str, control: ControlSettings, arm: ArmParameters, payload: float | None
+    start: str,
+    goal: str,
+    control: ControlSettings,
+    arm: ArmParameters,
+    payload: float | None,
+    task: Task = DEFAULT_TASK,
 ) -> MotionCase:
     """A motion from place to place, as texts tell them.
 
@@ -184,15 +195,16 @@ def motion_case(
         control: settings of the function blocks.
         arm: arm that the places are of.
         payload: mass at the tip, kg; None for what the cell carries: a box from the pickup place to that of a colour.
+        task: task of the cell.
 
     Raises:
         ParameterError: a text has none of the forms, or there is no such place.
         UnreachableError: the coordinates are out of reach.
     """
-    theta = parse_start(start, arm)
+    theta = parse_start(start, arm, task)
     if payload is None:
-        payload = control.payload if start == "pickup" and goal in PLACES else 0.0
-    return MotionCase(parse_goal(goal, arm, theta), control, theta, arm=arm, payload=payload)
+        payload = control.payload if start == PICKUP_NAME and goal in task.colours else 0.0
+    return MotionCase(parse_goal(goal, arm, theta, task), control, theta, arm=arm, payload=payload)
 
 
 def objective_of(
@@ -227,9 +239,9 @@ def objective_of(
 
 
 @functools.cache
-def _simulator() -> Simulator:
+def _simulator(task: Task) -> Simulator:
     """The simulator of this process, made once: making the blocks takes longer than using them."""
-    return Simulator()
+    return Simulator(task=task)
 
 
 def _arm(model: Model | None, store: AnyPath, otherwise: ArmParameters) -> ArmParameters:

@@ -31,6 +31,8 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "run": Subcommand("cell.run", "Run", "run the cell: arm, boxes and function blocks; record and summarise"),
         "validate": Subcommand("cell.validate", "Validate", "hold the emulation against the analytic twin"),
         "bench": Subcommand("cell.bench", "Bench", "measure the speed of the parts on this machine"),
+        "cell show": Subcommand("cell.cells", "CellShow", "show the file of a cell, to make another from it"),
+        "cell check": Subcommand("cell.cells", "CellCheck", "check a cell file; tell how the arm reaches its places"),
         "machine list": Subcommand("cell.machine", "MachineList", "list the machines that the arm can be"),
         "machine show": Subcommand("cell.machine", "MachineShow", "show a machine as a file that can be read again"),
         "machine draw": Subcommand("cell.machine", "MachineDraw", "write the machine of a number to a file"),

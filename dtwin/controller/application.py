@@ -16,6 +16,7 @@ from dtwin.errors import CommunicationError
 from dtwin.iec61499.literals import format_string, format_typed
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.protocol import ManagementError
+from dtwin.iec61499.mapping import literal_of
 from dtwin.iec61499.net.address import LocalAddress, StreamAddress, parse_block_id
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.types import ElementaryType
@@ -68,15 +69,27 @@ class Application:
                 texts[name] = self._management.read(self._resource, name)
         return self._numbers(names, texts)
 
-    def write(self, name: str, value: float) -> None:
-        """Gives a numeric or BOOL input that nothing is connected to a value.
+    def read_like(self, values: Mapping[str, float | str]) -> dict[str, float | str]:
+        """Values of the same ports and of the same kinds, numbers or texts, as those that are given.
+
+        Raises:
+            CommunicationError: the device does not answer, or a value is not of its kind.
+        """
+        numbers = [name for name, value in values.items() if not isinstance(value, str)]
+        found: dict[str, float | str] = dict(zip(numbers, self.read(numbers), strict=True))
+        for name in values.keys() - set(numbers):
+            with self._lock:
+                found[name] = self._management.read(self._resource, name).strip("'")
+        return found
+
+    def write(self, name: str, value: float | str) -> None:
+        """Gives a numeric, BOOL or STRING input that nothing is connected to a value.
 
         Raises:
             CommunicationError: the device does not answer, or refuses.
         """
-        literal = str(value).upper() if isinstance(value, bool) else repr(value)
         with self._lock:
-            self._management.write(self._resource, name, literal)
+            self._management.write(self._resource, name, literal_of(value))
 
     def watch(self, names: Sequence[str]) -> None:
         """Adds ports to those that `watched` reads in one request."""

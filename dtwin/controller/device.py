@@ -200,11 +200,10 @@ class Settings:
             The names of the inputs that had other values.
         """
         values = sequence.inputs()
-        read = self._application.read
-        other = sequence.differing(dict(zip(values, read(tuple(values)), strict=True)))
+        other = sequence.differing(self._application.read_like(values))
         for name in other:
             self._application.write(name, values[name])
-        if left := sequence.differing(dict(zip(values, read(tuple(values)), strict=True))):
+        if left := sequence.differing(self._application.read_like(values)):
             raise CommunicationError(
                 f"the controller does not take the sequence of this run: {', '.join(sorted(left))}"
             )

@@ -14,11 +14,11 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError, choices
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.mapping import resource_network
-from dtwin.parameters import PERIOD, PLACES, Triple
+from dtwin.parameters import PERIOD, Triple
+from dtwin.task import DEFAULT_TASK, Task
 
-PICKUP_NAME: Final = "pickup"
-NAMES: Final = (PICKUP_NAME, *PLACES)
-"""Names of the places that the planner block knows."""
+NAMES: Final = tuple(DEFAULT_TASK.all_places)
+"""Names of the usual places."""
 STILL: Final[Triple] = (0.0, 0.0, 0.0)
 ARM: Final = "ARM"
 """The SERVER block that receives three angles, whether a path begins and whether a box is held; it answers volts."""
@@ -32,6 +32,7 @@ class MotionController:
 
     Args:
         blocks: folder of the function-block library.
+        task: says where the places are to which motions lead by their names.
 
     Attributes:
         resource: the running blocks, whose variables can be read and written between steps.
@@ -41,7 +42,8 @@ class MotionController:
         NativeError: machine code is asked for and cannot be made here.
     """
 
-    def __init__(self, blocks: Path = BLOCKS) -> None:
+    def __init__(self, blocks: Path = BLOCKS, task: Task = DEFAULT_TASK) -> None:
+        self._places = task.all_places
         library = Library([blocks])
         self.resource = running(resource_network(library.load_system(blocks / MOTION_SYSTEM)), library)
         server = self.resource.server(ARM)
@@ -97,12 +99,11 @@ class MotionController:
                     resource.write(name, value)
             self._settings, self._inputs, self._configured = settings, inputs, resource.snapshot()
         if isinstance(goal, str):
-            if goal not in NAMES:
-                raise ParameterError(f"unknown place {goal!r}: expected {choices(NAMES)}")
-            resource.write("PLANNER.DESTINATION", goal)
-        else:
-            for name, angle in zip(PATH_END, goal, strict=True):
-                resource.write(name, angle)
+            if goal not in self._places:
+                raise ParameterError(f"unknown place {goal!r}: expected {choices(self._places)}")
+            goal = self._places[goal].theta
+        for name, angle in zip(PATH_END, goal, strict=True):
+            resource.write(name, angle)
         if omega != STILL:
             self._remember(theta, omega)
         self._carries = carries

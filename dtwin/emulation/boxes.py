@@ -11,15 +11,14 @@ import msgspec
 import numpy as np
 
 from dtwin.emulation.generators import generator_state, set_generator_state
-from dtwin.parameters import PICKUP, PLACES, Colour, GripperParameters, Place
+from dtwin.parameters import Colour, GripperParameters, Place
 from dtwin.signals import BoxCounts, Event, EventKind
+from dtwin.task import Task
 
 REACH: Final = 0.020
 """Largest distance between the tip and the pickup point or a place at which a box is gripped or delivered, m."""
 GRIP_TOLERANCE: Final = 0.05
 """Largest angle between the gripper and its closed stop at which it grips a box, rad."""
-
-_COLOURS: Final = tuple(PLACES)
 
 Point = tuple[float, float]
 
@@ -58,20 +57,22 @@ class Arrivals:
 
     It follows from the generator alone: every arrival draws its mass and colour even if it is dropped, so the
     boxes that come do not depend on what the arm does. With u uniform in [0, 1), the first box arrives at
-    round(15 u, 2) + 0.5 s and every further one round(30 u, 2) s after the one before. Times are counted in whole
-    hundredths of a second, so that their sum stays exact.
+    round(first u, 2) + 0.5 s and every further one round(every u, 2) s after the one before. Times are counted in
+    whole hundredths of a second, so that their sum stays exact.
 
     Args:
         generator: random generator of arrival times, masses and colours, used for nothing else.
+        task: what boxes come, and when.
 
     Attributes:
         hundredths: hundredths of a second of plant time at which the next box arrives.
         coming: box that arrives then.
     """
 
-    def __init__(self, generator: np.random.Generator) -> None:
+    def __init__(self, generator: np.random.Generator, task: Task) -> None:
         self._generator = generator
-        self.hundredths = round(1500 * generator.random()) + 50
+        self._boxes, self._colours = task.boxes, task.colours
+        self.hundredths = round(100 * self._boxes.first * generator.random()) + 50
         self.coming = self._draw_box()
 
     @property
@@ -82,7 +83,7 @@ class Arrivals:
     def take(self) -> Box:
         """The box that arrives, after which the next one comes."""
         box = self.coming
-        self.hundredths += round(3000 * self._generator.random())
+        self.hundredths += round(100 * self._boxes.every * self._generator.random())
         self.coming = self._draw_box()
         return box
 
@@ -96,9 +97,9 @@ class Arrivals:
         self.hundredths, self.coming = hundredths, coming
 
     def _draw_box(self) -> Box:
-        """A box of 0.190 + 0.020 u kg, u uniform in [0, 1), and of any colour."""
-        mass = 0.190 + 0.020 * self._generator.random()
-        return Box(mass, _COLOURS[int(self._generator.integers(len(_COLOURS)))])
+        """A box of lightest + spread u kg, u uniform in [0, 1), and of any colour."""
+        mass = self._boxes.lightest + self._boxes.spread * self._generator.random()
+        return Box(mass, self._colours[int(self._generator.integers(len(self._colours)))])
 
 
 class Tally:
@@ -146,10 +147,12 @@ class Boxes:
     Args:
         generator: random generator of the arrivals, used for nothing else.
         gripper: parameters of the gripper, which say at what angle it is closed.
+        task: what boxes come, and where they belong.
     """
 
-    def __init__(self, generator: np.random.Generator, gripper: GripperParameters) -> None:
-        self._arrivals = Arrivals(generator)
+    def __init__(self, generator: np.random.Generator, gripper: GripperParameters, task: Task) -> None:
+        self._arrivals = Arrivals(generator, task)
+        self._pickup, self._places = task.pickup, task.places
         self._closed = gripper.closed + GRIP_TOLERANCE
         self._tally = Tally()
         self.waiting: Box | None = None
@@ -181,7 +184,7 @@ class Boxes:
 
     def grip(self, time: float, tip: Point, gripper: float) -> Event:
         """Tries to pick the waiting box with the tip at (x, y) in m and the gripper at an angle in rad."""
-        distance = _distance(tip, PICKUP)
+        distance = _distance(tip, self._pickup)
         if self.waiting is None:
             missed = "no box is waiting"
         elif distance > REACH:
@@ -199,7 +202,7 @@ class Boxes:
         box, self.held = self.held, None
         if box is None:
             return None
-        distance = _distance(tip, PLACES[box.colour])
+        distance = _distance(tip, self._places[box.colour])
         millimetres = f"{1000 * distance:.1f} mm from its place"
         if distance > REACH:
             return self._tally.count(time, EventKind.MISPLACED, f"the {box.colour} box was let go {millimetres}")

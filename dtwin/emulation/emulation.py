@@ -22,9 +22,11 @@ from dtwin.emulation.machine.encoding import encoding_of
 from dtwin.emulation.machine.plant import MachinePlant, plant_of
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.emulation.plant import PlantState
+from dtwin.emulation.stands import check_task
 from dtwin.errors import FaultError, ParameterError
 from dtwin.parameters import HANGING, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
 from dtwin.signals import NO_COLOUR, BoxCounts, Event, EventKind, Quad, Sensors, Truth, Voltages
+from dtwin.task import DEFAULT_TASK, Task
 
 _NEVER = 2**62
 _ROUNDING = 1e-6
@@ -72,6 +74,7 @@ class Emulation:
         theta: joint angles at the start, rad.
         model_file: MJCF file of the plant.
         step: integration step, s.
+        task: what boxes come, and where they belong.
 
     Raises:
         ModelError: the model file cannot be used.
@@ -91,6 +94,7 @@ class Emulation:
         theta: Triple = HANGING,
         model_file: Path = MODEL_FILE,
         step: float = PHYSICS_STEP,
+        task: Task = DEFAULT_TASK,
     ) -> None:
         check_seed(seed)
         if not all(map(math.isfinite, theta)):
@@ -101,12 +105,15 @@ class Emulation:
         self._condition = Condition(made)
         self._healthy = made
         self._contact = contact = machine.contact
+        self._lightest = task.boxes.lightest
+        if task != DEFAULT_TASK:
+            check_task(task, model_file, contact.enabled)
         self._faults = self._possible(faults)
-        self._transitions = schedule(made, self._faults)[::-1]
+        self._transitions = schedule(made, self._faults, self._lightest)[::-1]
         bodies = Bodies(contact) if contact.enabled else None
         self._plant = plant_of(machine, parameters, gripper, model_file, step, bodies)
         stream = np.random.default_rng(box_seed)
-        self._boxes = ContactBoxes(stream, bodies, self._plant.tip) if bodies else Boxes(stream, gripper)
+        self._boxes = ContactBoxes(stream, bodies, self._plant.tip, task) if bodies else Boxes(stream, gripper, task)
         encoding = encoding_of(machine, np.random.default_rng(machine_seed))
         self._encoders = Encoders(noise_kind, noise, np.random.default_rng(noise_seed), encoding)
         self._plant.reset(theta)
@@ -198,7 +205,7 @@ class Emulation:
         earliest = round(plant.time + plant.step, 9)
         late = tuple(replace(fault, start=max(fault.start, earliest)) for fault in self._possible(faults))
         standing = tuple(fault for fault in self._faults if not fault.over(plant.time))
-        transitions = schedule(self._healthy, (*standing, *late))
+        transitions = schedule(self._healthy, (*standing, *late), self._lightest)
         self._faults = (*standing, *late)
         self._transitions = [t for t in transitions if self._steps_to(t.time) > plant.steps][::-1]
         self._due = min([self._due, *(self._steps_to(t.time) for t in self._transitions[-1:])])
@@ -225,7 +232,7 @@ class Emulation:
         """
         steps = state.plant.steps
         self._faults = tuple(map(parse_fault, state.faults))
-        transitions = schedule(self._healthy, self._faults)
+        transitions = schedule(self._healthy, self._faults, self._lightest)
         passed = [transition for transition in transitions if self._steps_to(transition.time) <= steps]
         self._transitions = transitions[len(passed) :][::-1]
         if (state.bodies is not None) != self._contact.enabled:

@@ -27,6 +27,7 @@ from dtwin.emulation.encoders import HEALTHY, EncoderFaults
 from dtwin.errors import FaultError, ParameterError, choices
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
 from dtwin.signals import LATEST, Quad
+from dtwin.task import BoxStream
 
 GRAMMAR: Final = "TARGET [*=|+=|= NUMBER] @ START [- END], as in K2*=0.1@45, D1+=0.05@30-60, freeze2@30 or slip@30"
 
@@ -58,8 +59,6 @@ MOST_FAULTS: Final = 64
 """Number of faults that a cell may have at a time or still before it."""
 GREATEST: Final = 1e6
 """Greatest number in a fault, in the unit of its target: far more than what any arm survives."""
-_LIGHTEST_BOX: Final = 0.190
-"""Mass of the lightest box, kg."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,8 +185,15 @@ class ConditionChange:
     slips: bool
 
 
-def schedule(parameters: ArmParameters, faults: Iterable[Fault]) -> list[ConditionChange]:
+def schedule(
+    parameters: ArmParameters, faults: Iterable[Fault], lightest: float = BoxStream().lightest
+) -> list[ConditionChange]:
     """All changes of the condition, in order of time.
+
+    Args:
+        parameters: parameters of the healthy arm.
+        faults: all faults.
+        lightest: mass of the lightest box, kg.
 
     Raises:
         FaultError: there are too many, or they make a parameter or the payload impossible at some time.
@@ -200,13 +206,13 @@ def schedule(parameters: ArmParameters, faults: Iterable[Fault]) -> list[Conditi
     for time in times:
         began = [fault for fault in ordered if fault.start == time]
         ended = [fault for fault in ordered if fault.end == time]
-        condition = _compose(parameters, [fault for fault in ordered if fault.start <= time < fault.end])
+        condition = _compose(parameters, [fault for fault in ordered if fault.start <= time < fault.end], lightest)
         texts = (*(f"{fault} ended" for fault in ended), *(f"{fault} began" for fault in began))
         transitions.append(ConditionChange(time, condition, texts, any(fault.target == _SLIP for fault in began)))
     return transitions
 
 
-def _compose(parameters: ArmParameters, active: Sequence[Fault]) -> Condition:
+def _compose(parameters: ArmParameters, active: Sequence[Fault], lightest: float) -> Condition:
     shares = dict.fromkeys(_FACTORS, (1.0, 0.0))
     offset, rate, push = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
     switched: dict[str, set[int]] = {kind: set() for kind in _SWITCH_KINDS}
@@ -216,7 +222,7 @@ def _compose(parameters: ArmParameters, active: Sequence[Fault]) -> Condition:
             parameters = _changed(parameters, fault)
         elif fault.target in _FACTORS:
             shares[fault.target] = _operate(fault, *shares[fault.target])
-            _check_share(fault, *shares[fault.target])
+            _check_share(fault, *shares[fault.target], lightest)
         elif fault.target == _CUT_GRIPPER:
             switched["cut"].add(_GRIPPER)
         elif fault.target == _LATE:
@@ -245,16 +251,14 @@ def _compose(parameters: ArmParameters, active: Sequence[Fault]) -> Condition:
     )
 
 
-def _check_share(fault: Fault, factor: float, extra: float) -> None:
+def _check_share(fault: Fault, factor: float, extra: float, lightest: float) -> None:
     """Checks what a fault makes of a quantity; see `_operate`.
 
     Raises:
         FaultError: nothing can be like that.
     """
-    if fault.target == _PAYLOAD and not 0 <= factor * _LIGHTEST_BOX + extra <= GREATEST:
-        raise FaultError(
-            f"fault {fault}: expected a payload from 0 to {GREATEST:g} kg with a box of {_LIGHTEST_BOX} kg"
-        )
+    if fault.target == _PAYLOAD and not 0 <= factor * lightest + extra <= GREATEST:
+        raise FaultError(f"fault {fault}: expected a payload from 0 to {GREATEST:g} kg with a box of {lightest} kg")
     if fault.target == PADS and not (factor >= 0 and extra >= 0 and factor + extra <= GREATEST):
         raise FaultError(f"fault {fault}: expected a friction of the pads of at least 0")
     if fault.target == _SUPPLY and not 0 <= factor + extra <= 1:

@@ -41,12 +41,19 @@ def management_address(device: DeviceDeclaration) -> str:
     return given.strip("'\"")
 
 
-def configured(system: System, values: Mapping[str, float]) -> System:
+def literal_of(value: float | str) -> str:
+    """A number, truth value or text as a literal of IEC 61131-3; texts are words of letters and digits."""
+    if isinstance(value, str):
+        return f"'{value}'"
+    return str(value).upper() if isinstance(value, bool) else repr(value)
+
+
+def configured(system: System, values: Mapping[str, float | str]) -> System:
     """The system with other parameters of its blocks.
 
     Args:
         system: the system configuration.
-        values: numbers and truth values by `BLOCK.INPUT`.
+        values: numbers, truth values and texts by `BLOCK.INPUT`.
 
     Raises:
         FunctionBlockError: no block of the system has such a parameter.
@@ -57,7 +64,8 @@ def configured(system: System, values: Mapping[str, float]) -> System:
         names = {parameter.name: f"{block.name}.{parameter.name}" for parameter in block.parameters}
         known.update(names.values())
         changed = (
-            replace(p, value=str(values[names[p.name]])) if names[p.name] in values else p for p in block.parameters
+            replace(p, value=literal_of(values[names[p.name]])) if names[p.name] in values else p
+            for p in block.parameters
         )
         return replace(block, parameters=tuple(changed))
 

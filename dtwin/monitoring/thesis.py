@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.bus.twin_messages import UNITS, MonitoringVerdict, UnitState
-from dtwin.controller.motion import PICKUP_NAME, MotionController
+from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
 from dtwin.monitoring.kinds import UNKNOWN, FaultId
 from dtwin.monitoring.verdict import Finding, finding, monitored_units
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, ArmParameters, Triple
 from dtwin.signals import Event
+from dtwin.task import PICKUP_NAME
 from dtwin.twin.dynamics import integrate
 
 Array = NDArray[np.float64]

@@ -22,6 +22,7 @@ def emulate(settings: CellSettings) -> Emulation:
         faults=settings.faults,
         model_file=settings.model_file,
         step=settings.step,
+        task=settings.task,
     )
     emulation.check_period(PERIOD)
     return emulation

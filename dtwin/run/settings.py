@@ -6,7 +6,7 @@ Nothing here loads MuJoCo or a controller: whoever starts a cell reads its optio
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from dtwin.emulation.machine.files import machine_from
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.errors import ModelError
 from dtwin.parameters import PHYSICS_STEP, ArmParameters
+from dtwin.task import DEFAULT_TASK, Task, told
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +37,7 @@ class CellSettings:
         arm: parameters that the arm is made to; the controller keeps its own model.
         machine: what the arm has beside its parameters, and how far it is from them.
         step: integration step of the physics, s; the controller period must be a whole multiple of it.
+        task: where boxes wait, where those of each colour belong, and how they come.
     """
 
     duration: float = 120.0
@@ -49,10 +51,11 @@ class CellSettings:
     machine: Machine = IDEAL
     model_file: Path = MODEL_FILE
     blocks: Path = BLOCKS
+    task: Task = DEFAULT_TASK
 
 
 def metadata(settings: CellSettings) -> dict[str, Any]:
-    """The metadata of a log: the settings that the run was made with; an ideal machine is not named."""
+    """The metadata of a log: the settings of the run; an ideal machine and the usual task are not named."""
     machine = {} if settings.machine.ideal else {"machine": described(settings.machine)}
     return {
         "version": __version__,
@@ -64,6 +67,7 @@ def metadata(settings: CellSettings) -> dict[str, Any]:
         "control": _told(settings.control),
         "step": settings.step,
         **machine,
+        **told(settings.task),
     }
 
 
@@ -101,7 +105,7 @@ def sequence_name(settings: CellSettings) -> SequenceName:
 
 def sequence_of(settings: CellSettings) -> SequenceSettings:
     """The sequence in which the controller of a run fetches boxes."""
-    return SEQUENCES[sequence_name(settings)]
+    return replace(SEQUENCES[sequence_name(settings)], task=settings.task)
 
 
 def described(machine: Machine) -> dict[str, Any]:

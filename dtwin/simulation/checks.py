@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,11 +12,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from dtwin.controller.bounds import check_bounds
-from dtwin.controller.motion import PICKUP_NAME
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import DivergenceError, ParameterError
-from dtwin.parameters import PLACES, ArmParameters, Triple
+from dtwin.parameters import ArmParameters, Triple
 from dtwin.simulation.figures import Figures, triple
 from dtwin.simulation.margins.demands import DEMANDS, Case
 from dtwin.simulation.margins.loop import linear_loop
@@ -23,13 +23,12 @@ from dtwin.simulation.margins.measures import margins
 from dtwin.simulation.margins.poses import Pose
 from dtwin.simulation.places import angles_of
 from dtwin.simulation.whatif import MotionCase, Simulator
+from dtwin.task import DEFAULT_TASK, PICKUP_NAME, Task
 
 TAIL: Final = 0.5
 """Time after the end of a path for which a checked motion is simulated, s."""
 WORST_TRACKING: Final = 0.3
 """Largest distance from the path in any motion of the cell, rad."""
-HEAVIER: Final = 0.01
-"""Mass by which a box may be heavier than the controller assumes, kg: it assumes the middle of the range."""
 
 
 class Refused(ParameterError):
@@ -44,9 +43,14 @@ class Motion(NamedTuple):
     carries: bool
 
 
-MOTIONS: Final = tuple(
-    motion for place in PLACES for motion in (Motion(PICKUP_NAME, place, True), Motion(place, PICKUP_NAME, False))
-)
+def motions_of(task: Task) -> tuple[Motion, ...]:
+    """The motions of a cell: to every place with a box, and back without one."""
+    ways = ((Motion(PICKUP_NAME, colour, True), Motion(colour, PICKUP_NAME, False)) for colour in task.colours)
+    return tuple(itertools.chain.from_iterable(ways))
+
+
+MOTIONS: Final = motions_of(DEFAULT_TASK)
+"""The motions of a cell with the usual task."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,14 +81,21 @@ class Checker:
 
     Args:
         blocks: folder of the function-block library.
+        task: task of the cell.
+
+    Attributes:
+        motions: motions of the cell.
     """
 
-    def __init__(self, blocks: Path = BLOCKS) -> None:
+    def __init__(self, blocks: Path = BLOCKS, task: Task = DEFAULT_TASK) -> None:
         self._blocks = blocks
+        self._task = task
+        self.motions = motions_of(task)
+        self._heavier = round(task.boxes.heaviest - task.boxes.middle, 12)
 
     @cached_property
     def _simulator(self) -> Simulator:
-        return Simulator(self._blocks)
+        return Simulator(self._blocks, self._task)
 
     def load(self) -> None:
         """Loads the function blocks and the compiled twin, so that no check has to wait for them.
@@ -92,22 +103,23 @@ class Checker:
         Raises:
             FunctionBlockError: the library cannot be used.
         """
-        self.check(ControlSettings(), ArmParameters(), MOTIONS[:1])
+        self.check(ControlSettings(), ArmParameters(), self.motions[:1])
 
     def check(
-        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion] = MOTIONS
+        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion] | None = None
     ) -> ExpectedTracking:
         """Predicts the performance of settings on an arm and refuses bad ones.
 
         Args:
             settings: settings to be uploaded.
             arm: model of the arm, which takes the place of the plant.
-            motions: motions that must keep to their paths.
+            motions: motions that must keep to their paths; None for all of the cell.
 
         Raises:
             Refused: a value is out of bounds, a margin is too small, or a motion leaves its path; the message says
                 which and why.
         """
+        motions = self.motions if motions is None else motions
         try:
             check_bounds(settings)
             resting = self._margins(settings, arm, motions)
@@ -128,7 +140,7 @@ class Checker:
         )
 
     def predict(
-        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion] = MOTIONS
+        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion] | None = None
     ) -> ExpectedTracking:
         """Predicts the performance of settings on an arm, good or bad; margins at rest are not checked.
 
@@ -138,9 +150,10 @@ class Checker:
         Raises:
             DivergenceError: the state of the arm is no longer finite.
         """
+        motions = self.motions if motions is None else motions
         loaded = [motion for motion in motions if motion.carries]
         found = self.simulate(settings, arm, settings.payload, motions)
-        found += self.simulate(settings, arm, settings.payload + HEAVIER, loaded)
+        found += self.simulate(settings, arm, settings.payload + self._heavier, loaded)
         tracking = np.array([figures.tracking_max for figures in found])
         worst = (*motions, *loaded)[int(tracking.max(axis=1).argmax())]
         volts = np.max([figures.peak_volts for figures in found], axis=0)
@@ -149,14 +162,16 @@ class Checker:
         return ExpectedTracking(triple(tracking.max(axis=0)), rms, triple(volts), saturated, worst, 0.0, 0.0)
 
     def simulate(
-        self, settings: ControlSettings, arm: ArmParameters, box: float, motions: Sequence[Motion] = MOTIONS
+        self, settings: ControlSettings, arm: ArmParameters, box: float, motions: Sequence[Motion] | None = None
     ) -> list[Figures]:
         """Simulates motions, with a box of a mass (kg) where one is carried, and returns the figures of each.
 
         Raises:
             DivergenceError: the state of the arm is no longer finite.
         """
-        return [self._simulator.run(motion_case(motion, settings, arm, box)).figures for motion in motions]
+        chosen = self.motions if motions is None else motions
+        cases = (motion_case(motion, settings, arm, box, self._task) for motion in chosen)
+        return [self._simulator.run(case).figures for case in cases]
 
     def _margins(self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion]) -> list[Case]:
         """The margins where motions end; delays longer than what is demanded are not looked at.
@@ -167,7 +182,7 @@ class Checker:
         demands, found = DEMANDS[settings.law], []
         for goal, carries in dict.fromkeys((motion.goal, motion.carries) for motion in motions):
             payload = settings.payload if carries else 0.0
-            pose = Pose(goal, angles_of(goal))
+            pose = Pose(goal, angles_of(goal, self._task))
             loop = linear_loop(self._simulator.controller, settings, arm, payload, pose.theta)
             case = Case(pose, payload, margins(loop, demands.delay))
             short = demands.shortfall(case.margins)
@@ -177,12 +192,14 @@ class Checker:
         return found
 
 
-def motion_case(motion: Motion, settings: ControlSettings, arm: ArmParameters, box: float) -> MotionCase:
+def motion_case(
+    motion: Motion, settings: ControlSettings, arm: ArmParameters, box: float, task: Task = DEFAULT_TASK
+) -> MotionCase:
     """The case of one of the motions of the cell, with a box of a mass (kg) if one is carried."""
     return MotionCase(
         motion.goal,
         settings,
-        angles_of(motion.start),
+        angles_of(motion.start, task),
         arm=arm,
         payload=box if motion.carries else 0.0,
         carries=motion.carries,

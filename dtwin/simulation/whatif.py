@@ -22,6 +22,7 @@ from dtwin.errors import DivergenceError, ParameterError
 from dtwin.iec61499.native.resource import NativeResource
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, ArmParameters, PayloadModel, Triple
 from dtwin.simulation.figures import Array, Figures, figures, triple
+from dtwin.task import DEFAULT_TASK, Task
 from dtwin.twin.closed_loop import CompiledLoop, Motion
 from dtwin.twin.dynamics import integrate
 from dtwin.twin.rollout import is_weight_only
@@ -39,7 +40,7 @@ class MotionCase:
     """One motion to simulate.
 
     Attributes:
-        goal: place that the planner block knows, or joint angles in rad, at which the motion ends.
+        goal: place of the simulator's task, or joint angles in rad, at which the motion ends.
         settings: settings of the function blocks.
         theta: joint angles at the start, rad.
         omega: joint velocities at the start, rad/s.
@@ -167,13 +168,14 @@ class Simulator:
 
     Args:
         blocks: folder of the function-block library.
+        task: says where the places are to which motions lead by their names.
 
     Raises:
         FunctionBlockError: the library cannot be used.
     """
 
-    def __init__(self, blocks: Path = BLOCKS) -> None:
-        self.controller = MotionController(blocks)
+    def __init__(self, blocks: Path = BLOCKS, task: Task = DEFAULT_TASK) -> None:
+        self.controller = MotionController(blocks, task)
         resource = self.controller.resource
         self._loop = CompiledLoop(resource, ARM, PATH, SUBSTEPS) if isinstance(resource, NativeResource) else None
 

@@ -6,6 +6,7 @@ before; phi = theta_1 + theta_2 + theta_3 is the angle of link 3 to x.
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Final, Literal
 
@@ -13,6 +14,7 @@ from dtwin.errors import ParameterError, UnreachableError, choices
 from dtwin.parameters import ArmParameters, Triple
 
 Elbow = Literal["up", "down"]
+_TURN: Final = 2.0 * math.pi
 _ELBOW_SIGN: Final = {"up": -1.0, "down": 1.0}
 _REACH_TOLERANCE: Final = 1e-9
 """Distance beyond the reach that still counts as reachable, m: rounding may move a point across the border."""
@@ -77,3 +79,30 @@ def inverse(x: float, y: float, parameters: ArmParameters, phi: float = 0.0, elb
     theta_1 = math.atan2(wrist_y, wrist_x) - math.atan2(l2 * math.sin(theta_2), l1 + l2 * math.cos(theta_2))
     theta_1 = math.remainder(theta_1, 2 * math.pi)
     return theta_1, theta_2, phi - theta_1 - theta_2
+
+
+def nearest(x: float, y: float, arm: ArmParameters, near: Triple, elbow: Elbow | None = None) -> Triple:
+    """The joint angles nearest to `near` at which the tip is at (x, y) and link 3 is parallel to x.
+
+    Args:
+        x: coordinate of the tip, m.
+        y: coordinate of the tip, m.
+        arm: parameters of the arm, of which only the lengths matter.
+        near: joint angles, rad.
+        elbow: side of the elbow, as of `inverse`; None for either.
+
+    Raises:
+        UnreachableError: the point is out of reach.
+    """
+    best: tuple[float, Triple] | None = None
+    sides: tuple[Elbow, ...] = ("up", "down") if elbow is None else (elbow,)
+    for side, more_1, more_2 in itertools.product(sides, (-1, 0, 1), (-1, 0, 1)):
+        first, second, _ = inverse(x, y, arm, elbow=side)
+        first += _TURN * (round((near[0] - first) / _TURN) + more_1)
+        second += _TURN * (round((near[1] - second) / _TURN) + more_2)
+        theta = (first, second, -first - second)
+        way = max(abs(a - b) for a, b in zip(theta, near, strict=True))
+        if best is None or way < best[0]:
+            best = (way, theta)
+    assert best is not None
+    return best[1]

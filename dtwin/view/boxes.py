@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.parameters import PLACES, Colour
+from dtwin.parameters import Place
 from dtwin.run.recording import Log
 from dtwin.signals import NO_COLOUR
 
@@ -54,7 +54,7 @@ class Placed:
     tick: int
     colour: str
     position: NDArray[np.float64]
-    place: Colour | None
+    place: str | None
 
 
 def waiting(log: Log) -> list[Waiting]:
@@ -77,23 +77,26 @@ def grasps(log: Log) -> list[Grasp]:
     return found
 
 
-def placements(carried: Sequence[Grasp], released_at: NDArray[np.float64]) -> list[Placed]:
+def placements(
+    carried: Sequence[Grasp], released_at: NDArray[np.float64], places: Mapping[str, Place]
+) -> list[Placed]:
     """Finds where the boxes of the finished grasps lie.
 
     Args:
         carried: all grasps.
         released_at: position of the tip at the end of every finished grasp, shape (finished, 3), m.
+        places: the places of the colours.
     """
     finished = [(grasp.end, grasp.colour) for grasp in carried if grasp.end is not None]
     return [
-        Placed(tick, colour, position, _place_at(position))
+        Placed(tick, colour, position, _place_at(position, places))
         for (tick, colour), position in zip(finished, released_at, strict=True)
     ]
 
 
-def _place_at(position: NDArray[np.float64]) -> Colour | None:
+def _place_at(position: NDArray[np.float64], places: Mapping[str, Place]) -> str | None:
     distances = {
-        name: float(np.hypot(position[0] - place.x, position[2] - place.y)) for name, place in PLACES.items()
+        name: float(np.hypot(position[0] - place.x, position[2] - place.y)) for name, place in places.items()
     }
     nearest = min(distances, key=distances.__getitem__)
     return nearest if distances[nearest] <= NEAR else None

@@ -14,6 +14,7 @@ from dtwin.emulation.contact.scene import HALF
 from dtwin.parameters import COULOMB_WIDTH, ArmParameters
 from dtwin.run.hidden import DriveColumns, HiddenLog, TouchColumns
 from dtwin.run.recording import Log
+from dtwin.task import DEFAULT_TASK
 from dtwin.view import scene, style
 from dtwin.view.layout import plot_view
 from dtwin.view.series import GRIPPER, time_column
@@ -121,7 +122,7 @@ def _log_touches(stream: rr.RecordingStream, times: rr.TimeColumn, log: Log, tou
         half_sizes=np.full((int(shown.sum()), 3), HALF),
         centers=touches.poses[shown, :3],
         quaternions=np.roll(touches.poses[shown, 3:], -1, axis=1),
-        colors=np.array([style.box_colour(colour) for colour in np.array(touches.colours)[shown]], dtype=np.uint8),
+        colors=np.array([DEFAULT_TASK.rgb(colour) for colour in np.array(touches.colours)[shown]], dtype=np.uint8),
     )
     stream.send_columns(BODIES, indexes=[moments], columns=boxes.partition(touches.boxes[drawn]))
 

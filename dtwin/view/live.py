@@ -17,6 +17,7 @@ from dtwin.errors import NoSpaceError
 from dtwin.files import ensure_writable
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log, concatenate
+from dtwin.task import DEFAULT_TASK, Task
 from dtwin.view.boxes import grasps, waiting
 from dtwin.view.layout import live_blueprint
 from dtwin.view.monitoring import (
@@ -44,6 +45,7 @@ class LiveView:
         file: .rrd file to write, which can be read at any time; None for no file.
         url: URL of a viewer that listens; "" for no viewer.
         monitored: whether predictions and verdicts of a monitor are drawn as well.
+        task: task of the cell.
 
     Raises:
         ModelError: the model cannot be drawn.
@@ -52,9 +54,15 @@ class LiveView:
     """
 
     def __init__(
-        self, model_file: Path, arm: ArmParameters, file: Path | None, url: str = "", monitored: bool = False
+        self,
+        model_file: Path,
+        arm: ArmParameters,
+        file: Path | None,
+        url: str = "",
+        monitored: bool = False,
+        task: Task = DEFAULT_TASK,
     ) -> None:
-        self._scene = Scene(model_file, arm)
+        self._scene = Scene(model_file, arm, task)
         self._stream = rr.RecordingStream(APPLICATION, send_properties=False)
         self._stream.set_log_tick_enabled(False)
         self._stream.set_log_time_enabled(False)
@@ -115,7 +123,7 @@ class LiveView:
         self._states = concatenate([*before, changes], {})
         waits, carried = waiting(self._states), grasps(self._states)
         self._scene.log_boxes(self._stream, self._states, waits, carried, drawn)
-        log_states(self._stream, self._states, waits, carried, drawn)
+        log_states(self._stream, self._states, waits, carried, self._scene.task, drawn)
 
     def close(self) -> None:
         """Closes the file and the connection to the viewer."""

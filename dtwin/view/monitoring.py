@@ -17,6 +17,7 @@ from dtwin.errors import RecordingError
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log
 from dtwin.signals import Event, EventKind
+from dtwin.task import task_of
 from dtwin.view import scene, style
 from dtwin.view.layout import cell_view, plot_view
 from dtwin.view.saving import saving
@@ -123,7 +124,7 @@ def write_monitoring(
     """
     if not len(log):
         raise RecordingError(f"{path}: expected a log of at least one tick to draw")
-    drawn = Scene(model_file, arm)
+    drawn = Scene(model_file, arm, task_of(log.metadata))
     t = log.columns["t"]
     stream = open_stream(log)
     with saving(stream, path, blueprint()):

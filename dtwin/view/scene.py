@@ -7,7 +7,7 @@ import io
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import rerun as rr
@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from rerun_loader_mjcf import MJCFLogger
 
 from dtwin.errors import ModelError
-from dtwin.parameters import PLACES, ArmParameters
+from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log
 from dtwin.signals import NO_COLOUR
+from dtwin.task import DEFAULT_TASK, Task
 from dtwin.view import style
 from dtwin.view.boxes import Grasp, Placed, Waiting, placements
 from dtwin.view.kinematics import Pose, body_poses
@@ -42,22 +43,25 @@ _Spot = tuple[str, Sequence[float] | NDArray[np.float64]]
 
 
 class Scene:
-    """Draws logs of the cell that a model file describes."""
+    """Draws logs of the cell that a model file describes.
 
-    def __init__(self, model_file: Path, arm: ArmParameters) -> None:
+    Attributes:
+        task: task of the cell, whose stands and colours are drawn.
+    """
+
+    def __init__(self, model_file: Path, arm: ArmParameters, task: Task = DEFAULT_TASK) -> None:
         """Compiles the model.
 
         Args:
             model_file: MJCF of the cell.
             arm: arm whose link lengths replace those of the file.
+            task: task of the cell, whose stands are drawn.
 
         Raises:
             ModelError: the file is missing or no MJCF, or it lacks a joint or geom that is drawn.
         """
-        try:
-            model = MJCFLogger(model_file).model
-        except ValueError as error:
-            raise ModelError(f"{model_file}: {' '.join(str(error).split())}") from None
+        self.task = task
+        model = _model(model_file, task)
         # The loader would leave out what touches something.
         model.geom_contype[model.geom_group == _DRAWN] = 0
         model.geom_conaffinity[model.geom_group == _DRAWN] = 0
@@ -125,7 +129,7 @@ class Scene:
         waits = [(w.tick, [(w.colour, centre)] if w.colour != NO_COLOUR else []) for w in waiting]
 
         ends = [grasp.end for grasp in grasps if grasp.end is not None]
-        placed = placements(grasps, self._poses(log, ends)[self._tip].position)
+        placed = placements(grasps, self._poses(log, ends)[self._tip].position, self.task.places)
 
         for name, rows, body in (
             ("waiting", waits, self._pickup),
@@ -133,7 +137,7 @@ class Scene:
             ("placed", _placed_rows(placed), None),
         ):
             self._send_boxes(stream, name, t, [row for row in rows if row[0] >= since], body)
-        _send_counts(stream, t, placed, since)
+        _send_counts(stream, t, placed, self.task, since)
 
     def _poses(self, log: Log, ticks: slice | list[int]) -> dict[str, Pose]:
         angles = np.column_stack((log.angles(), log.columns["gripper"]))[ticks]
@@ -158,7 +162,7 @@ class Scene:
         columns = rr.Boxes3D.columns(
             half_sizes=np.tile(self._half_size, (len(spots), 1)),
             centers=np.array([centre for _, centre in spots]).reshape(-1, 3),
-            colors=np.array([style.box_colour(colour) for colour, _ in spots], dtype=np.uint8).reshape(-1, 3),
+            colors=np.array([self.task.rgb(colour) for colour, _ in spots], dtype=np.uint8).reshape(-1, 3),
         )
         stream.send_columns(
             entity,
@@ -182,20 +186,22 @@ def _placed_rows(placed: Sequence[Placed]) -> list[tuple[int, list[_Spot]]]:
     return rows
 
 
-def _send_counts(stream: rr.RecordingStream, t: NDArray[np.float64], placed: Sequence[Placed], since: int) -> None:
+def _send_counts(
+    stream: rr.RecordingStream, t: NDArray[np.float64], placed: Sequence[Placed], task: Task, since: int
+) -> None:
     """Sends a label for every place with the number of boxes that it got."""
     counts: Counter[str] = Counter()
-    rows = [(0, [f"{name}: 0" for name in PLACES])]
+    rows = [(0, [f"{name}: 0" for name in task.colours])]
     for box in placed:
         if box.place is not None:
             counts[box.place] += 1
-            rows.append((box.tick, [f"{name}: {counts[name]}" for name in PLACES]))
+            rows.append((box.tick, [f"{name}: {counts[name]}" for name in task.colours]))
     ticks = [tick for tick, _ in rows if tick >= since]
     labels = [label for tick, row in rows if tick >= since for label in row]
     stream.log(
         COUNTS,
         rr.Points3D(
-            [(place.x, -0.02, place.y + 0.055) for place in PLACES.values()],
+            [(place.x, -0.02, place.y + 0.055) for place in task.places.values()],
             colors=style.LABEL,
             radii=0.0,
             show_labels=True,
@@ -203,8 +209,20 @@ def _send_counts(stream: rr.RecordingStream, t: NDArray[np.float64], placed: Seq
         static=True,
     )
     if ticks:
-        columns = rr.Points3D.columns(labels=labels).partition([len(PLACES)] * len(ticks))
+        columns = rr.Points3D.columns(labels=labels).partition([len(task.places)] * len(ticks))
         stream.send_columns(COUNTS, indexes=[time_column(t[ticks])], columns=columns)
+
+
+def _model(model_file: Path, task: Task) -> Any:
+    """The compiled model with the stands of a task, an `mjModel`."""
+    if task != DEFAULT_TASK:
+        from dtwin.emulation.stands import drawn_model  # loads the shapes that the usual cell does without
+
+        return drawn_model(model_file, task)
+    try:
+        return MJCFLogger(model_file).model
+    except ValueError as error:
+        raise ModelError(f"{model_file}: {' '.join(str(error).split())}") from None
 
 
 def _require(model_file: Path, kind: str, expected: Iterable[str], found: Iterable[str]) -> None:

@@ -10,9 +10,10 @@ import numpy as np
 import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 
-from dtwin.parameters import PLACES, VOLTAGE_LIMIT
+from dtwin.parameters import VOLTAGE_LIMIT
 from dtwin.run.recording import Log
 from dtwin.signals import MONITOR, NO_COLOUR, Event, EventKind
+from dtwin.task import Task
 from dtwin.view import style
 from dtwin.view.boxes import Grasp, Waiting
 
@@ -118,7 +119,12 @@ def log_plots(stream: rr.RecordingStream, log: Log) -> None:
 
 
 def log_states(
-    stream: rr.RecordingStream, log: Log, waiting: Sequence[Waiting], grasps: Sequence[Grasp], since: int = 0
+    stream: rr.RecordingStream,
+    log: Log,
+    waiting: Sequence[Waiting],
+    grasps: Sequence[Grasp],
+    task: Task,
+    since: int = 0,
 ) -> None:
     """Sends which box waits and which is held from the tick `since` on, as lanes of colours over time."""
     held = [(0, NO_COLOUR)]
@@ -132,10 +138,10 @@ def log_states(
         stream.log(
             entity,
             rr.StateConfiguration(
-                values=[_NO_BOX, *PLACES],
-                labels=["", *PLACES],
-                colors=[(0, 0, 0, 0), *(style.box_colour(colour) for colour in PLACES)],
-                visible=[False, *(True for _ in PLACES)],
+                values=[_NO_BOX, *task.colours],
+                labels=["", *task.colours],
+                colors=[(0, 0, 0, 0), *map(task.rgb, task.colours)],
+                visible=[False, *(True for _ in task.colours)],
             ),
             static=True,
         )

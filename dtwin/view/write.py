@@ -13,6 +13,7 @@ from dtwin.errors import RecordingError
 from dtwin.parameters import ArmParameters
 from dtwin.run.hidden import HiddenLog
 from dtwin.run.recording import COLUMNS, Log
+from dtwin.task import task_of
 from dtwin.view.boxes import grasps, waiting
 from dtwin.view.hidden import hidden_views, log_hidden
 from dtwin.view.layout import blueprint
@@ -46,7 +47,7 @@ def write_recording(
     """
     if not len(log):
         raise RecordingError(f"{path}: expected a log of at least one tick to draw")
-    scene = Scene(model_file, arm)
+    scene = Scene(model_file, arm, task_of(log.metadata))
     stream = open_stream(log)
     with saving(stream, path, blueprint(*(hidden_views(hidden) if hidden else ()))):
         log_run(stream, scene, log, hidden)
@@ -69,7 +70,7 @@ def log_run(stream: rr.RecordingStream, scene: Scene, log: Log, hidden: HiddenLo
     if hidden is None or not hidden.has_touches:
         # Otherwise boxes are bodies, which are drawn where they are.
         scene.log_boxes(stream, log, waits, carried)
-    log_states(stream, log, waits, carried)
+    log_states(stream, log, waits, carried, scene.task)
     log_events(stream, log.events)
 
 

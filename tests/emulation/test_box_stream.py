@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 from dtwin.emulation.boxes import REACH, Boxes
 from dtwin.parameters import PICKUP, PLACES, GripperParameters
 from dtwin.signals import BoxCounts
+from dtwin.task import DEFAULT_TASK
 
 GRIPPER = GripperParameters()
 AT_PICKUP = (PICKUP.x, PICKUP.y)
 
 
 def boxes(seed: int = 0) -> Boxes:
-    return Boxes(np.random.default_rng(seed), GRIPPER)
+    return Boxes(np.random.default_rng(seed), GRIPPER, DEFAULT_TASK)
 
 
 def holding(seed: int = 0) -> Boxes:

@@ -12,7 +12,7 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.sequence import AMONG_BODIES, CALLS
 from dtwin.parameters import HANGING, PERIOD, PICKUP, PLACES, ArmParameters, Triple
 from dtwin.signals import Sensors
-from tests.support.driven import Driven, triple
+from tests.support.driven import Driven, to, triple
 
 L1, L2, L3 = ArmParameters().length
 UNDER_THE_BELT: Triple = (-1.33, 0.541, 0.34)
@@ -29,21 +29,21 @@ def height(theta: Triple) -> float:
 )
 def test_the_arm_keeps_its_target_when_a_goal_is_refused(limits: dict[str, float], reason: int) -> None:
     planner = Driven("PATH_PLANNER")
-    planner.fire("TARGET", DESTINATION="green", **triple("THETA", HANGING))
+    planner.fire("TARGET", **to("green"), **triple("THETA", HANGING))
     planner.fire("REQ")
-    assert planner.fire("TARGET", DESTINATION="red", **limits) == ["RESET", "REFUSED"]
+    assert planner.fire("TARGET", **to("red"), **limits) == ["RESET", "REFUSED"]
     assert planner["REASON"] == reason
     np.testing.assert_array_equal(planner.triple("THETA_T"), PLACES["green"].theta)
     for _ in range(250):
         assert planner.fire("REQ") == ["CNF"]
     np.testing.assert_array_equal(planner.triple("THETA_D"), PLACES["green"].theta)
-    assert planner.fire("TARGET", DESTINATION="red", RANGE2=7.0, FLOOR=-1.0) == ["RESET"]
+    assert planner.fire("TARGET", **to("red"), RANGE2=7.0, FLOOR=-1.0) == ["RESET"]
     assert planner["REASON"] == 0
 
 
 def test_an_arm_without_a_target_stays_where_it_is() -> None:
     planner = Driven("PATH_PLANNER")
-    planner.fire("TARGET", DESTINATION="red", RANGE1=1.0, **triple("THETA", HANGING))
+    planner.fire("TARGET", **to("red"), RANGE1=1.0, **triple("THETA", HANGING))
     for _ in range(300):
         planner.fire("REQ")
         np.testing.assert_array_equal(planner.triple("THETA_D"), HANGING)
@@ -54,7 +54,7 @@ def test_a_goal_is_taken_if_it_is_within_all_limits(goal: Triple, floor: float) 
     planner = Driven("PATH_PLANNER")
     for name, angle in triple("THETA_T", goal).items():
         planner.resource.write(f"DUT.{name}", angle)
-    planner.fire("TARGET", DESTINATION="", FLOOR=floor, **triple("THETA", HANGING))
+    planner.fire("TARGET", **to(""), FLOOR=floor, **triple("THETA", HANGING))
     in_range = all(abs(angle) <= 12.5664 for angle in goal)
     expected = 1 if not in_range else 0 if height(goal) >= floor else 2
     if expected != 2 or abs(height(goal) - floor) > 1e-12:
@@ -76,7 +76,7 @@ def test_a_goal_is_taken_if_it_is_within_all_limits(goal: Triple, floor: float) 
 )
 def test_a_careful_path_is_refused_when_something_is_in_the_way(start: Triple, goal: str, reason: int) -> None:
     planner = Driven("PATH_PLANNER")
-    planner.fire("TARGET", DESTINATION=goal, CAREFUL=1, VIA=True, **triple("THETA", start))
+    planner.fire("TARGET", **to(goal), CAREFUL=1, VIA=True, **triple("THETA", start))
     assert planner["REASON"] == reason
 
 
@@ -85,7 +85,7 @@ def test_an_arm_may_leave_what_it_lies_on(careful: int, goal: str, reason: int) 
     first, second, third = PLACES["green"].theta
     lying = (first - 0.085, second, third)
     planner = Driven("PATH_PLANNER")
-    planner.fire("TARGET", DESTINATION=goal, CAREFUL=careful, VIA=True, **triple("THETA", lying))
+    planner.fire("TARGET", **to(goal), CAREFUL=careful, VIA=True, **triple("THETA", lying))
     assert planner["REASON"] == reason
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.parameters import PICKUP, PLACES, Colour
-from tests.support.driven import Driven, triple
+from tests.support.driven import Driven, to, triple
 
 angles = st.lists(st.floats(-7, 7), min_size=3, max_size=3)
 
@@ -15,7 +15,7 @@ angles = st.lists(st.floats(-7, 7), min_size=3, max_size=3)
 def test_path_is_the_cubic_with_rest_at_both_ends(start: list[float], duration: float, colour: Colour) -> None:
     planner = Driven("PATH_PLANNER")
     assert planner.fire("TIMING", T=duration) == []
-    assert planner.fire("TARGET", DESTINATION=colour, **triple("THETA", start)) == ["RESET"]
+    assert planner.fire("TARGET", **to(colour), **triple("THETA", start)) == ["RESET"]
     distance = np.array(PLACES[colour].theta) - start
     for tick in range(int(duration / 0.01) + 3):
         assert planner.fire("REQ") == ["CNF"]
@@ -35,7 +35,7 @@ def test_path_is_the_cubic_with_rest_at_both_ends(start: list[float], duration: 
 def test_smooth_path_has_no_steps_of_the_acceleration(start: list[float], duration: float, colour: Colour) -> None:
     planner = Driven("PATH_PLANNER")
     planner.fire("TIMING", T=duration)
-    planner.fire("TARGET", DESTINATION=colour, SMOOTH=True, **triple("THETA", start))
+    planner.fire("TARGET", **to(colour), SMOOTH=True, **triple("THETA", start))
     distance = np.array(PLACES[colour].theta) - start
     fold = -abs(distance[0]) * np.array([0.0, 0.3, 0.15])
     for tick in range(int(duration / 0.01) + 3):
@@ -56,7 +56,7 @@ def test_smooth_path_has_no_steps_of_the_acceleration(start: list[float], durati
 
 def test_a_smooth_path_goes_on_from_a_measured_velocity() -> None:
     planner = Driven("PATH_PLANNER")
-    planner.fire("TARGET", DESTINATION="red", SMOOTH=True, **triple("THETA", (0.0, 0.0, 0.0)))
+    planner.fire("TARGET", **to("red"), SMOOTH=True, **triple("THETA", (0.0, 0.0, 0.0)))
     for k in range(4):
         planner.fire("REQ", HOLD=True, **triple("THETA", np.array([0.01, -0.02, 0.03]) * k))
     np.testing.assert_allclose(planner.triple("OMEGA_D"), [1.0, -2.0, 3.0], atol=1e-9)
@@ -68,15 +68,15 @@ def test_a_smooth_path_goes_on_from_a_measured_velocity() -> None:
 def test_targets_are_the_places() -> None:
     planner = Driven("PATH_PLANNER")
     for name, place in (("pickup", PICKUP), *PLACES.items()):
-        planner.fire("TARGET", DESTINATION=name)
+        planner.fire("TARGET", **to(name))
         planner.fire("REQ")
         np.testing.assert_array_equal(planner.triple("THETA_T"), place.theta)
 
 
 def test_unknown_destination_keeps_the_target() -> None:
     planner = Driven("PATH_PLANNER")
-    planner.fire("TARGET", DESTINATION="red")
-    planner.fire("TARGET", DESTINATION="Red")
+    planner.fire("TARGET", **to("red"))
+    planner.fire("TARGET", **to("Red"))
     planner.fire("REQ")
     np.testing.assert_array_equal(planner.triple("THETA_T"), PLACES["red"].theta)
 
@@ -85,9 +85,9 @@ def test_unknown_destination_keeps_the_target() -> None:
 def test_target_time_not_above_zero_is_ignored(time: float) -> None:
     planner = Driven("PATH_PLANNER")
     planner.fire("TIMING", T=0.1)
-    planner.fire("TARGET", DESTINATION="red")
+    planner.fire("TARGET", **to("red"))
     planner.fire("TIMING", T=time)
-    planner.fire("TARGET", DESTINATION="blue")
+    planner.fire("TARGET", **to("blue"))
     moving = []
     for _ in range(12):
         planner.fire("REQ")
@@ -98,7 +98,7 @@ def test_target_time_not_above_zero_is_ignored(time: float) -> None:
 def test_target_time_counts_from_the_next_target() -> None:
     planner = Driven("PATH_PLANNER")
     planner.fire("TIMING", T=0.05)
-    planner.fire("TARGET", DESTINATION="red")
+    planner.fire("TARGET", **to("red"))
     planner.fire("TIMING", T=5.0)
     for _ in range(6):
         planner.fire("REQ")
@@ -107,7 +107,7 @@ def test_target_time_counts_from_the_next_target() -> None:
 
 def test_held_path_starts_with_the_measured_angles_and_velocities() -> None:
     planner = Driven("PATH_PLANNER")
-    planner.fire("TARGET", DESTINATION="red")
+    planner.fire("TARGET", **to("red"))
     planner.fire("REQ")
     omega = np.array([3.0, -2.0, 1.0])
     for tick in range(4):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from dtwin.parameters import PLACES, ArmParameters
 from dtwin.twin.rollout import rollout
-from tests.support.driven import JOINTS, Application, Array, Driven, triple
+from tests.support.driven import JOINTS, Application, Array, Driven, to, triple
 
 NONE, BRAKING, STANDSTILL, TORQUE_OFF = range(4)
 NOMINAL, DEGRADING, FAILED, UNKNOWN = range(4)
@@ -122,7 +122,7 @@ def test_the_path_brakes_to_rest_without_a_jump_and_without_turning_back(
 ) -> None:
     planner = Driven("PATH_PLANNER")
     planner.fire("TIMING", T=duration)
-    planner.fire("TARGET", DESTINATION=colour, **triple("THETA", start))
+    planner.fire("TARGET", **to(colour), **triple("THETA", start))
     for _ in range(ticks):
         planner.fire("REQ")
     theta, omega = planner.triple("THETA_D"), planner.triple("OMEGA_D")
@@ -141,7 +141,7 @@ def test_the_path_brakes_to_rest_without_a_jump_and_without_turning_back(
 
 def test_a_released_path_starts_at_rest_where_the_arm_is() -> None:
     planner = Driven("PATH_PLANNER")
-    planner.fire("TARGET", DESTINATION="red")
+    planner.fire("TARGET", **to("red"))
     for _ in range(70):
         planner.fire("REQ")
     for _ in range(50):
@@ -160,7 +160,7 @@ def test_a_released_path_starts_at_rest_where_the_arm_is() -> None:
 def test_a_path_stopped_before_its_first_sample_stays_where_the_arm_is(hold: bool) -> None:
     planner = Driven("PATH_PLANNER")
     theta = np.array([1.0, -2.0, 0.5])
-    planner.fire("TARGET", DESTINATION="red", **triple("THETA", theta))
+    planner.fire("TARGET", **to("red"), **triple("THETA", theta))
     for _ in range(60):
         assert planner.fire("REQ", STOP=BRAKING, HOLD=hold) == ["STANDING", "CNF"]
         np.testing.assert_array_equal(planner.triple("THETA_D"), theta)

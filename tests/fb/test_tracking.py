@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dtwin.parameters import PICKUP, PLACES
-from tests.support.driven import Array, Driven, step, triple
+from tests.support.driven import Array, Driven, step, to, triple
 
 # largest error of any joint, rad: T -> (default law empty, 0.2 kg, row-sum law empty, 0.2 kg)
 ERRORS = {
@@ -23,7 +23,7 @@ def motion(
     planner, controller = Driven("PATH_PLANNER"), Driven("COMPUTED_TORQUE_CONTROL_3")
     state = np.array([*PICKUP.theta, 0.0, 0.0, 0.0])
     planner.fire("TIMING", T=duration)
-    planner.fire("TARGET", DESTINATION=colour, **triple("THETA", state[:3]))
+    planner.fire("TARGET", **to(colour), **triple("THETA", state[:3]))
     controller.fire("RESET", LAW=law, GRIPPED=payload > 0, PAYLOAD_MASS=payload, WEIGHT_ONLY=weight_only)
     errors, limited = [], False
     for _ in range(round((duration + hold) / 0.01)):

@@ -8,7 +8,7 @@ import pytest
 from dtwin.parameters import HANGING, PICKUP, PLACES, VOLTAGE_LIMIT, ArmParameters, Colour, Place, Triple, scaled
 from dtwin.twin.dynamics import gravity
 from dtwin.twin.kinematics import forward
-from tests.support.driven import Driven, triple
+from tests.support.driven import Driven, to, triple
 
 NOMINAL = ArmParameters()
 WEAK = scaled(scaled(scaled(NOMINAL, "K", 0.85), "m", 1.05), "c", 1.03)
@@ -19,7 +19,7 @@ HEAVIEST = 0.21
 
 def point(name: str, *, via: bool = True) -> Triple:
     planner = Driven("PATH_PLANNER")
-    planner.fire("TARGET", DESTINATION=name, VIA=via, **triple("THETA", HANGING))
+    planner.fire("TARGET", **to(name), VIA=via, **triple("THETA", HANGING))
     first, second, third = planner.triple("THETA_T")
     return (float(first), float(second), float(third))
 

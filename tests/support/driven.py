@@ -13,6 +13,7 @@ from dtwin.iec61499.library import Library
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.parameters import ROOT, ArmParameters
+from dtwin.task import DEFAULT_TASK
 from dtwin.twin.rollout import rollout
 
 FOLDER: Final = ROOT / "fb"
@@ -23,6 +24,16 @@ Array = npt.NDArray[np.float64]
 def triple(prefix: str, values: Iterable[float]) -> dict[str, float]:
     """Values for the three inputs that begin with prefix."""
     return {f"{prefix}{joint}": float(value) for joint, value in zip(JOINTS, values, strict=True)}
+
+
+def to(destination: str) -> dict[str, Any]:
+    """Values for the inputs of PATH_PLANNER that name a destination, and say where it is if it is a usual place."""
+    place = DEFAULT_TASK.all_places.get(destination)
+    return {
+        "DESTINATION": destination,
+        "GIVEN": place is not None,
+        **triple("GOAL", place.theta if place else (0.0, 0.0, 0.0)),
+    }
 
 
 class Driven:

@@ -12,7 +12,7 @@ from dtwin.emulation.machine.sections import Contact
 from dtwin.emulation.plant import Plant
 from dtwin.parameters import PERIOD, PICKUP, PLACES, ArmParameters, Triple
 from dtwin.twin.dynamics import inverse_dynamics
-from tests.support.driven import Driven, triple
+from tests.support.driven import Driven, to, triple
 
 Array = npt.NDArray[np.float64]
 _KP, _KD, _KI = np.array((200.0, 500.0, 300.0)), np.array((20.0, 20.0, 20.0)), np.array((75.0, 200.0, 150.0))
@@ -21,7 +21,7 @@ _KP, _KD, _KI = np.array((200.0, 500.0, 300.0)), np.array((20.0, 20.0, 20.0)), n
 def way_point(name: str) -> Array:
     """Joint angles of a point of the way (rad), as the planner block knows them."""
     planner = Driven("PATH_PLANNER")
-    planner.fire("TARGET", DESTINATION=name, **triple("THETA", PICKUP.theta))
+    planner.fire("TARGET", **to(name), **triple("THETA", PICKUP.theta))
     planner.fire("REQ", **triple("THETA", PICKUP.theta))
     return np.array([planner[f"THETA_T{joint}"] for joint in (1, 2, 3)])
 

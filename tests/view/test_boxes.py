@@ -39,7 +39,7 @@ def test_a_transport_has_the_colour_of_the_box_that_waited() -> None:
 def test_a_box_still_held_at_the_end_is_not_placed() -> None:
     log = log_of(10, {range(2): "green"}, range(2, 10), range(3, 10))
     assert grasps(log) == [Grasp(3, None, "green")]
-    assert placements(grasps(log), np.zeros((0, 3))) == []
+    assert placements(grasps(log), np.zeros((0, 3)), PLACES) == []
 
 
 def test_neither_grip_nor_payload_alone_is_a_box() -> None:
@@ -50,6 +50,6 @@ def test_neither_grip_nor_payload_alone_is_a_box() -> None:
 def test_a_box_is_at_the_place_it_was_released_over(name: Colour) -> None:
     place = PLACES[name]
     spots = np.array([[place.x + 0.004, 0.0, place.y], [place.x, 0.0, place.y + 0.06]])
-    near, far = placements([Grasp(2, 5, "red"), Grasp(8, 9, "blue")], spots)
+    near, far = placements([Grasp(2, 5, "red"), Grasp(8, 9, "blue")], spots, PLACES)
     assert (near.tick, near.colour, near.place) == (5, "red", name)
     assert (far.tick, far.colour, far.place) == (9, "blue", None)

@@ -30,6 +30,7 @@ from dtwin.iec61499.mapping import management_address
 from dtwin.iec61499.net.address import parse_listening_address, parse_stream_address
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.parameters import ROOT
+from dtwin.run.cell_file import task_named
 from dtwin.terminal import LineFormatter, RateLimit, printable
 
 
@@ -57,6 +58,9 @@ class FbRun:
     """Folder of the block types; without it the folder of FILE, and without FILE the project's own library."""
     sequence: SequenceName | None = None
     """Sequence of the cell: straight in joint space, or among_bodies for a machine with contact. Without it that of
+    FILE, which must be a system."""
+    cell_file: str | None = None
+    """Cell whose places the sequence gets: a file (*.toml), or a name of the folder cells; without it those of
     FILE, which must be a system."""
 
     def execute(self) -> int:
@@ -89,14 +93,19 @@ class FbRun:
 
     def _system(self, library: Library) -> model.System | None:
         """The system of FILE, which has the device of --device; None for no file or a boot file."""
-        for option, given in (("--sequence", self.sequence), ("--device", self.device), ("--all", self.all)):
+        for option, given in (
+            ("--sequence", self.sequence),
+            ("--cell-file", self.cell_file),
+            ("--device", self.device),
+            ("--all", self.all),
+        ):
             if given and (self.file is None or self.file.suffix != ".sys"):
                 raise ParameterError(f"{option}: expected FILE to be a system (.sys)")
         if self.file is None or self.file.suffix == ".fboot":
             return None
         if self.file.suffix != ".sys":
             raise FunctionBlockError("expected a system (.sys) or a boot file (.fboot)", str(self.file))
-        system = with_sequence(library.load_system(self.file), self.sequence)
+        system = with_sequence(library.load_system(self.file), self.sequence, task_named(self.cell_file))
         names = [device.name for device in system.devices]
         if self.device and self.device not in names:
             valid = choices(names) if names else "a system with a device"
@@ -126,6 +135,7 @@ class FbRun:
         command = [sys.executable, "-m", "dtwin", "fb", "run", str(self.file)]
         command += ["--blocks", str(self.blocks)] if self.blocks else []
         command += ["--sequence", self.sequence] if self.sequence else []
+        command += ["--cell-file", self.cell_file] if self.cell_file else []
         stop = threading.Event()
         with _signals_to(stop.set), _Processes() as processes:
             # the first device starts last, so that it finds the others listening

@@ -29,6 +29,7 @@ from dtwin.iec61499.net.address import parse_stream_address
 from dtwin.iec61499.runtime.generic_ports import unconnected
 from dtwin.iec61499.st.c.names import c_name
 from dtwin.parameters import ROOT
+from dtwin.run.cell_file import task_named
 from dtwin.terminal import printable
 
 BLOCKS = ROOT / "fb"
@@ -140,6 +141,9 @@ class FbDeploy:
     sequence: SequenceName | None = None
     """Sequence of the cell: straight in joint space, or among_bodies for a machine with contact; without it that of
     the system."""
+    cell_file: str | None = None
+    """Cell whose places the sequence gets: a file (*.toml), or a name of the folder cells; without it those of the
+    system."""
 
     online: bool = False
     """Change the resources while they run, with the fewest requests; what stays keeps its state. They must have been
@@ -149,7 +153,7 @@ class FbDeploy:
         whole = self.address.endswith(".sys")
         file = Path(self.address) if whole else self.system
         library = Library([self.blocks or file.parent])
-        system = with_sequence(library.load_system(file), self.sequence)
+        system = with_sequence(library.load_system(file), self.sequence, task_named(self.cell_file))
         planners = _planners(library, system)
         for line in system.inserted:
             print(printable(f"inserted: {line}"))

@@ -21,7 +21,7 @@ from dtwin.errors import ParameterError
 from dtwin.files import ensure_writable
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import PERIOD, ArmParameters, Law, Triple
-from dtwin.run.options import CompensationOptions
+from dtwin.run.options import CellFileOption, CompensationOptions
 from dtwin.run.recording import Log, read_log
 from dtwin.signals import Sensors
 from dtwin.simulation.candidates import vary
@@ -36,10 +36,11 @@ _SAMPLES = 9
 
 
 @dataclass(frozen=True)
-class Simulate(CompensationOptions, RuntimeOption):
+class Simulate(CompensationOptions, CellFileOption, RuntimeOption):
     """Try a motion on the twin with the real function blocks: what if the arm moved there, with these settings?
 
-    Places are names (pickup, blue, red, green, home, hanging), coordinates of the tip X,Y in m, or angles Q1,Q2,Q3.
+    Places are names (pickup, blue, red, green, or those of --cell-file; home, hanging), coordinates of the tip X,Y in
+    m, or angles Q1,Q2,Q3.
     """
 
     start: str = "pickup"
@@ -63,8 +64,8 @@ class Simulate(CompensationOptions, RuntimeOption):
     payload: float | None = None
     """Mass at the tip, kg; the controller counts on the mass of --box when this is not 0. If not given, what the cell
     carries on this motion: a box from the pickup place to that of a colour, else nothing."""
-    box: float = 0.2
-    """Mass that the controller takes a box to have, kg."""
+    box: float | None = None
+    """Mass that the controller takes a box to have, kg; the middle of those of the cell if not given, 0.2."""
     noise: float = 0.0
     """Encoder noise, rad: amplitude (uniform) or standard deviation (gaussian)."""
     noise_kind: NoiseKind = "uniform"
@@ -95,7 +96,7 @@ class Simulate(CompensationOptions, RuntimeOption):
     def execute(self) -> int:
         if self.plot is not None:
             ensure_writable(self.plot)
-        simulator = Simulator()
+        simulator = Simulator(task=self.task())
         log = read_log(self.log) if self.log is not None else None
         base, comparison = self._measured(log, simulator) if log is not None else (self._base(), None)
         if self.live:
@@ -124,11 +125,11 @@ class Simulate(CompensationOptions, RuntimeOption):
             usual_gains(self.law, self.kp, self.ki, self.kd),
             self.law,
             self.believed(self._arm(self.controller_model, arm)),
-            self.box,
+            self.task().boxes.middle if self.box is None else self.box,
             compensation=self.compensation(),
         )
         return replace(
-            motion_case(self.start, self.goal, control, arm, self.payload),
+            motion_case(self.start, self.goal, control, arm, self.payload, self.task()),
             arm=with_set(arm, self.set),
             noise=self.noise,
             noise_kind=self.noise_kind,
@@ -147,7 +148,7 @@ class Simulate(CompensationOptions, RuntimeOption):
         times = PERIOD * np.arange(1 - len(last), 1)
         speeds = np.polyfit(times, np.array([sample.theta for sample in last]), 2)[1]
         arm = base.arm if self.model or self.set else now.model
-        goal = parse_goal(self.goal, arm, theta)
+        goal = parse_goal(self.goal, arm, theta, self.task())
         return replace(base, goal=goal, settings=settings, theta=theta, omega=triple(speeds), arm=arm)
 
     def _measured(self, log: Log, simulator: Simulator) -> tuple[MotionCase, MotionComparison]:

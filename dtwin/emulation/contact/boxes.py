@@ -22,6 +22,7 @@ from dtwin.emulation.contact.scene import BELTS, BOXES, HALF
 from dtwin.emulation.contact.touch import Touch
 from dtwin.parameters import PICKUP, PLACES
 from dtwin.signals import BoxCounts, Event, EventKind
+from dtwin.task import Task
 
 ENTRY: Final = (0.36, -0.002, PICKUP.y)
 """Where a box enters the belt, m."""
@@ -103,6 +104,7 @@ class ContactBoxes:
         generator: random generator of the arrivals, used for nothing else.
         bodies: bodies of the boxes.
         tip: tells the position (x, y) of the tip, m.
+        task: what boxes come; the places are always the usual ones.
 
     Attributes:
         waiting: box that the sensor at the pickup point sees, None for no box.
@@ -110,9 +112,9 @@ class ContactBoxes:
     """
 
     def __init__(
-        self, generator: np.random.Generator, bodies: Bodies, tip: Callable[[], tuple[float, float]]
+        self, generator: np.random.Generator, bodies: Bodies, tip: Callable[[], tuple[float, float]], task: Task
     ) -> None:
-        self._arrivals = Arrivals(generator)
+        self._arrivals = Arrivals(generator, task)
         self._world = bodies
         self._tip = tip
         self._pad_friction = bodies.settings.pad_friction

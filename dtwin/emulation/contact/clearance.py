@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Collection
 from pathlib import Path
@@ -11,9 +12,10 @@ import mujoco
 import numpy as np
 
 from dtwin.emulation import MODEL_FILE
-from dtwin.emulation.contact.scene import ARM_BIT, CELL_BIT, HALF
+from dtwin.emulation.contact.scene import ARM_BIT, CELL_BIT
 from dtwin.errors import ModelError
-from dtwin.parameters import PICKUP, PLACES, Triple
+from dtwin.parameters import Triple
+from dtwin.task import DEFAULT_TASK, Task
 
 FARTHEST: Final = 0.1
 """Distance beyond which two geoms are not told apart, m."""
@@ -37,23 +39,28 @@ class Clearance:
 
     Args:
         model_file: MJCF file with the names of models/arm.xml.
+        task: where boxes lie.
+        spec: content of the file with the stands of the task, which is changed; that of the file for None.
 
     Raises:
         ModelError: the file cannot be used.
     """
 
-    def __init__(self, model_file: Path = MODEL_FILE) -> None:
+    def __init__(
+        self, model_file: Path = MODEL_FILE, task: Task = DEFAULT_TASK, spec: mujoco.MjSpec | None = None
+    ) -> None:
+        half = task.boxes.size / 2
         try:
-            spec = mujoco.MjSpec.from_file(str(model_file))
+            spec = spec or mujoco.MjSpec.from_file(str(model_file))
             for geom in list(spec.geoms):
                 if not geom.contype and not geom.conaffinity and geom.name != _HELD:
                     spec.delete(geom)
-            for name, place in (("pickup", PICKUP), *PLACES.items()):
-                at, size = (place.x, 0.0, place.y), (HALF, HALF, HALF)
+            for name, place in task.all_places.items():
+                at, size = (place.x, 0.0, place.y), (half, half, half)
                 spec.worldbody.add_geom(name=f"box_{name}", type=mujoco.mjtGeom.mjGEOM_BOX, pos=at, size=size)
             self._model = model = spec.compile()
             self._data = mujoco.MjData(model)
-            self._boxes = {name: model.geom(f"box_{name}").id for name in ("pickup", *PLACES)}
+            self._boxes = {name: model.geom(f"box_{name}").id for name in task.all_places}
             self._held = model.geom(_HELD).id
             self._tip = model.body("tip").id
         except (ValueError, KeyError) as error:
@@ -63,6 +70,7 @@ class Clearance:
             i for i in range(model.ngeom) if model.geom_contype[i] == ARM_BIT and i not in self._boxes.values()
         ]
         self._cell = [i for i in range(model.ngeom) if model.geom_contype[i] == CELL_BIT]
+        self._apart = [(a, b) for a, b in itertools.combinations(self._arm, 2) if self._may_meet(a, b)]
 
     def nearest(self, theta: Triple, gripper: float, carries: bool, boxes: Collection[str]) -> Nearest:
         """What the arm is nearest to in a pose.
@@ -88,6 +96,21 @@ class Clearance:
                 if part != self._held and not (beside and self._names[part] in _JAWS):
                     found = self._nearer(found, part, box)
         return found
+
+    def among_links(self) -> Nearest:
+        """What parts of the arm are nearest to each other in the pose of the last `nearest`.
+
+        Parts of one link, and of two links that share a joint, do not count.
+        """
+        found = Nearest(FARTHEST, "", "")
+        for part, other in self._apart:
+            found = self._nearer(found, part, other)
+        return found
+
+    def _may_meet(self, part: int, other: int) -> bool:
+        first, second = self._model.geom_bodyid[[part, other]]
+        parent = self._model.body_parentid
+        return bool(first != second and parent[first] != second and parent[second] != first)
 
     def _nearer(self, found: Nearest, part: int, other: int) -> Nearest:
         model, data = self._model, self._data

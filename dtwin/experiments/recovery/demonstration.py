@@ -12,7 +12,6 @@ import numpy as np
 
 from dtwin.bus.messages import FAULT, Done, FaultRequest
 from dtwin.emulation.faults import Fault, parse_fault
-from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.experiments.identification.standard import standard_estimate
 from dtwin.experiments.recovery.cases import RecoveryCase, grown_friction
@@ -71,9 +70,10 @@ def recover(
     """
     generator = np.random.default_rng(np.random.SeedSequence(options.seed).spawn(3)[2])
     made = case or grown_friction(generator)
-    machine = machine_of(options.machine)
-    expected = expected_of(made.faults, machine.arm(options.parameters()), options.control())
-    estimate = standard_estimate(Rig(noise=options.noise, machine=machine), generator)
+    settings = options.settings()
+    machine = settings.machine
+    expected = expected_of(made.faults, machine.arm(settings.arm), options.control())
+    estimate = standard_estimate(Rig(noise=settings.noise, machine=machine), generator)
     model = from_estimate(estimate, np.ones(3), "simulated experiment")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -1,0 +1,73 @@
+"""docs/cells.md, walked with what the page says and nothing else."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dtwin.parameters import ROOT
+from dtwin.run.cell_file import _KEYS, _SECTIONS, _Boxes, _Control, _Noise, _Stand
+from dtwin.run.recording import Log, read_log
+
+PAGE = (ROOT / "docs" / "cells.md").read_text()
+
+
+def listings(language: str, after: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", PAGE.partition(after)[2], re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The folder in which all listings of the page were carried out in order, and what was printed."""
+    folder = tmp_path_factory.mktemp("cells")
+    (folder / "scripts").mkdir()
+    dtwin = folder / "scripts" / "dtwin"
+    dtwin.write_text(f'#!/bin/sh\nPYTHONPATH={ROOT} exec {sys.executable} -m dtwin "$@"\n')
+    dtwin.chmod(0o755)
+    shutil.copytree(ROOT / "fb", folder / "blocks")
+    (cell,), (block,) = listings("toml", "## Another cell"), listings("xml", "## Another block")
+    (folder / "mine.toml").write_text(cell)
+    (folder / "blocks" / "GENTLE.fbt").write_text(block)
+    script = "set -e\n" + "".join(listings("sh", "# Cells")).replace("dtwin run ", "dtwin run --duration 60 ")
+    done = subprocess.run(["bash", "-c", script], cwd=folder, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return folder, done.stdout + done.stderr
+
+
+@pytest.fixture(scope="module")
+def mine(walked: tuple[Path, str]) -> Log:
+    return read_log(walked[0] / "mine.parquet")
+
+
+def test_the_cell_of_the_page_sorts(mine: Log) -> None:
+    kinds = [event.kind for event in mine.events]
+    assert kinds.count("delivered") >= 5
+    assert "misplaced" not in kinds
+    assert set(mine.columns["box_colour"]) == {"", "orange", "blue"}
+
+
+def test_a_place_out_of_reach_is_refused(walked: tuple[Path, str]) -> None:
+    assert re.search(r"far\.toml: places\.orange: the arm does not reach the place: .*\n(.*\n)*?refused", walked[1])
+
+
+def test_the_faults_of_the_page_happen_and_are_found(walked: tuple[Path, str]) -> None:
+    events = [event.text for event in read_log(walked[0] / "worn.parquet").events if event.kind == "fault"]
+    assert events == ["K2*=0.5@20 began", "bias1+=0.01@30 began".replace("@30", "@30-40"), "bias1+=0.01@30-40 ended"]
+    assert re.search(r"voltage constant.*joint 2|K2", walked[1])
+
+
+def test_the_block_of_the_page_acts(walked: tuple[Path, str], mine: Log) -> None:
+    gentle = read_log(walked[0] / "gentle.parquet").columns["volts_4"]
+    assert set(np.abs(mine.columns["volts_4"])) == {3.0}
+    assert set(np.abs(gentle)) == {2.0}
+
+
+def test_the_page_names_every_key() -> None:
+    named = set(re.findall(r"`(\w+)`", PAGE.partition("| section |")[2].partition("\n\n")[0]))
+    fields = {name for kind in (_Stand, _Boxes, _Control, _Noise) for name in kind.__struct_fields__}
+    assert fields | (set(_KEYS) - set(_SECTIONS)) <= named
+    assert all(f"[{section}" in PAGE for section in _SECTIONS)
