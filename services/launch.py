@@ -190,7 +190,7 @@ class CellOptions(PlantOptions, ControlOptions):
         if self.monitoring:
             stop = ["--safe-stop"] if self.safe_stop else []
             arm = ["--commissioned", str(self.commissioned.resolve())] if self.commissioned else model
-            programs.append(_service("monitoring", [*link, *arm, *stop]))
+            programs.append(_service("monitoring", [*link, *cell, *arm, *stop]))
         if self.simulation:
             programs.append(_service("simulation", [*link, *cell, "--history", str(self.history.resolve())]))
         if self.console:

@@ -31,9 +31,11 @@ from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.identification.machine.record import read_record
 from dtwin.identification.model import read_model
 from dtwin.monitoring.estimation.belief import Belief, assumed, commissioned, identified
+from dtwin.monitoring.estimation.estimator import tuning_for
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
 from dtwin.parameters import ArmParameters, Triple
+from dtwin.run.options import CellFileOption
 from dtwin.services.parts.demands import Demands
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import MONITOR, Event, EventKind, Sensors, Voltages
@@ -52,7 +54,7 @@ PATIENCE: Final = 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options(Link):
+class Options(CellFileOption, Link):
     """Watch the arm of a running cell and say when something is wrong with it."""
 
     model: Path | None = None
@@ -66,7 +68,7 @@ class Options(Link):
 
     def run(self) -> int:
         belief = self._belief()
-        settings = MonitorSettings(alarms_per_hour=self.alarms_per_hour)
+        settings = MonitorSettings(alarms_per_hour=self.alarms_per_hour, tuning=tuning_for(self.task().boxes))
         warm_up(belief)
         with Service(NAME, self) as service:
             demands = Demands(service.bus) if self.safe_stop else None

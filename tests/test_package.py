@@ -14,7 +14,7 @@ from dtwin import __version__
 from dtwin.parameters import ROOT
 from dtwin.run.recording import read_log
 
-LINKS = ("services", "data/fb", "data/models", "data/config", "data/machines")
+LINKS = ("services", "data/fb", "data/models", "data/config", "data/machines", "data/cells")
 """what of dtwin/ lies elsewhere in a checkout"""
 
 
@@ -24,7 +24,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
     copy = folder / "checkout"
     ignored = shutil.ignore_patterns("__pycache__")
-    for name in ("dtwin", "services", "fb", "models", "config", "machines"):
+    for name in ("dtwin", "services", "fb", "models", "config", "machines", "cells"):
         shutil.copytree(ROOT / name, copy / name, symlinks=True, ignore=ignored)
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, copy / name)
@@ -85,7 +85,7 @@ def test_the_citation_and_the_changes_name_the_version() -> None:
 
 
 def test_the_installed_cell_runs_in_an_empty_folder(site: Path, tmp_path: Path) -> None:
-    run(site, tmp_path, "run", "--duration", "15", "--log", "run.parquet")
+    run(site, tmp_path, "run", "--duration", "15", "--log", "run.parquet", "--cell-file", "four-colours")
     assert {path.name for path in tmp_path.iterdir()} == {"run.rrd", "run.parquet"}
     assert "problems: 0" in run(site, tmp_path, "fb", "check")
     assert "servo" in run(site, tmp_path, "machine", "list")

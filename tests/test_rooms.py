@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parent.parent
 FLOORS = [
     {"dtwin.errors"},
     {"dtwin.files", "dtwin.options", "dtwin.parameters", "dtwin.pool", "dtwin.terminal", "dtwin.iec61499"},
-    {"dtwin.signals"},
+    {"dtwin.signals", "dtwin.task"},
     {"dtwin.bus", "dtwin.emulation", "dtwin.twin", "dtwin.controller"},
     {"dtwin.run", "dtwin.fmu"},
     {"dtwin.pictures"},

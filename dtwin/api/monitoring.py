@@ -18,6 +18,7 @@ from dtwin.identification.machine.record import read_record
 from dtwin.identification.model import IdentifiedModel
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.monitoring.estimation.belief import Belief, assumed, commissioned, identified
+from dtwin.monitoring.estimation.estimator import tuning_for
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream, Trace, stream, watch
 from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
@@ -27,6 +28,7 @@ from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log
 from dtwin.run.settings import arm_of
 from dtwin.signals import Event
+from dtwin.task import task_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -112,7 +114,7 @@ def monitor(
         raise ParameterError("commissioned: expected no model beside it")
     log = log_of(data)
     seen = stream(log)
-    settings = MonitorSettings(alarms_per_hour=alarms_per_hour)
+    settings = MonitorSettings(alarms_per_hour=alarms_per_hour, tuning=tuning_for(task_of(log.metadata).boxes))
     watching = Monitor(_belief(seen, model, store, commissioned), settings)
     trace = watch(watching, seen, lambda done: progress(done, len(seen)))
     return Monitored(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import subprocess
 import sys
@@ -30,7 +31,7 @@ from dtwin.errors import CommunicationError
 from dtwin.identification.store import ModelStore, open_model
 from dtwin.parameters import ROOT, ArmParameters, Gains, scaled
 from dtwin.run.cell import Cell
-from dtwin.run.options import ControlOptions
+from dtwin.run.options import ControlOptions, PlantOptions
 from dtwin.run.recording import read_log
 from dtwin.run.settings import CellSettings
 from dtwin.services import runfile
@@ -56,12 +57,18 @@ def controller(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("binary", FORTES)
-def test_a_forte_moves_the_arm_as_the_embedded_device_does(desk: Desk, tmp_path: Path, binary: str) -> None:
+@pytest.mark.parametrize("cell_file", [None, "four-colours"])
+def test_a_forte_moves_the_arm_as_the_embedded_device_does(
+    desk: Desk, tmp_path: Path, cell_file: str | None, binary: str
+) -> None:
     log = tmp_path / "run.parquet"
     with forte(tmp_path, binary=binary) as address:
         words = ["--controller", f"forte://{address}", "--pace", "lockstep", "--duration", "30", "--seed", "1"]
+        words += ["--cell-file", cell_file] if cell_file else []
         desk.up(*words, "--log", str(log), "--json")
-    cell = Cell(CellSettings(30.0, 1, control=ControlOptions().control()))
+    plant = PlantOptions(seed=1, cell_file=cell_file).settings()
+    control = ControlOptions(cell_file=cell_file).control()
+    cell = Cell(dataclasses.replace(plant, duration=30.0, control=control))
     cell.run()
     expected, found = cell.log.freeze(), read_log(log)
     assert found.events == expected.events

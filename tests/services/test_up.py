@@ -6,18 +6,17 @@ import re
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import msgspec
 import pytest
 
-from dtwin.emulation.faults import parse_fault
 from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell
-from dtwin.run.options import ControlOptions
+from dtwin.run.options import ControlOptions, PlantOptions
 from dtwin.run.recording import read_log
-from dtwin.run.settings import CellSettings
 from dtwin.signals import BoxCounts
 from tests.support.desk import Desk, boxes
 from tests.support.ports import free_port
@@ -28,12 +27,12 @@ DURATION = 13
 
 def test_lockstep_over_zenoh_logs_what_a_headless_run_logs(desk: Desk, tmp_path: Path) -> None:
     log, headless = tmp_path / "zenoh.parquet", tmp_path / "headless.parquet"
-    options = ["--seed", "5", "--noise", "0.003", "--fault", "D1*=1.5@9"]
+    options = ["--seed", "5", "--noise", "0.003", "--fault", "D1*=1.5@9", "--cell-file", "four-colours"]
     said = desk.up("--pace", "lockstep", "--duration", str(DURATION), *options, "--log", str(log), "--json")
     summary = json.loads(said)
-    cell = Cell(
-        CellSettings(DURATION, 5, 0.003, faults=(parse_fault("D1*=1.5@9"),), control=ControlOptions().control())
-    )
+    plant = PlantOptions(seed=5, noise=0.003, fault=("D1*=1.5@9",), cell_file="four-colours")
+    control = ControlOptions(cell_file="four-colours").control()
+    cell = Cell(replace(plant.settings(), duration=DURATION, control=control))
     cell.run()
     cell.log.freeze().write_parquet(headless)
     assert log.read_bytes() == headless.read_bytes()

@@ -27,6 +27,7 @@ from dtwin.monitoring.estimation.belief import NOISE_FLOOR, Belief
 from dtwin.monitoring.estimation.layout import ARM, ARM_NAMES, BIAS, DRIFT, INDEX, MOVING, PAYLOAD, SIZE, TORQUE, W
 from dtwin.monitoring.estimation.motion import motion_of
 from dtwin.parameters import PERIOD, ArmParameters, symbol_of
+from dtwin.task import BoxStream
 from dtwin.twin.effects import NO_EFFECTS
 
 Array = NDArray[np.float64]
@@ -70,6 +71,11 @@ class Tuning:
     box_mass: float = 0.2
     box_deviation: float = 0.004
     speed: float = 3.0
+
+
+def tuning_for(boxes: BoxStream) -> Tuning:
+    """The tuning for an arm that handles boxes of given masses."""
+    return Tuning(box_mass=boxes.middle, box_deviation=round(boxes.spread / 5, 12))
 
 
 class Change(NamedTuple):
