@@ -30,6 +30,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
     "the cell": {
         "run": Subcommand("cell.run", "Run", "run the cell: arm, boxes and function blocks; record and summarise"),
         "validate": Subcommand("cell.validate", "Validate", "hold the emulation against the analytic twin"),
+        "reproduce": Subcommand(
+            "cell.reproduce", "Reproduce", "measure the thesis's whole evaluation again, beside its numbers"
+        ),
         "bench": Subcommand("cell.bench", "Bench", "measure the speed of the parts on this machine"),
         "cell show": Subcommand("cell.cells", "CellShow", "show the file of a cell, to make another from it"),
         "cell check": Subcommand("cell.cells", "CellCheck", "check a cell file; tell how the arm reaches its places"),

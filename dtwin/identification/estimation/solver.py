@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from dtwin.errors import IdentificationError
 
@@ -87,7 +87,7 @@ def minimise(
         settled: expected decrease, in units of the residual variance, at which the search ends.
 
     Raises:
-        IdentificationError: the model diverges at the start.
+        IdentificationError: the model diverges at the start, or rounding hides what the data say of the unknowns.
     """
     x = np.clip(start, lower, upper)
     normal = linearise(x)
@@ -125,7 +125,11 @@ def _step(normal: NormalEquations, damping: Array, loose: NDArray[np.intp]) -> A
     step = np.zeros_like(normal.gradient)
     if loose.size:
         matrix = normal.hessian[np.ix_(loose, loose)] + np.diag(damping[loose])
-        step[loose] = -cho_solve(cho_factor(matrix, check_finite=False), normal.gradient[loose], check_finite=False)
+        try:
+            factor = cho_factor(matrix, check_finite=False)
+        except LinAlgError:
+            raise IdentificationError("the data determine too little here: expected another start") from None
+        step[loose] = -cho_solve(factor, normal.gradient[loose], check_finite=False)
     return step
 
 

@@ -1,0 +1,182 @@
+"""Makes all parts, keeps what is done, and writes one page in HTML and the same in PDF."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from dtwin import __version__
+from dtwin.commissioning.html import document, heading, paragraph, picture, table
+from dtwin.experiments.report import make_folder
+from dtwin.experiments.reproduce.chapter import Chapter, Part, Scope
+from dtwin.experiments.reproduce.fits import FITS
+from dtwin.experiments.reproduce.motions import ACCURACY, UPLOAD
+from dtwin.experiments.reproduce.parameters import FRICTION, MASS, NOISE
+from dtwin.experiments.reproduce.verification import VERIFICATION
+from dtwin.experiments.reproduce.watching import FAILURE, LIMITS
+from dtwin.files import replacing
+from dtwin.pictures import new_figure, vector_graphics
+from dtwin.pool import Progress
+
+PARTS: Final = (VERIFICATION, NOISE, MASS, FRICTION, FITS, ACCURACY, UPLOAD, LIMITS, FAILURE)
+"""The thesis's tests in its order."""
+PAGE: Final = "reproduction.html"
+PRINT: Final = "reproduction.pdf"
+NUMBERS: Final = "numbers"
+"""Folder of the numbers of every part; those that depend on the machine are in files of their own."""
+_LIBRARIES: Final = ("numpy", "scipy", "numba", "mujoco", "matplotlib")
+_WIDTH: Final = 118
+
+
+def make(
+    folder: Path,
+    scope: Scope,
+    parts: Sequence[Part] = PARTS,
+    begin: Callable[[Part, bool], Progress] = lambda part, done: lambda done, of: None,
+) -> dict[str, dict[str, Any]]:
+    """Measures every part that the folder does not hold yet for the same scope, and keeps its numbers there.
+
+    Args:
+        folder: where they are kept; made if need be.
+        scope: how much is measured.
+        parts: what is measured.
+        begin: told every part, and whether its numbers are there already; gives what is told its progress.
+
+    Returns:
+        The numbers by the names of the parts.
+
+    Raises:
+        RecordingError: the folder cannot be written.
+        DtwinError: a test cannot be made.
+    """
+    make_folder(folder / NUMBERS)
+    found = {}
+    for part in parts:
+        kept = _kept(folder, part, scope)
+        progress = begin(part, kept is not None)
+        found[part.name] = kept or _keep(folder, part, scope, part.measure(scope, progress))
+    return found
+
+
+def write(folder: Path, scope: Scope, numbers: Mapping[str, dict[str, Any]], parts: Sequence[Part] = PARTS) -> Path:
+    """Writes the page and its print; returns the path of the page.
+
+    Raises:
+        RecordingError: the folder cannot be written.
+    """
+    chapters = [(part, part.tell(numbers[part.name])) for part in parts]
+    made = _made(scope)
+    with replacing(folder / PAGE) as temporary:
+        temporary.write_text(_html(chapters, made), encoding="utf-8")
+    with replacing(folder / PRINT) as temporary:
+        _print(temporary, chapters, made)
+    return folder / PAGE
+
+
+def _files(folder: Path, part: Part) -> tuple[Path, Path]:
+    """Where the numbers of a part are kept, and those that depend on the machine."""
+    return folder / NUMBERS / f"{part.name}.json", folder / NUMBERS / f"{part.name}.machine.json"
+
+
+def _key(scope: Scope) -> dict[str, Any]:
+    return {"version": __version__, "quick": scope.quick, "seed": scope.seed}
+
+
+def _kept(folder: Path, part: Part, scope: Scope) -> dict[str, Any] | None:
+    """What is kept of a part that was made in the same scope; None for nothing."""
+    found: dict[str, Any] = {}
+    for path in _files(folder, part)[: 2 if part.machine else 1]:
+        try:
+            content = msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
+        except (OSError, msgspec.MsgspecError):
+            return None
+        if content.get("key") != _key(scope):
+            return None
+        found |= content["numbers"]
+    return found
+
+
+def _keep(folder: Path, part: Part, scope: Scope, numbers: dict[str, Any]) -> dict[str, Any]:
+    same = {name: value for name, value in numbers.items() if name not in part.machine}
+    of_machine = {name: numbers[name] for name in part.machine}
+    # The machine's numbers first, as the others tell that the part is done.
+    for path, content in reversed(list(zip(_files(folder, part), (same, of_machine), strict=True))):
+        if content:
+            with replacing(path) as temporary:
+                temporary.write_bytes(
+                    msgspec.json.format(msgspec.json.encode({"key": _key(scope), "numbers": content}))
+                )
+    return msgspec.json.decode(msgspec.json.encode(numbers), type=dict[str, Any])
+
+
+def _made(scope: Scope) -> str:
+    libraries = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in _LIBRARIES)
+    runs = (
+        "few runs (--quick): shares and largest errors are rough"
+        if scope.quick
+        else "as many runs as the thesis, or more"
+    )
+    return (
+        f"Made with {runs}. Seed {scope.seed}; equal seeds give equal numbers, but for times that are said to be "
+        "this machine's. "
+        f"dtwin {__version__}, Python {platform.python_version()}, {libraries}. Numbers are in the folder "
+        f"{NUMBERS} beside this page."
+    )
+
+
+def _html(chapters: Sequence[tuple[Part, Chapter]], made: str) -> str:
+    parts = [paragraph(made)]
+    for part, chapter in chapters:
+        rows = [[line.figure, line.what, line.thesis, line.ours] for line in chapter.lines]
+        parts += [
+            heading(part.title),
+            paragraph(chapter.test),
+            table(["figure", "what", "thesis", "here"], rows),
+            paragraph(f"What differs, and why: {chapter.differs}"),
+            paragraph(f"What is added: {chapter.adds}"),
+            *(picture(vector_graphics(drawing.figure), drawing.caption) for drawing in chapter.drawings),
+        ]
+    return document("The thesis's evaluation, measured again", parts)
+
+
+def _print(path: Path, chapters: Sequence[tuple[Part, Chapter]], made: str) -> None:
+    """The same as pages of text and pictures; equal bytes for equal chapters."""
+    from matplotlib.backends.backend_pdf import PdfPages
+
+    with PdfPages(path, metadata={"CreationDate": None, "Producer": None, "Creator": None}) as pages:
+        pages.savefig(_text("The thesis's evaluation, measured again", [made]))
+        for part, chapter in chapters:
+            told = [
+                f"{line.figure}  {line.what}\n      thesis: {line.thesis}\n      here: {line.ours}"
+                for line in chapter.lines
+            ]
+            words = [
+                chapter.test,
+                *told,
+                f"What differs, and why: {chapter.differs}",
+                f"What is added: {chapter.adds}",
+            ]
+            pages.savefig(_text(part.title, words))
+            for drawing in chapter.drawings:
+                # A caption of the figure itself: the print has no text around it.
+                drawing.figure.suptitle("\n".join(textwrap.wrap(drawing.caption, 130)), fontsize=8)
+                pages.savefig(drawing.figure)
+
+
+def _text(title: str, paragraphs: Sequence[str]) -> Any:
+    """A page of text on upright A4."""
+    lines = []
+    for words in paragraphs:
+        for line in words.splitlines():
+            lines += textwrap.wrap(line, _WIDTH, subsequent_indent="      " if line.startswith(" ") else "")
+        lines.append("")
+    figure = new_figure(8.27, 11.69)
+    figure.text(0.07, 0.96, title, fontsize=13, weight="bold", va="top")
+    figure.text(0.07, 0.93, "\n".join(lines), fontsize=6.5, va="top", family="monospace")
+    return figure
