@@ -16,7 +16,7 @@ h2 { font-size: 1.2rem; margin-top: 2.2rem; border-bottom: 1px solid #ccc; paddi
 table { border-collapse: collapse; margin: 0.8rem 0; font-variant-numeric: tabular-nums; }
 th, td { padding: 0.2rem 0.9rem 0.2rem 0; text-align: right; border-bottom: 1px solid #e4e4e4; }
 th { font-weight: 600; border-bottom: 1px solid #888; }
-th:first-child, td:first-child { text-align: left; }
+th:first-child, td:first-child, .words th, .words td { text-align: left; vertical-align: top; }
 .grade { padding: 0.6rem 1rem; border-left: 0.4rem solid; margin: 1rem 0; font-size: 1.05rem; }
 .good { border-color: #55a868; background: #f0f8f2; }
 .fair { border-color: #ccb974; background: #fbf8ee; }
@@ -49,11 +49,12 @@ def bullets(items: Iterable[str]) -> str:
     return f"<ul>{''.join(f'<li>{escaped(item)}</li>' for item in items)}</ul>"
 
 
-def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table of texts."""
+def table(header: Sequence[str], rows: Iterable[Sequence[str]], kind: str = "") -> str:
+    """A table of texts; its kind is a class of the style sheet, or none, for numbers."""
     head = "".join(f"<th>{escaped(cell)}</th>" for cell in header)
     body = "".join(f"<tr>{''.join(f'<td>{escaped(cell)}</td>' for cell in row)}</tr>\n" for row in rows)
-    return f"<table><thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table>"
+    opening = f'<table class="{kind}">' if kind else "<table>"
+    return f"{opening}<thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table>"
 
 
 def picture(svg: str, caption: str) -> str:

@@ -124,9 +124,8 @@ def _made(scope: Scope) -> str:
     )
     return (
         f"Made with {runs}. Seed {scope.seed}; equal seeds give equal numbers, but for times that are said to be "
-        "this machine's. "
-        f"dtwin {__version__}, Python {platform.python_version()}, {libraries}. Numbers are in the folder "
-        f"{NUMBERS} beside this page."
+        f"this machine's. dtwin {__version__}, Python {platform.python_version()}, {libraries}. Numbers are in the "
+        f"folder {NUMBERS} beside this page."
     )
 
 
@@ -137,7 +136,7 @@ def _html(chapters: Sequence[tuple[Part, Chapter]], made: str) -> str:
         parts += [
             heading(part.title),
             paragraph(chapter.test),
-            table(["figure", "what", "thesis", "here"], rows),
+            table(["figure", "what", "thesis", "here"], rows, "words"),
             paragraph(f"What differs, and why: {chapter.differs}"),
             paragraph(f"What is added: {chapter.adds}"),
             *(picture(vector_graphics(drawing.figure), drawing.caption) for drawing in chapter.drawings),

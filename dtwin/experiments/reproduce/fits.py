@@ -125,24 +125,20 @@ def _tell(numbers: Mapping[str, Any]) -> Chapter:
         "Single experiments of 350 samples, fitted with the thesis's 18 parameters, and with 12 parameters and "
         "offsets.",
         lines,
-        "All fits start from an arm known to be at rest and keep all 350 samples; the thesis starts from "
-        "differences of the "
-        "first seven and kept 346. Its slope of the difference is what Figure 5.8 shows: it multiplies the noise.",
+        "All fits start from an arm known to be at rest and keep all 350 samples. The thesis kept 346, and starts "
+        "from the difference of the first seven, which multiplies their noise, as Figure 5.8 shows.",
         "A fit near 1 says nothing of single parameters, which the thesis found too; which combinations the data "
-        "determine is "
-        "told by `dtwin identify`.",
+        "determine is told by `dtwin identify`.",
         [
             Drawing(
                 figure,
                 "Angles that the encoders read (grey) and the response of the identified model of 18 parameters "
-                "(coloured) over "
-                "time, for the experiments of the thesis's Figures 5.6 to 5.9 and 5.15.",
+                "(coloured) over time, for the experiments of the thesis's Figures 5.6 to 5.9 and 5.15.",
             ),
             Drawing(
                 bars,
                 "Absolute error of each of the 18 parameters of the models without noise and with 0.010 u rad of "
-                "it (the "
-                "thesis's Figures 5.6 and 5.9).",
+                "it (the thesis's Figures 5.6 and 5.9).",
             ),
         ],
     )

@@ -196,26 +196,24 @@ def _tell_noise(numbers: Mapping[str, Any]) -> Chapter:
     )
     return Chapter(
         "The arm is excited by the 3-2-1-1 signal for 3.5 s with a known load of 200 g; its encoders read angles "
-        "plus N u, u "
-        "uniform in [0, 1). Each run is fitted with 18 parameters and no offsets, as in the thesis, and with 12 "
-        "and offsets.",
+        "plus N u, u uniform in [0, 1). Each run is fitted with 18 parameters and no offsets, as in the thesis, "
+        "and with 12 and offsets.",
         lines,
         "The noise has the mean N/2, which biases every fit without offsets, and one such run determines only 14 "
-        "combinations of "
-        "the 18 parameters, so that their errors are structural. Our search ends at a minimum at 0.025 rad too.",
+        "combinations of the 18 parameters, so that their errors are structural. Our search ends at a minimum at "
+        "0.025 rad too.",
         "The twelve parameters with offsets, whose errors stay near the Cramer-Rao bound: `dtwin experiment noise`.",
         [
             Drawing(
                 _bars(numbers, labels, "error", "mean error, %"),
                 "Mean absolute error of every identified parameter at four magnitudes N of encoder noise (the "
-                "thesis's Figure "
-                "5.1); above the thesis's 18 parameters, below 12 parameters and the encoders' offsets.",
+                "thesis's Figure 5.1); above the thesis's 18 parameters, below 12 parameters and the encoders' "
+                "offsets.",
             ),
             Drawing(
                 _bars(numbers, labels, "variance", "variance, %²"),
                 "Variance of the relative error of every identified parameter over the runs, at four magnitudes N "
-                "of encoder "
-                "noise (the thesis's Figure 5.2).",
+                "of encoder noise (the thesis's Figure 5.2).",
             ),
         ],
     )
@@ -228,8 +226,8 @@ def _tell_mass(numbers: Mapping[str, Any]) -> Chapter:
             "5.3",
             f"largest mean error but of I with {1000 * mass:.0f} g",
             "below 11 %",
-            f"{_worst(numbers[f'thesis {mass:g}'], 'KmlcD')} with 18, "
-            f"{_worst(numbers[f'ours {mass:g}'], 'KmlcD')} with 12",
+            f"{_worst(numbers[f'thesis {mass:g}'], 'KmlcD')} with 18, {_worst(numbers[f'ours {mass:g}'], 'KmlcD')} "
+            "with 12",
         )
         for mass in MASSES
     ]
@@ -247,21 +245,18 @@ def _tell_mass(numbers: Mapping[str, Any]) -> Chapter:
         "runs differ.",
         lines,
         "The thesis has no noise here and does not say what its ten runs differ by. With 18 parameters a wrong "
-        "load is one "
-        "more error among structural ones; with 12 the whole error of the load goes into them.",
+        "load is one more error among structural ones; with 12 the whole error of the load goes into them.",
         "The same data fitted with 12 parameters and offsets; loads as unknowns are in `dtwin experiment mass`.",
         [
             Drawing(
                 _bars(numbers, labels, "error", "mean error, %"),
                 "Mean absolute error of every identified parameter with 190, 200 and 210 g in the gripper where "
-                "200 g are "
-                "assumed (the thesis's Figure 5.3).",
+                "200 g are assumed (the thesis's Figure 5.3).",
             ),
             Drawing(
                 _bars(numbers, labels, "variance", "variance, %²"),
                 "Variance of the relative error of every identified parameter with 190, 200 and 210 g in the "
-                "gripper (the "
-                "thesis's Figure 5.4).",
+                "gripper (the thesis's Figure 5.4).",
             ),
         ],
     )
@@ -301,8 +296,8 @@ def _tell_friction(numbers: Mapping[str, Any]) -> Chapter:
             "5.5",
             "both laws: Coulomb friction where there is none",
             "always found on links 2 and 3",
-            f"told from 0 in {both['runs'] - both['zero']} of {both['runs']} runs with 18, "
-            f"in {ours['runs'] - ours['zero']} of {ours['runs']} with 12",
+            f"told from 0 in {both['runs'] - both['zero']} of {both['runs']} runs with 18, in "
+            f"{ours['runs'] - ours['zero']} of {ours['runs']} with 12",
         ),
     ]
     figure = new_figure(12, 4)
@@ -329,19 +324,16 @@ def _tell_friction(numbers: Mapping[str, Any]) -> Chapter:
     return Chapter(
         "The arm has viscous friction alone. Coulomb friction is fitted in its place, and beside it, from 0.01 N m.",
         lines,
-        "Coulomb friction alone can be integrated here, as it changes sign smoothly over 0.1 rad/s; what it "
-        "cannot explain shows "
-        "in the residuals. Our bounds keep friction from becoming negative, as the thesis's do.",
+        "Coulomb friction alone can be integrated here, as it changes sign smoothly over 0.1 rad/s; what it cannot "
+        "explain shows in the residuals. Friction is bounded below by 0.",
         f"An arm that does rub, with 0.010, 0.008 and 0.006 N m: found {found} N m. Which law is right is decided "
-        "by a "
-        "criterion in `dtwin experiment friction`.",
+        "by a criterion in `dtwin experiment friction`.",
         [
             Drawing(
                 figure,
                 "Both friction laws fitted to an arm with viscous friction alone (the thesis's Figure 5.5): left "
-                "the mean "
-                "absolute error of every parameter, right the Coulomb friction found, with its root-mean-square "
-                "error.",
+                "the mean absolute error of every parameter, right the Coulomb friction found, with its "
+                "root-mean-square error.",
             )
         ],
     )

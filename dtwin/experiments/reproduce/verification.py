@@ -76,20 +76,18 @@ def _tell(numbers: Mapping[str, Any]) -> Chapter:
     apart = max(numbers[name]["difference"] for name in numbers)
     return Chapter(
         "The arm moves without voltage, with steps of 2.5 ms: dropped from the horizontal, with heavier and with "
-        "slower "
-        "links, and from the upright position, where nothing but rounding moves it.",
+        "slower links, and from the upright position, where nothing but rounding moves it.",
         lines,
         "Of the inertias the thesis's time is one of its steps later than ours. When the upright arm falls is "
-        "decided by "
-        "rounding, which no two programs share; everything else is alike.",
+        "decided by rounding, which no two programs share; everything else is alike.",
         f"Two independent physics, MuJoCo and the analytic twin, agree within {apart:.1e} rad, until rounding "
         "decides.",
         [
             Drawing(
                 figure,
                 "Angles of the unpowered arm over time: dropped from the horizontal (4.7), with masses 1.5 times "
-                "(4.8) and "
-                "inertias twice as large (4.9), and upright (4.10). Numbers in front are the thesis's figures.",
+                "(4.8) and inertias twice as large (4.9), and upright (4.10). Numbers in front are the thesis's "
+                "figures.",
             )
         ],
     )
