@@ -16,10 +16,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from dtwin.bus.messages import STATUS, SUMMARY, ServiceSummary, Status, Summary, SummaryRequest
+from dtwin.bus.messages import EVENTS, MONITORING, STATUS, SUMMARY, ServiceSummary, Status, Summary, SummaryRequest
 from dtwin.bus.session import Bus
+from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.errors import CommunicationError
 from dtwin.parameters import SOURCE
+from dtwin.signals import Event
 
 LIFELINE: Final = "DTWIN_LIFELINE"
 """Environment variable of the children: the descriptor that is at its end when the supervisor has gone."""
@@ -59,6 +61,7 @@ class _Child:
         self.status: Status | None = None
         self.heard = 0.0
         self.alive = False
+        self.arrived = False
         self.done = False
         self._lifeline = lifeline
         self._said: deque[str] = deque(maxlen=20)
@@ -93,6 +96,7 @@ class _Child:
             start_new_session=True,
         )
         self._born = self.heard = time.monotonic()
+        self.arrived = False
         threading.Thread(target=self._listen, args=(self._process,), daemon=True).start()
 
     def look(self) -> None:
@@ -149,8 +153,10 @@ class _Child:
         if self._process is None:
             wait = max(0.0, self._start_at - now)
             return ServiceSummary("ended" if self.done else "dead", 0.0, self.restarts, _wait(self.end, wait))
-        if not self.alive or status is None:
-            return ServiceSummary("starting", 0.0, self.restarts, self.last_words or self.end)
+        if not self.arrived or status is None:
+            return ServiceSummary("starting", 0.0, self.restarts, self.end)
+        if not self.alive:
+            return ServiceSummary("stopping", 0.0, self.restarts, status.last_error or self.end)
         error = status.last_error or self.end
         if now - self.heard > SILENT:
             return ServiceSummary("silent", 0.0, self.restarts, f"no status for {now - self.heard:.0f} s; {error}")
@@ -178,7 +184,11 @@ class Supervisor:
         self._lifeline, self._hold = os.pipe()
         self._children = {program.name: _Child(program, self._lifeline, key) for program in programs}
         bus.watch_alive(self._note_token)
+        self._verdict = ""
+        self._event: Event | None = None
         bus.subscribe(STATUS, Status, self._note_status)
+        bus.subscribe(EVENTS, Event, self._note_event)
+        bus.subscribe(MONITORING, MonitoringVerdict, self._note_verdict)
         bus.answer(SUMMARY, SummaryRequest, None, self.summary)
 
     def start(self) -> None:
@@ -224,15 +234,23 @@ class Supervisor:
         services = {name: child.summary() for name, child in self._children.items()}
         leading = [child.status for child in self._children.values() if child.program.leading and child.status]
         if not leading:
-            return Summary(services)
+            return Summary(services, verdict=self._verdict, last_event=self._event)
         status = leading[0]
         return Summary(
-            services, status.ticks, status.late_ticks, status.latency_ms, status.real_time_factor, status.boxes
+            services,
+            status.ticks,
+            status.late_ticks,
+            status.latency_ms,
+            status.real_time_factor,
+            status.boxes,
+            self._verdict,
+            self._event,
         )
 
     def _note_token(self, name: str, alive: bool) -> None:
         if name in self._children:
             self._children[name].alive = alive
+            self._children[name].arrived |= alive
             self._children[name].heard = time.monotonic()
 
     def _note_status(self, status: Status) -> None:
@@ -240,6 +258,19 @@ class Supervisor:
         if child is not None:
             child.status = status
             child.heard = time.monotonic()
+
+    def _note_event(self, event: Event) -> None:
+        self._event = event
+
+    def _note_verdict(self, verdict: MonitoringVerdict) -> None:
+        self._verdict = in_words(verdict)[:1000]
+
+
+def in_words(verdict: MonitoringVerdict) -> str:
+    """What a monitor thinks of the arm, in one line: what is wrong with every unit that is not nominal."""
+    units = {name: unit for name, unit in verdict.units.items() if unit.state != "nominal"}
+    wrong = (f"{name} {unit.state}" + (f", {unit.text}" if unit.text else "") for name, unit in units.items())
+    return "; ".join(wrong) or "nominal"
 
 
 def _wait(reason: str, seconds: float) -> str:

@@ -32,6 +32,7 @@ def loaded(*modules: str) -> set[str]:
         "dtwin.services.supervisor",
         "dtwin.services.bridge",
         "dtwin.commands.live.up",
+        "dtwin.commands.live.status",
         "dtwin.commands.live.stop",
         "dtwin.commands.live.watch",
         "dtwin.commands.live.settings",
@@ -40,6 +41,13 @@ def loaded(*modules: str) -> set[str]:
 )
 def test_what_only_waits_or_asks_loads_no_library_of_numbers(module: str) -> None:
     assert not loaded(module) & HEAVY
+
+
+@pytest.mark.parametrize("command", ["status", "stop", "release", "down"])
+def test_a_word_to_a_cell_waits_for_neither_parser_nor_cell(command: str) -> None:
+    found = after(f"from dtwin.cli import main; assert main(['{command}', '--cell', 'none']) == 2")
+    assert not found & {*HEAVY, "tyro"}
+    assert not {name for name in found if name.startswith(("dtwin.run", "dtwin.controller", "dtwin.emulation"))}
 
 
 @pytest.mark.parametrize(

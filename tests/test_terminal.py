@@ -20,7 +20,7 @@ from dtwin.bus.codec import encode
 from dtwin.bus.messages import ServiceSummary, Summary
 from dtwin.bus.twin_messages import Estimated, IdentificationState, MonitoredUnit, MonitoringVerdict
 from dtwin.commands.identification import live
-from dtwin.commands.live.up import table
+from dtwin.commands.live.status import table
 from dtwin.commands.live.watch import describe
 from dtwin.commands.monitoring import acknowledge, monitor
 from dtwin.commands.simulation.history import ShowHistory
@@ -87,7 +87,8 @@ def test_a_log_record_is_one_printable_line(text: str) -> None:
 @given(texts)
 def test_a_table_of_services_shows_what_they_say(text: str) -> None:
     services = {text: ServiceSummary(text, 1.0, 0, text)}
-    check(said(lambda: Console().print(table(Summary(services)))), text)
+    summary = Summary(services, verdict=text, last_event=Event(0.0, text, text))
+    check(said(lambda: Console().print(table(summary))), text)
 
 
 @given(texts)

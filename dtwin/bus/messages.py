@@ -275,7 +275,8 @@ class ServiceSummary(msgspec.Struct, frozen=True):
 
 
 class Summary(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """A running cell at a glance: its services by name, and what the emulator says of itself."""
+    """A running cell at a glance: its services by name, what the emulator says of itself, what the monitor thinks of
+    the arm in words, "" before it thinks anything, and the last event."""
 
     services: dict[Word, ServiceSummary]
     ticks: Count = 0
@@ -283,6 +284,8 @@ class Summary(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     latency_ms: Latency | None = None
     real_time_factor: float = 0.0
     boxes: BoxCounts | None = None
+    verdict: Line = ""
+    last_event: Event | None = None
 
 
 class SummaryRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

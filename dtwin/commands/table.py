@@ -70,16 +70,16 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "up": Subcommand(
             "live.up", "UpCommand", "start the services of a cell on Zenoh and keep them running", parse_apart
         ),
-        "status": Subcommand("live.up", "StatusCommand", "show how the services of a cell do"),
-        "down": Subcommand("live.up", "DownCommand", "stop a cell that is up"),
+        "status": Subcommand("live.status", "StatusCommand", "show how the services of a cell do", parse_apart),
+        "down": Subcommand("live.status", "DownCommand", "stop a cell that is up", parse_apart),
         "watch": Subcommand("live.watch", "WatchCommand", "print what passes on a cell's bus"),
         "gains set": Subcommand("live.settings", "GainsSet", "set gains of the running controller"),
         "model set": Subcommand("live.settings", "ModelSet", "set the arm model of the running controller"),
         "target set": Subcommand("live.settings", "TargetSet", "set how long the motions take"),
         "console": Subcommand("live.console", "ConsoleCommandLine", "show a cell to its operators on a web page"),
         "console user": Subcommand("live.console", "ConsoleUser", "let somebody log in at consoles"),
-        "stop": Subcommand("live.stop", "StopCommand", "let the function blocks stop the arm"),
-        "release": Subcommand("live.stop", "ReleaseCommand", "let a stopped arm move again"),
+        "stop": Subcommand("live.stop", "StopCommand", "let the function blocks stop the arm", parse_apart),
+        "release": Subcommand("live.stop", "ReleaseCommand", "let a stopped arm move again", parse_apart),
         "bench start": Subcommand("live.bench", "BenchStart", "time the start of a cell with all services"),
     },
     "identification": {

@@ -1,9 +1,7 @@
-"""`dtwin up`, `dtwin status`, `dtwin down`: the services of a cell, started, seen and stopped together."""
+"""`dtwin up`: the services of a cell, started, shown and stopped together."""
 
 from __future__ import annotations
 
-import os
-import signal
 import subprocess
 import sys
 import time
@@ -12,17 +10,56 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dtwin.bus.messages import SUMMARY, Summary
+from dtwin.bus.messages import ServiceSummary, Summary
+from dtwin.commands.live.status import news, table
 from dtwin.errors import CommunicationError
 from dtwin.services import runfile
-from dtwin.services.launch import LOOK, READY_TIMEOUT, CellOptions, launched
-from dtwin.services.runfile import join
+from dtwin.services.launch import LOOK, CellOptions, launched
 from dtwin.services.supervisor import Supervisor
-from dtwin.terminal import as_text, folding, print_json, printable
+from dtwin.terminal import as_text, print_json, printable
 
 if TYPE_CHECKING:
     from rich.live import Live
-    from rich.table import Table
+
+
+class Display:
+    """Shows nothing."""
+
+    def tell(self, line: str) -> None:
+        """Shows a line that stays."""
+
+    def show(self, summary: Summary) -> None:
+        """Shows how the cell does now."""
+
+
+class Lines(Display):
+    """Prints a line for what has changed: the state of a service, the verdict, the last event."""
+
+    def __init__(self) -> None:
+        self._shown: dict[str, str] = {}
+
+    def tell(self, line: str) -> None:
+        print(printable(line), file=sys.stderr, flush=True)
+
+    def show(self, summary: Summary) -> None:
+        now = {name: f"{name}: {_line(service)}" for name, service in summary.services.items()} | news(summary)
+        for name, line in now.items():
+            if self._shown.get(name) != line:
+                self.tell(line)
+        self._shown = now
+
+
+class TableDisplay(Display):
+    """A table on the terminal that changes with the cell."""
+
+    def __init__(self, live: Live) -> None:
+        self._live = live
+
+    def tell(self, line: str) -> None:
+        self._live.console.print(as_text(line), soft_wrap=True)
+
+    def show(self, summary: Summary) -> None:
+        self._live.update(table(summary))
 
 
 @dataclass(frozen=True)
@@ -39,29 +76,32 @@ class UpCommand(CellOptions):
             return self._detach()
         with launched(self) as cell:
             _warn(cell.up)
-            with self._table(cell.supervisor) as live:
+            with self._display(cell.supervisor) as display:
                 cell.await_ready()
-                if live is not None:
-                    for line in _addresses(cell.up):
-                        live.console.print(line, highlight=False, soft_wrap=True)
+                for line in _addresses(cell.up):
+                    display.tell(line)
                 while not (cell.over or cell.stop.wait(LOOK)):
-                    if live is not None:
-                        live.update(table(cell.supervisor.summary()))
-            summary = cell.supervisor.summary()
+                    display.show(cell.supervisor.summary())
+                summary = cell.supervisor.summary()
+                display.show(summary)
         if self.json:
             print_json(summary)
         return 0
 
     @contextmanager
-    def _table(self, supervisor: Supervisor) -> Iterator[Live | None]:
+    def _display(self, supervisor: Supervisor) -> Iterator[Display]:
+        """What shows the cell: a table on a terminal, lines elsewhere, nothing for programs."""
         if self.json:
-            yield None
+            yield Display()
+            return
+        if not sys.stderr.isatty():
+            yield Lines()
             return
         from rich.console import Console  # A cell that shows nothing does without.
         from rich.live import Live
 
         with Live(table(supervisor.summary()), console=Console(stderr=True), refresh_per_second=4) as live:
-            yield live
+            yield TableDisplay(live)
 
     def _detach(self) -> int:
         """Starts the same command, which shows nothing, in a session of its own and waits until it is ready."""
@@ -87,70 +127,6 @@ class UpCommand(CellOptions):
         raise CommunicationError(words_said[-1].removeprefix("dtwin: ") if words_said else "the cell did not start")
 
 
-@dataclass(frozen=True)
-class StatusCommand:
-    """Show how the services of a cell do that was started with `dtwin up`."""
-
-    cell: str = "cell"
-    """Name of the cell."""
-    json: bool = False
-    """Print one JSON object on standard output and nothing else."""
-
-    def execute(self) -> int:
-        from rich.console import Console
-
-        with join(self.cell) as bus:
-            summary = bus.ask(SUMMARY, None, Summary)
-        if self.json:
-            print_json(summary)
-        else:
-            console = Console()
-            console.print(table(summary))
-            console.print(as_text(f"controller: {runfile.require(self.cell).controller}"), soft_wrap=True)
-        return 0
-
-
-@dataclass(frozen=True)
-class DownCommand:
-    """Stop a cell that was started with `dtwin up`."""
-
-    cell: str = "cell"
-    """Name of the cell."""
-
-    def execute(self) -> int:
-        up = runfile.require(self.cell)
-        os.kill(up.pid, signal.SIGTERM)
-        if not runfile.wait_down(self.cell, READY_TIMEOUT):
-            raise CommunicationError(f"cell {self.cell!r} does not stop: its supervisor is process {up.pid}")
-        print(f"cell {self.cell!r} is down")
-        return 0
-
-
-def table(summary: Summary) -> Table:
-    """A summary for people."""
-    from rich.table import Table
-
-    grid = Table("service", "state", "rate", "restarts", "last error", title=_title(summary), title_justify="left")
-    colours = {"running": "green", "safe": "red", "dead": "red", "silent": "red"}
-    for name, service in summary.services.items():
-        state = as_text(service.state, colours.get(service.state, "yellow"))
-        rate = f"{service.rate_hz:.0f} Hz" if service.rate_hz else ""
-        grid.add_row(as_text(name), state, rate, str(service.restarts or ""), as_text(service.last_error))
-    return folding(grid)
-
-
-def _title(summary: Summary) -> str:
-    parts = [f"{summary.ticks} ticks, {summary.late_ticks} late"]
-    if summary.real_time_factor:
-        parts.append(f"{summary.real_time_factor:.2f} x real time")
-    if summary.latency_ms is not None:
-        latency = summary.latency_ms
-        parts.append(f"latency {latency.p50:.2f} ms (99 %: {latency.p99:.2f}, most: {latency.max:.2f})")
-    if summary.boxes is not None:
-        parts.append(f"boxes: {summary.boxes.arrived} arrived, {summary.boxes.delivered} delivered")
-    return "; ".join(parts)
-
-
 def _warn(up: runfile.Up) -> None:
     """Tells the user of open ports."""
     if up.warning:
@@ -163,3 +139,8 @@ def _addresses(up: runfile.Up) -> list[str]:
     lines = [f"the controller's device management is at {up.controller}", f"a Zenoh program {join}"]
     lines += [f"the cell is shown at {up.page}"] if up.page else []
     return [*lines, f"its operators' console is at {up.console}"] if up.console else lines
+
+
+def _line(service: ServiceSummary) -> str:
+    """A service in a line: how it is, and what went wrong if anything did."""
+    return f"{service.state} ({service.last_error})" if service.last_error else service.state
