@@ -65,7 +65,9 @@ def _dispatch(arguments: list[str]) -> int:
         if name not in COMMANDS:
             return 0
     elif name not in COMMANDS:
-        raise DtwinError(f"unknown command {name!r}: expected {choices(under or COMMANDS)}")
+        said = " ".join(arguments[:2]) if under else name
+        what = f"unknown command {said!r}" if said != name or not under else f"{name} needs one word more"
+        raise DtwinError(f"{what}: expected {choices(under or COMMANDS)}")
     entry = COMMANDS[name]
     options = getattr(importlib.import_module(f"dtwin.commands.{entry.module}"), entry.options)
     command = entry.read(options, f"dtwin {name}", arguments[words:])

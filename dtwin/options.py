@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, TypeVar, get_origin, get_type_hints
+from typing import Any, Final, TypeVar, get_origin, get_type_hints
 
 import msgspec
 
@@ -26,6 +26,8 @@ def parse_options(options: Callable[..., Any], prog: str, arguments: Sequence[st
     """
     import tyro
 
+    from dtwin.optional import registry  # needs the parser
+
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):
@@ -34,6 +36,7 @@ def parse_options(options: Callable[..., Any], prog: str, arguments: Sequence[st
                 prog=prog,
                 args=list(arguments),
                 config=(tyro.conf.UseAppendAction, tyro.conf.FlagCreatePairsOff),
+                registry=registry,
             )
     except SystemExit as exit_:
         if exit_.code == 0:
@@ -136,10 +139,37 @@ def arguments(options: Any, declared: type) -> list[str]:
     return words
 
 
+def _choice(found: re.Match[str]) -> str:
+    """What is said of a word that is none of some choices, which the parser names in any order."""
+    words = sorted(re.findall(r"'(.*?)'", found[3]))
+    return f"{found[2]}: expected {choices(words)}, got {found[1]}"
+
+
+_WORDS: Final[Sequence[tuple[str, str | Callable[[re.Match[str]], str]]]] = (
+    (r"\[/?bold\]", ""),
+    (r"^Error parsing (\S+): ", r"\1: "),
+    (r"could not convert string to float: ('.*')", r"expected a number, got \1"),
+    (r"invalid literal for int\(\) with base 10: ('.*')", r"expected a whole number, got \1"),
+    (
+        r"invalid choice ('.*?') for argument '(\S+)'\. Expected one of \((.*)\)\.",
+        _choice,
+    ),
+    (r"Missing value for argument '(\S+)'\. Expected 1 values\.", r"\1: expected a value"),
+    (r"Missing value for argument '(\S+)'\. Expected (\d+) values\.", r"\1: expected \2 values"),
+    (r"^Missing from \S.*?: (--\S+|[A-Z]+)( [A-Z]+)? (.*?) ?\(required\)$", r"expected \1: \3"),
+    (r"Could not parse arguments \[(.*)\] into tuple type .*", r"expected numbers, got \1"),
+    (r"^expected (STR|PATH|INT|FLOAT): ", "expected one word more: "),
+    (r"^Unrecognized options: ", "unknown option or too many words: "),
+)
+"""What the parser says, and how it is said here."""
+
+
 def _one_line(box: str, prog: str) -> str:
     """The parser's boxed complaint as one line: what is wrong, the nearest options, where to read more."""
     sections = re.split(r"[─-]{3,}", " ".join(line.strip("│|╭╮╰╯+ ") for line in box.splitlines()[1:]))
     complaint, *rest = [section.strip() for section in sections if section.strip()]
+    for said, ours in _WORDS:
+        complaint = re.sub(said, ours, complaint)
     suggestion = next((section for section in rest if "Perhaps you meant" in section), "")
     nearest = dict.fromkeys(re.findall(r"--[a-z][a-z-]*", suggestion))
     hint = f"; perhaps you meant {choices(nearest)}" if nearest else ""

@@ -29,7 +29,7 @@ from dtwin.emulation.encoders import check_noise
 from dtwin.emulation.generators import check_seed
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.files import ensure_writable
-from dtwin.identification.store import STORE
+from dtwin.identification.store import STORE, ModelStore, model_path
 from dtwin.iec61499.net.address import LocalAddress, parse_address
 from dtwin.options import arguments
 from dtwin.parameters import SOURCE
@@ -81,8 +81,9 @@ class CellOptions(PlantOptions, ControlOptions):
     """Folder of identified models that the identification service keeps."""
     monitoring: bool = False
     """Start the monitoring service too: it watches the arm and publishes verdicts under twin/monitoring."""
-    model: Path | None = None
-    """Identified model of the healthy arm, for monitoring and identification; the data sheet's arm if not given."""
+    model: str | None = None
+    """Identified model of the healthy arm, a file (*.json) or a name in --store, for monitoring and identification;
+    the data sheet's arm if not given."""
     commissioned: Path | None = None
     """Record of the healthy arm that `dtwin commission` wrote, for monitoring, instead of a model."""
     safe_stop: bool = False
@@ -114,6 +115,8 @@ class CellOptions(PlantOptions, ControlOptions):
         for path in (self.log, self.record):
             if path is not None:
                 ensure_writable(path)
+        if self.model is not None:
+            self.model_file()
         if self.safe_stop and not self.monitoring:
             raise ParameterError("--safe-stop: expected --monitoring too, whose verdicts stop the arm")
         if self.commissioned is not None and (self.model is not None or not self.monitoring):
@@ -125,6 +128,15 @@ class CellOptions(PlantOptions, ControlOptions):
             raise ParameterError(
                 f"--controller {self.controller}: expected embedded, forte://HOST:PORT or tcp://HOST:PORT"
             )
+
+    def model_file(self) -> Path:
+        """The file of the identified model.
+
+        Raises:
+            ModelError: there is no such model.
+        """
+        assert self.model is not None
+        return model_path(self.model, ModelStore(self.store)).resolve()
 
     def _check_plant(self) -> None:
         """Has the emulated cell made once in a process of its own, if more than its noise is unusual."""
@@ -184,7 +196,7 @@ class CellOptions(PlantOptions, ControlOptions):
             programs.append(_service("recorder", [*link, *self._recorder_options(ports)]))
             bridge += ["--wait-for", "recorder"]
         programs.append(_service("bridge", [*link, *bridge]))
-        model = ["--model", str(self.model.resolve())] if self.model else []
+        model = ["--model", str(self.model_file())] if self.model else []
         if self.identification:
             programs.append(_service("identification", [*link, *model, "--store", str(self.store.resolve())]))
         if self.monitoring:
@@ -324,6 +336,8 @@ def launched(options: CellOptions) -> Iterator[Launched]:
             page=page,
             console=f"http://{LOOPBACK}:{console}/" if options.console else "",
             warning=warning,
+            history=str(options.history.resolve()),
+            store=str(options.store.resolve()),
         )
         file.write(up)
         stop = threading.Event()

@@ -8,7 +8,7 @@ import tempfile
 import time
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Final
+from typing import IO, Final, Literal
 
 import msgspec
 
@@ -25,7 +25,7 @@ SUPERVISOR: Final = "supervisor"
 class Up(msgspec.Struct, frozen=True):
     """A cell that is up: its supervisor's process, how to join its bus, where its controller is managed, whether all
     services were ready, the page that shows it, if any, the page of its operators, if any, and what its user was
-    warned of, if anything."""
+    warned of, if anything, and the files of its settings' history and of its identified models."""
 
     pid: int
     arm: str
@@ -36,6 +36,8 @@ class Up(msgspec.Struct, frozen=True):
     page: str = ""
     console: str = ""
     warning: str = ""
+    history: str = ""
+    store: str = ""
 
 
 def folder() -> Path:
@@ -126,6 +128,18 @@ def _lock(file: IO[str]) -> bool:
     except BlockingIOError:
         return False
     return True
+
+
+def kept(cell: str, what: Literal["history", "store"], otherwise: Path) -> Path:
+    """Where a cell that is up on this machine keeps something; for one that is not, what else there is.
+
+    Args:
+        cell: name of the cell.
+        what: the history of its settings, or its identified models.
+        otherwise: usual file or folder, in the working directory.
+    """
+    up = find(cell)
+    return Path(getattr(up, what)) if up is not None and getattr(up, what) else otherwise
 
 
 def join(cell: str, zenoh: Path | None = None, name: str = OPERATOR) -> Bus:

@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 FLOORS = [
-    {"dtwin.errors"},
+    {"dtwin.errors", "dtwin.optional"},
     {"dtwin.files", "dtwin.options", "dtwin.parameters", "dtwin.pool", "dtwin.terminal", "dtwin.iec61499"},
     {"dtwin.signals", "dtwin.task"},
     {"dtwin.bus", "dtwin.emulation", "dtwin.twin", "dtwin.controller"},

@@ -124,4 +124,13 @@ def open_model(reference: str, store: ModelStore) -> IdentifiedModel:
     Raises:
         ModelError: there is no such model, or its file is damaged.
     """
-    return read_model(Path(reference)) if reference.endswith(".json") else store.load(reference)
+    return read_model(model_path(reference, store))
+
+
+def model_path(reference: str, store: ModelStore) -> Path:
+    """The file of a model that a path ending in .json, or NAME or NAME@REVISION in a store, stands for.
+
+    Raises:
+        ModelError: there is no such name in the store.
+    """
+    return Path(reference) if reference.endswith(".json") else store.find(reference).path

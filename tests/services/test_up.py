@@ -57,8 +57,10 @@ def test_a_cell_is_started_watched_set_and_stopped(desk: Desk, tmp_path: Path) -
     assert summary.keys() == desk.summary().keys()
     assert {service["state"] for service in summary["services"].values()} == {"running"}
     assert summary["latency_ms"]["p50"] < 10
-    lines = desk.run("watch", "--count", "6").splitlines()
+    lines = desk.run("watch", "--count", "6", "--json").splitlines()
     assert all(line.startswith("dtwin/cell/arm/") and '"schema":1' in line for line in lines)
+    lines = desk.run("watch", "sensors", "--count", "2").splitlines()
+    assert all(re.match(r"dtwin/cell/arm/sensors sequence=\d+ time=[\d.]+ theta=\(", line) for line in lines)
     assert "dtwin up --simulation" in desk.run("target", "set", "--time", "1.5", status=2)
     assert "is down" in desk.run("down")
     until(lambda: not desk.processes(), "all processes end")

@@ -13,6 +13,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from dtwin.api.cell import finished
 from dtwin.api.run import RunError
+from dtwin.commands.hints import viewer_command
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.remote import RemoteController
@@ -149,6 +150,6 @@ def _print(summary: RunSummary, record: Path | None, log: Path | None, earlier: 
         lines["log"] = str(log)
     if record is not None:
         replaced = " (in place of an earlier one)" if earlier else ""
-        lines["recording"] = f"{record}{replaced}: look at it with `rerun {record}`"
+        lines["recording"] = f"{record}{replaced}: look at it with `{viewer_command(record)}`"
     for name, text in lines.items():
         print(printable(f"{name:<16}  {text}"))

@@ -19,23 +19,31 @@ from dtwin.identification.mjcf import export_mjcf
 from dtwin.identification.model import IdentifiedModel, read_model
 from dtwin.identification.store import STORE, ModelStore, StoredModel, open_model
 from dtwin.parameters import PARAMETER_NAMES
+from dtwin.services.runfile import kept
 from dtwin.terminal import as_text, print_json, print_table
 
 _DIFFERENT = 3.0
 """standard errors from which two estimates count as different"""
 
 
+def _folder(given: Path | None, cell: str) -> Path:
+    """The folder of models that an option names, or that of a cell."""
+    return given or kept(cell, "store", STORE)
+
+
 @dataclass(frozen=True)
 class ModelList:
     """List the identified models of a store, all revisions."""
 
-    store: Path = STORE
-    """Folder of the models."""
+    store: Path | None = None
+    """Folder of the models; that of the cell if it is up on this machine, else identified, if not given."""
+    cell: str = "cell"
+    """Name of the cell."""
     json: bool = False
     """Print one JSON array on standard output and nothing else."""
 
     def execute(self) -> int:
-        store = ModelStore(self.store)
+        store = ModelStore(_folder(self.store, self.cell))
         entries = [(entry, read_model(entry.path)) for name in store.names() for entry in store.history(name)]
         if self.json:
             rows = [
@@ -53,7 +61,7 @@ class ModelList:
             ]
             print_json(rows)
             return 0
-        title = as_text(f"identified models in {self.store}")
+        title = as_text(f"identified models in {store.folder}")
         table = Table("model", "estimated", "fit", "residuals", "data", title=title)
         for entry, model in entries:
             _add(table, entry, model)
@@ -67,13 +75,15 @@ class ModelShow:
 
     model: Annotated[str, tyro.conf.Positional]
     """NAME, NAME@REVISION or a file that ends in .json."""
-    store: Path = STORE
-    """Folder of the models."""
+    store: Path | None = None
+    """Folder of the models; that of the cell if it is up on this machine, else identified, if not given."""
+    cell: str = "cell"
+    """Name of the cell."""
     json: bool = False
     """Print the model's JSON and nothing else."""
 
     def execute(self) -> int:
-        model = open_model(self.model, ModelStore(self.store))
+        model = open_model(self.model, ModelStore(_folder(self.store, self.cell)))
         if self.json:
             print_json(model)
             return 0
@@ -105,13 +115,15 @@ class ModelDiff:
     """NAME, NAME@REVISION or a file that ends in .json."""
     second: Annotated[str, tyro.conf.Positional]
     """The model to compare it with, named in the same way."""
-    store: Path = STORE
-    """Folder of the models."""
+    store: Path | None = None
+    """Folder of the models; that of the cell if it is up on this machine, else identified, if not given."""
+    cell: str = "cell"
+    """Name of the cell."""
     json: bool = False
     """Print one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
-        store = ModelStore(self.store)
+        store = ModelStore(_folder(self.store, self.cell))
         one, other = open_model(self.first, store), open_model(self.second, store)
         rows = {
             name: {
@@ -157,13 +169,15 @@ class ModelExport:
     """NAME, NAME@REVISION or a file that ends in .json."""
     file: Annotated[Path, tyro.conf.Positional]
     """File to write: .xml for an MJCF, .json for parameters by name."""
-    store: Path = STORE
-    """Folder of the models."""
+    store: Path | None = None
+    """Folder of the models; that of the cell if it is up on this machine, else identified, if not given."""
+    cell: str = "cell"
+    """Name of the cell."""
     format: Literal["mjcf", "parameters"] | None = None
     """What to write, if the file's ending does not say."""
 
     def execute(self) -> int:
-        model = open_model(self.model, ModelStore(self.store))
+        model = open_model(self.model, ModelStore(_folder(self.store, self.cell)))
         arm = model.arm
         kind = self.format or {".xml": "mjcf", ".json": "parameters"}.get(self.file.suffix)
         if kind is None:

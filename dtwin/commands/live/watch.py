@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
+from typing import Any
 
+import msgspec
 import tyro
 
 from dtwin.bus.codec import SIZE_LIMIT, MessageError, Reader, encode
@@ -31,6 +34,8 @@ class WatchCommand:
     """Zenoh configuration file, for a cell on another machine."""
     count: int = 0
     """Messages after which to end; 0 goes on until Ctrl-C."""
+    json: bool = False
+    """Print messages as they are on the wire."""
 
     def execute(self) -> int:
         if self.count < 0:
@@ -44,22 +49,40 @@ class WatchCommand:
                     key, payload = inbox.get(timeout=1.0)
                 except Empty:
                     continue
-                print(printable(f"{key} {describe(key, payload)}"))
+                print(printable(f"{key} {describe(key, payload, self.json)}"))
                 printed += 1
                 if inbox.empty():
                     sys.stdout.flush()
         return 0
 
 
-def describe(key: str, payload: bytes) -> str:
-    """A message of a key in one line."""
+def describe(key: str, payload: bytes, wire: bool = False) -> str:
+    """A message of a key in one line: its fields for people, or as it is on the wire."""
     topic = "/".join(key.split("/")[3:])
     for reader in _readers(topic):
         try:
-            return encode(reader(payload)).decode()
+            message = reader(payload)
+            return encode(message).decode() if wire else " ".join(_fields(msgspec.to_builtins(message)))
         except MessageError as error:
             return f"invalid ({error}): {_shown(payload)}"
     return _shown(payload)
+
+
+def _fields(message: dict[str, Any]) -> Iterator[str]:
+    """The fields of a message, numbers rounded as a person reads them."""
+    for name, value in message.items():
+        if name != "schema":
+            yield f"{name}={_readable(value)}"
+
+
+def _readable(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list | tuple):
+        return f"({', '.join(map(_readable, value))})"
+    if isinstance(value, dict):
+        return f"({' '.join(_fields(value))})"
+    return value if isinstance(value, str) and value and " " not in value else repr(value)
 
 
 def _readers(topic: str) -> list[Reader]:

@@ -17,6 +17,7 @@ from rich.progress import Progress as Bar
 from dtwin.api.monitoring import Monitored, model_of, monitor
 from dtwin.api.run import Run, load
 from dtwin.bus.twin_messages import MonitoringVerdict
+from dtwin.commands.hints import viewer_command
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
 from dtwin.experiments.monitoring.trial import Method
@@ -174,4 +175,4 @@ def _print(
         console.print(as_text(f"the last seconds could not have shown: {', '.join(verdict.unobservable)}"))
     console.print(f"{verdict.time:.0f} s watched, {verdict.missed} samples missed, {factor:.0f} x real time")
     if record is not None:
-        console.print(as_text(f"recording {record}: look at it with `rerun {record}`"))
+        console.print(as_text(f"recording {record}: look at it with `{viewer_command(record)}`"), soft_wrap=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dtwin.errors import RecordingError
+from dtwin.services.runfile import kept
 from dtwin.simulation.history import HISTORY, Entry, History
 from dtwin.terminal import print_json, printable
 
@@ -14,15 +15,18 @@ from dtwin.terminal import print_json, printable
 class ShowHistory:
     """Show every change of the controller's settings: when, who, why, what, and what came of it."""
 
-    file: Path = HISTORY
-    """File of the history that the simulation service keeps."""
+    file: Path | None = None
+    """File of the history; that of the cell if it is up on this machine, else uploads.jsonl, if not given."""
+    cell: str = "cell"
+    """Name of the cell."""
     json: bool = False
     """Print one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
-        if not self.file.exists():
-            raise RecordingError(f"{self.file}: there is no history yet; the simulation service keeps it")
-        entries = History(self.file).entries()
+        file = self.file or kept(self.cell, "history", HISTORY)
+        if not file.exists():
+            raise RecordingError(f"{file}: there is no history yet; the simulation service keeps it")
+        entries = History(file).entries()
         if self.json:
             print_json({"entries": entries})
             return 0

@@ -85,7 +85,7 @@ def recover(
             identification=True,
             store=folder / "identified",
             monitoring=True,
-            model=folder / "arm.json",
+            model=str(folder / "arm.json"),
             simulation=True,
             history=folder / "history.jsonl",
         )
