@@ -37,7 +37,7 @@ def compile_arm(
     try:
         if bodies:
             for kind, names in bodies.needed.items():
-                _require(file, kind, spec.bodies if kind == "body" else spec.geoms, names)
+                require(file, kind, spec.bodies if kind == "body" else spec.geoms, names)
         for element in (*spec.cameras, *spec.lights, *spec.sensors, *spec.keys, *spec.sites):
             spec.delete(element)
         for geom in list(spec.geoms):
@@ -70,15 +70,20 @@ def named_spec(file: Path) -> mujoco.MjSpec:
         spec = mujoco.MjSpec.from_file(str(file))
     except ValueError as error:
         raise ModelError(one_line(file, str(error))) from None
-    _require(file, "body", spec.bodies, (*LINKS, "jaw", "tip"))
-    _require(file, "joint", spec.joints, JOINTS)
-    _require(file, "actuator", spec.actuators, ACTUATORS)
-    _require(file, "sensor", spec.sensors, SENSORS)
-    _require(file, "site", spec.sites, SITES)
+    require(file, "body", spec.bodies, (*LINKS, "jaw", "tip"))
+    require(file, "joint", spec.joints, JOINTS)
+    require(file, "actuator", spec.actuators, ACTUATORS)
+    require(file, "sensor", spec.sensors, SENSORS)
+    require(file, "site", spec.sites, SITES)
     return spec
 
 
-def _require(file: Path, kind: str, elements: Iterable[mujoco.MjsElement], names: Iterable[str]) -> None:
+def require(file: Path, kind: str, elements: Iterable[mujoco.MjsElement], names: Iterable[str]) -> None:
+    """Checks that the content of a file has elements of a kind with some names.
+
+    Raises:
+        ModelError: a name is missing.
+    """
     present = {element.name for element in elements}
     for name in names:
         if name not in present:

@@ -12,7 +12,7 @@ from typing import Final
 import mujoco
 
 from dtwin.emulation.contact.clearance import Clearance
-from dtwin.emulation.model import named_spec, one_line
+from dtwin.emulation.model import named_spec, one_line, require
 from dtwin.errors import ModelError, ParameterError
 from dtwin.parameters import GripperParameters, Triple
 from dtwin.task import DEFAULT_TASK, PICKUP_NAME, BoxStream, Destination, Task
@@ -27,6 +27,10 @@ _LOWEST: Final = -0.48
 _RACK: Final = (0.15, -0.175)
 """Where the column of the rack stands, x and y, m."""
 _LEGS: Final = ("conveyor_leg_1", "conveyor_leg_2")
+_GEOMS: Final = ("box_waiting", "box_held", "rack_column", "rack_cap", *_LEGS)
+"""Shapes that are changed."""
+_USUAL: Final = DEFAULT_TASK.colours
+"""Colours of the stands in the file."""
 _LIES_AT: Final = ("conveyor_belt", "conveyor_stop")
 """What a box at the pickup point touches."""
 _LEG_TOP: Final = -0.038
@@ -39,22 +43,33 @@ def drawn_model(model_file: Path, task: Task) -> mujoco.MjModel:
     Raises:
         ModelError: the file cannot be used, or lacks the stands that are moved.
     """
-    spec = named_spec(model_file)
     try:
-        arrange(spec, task)
-        return spec.compile()
-    except (ValueError, AttributeError, KeyError) as error:
-        raise ModelError(one_line(model_file, f"no cell whose stands can be moved: {error}")) from None
+        return arranged(model_file, task).compile()
+    except ValueError as error:
+        raise ModelError(one_line(model_file, str(error))) from None
 
 
-def arrange(spec: mujoco.MjSpec, task: Task) -> None:
-    """Moves, adds and takes away stands in the content of a file with the names of models/arm.xml."""
+def arranged(model_file: Path, task: Task) -> mujoco.MjSpec:
+    """The content of a file with the stands of a task.
+
+    Raises:
+        ModelError: the file cannot be used, or lacks the stands that are moved.
+    """
+    spec = named_spec(model_file)
+    require(model_file, "body", spec.bodies, ("conveyor", "pickup_belt", "rack", *map("{}_belt".format, _USUAL)))
+    require(model_file, "geom", spec.geoms, (*_GEOMS, *map("stand_{}_bracket".format, _USUAL)))
+    require(model_file, "material", spec.materials, _USUAL)
+    _arrange(spec, task)
+    return spec
+
+
+def _arrange(spec: mujoco.MjSpec, task: Task) -> None:
     half = task.boxes.size / 2
     for name in ("box_waiting", "box_held"):
         spec.geom(name).size = (half, half, half)
     _move_conveyor(spec, task, half)
     rack = spec.body("rack")
-    for colour in DEFAULT_TASK.colours:
+    for colour in _USUAL:
         spec.delete(spec.geom(f"stand_{colour}_bracket"))
         spec.delete(spec.body(f"{colour}_belt"))
         spec.delete(spec.material(colour))
@@ -94,12 +109,7 @@ def check_task(task: Task, model_file: Path, contact: bool) -> None:
     for name, place in task.all_places.items():
         if place.y < _LOWEST:
             raise ParameterError(f"{name}: expected a height y of at least {_LOWEST} m, got {place.y:g}")
-    spec = named_spec(model_file)
-    try:
-        arrange(spec, task)
-    except (ValueError, AttributeError, KeyError) as error:
-        raise ModelError(one_line(model_file, f"no cell whose stands can be moved: {error}")) from None
-    shapes = Clearance(model_file, task, spec)
+    shapes = Clearance(model_file, task, arranged(model_file, task))
     gripper = GripperParameters()
     for name, place in task.all_places.items():
         for carries, angle in ((True, gripper.closed), (False, gripper.opened)):
