@@ -7,6 +7,8 @@ from typing import Any, Final, Union, get_args, get_origin
 
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
+NONE: Final = "None"
+"""Takes back the default of such an option where it has one."""
 NOTHING: Final = "unset"
 """How the default of such an option is shown."""
 
@@ -26,7 +28,7 @@ def _optional(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
     return PrimitiveConstructorSpec(
         nargs=inner.nargs,
         metavar=inner.metavar,
-        instance_from_str=inner.instance_from_str,
+        instance_from_str=lambda words: None if words == [NONE] else inner.instance_from_str(words),
         is_instance=lambda value: value is None or inner.is_instance(value),
         str_from_instance=lambda value: [NOTHING] if value is None else inner.str_from_instance(value),
         choices=inner.choices,
