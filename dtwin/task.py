@@ -18,8 +18,8 @@ PICKUP_NAME: Final = "pickup"
 MOST_PLACES: Final = 6
 """Number of places that the block PICK_AND_PLACE can be given."""
 _COLOUR: Final = re.compile(r"[a-z][a-z0-9_]{0,23}")
-_TAKEN: Final = (PICKUP_NAME, "home", "hanging")
-"""Names that stand for other poses of the arm."""
+_TAKEN: Final = (PICKUP_NAME, "home", "hanging", "here")
+"""Names that stand for other poses of the arm, for people or in the blocks."""
 GREY: Final[RGB] = (150, 150, 150)
 
 

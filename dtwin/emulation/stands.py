@@ -154,11 +154,11 @@ def _add_stand(spec: mujoco.MjSpec, rack: mujoco.MjsBody, destination: Destinati
     """Adds tray and bracket at the place of a colour, as the file has them at the usual ones."""
     colour, place = destination.colour, destination.place
     cell = spec.find_default("cell")
-    spec.add_material(name=colour, rgba=(*(part / 255 for part in destination.rgb), 1.0))
+    material = f"tray_{colour}"
+    spec.add_material(name=material, rgba=(*(part / 255 for part in destination.rgb), 1.0))
     tray = spec.worldbody.add_body(name=f"{colour}_belt", pos=(place.x, -0.062, place.y))
     plate = tray.add_geom(cell, name=f"{colour}_tray", type=mujoco.mjtGeom.mjGEOM_BOX)
-    plate.pos, plate.size, plate.material = (0.0, -0.002, -half - 0.0055), (0.013, 0.084, 0.003), colour
-    tray.add_site(name=colour, pos=(0.0, 0.062, 0.0), size=(0.006, 0.006, 0.006), group=4)
+    plate.pos, plate.size, plate.material = (0.0, -0.002, -half - 0.0055), (0.013, 0.084, 0.003), material
     ends = sorted((place.x, _RACK[0]))
     width = (ends[1] - ends[0]) / 2 + 0.012
     bracket = rack.add_geom(cell, name=f"stand_{colour}_bracket", type=mujoco.mjtGeom.mjGEOM_BOX)

@@ -21,7 +21,7 @@ from dtwin.monitoring.kinds import UNKNOWN, FaultId
 from dtwin.monitoring.verdict import Finding, finding, monitored_units
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, ArmParameters, Triple
 from dtwin.signals import Event
-from dtwin.task import PICKUP_NAME
+from dtwin.task import DEFAULT_TASK, PICKUP_NAME, Task
 from dtwin.twin.dynamics import integrate
 
 Array = NDArray[np.float64]
@@ -66,6 +66,7 @@ class ThesisMonitor:
     Args:
         arm: the healthy arm.
         settings: how the comparison is made.
+        task: where the places are to which boxes are brought.
 
     Attributes:
         simulated: (3,), rad.
@@ -76,10 +77,10 @@ class ThesisMonitor:
         sample: number of the last sample, -1 before the first.
     """
 
-    def __init__(self, arm: ArmParameters, settings: ThesisSettings | None = None) -> None:
+    def __init__(self, arm: ArmParameters, settings: ThesisSettings | None = None, task: Task = DEFAULT_TASK) -> None:
         self.settings = settings or ThesisSettings()
         self._vector = np.array(arm.vector())
-        self._controller = MotionController()
+        self._controller = MotionController(task=task)
         self._every = round(self.settings.sample_time / PERIOD)
         self._substeps = round(PERIOD / self.settings.step)
         self._states = np.zeros((2, 6))

@@ -52,7 +52,7 @@ def test_every_colour_has_its_tray_under_its_boxes() -> None:
         assert bracket - width <= min(x, 0.15) - 0.011
         assert bracket + width >= max(x, 0.15) + 0.011
         rgb = np.array(FOUR.rgb(colour)) / 255
-        np.testing.assert_allclose(model.mat_rgba[model.mat(colour).id][:3], rgb, atol=1e-6)
+        np.testing.assert_allclose(model.mat_rgba[model.mat(f"tray_{colour}").id][:3], rgb, atol=1e-6)
     belt, size = shapes["conveyor_belt"]
     assert belt[2] + size[2] == pytest.approx(FOUR.pickup.y - half, abs=1e-5)
     assert shapes["box_held"][1] == shapes["box_waiting"][1] == [half] * 3

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import dtwin
+from dtwin.cli import main
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.emulation import Emulation
 from dtwin.errors import DtwinError
@@ -207,3 +208,16 @@ def test_a_place_can_be_reached_with_either_elbow(tmp_path: Path) -> None:
 
 def test_the_folder_of_cells_is_where_the_program_looks() -> None:
     assert sorted(path.stem for path in FOLDER.glob("*.toml")) == names() == ["default", "four-colours"]
+
+
+def test_the_monitors_and_the_simulation_know_the_places_of_a_log(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "run.parquet"
+    dtwin.Cell(cell_file="four-colours", law="computed_torque").run(30.0).save(log)
+    assert main(["monitor", str(log), "--method", "thesis", "--target-time", "2.5"]) == 0
+    assert main(["monitor", str(log)]) == 0
+    assert main(["simulate", "--cell-file", "four-colours", "--goal", "violet"]) == 0
+    capsys.readouterr()
+    assert main(["simulate", "--cell-file", "four-colours", "--goal", "blue"]) == 2
+    assert "unknown place 'blue': expected pickup, yellow, red, violet, green" in capsys.readouterr().err

@@ -31,6 +31,7 @@ from dtwin.monitoring.verdict import Finding
 from dtwin.parameters import ArmParameters
 from dtwin.pool import Progress
 from dtwin.signals import Event
+from dtwin.task import task_of
 from dtwin.terminal import as_text, print_json
 
 STATE_COLOURS: Final = {
@@ -127,8 +128,9 @@ class MonitorCommand:
         """What the thesis's method makes of a run."""
         seen = stream(run.log)
         arm = ArmParameters() if self.model is None else model_of(self.model, self.store).arm
-        control = ControlSettings(target_time=self.target_time)
-        thesis = ThesisMonitor(arm, ThesisSettings(self.sample_time, self.step, control))
+        task = task_of(run.log.metadata)
+        control = ControlSettings(target_time=self.target_time, payload=task.boxes.middle)
+        thesis = ThesisMonitor(arm, ThesisSettings(self.sample_time, self.step, control), task)
         for first in range(0, len(seen), SECOND):
             seen.feed(thesis, first, min(first + SECOND, len(seen)))
             progress(first, len(seen))
