@@ -33,6 +33,8 @@ _NEAR: Final = 1e-3
 """Distance within which the angles of a place must lead to its coordinates, m."""
 _LEVEL: Final = 0.01
 """Largest angle of link 3 to x at a place, rad."""
+_FARTHEST: Final = 12.566
+"""Largest angle of a joint at a place, rad: the block PATH_PLANNER takes no farther goal."""
 T = TypeVar("T", bound=msgspec.Struct)
 
 
@@ -255,8 +257,8 @@ def _place(where: str, spot: _Spot, near: Triple, boxes: BoxStream) -> Place:
         theta = spot.theta or nearest(spot.x, spot.y, arm, near, spot.elbow)
     except DtwinError as error:
         raise ParameterError(f"{where}: the arm does not reach the place: {error}") from None
-    if not all(map(math.isfinite, theta)):
-        raise ParameterError(f"{where}.theta: expected finite angles, got {theta}")
+    if not all(abs(angle) <= _FARTHEST for angle in theta):
+        raise ParameterError(f"{where}.theta: expected angles of at most {_FARTHEST} rad either way, got {theta}")
     x, y, phi = forward(theta, arm)
     away = math.hypot(x - spot.x, y - spot.y)
     if not away <= _NEAR:

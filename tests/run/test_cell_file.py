@@ -157,7 +157,7 @@ REFUSED = {
     f'{PLACE}elbow = "left"\n': "places.red.elbow: invalid enum value",
     f'{PLACE}elbow = "up"\ntheta = [2.5298, -2.0654, -0.4644]\n': "places.red: expected theta or elbow, got both",
     f"{PLACE}theta = [0.0, 0.0, 0.0]\n": r"places.red.theta: leads to \(0.4511, 0.0000\) m: expected the place at",
-    f"{PLACE}theta = [nan, 0.0, 0.0]\n": "places.red.theta: expected finite angles",
+    f"{PLACE}theta = [nan, 0.0, 0.0]\n": "places.red.theta: expected angles of at most 12.566 rad",
     "[places.red]\nx = 0.5\ny = 0.15\n": "places.red: the arm does not reach the place: .* the reach is",
     "[places.red]\nx = 0.15\n": "places.red: object missing required field y",
     "[pickup]\nx = 0.44\ny = 0.0\n[boxes]\nmass = [0.5, 0.9]\n": "pickup: joint 1 would need .* V to hold 0.9 kg",
