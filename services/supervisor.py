@@ -153,13 +153,16 @@ class _Child:
         if self._process is None:
             wait = max(0.0, self._start_at - now)
             return ServiceSummary("ended" if self.done else "dead", 0.0, self.restarts, _wait(self.end, wait))
-        if not self.arrived or status is None:
-            return ServiceSummary("starting", 0.0, self.restarts, self.end)
+        error = (status.last_error if status else "") or self.end
+        if not self.arrived:
+            return ServiceSummary("starting", 0.0, self.restarts, error)
         if not self.alive:
-            return ServiceSummary("stopping", 0.0, self.restarts, status.last_error or self.end)
-        error = status.last_error or self.end
+            return ServiceSummary("stopping", 0.0, self.restarts, error)
         if now - self.heard > SILENT:
             return ServiceSummary("silent", 0.0, self.restarts, f"no status for {now - self.heard:.0f} s; {error}")
+        if status is None or status.state == "starting":
+            # It has shown its token since, so it is ready; the next status says so within a second.
+            return ServiceSummary("running", 0.0, self.restarts, error)
         return ServiceSummary(status.state, status.rate_hz, self.restarts, error)
 
     def _listen(self, process: subprocess.Popen[str]) -> None:
