@@ -64,15 +64,11 @@ def test_a_verdict_in_words_names_what_is_wrong() -> None:
 
 @pytest.mark.usefixtures("desk")
 def test_up_prints_lines_as_states_change_where_there_is_no_terminal() -> None:
-    command = [sys.executable, "-m", "dtwin", "up", "--pace", "lockstep", "--duration", "6", "--monitoring"]
-    command += ["--fault", "D1*=1.5@2"]
+    # The event happens long before the end, so that it is heard however busy the machine is.
+    command = [sys.executable, "-m", "dtwin", "up", "--pace", "lockstep", "--duration", "20", "--fault", "D1*=1.5@2"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=180)
     assert done.returncode == 0, done.stderr
     said = done.stderr.splitlines()
     assert not any(mark in done.stderr for mark in "┃│━")
-    for name in ("controller", "bridge", "monitoring", "emulator"):
-        states = [line.partition(": ")[2] for line in said if line.startswith(f"{name}: ")]
-        assert states
-        assert states[-1] != "starting"
-    assert any(line.startswith("verdict: ") for line in said)
-    assert any(line.startswith("last event: ") for line in said)
+    assert [line for line in said if line.startswith("emulator: ")][-1] == "emulator: ended"
+    assert {line.partition(":")[0] for line in said} >= {"controller", "bridge", "emulator", "last event"}
