@@ -68,21 +68,17 @@ class Monitor:
         self._warning = threshold(self.settings.warnings_per_hour, belief.tail)
         self._belief = belief
         self.estimator = Estimator(belief, self.settings.tuning)
-        self._readings = Readings(belief.noise)
-        self._stopped = Stopped()
+        self._readings, self._stopped = Readings(belief.noise), Stopped()
         self._listening: Listening | None = Listening()
         self.trend = Trend(self.estimator)
         self._bank = SignatureBank(self._sizes)
         self._moments: deque[Moment] = deque(maxlen=LONGEST + MOST + 2 * SPACING)
         self._mode: Mode = Watching()
-        self._turns = Turns()
-        self._probation = Probation()
+        self._turns, self._probation = Turns(), Probation()
         self._misfit: dict[int, str] = {}
         self.findings = Findings(self._sizes)
         self.missed, self.restarts, self.sample = 0, 0, -1
-        self._command = np.zeros(4)
-        self._gripped = False
-        self._doubted = 0
+        self._command, self._gripped, self._doubted = np.zeros(4), False, 0
         self.used = np.zeros(3, dtype=bool)
 
     @property

@@ -1,6 +1,6 @@
 """Sequential detection: which sudden change, how long ago, would explain the innovations best.
 
-Every sample an onset is noted; for each onset and each fault the bank carries the trace that the fault would
+Every few samples an onset is noted; for each onset and each fault the bank carries the trace that the fault would
 leave and the likelihood ratio of its best size (see `kernels`). Onsets get sparser the longer they are past.
 """
 
@@ -23,9 +23,9 @@ from dtwin.parameters import PERIOD
 
 Array = NDArray[np.float64]
 
-SPACING: Final = 1
+SPACING: Final = 4
 """samples between two onsets"""
-ONSETS: Final = 20
+ONSETS: Final = 16
 INDEPENDENT: Final = 100.0
 """tests a second that would be independent; neighbouring samples, onsets and faults share most of their evidence"""
 LONGEST: Final = 1000
@@ -143,7 +143,7 @@ class SignatureBank:
         return next((onset for onset in reversed(onsets) if onset.sample <= sample), onsets[0])
 
     def statistics(self) -> Array:
-        """2 log likelihood ratio of every onset and fault, (20, 16); 0 where there is no onset yet."""
+        """2 log likelihood ratio of every onset and fault, (16, 16); 0 where there is no onset yet."""
         result: Array = (self._h**2 / (self._J + self._precision)).reshape(ONSETS, -1)
         return result
 
