@@ -135,9 +135,11 @@ def test_the_list_of_machines_fits_a_narrow_terminal(capsys: pytest.CaptureFixtu
 
 @given(on_the_wire)
 def test_watch_shows_what_passes(text: str) -> None:
-    shown = printable(describe("dtwin/cell/arm/events", encode(Event(0.0, "x", text))))
-    assert shown.isprintable()
-    assert json.loads(shown)["text"] == text
+    message = encode(Event(0.0, "x", text))
+    for_people, wire = (printable(describe("dtwin/cell/arm/events", message, as_sent)) for as_sent in (False, True))
+    assert for_people.isprintable()
+    assert wire.isprintable()
+    assert json.loads(wire)["text"] == text
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -201,6 +201,8 @@ def _commands(layout: Layout) -> Iterator[Variable]:
 def _settings(settings: ControlSettings, layout: Layout) -> Iterator[Variable]:
     """The inputs of the blocks that hold settings, by the names of the blocks."""
     for name, value in {**settings.inputs(), **STRAIGHT.inputs()}.items():
+        if isinstance(value, str):
+            continue  # The colours of the places are those of the application, as a text has no fixed size in C.
         kind, member, text = _of_block(layout, name)
         start = {"Float64": float, "Int32": int, "Boolean": bool}[kind](value)
         yield Variable(name, kind, "parameter", "tunable", member, text, start)
