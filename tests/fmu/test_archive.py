@@ -136,3 +136,9 @@ def test_without_a_compiler_nothing_is_written(tmp_path: Path, monkeypatch: pyte
     with pytest.raises(NativeError, match=r"there is no C compiler.*ziglang"):
         write_fmu(tmp_path / "twin.fmu", "twin", "3.0")
     assert not list(tmp_path.iterdir())
+
+
+def test_another_cell_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["fmu", "cell", str(tmp_path / "cell.fmu"), "--cell-file", "four-colours"]) == 2
+    assert "--cell-file four-colours: expected none, as an FMU has the usual places" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

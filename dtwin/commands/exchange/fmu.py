@@ -9,6 +9,7 @@ from typing import ClassVar
 import tyro
 
 from dtwin.controller.settings import ControlSettings
+from dtwin.errors import ParameterError
 from dtwin.fmu.archive import write_fmu
 from dtwin.fmu.sources import Subject, Version
 from dtwin.identification.store import STORE, ModelStore, open_model
@@ -70,6 +71,15 @@ class _Controlled(ControlOptions, _Fmu):
     """Identified model of the controller: a file or a name in --store."""
 
     def settings(self) -> ControlSettings:
+        """The settings of the controller at first.
+
+        Raises:
+            ParameterError: the cell is another one than the usual one.
+        """
+        if self.cell_file is not None:
+            raise ParameterError(
+                f"--cell-file {self.cell_file}: expected none, as an FMU has the usual places"
+            )
         settings, known = self.control(), self.known(self.controller_model)
         return settings if known is None else replace(settings, model=self.believed(known))
 
