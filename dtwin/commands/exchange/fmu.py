@@ -77,9 +77,7 @@ class _Controlled(ControlOptions, _Fmu):
             ParameterError: the cell is another one than the usual one.
         """
         if self.cell_file is not None:
-            raise ParameterError(
-                f"--cell-file {self.cell_file}: expected none, as an FMU has the usual places"
-            )
+            raise ParameterError(f"--cell-file {self.cell_file}: expected none, as an FMU has the usual places")
         settings, known = self.control(), self.known(self.controller_model)
         return settings if known is None else replace(settings, model=self.believed(known))
 
