@@ -158,3 +158,20 @@ def test_the_onset_before_a_sample_is_the_last_one_up_to_it(belief: Belief) -> N
     assert [bank.before(sample).sample for sample in (3, 8, 15, 16, 40)] == [8, 8, 12, 16, 16]
     bank.clear()
     assert [*began, bank.began] == [False, True, False]
+
+
+def test_information_is_that_of_the_onset_next_to_a_sample(belief: Belief, run_cell: Callable[..., Log]) -> None:
+    """The size of a jump has the variance 1 / (information + 1 / plausible size^2), which suspicions tell."""
+    seen, sizes = stream(run_cell()), plausible_sizes(belief.arm)
+    estimator, bank = Estimator(belief, Tuning()), SignatureBank(sizes)
+    assert not bank.information(0).any()
+    estimator.begin(seen.measured[0], False)
+    for k in range(1, 400):
+        estimator.predict(seen.volts[k - 1, :3], bool(seen.gripped[k - 1]))
+        estimator.correct(seen.measured[k], ALL)
+        bank.update(estimator, ALL, k)
+    told = {str(each.fault): each for each in bank.suspicions()}
+    for column, fault in enumerate(JUMPS):
+        suspicion = told[fault]
+        found = bank.information(suspicion.onset.sample)[column]
+        assert found + sizes[fault] ** -2 == pytest.approx(suspicion.deviation**-2, rel=1e-9)

@@ -79,11 +79,11 @@ class Remainder:
         found: Array = columns - self._known @ (self._known.T @ columns)
         return found
 
-    def share(self, columns: Array) -> float:
-        """Share of the squares of what is left that some columns, (R, n), explain together."""
-        basis = np.linalg.qr(columns)[0]
-        explained = basis.T @ self.residual
-        return float(explained @ explained / (self.residual @ self.residual))
+    def explained(self, columns: Array) -> tuple[float, Array]:
+        """Share of the squares of what is left that columns, (R, n), explain together, and their factors, (n,)."""
+        factors, *_ = np.linalg.lstsq(columns, -self.residual)
+        after = self.residual + columns @ factors
+        return 1.0 - float(after @ after / (self.residual @ self.residual)), factors
 
     def _again(self, parts: Sequence[Array]) -> list[Array]:
         """The same of every segment with its initial state fitted again."""
@@ -94,6 +94,6 @@ def what_is_left(fit: MachineFit) -> tuple[Left, ...]:
     """The torques that would explain a noticeable share of the residuals, the largest share first, one at a time."""
     remainder = Remainder(fit)
     columns = remainder.columns({name: _UNIT[name[:-1]] for name in EXTRA_NAMES}, fit.vector)
-    shares = [remainder.share(column[:, None]) for column in columns.T]
+    shares = [remainder.explained(column[:, None])[0] for column in columns.T]
     found = [Left(name[:-1], int(name[-1]), share) for name, share in zip(EXTRA_NAMES, shares, strict=True)]
     return tuple(sorted((each for each in found if each.share > NOTICEABLE), key=lambda each: -each.share))

@@ -70,7 +70,7 @@ def _strongest(fit: MachineFit, joints: Sequence[int], priors: Mapping[str, Prio
             vector[MACHINE_NAMES.index(f"ripple_periods{joint}")] = periods
             units = {name: priors[name].deviation for name in _of(joint)[:2]}
             columns = remainder.columns(units, vector)
-            best, *_ = np.linalg.lstsq(columns, remainder.residual)
-            sin, cos = (-best * list(units.values())).tolist()
-            found.append(_Ripple(remainder.share(columns), joint, periods, sin, cos))
+            share, factors = remainder.explained(columns)
+            sin, cos = (factors * list(units.values())).tolist()
+            found.append(_Ripple(share, joint, periods, sin, cos))
     return max(found)

@@ -124,6 +124,7 @@ class Estimator:
         self._walk[TORQUE:MOVING] = np.square(error.slow) * (1.0 - self.memory**2)
         self._torque = np.square(error.white)
         self._friction = _dry_friction(belief)
+        self._rubs = bool(self._friction.any())
         self._swing = np.zeros(3)
         self._locked = 0
         self._least, self._most = _bounds(arm)
@@ -181,11 +182,13 @@ class Estimator:
         handling = self.belief.error.grip if self._handling else 0.0
         self._handling = max(self._handling - 1, 0)
         torque = self._torque + doubt**2 + handling**2
-        torque += self._friction**2 * np.exp(-np.square(x[W:ARM] / _STANDSTILL))
-        jump = 0.0 if last is None else x[ARM : ARM + 3] * (self._command - last)
-        self._swing *= _SETTLED
-        self._swing += np.square(self.belief.error.compliance * jump)
-        displacement = self.belief.error.displacement**2 + self._swing
+        if self._rubs:
+            torque += self._friction**2 * np.exp(-np.square(x[W:ARM] / _STANDSTILL))
+        error = self.belief.error
+        if error.compliance and last is not None:
+            self._swing *= _SETTLED
+            self._swing += np.square(error.compliance * x[ARM : ARM + 3] * (self._command - last))
+        displacement = error.displacement**2 + self._swing
         kernels.predict(self.P, self.F, torque, displacement, self._walk, self.memory, PERIOD)
 
     def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:
