@@ -11,9 +11,11 @@ from dtwin.commissioning.procedure import Commissioned, Identified
 from dtwin.commissioning.words import GRADES, NINETY_FIVE, interval, quantity, steps
 from dtwin.controller.proposed import LeastMargins
 from dtwin.identification.machine.record import Grade, MachineRecord
-from dtwin.monitoring.estimation.belief import commissioned
+from dtwin.monitoring.calibration import compliances
+from dtwin.monitoring.estimation.belief import Tail, commissioned
+from dtwin.monitoring.kinds import JUMPS
 from dtwin.monitoring.settings import ALARMS_PER_HOUR
-from dtwin.monitoring.signatures import threshold
+from dtwin.monitoring.signatures import allowances, threshold
 from dtwin.parameters import PERIOD
 from dtwin.pictures import COLOURS, DARK, RED, new_figure, vector_graphics
 from dtwin.simulation.margins.demands import MARGINS, Demands
@@ -209,19 +211,21 @@ def _monitor(record: MachineRecord) -> list[str]:
     healthy = record.healthy
     if healthy is None:
         return [heading("Monitor"), paragraph("Nobody has watched the healthy arm: the monitor is not calibrated.")]
-    alarm = threshold(ALARMS_PER_HOUR, commissioned(record).tail)
+    alarm = threshold(ALARMS_PER_HOUR, Tail())
+    more = dict(zip(JUMPS, allowances(ALARMS_PER_HOUR, commissioned(record).tails).tolist(), strict=True))
+    charged = ", ".join(f"{fault} {alarm + beyond:.0f}" for fault, beyond in more.items() if beyond > 0.5)
     slow = ", ".join(f"{1e3 * torque:.0f}" for torque in healthy.slow)
     return [
         heading("Monitor"),
         paragraph(
             f"The healthy arm was watched for {healthy.duration:.0f} s. An alarm is given from a statistic of"
             f" {alarm:.0f} on, which stands for {ALARMS_PER_HOUR:g} false alarms an hour."
+            f" For faults that look like what the model lacks it is more: {charged or 'there are none'}."
         ),
         paragraph(
             f"The model leaves torques of {slow} mN m (standard deviations of the joints) that last"
-            f" {healthy.memory:g} s, the gears play of {1e3 * healthy.displacement:g} mrad and a compliance of"
-            f" {1e3 * healthy.compliance:g} mrad/(N m). The statistic"
-            f" passed {healthy.level:.0f} {healthy.rate:.0f} times an hour, by {healthy.excess:.1f} on average."
+            f" {healthy.memory:g} s, the gears play of {1e3 * healthy.displacement:g} mrad and compliances of"
+            f" {compliances(healthy.compliance)} mrad/(N m)."
         ),
     ]
 

@@ -4,10 +4,10 @@ The torques that last are found as the EM algorithm finds them (Shumway and Stof
 with the filter's estimates in place of the smoother's: the estimator follows the log with some standard deviation of
 these torques, and what it estimates them to be, and how surely, gives the next one.
 
-How long they last, how much gears move a link without torque, and how far they swing, is chosen by what the monitor
-is for. The readings would be most likely under what fits most of them, but the threshold depends on the rare ones. So
-the choice is that under which a sudden change of plausible size most probably passes, within two seconds, the
-threshold that the healthy arm asks for.
+How long they last, how much gears move a link without torque, how far they swing, and how much of the dry friction
+is in doubt near standstill, is chosen by what the monitor is for. The readings would be most likely under what fits
+most of them, but the threshold depends on the rare ones. So the choice is that under which a sudden change of
+plausible size most probably passes, within two seconds, the threshold that the healthy arm asks for.
 
 The statistic of the signature bank is then observed over the whole log. How often a healthy arm passes which value,
 and how fast that gets rarer, tells from where on it is an alarm: peaks over a threshold with exponential excesses
@@ -17,7 +17,7 @@ and how fast that gets rarer, tells from where on it is an alarm: peaks over a t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
@@ -26,25 +26,27 @@ import numpy as np
 from scipy.special import erfc, gammaincinv
 
 from dtwin.errors import ParameterError
-from dtwin.identification.machine.record import LEARNED, Healthy, Learned, MachineRecord
+from dtwin.identification.machine.record import LEARNED, Healthy, Learned, MachineRecord, Passed
 from dtwin.monitoring.candidate import misfit_after
 from dtwin.monitoring.estimation.belief import Array, Belief, Tail, Unmodelled, commissioned
-from dtwin.monitoring.estimation.estimator import Estimator, Tuning
+from dtwin.monitoring.estimation.estimator import Estimator, Tuning, swung
 from dtwin.monitoring.estimation.layout import ARM_NAMES, INDEX, MOVING, TORQUE
 from dtwin.monitoring.kinds import JUMPS, plausible_sizes
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream
 from dtwin.monitoring.sensing.commands import closes
 from dtwin.monitoring.settings import ALARMS_PER_HOUR
-from dtwin.monitoring.signatures import threshold
-from dtwin.parameters import GRAVITY, PERIOD, ArmParameters
+from dtwin.monitoring.signatures import allowances, threshold
+from dtwin.parameters import GRAVITY, PERIOD, ArmParameters, Triple
 
 MEMORIES: Final = (0.1, 0.3, 1.0)
 """Times that the torques may last, s."""
-COMPLIANCES: Final = (0.0, 0.005, 0.01, 0.02)
-"""Angles by which gears may swing after a jump of the torque, rad/(N m); the data sheet's yield by 0.01 to 0.02."""
+COMPLIANCES: Final = (0.0, 0.5, 1.0, 2.0)
+"""How much more than on average gears may swing after a jump of the torque."""
 DISPLACEMENTS: Final = (0.0, 2e-4, 5e-4, 1e-3)
 """Angles by which gears may move a link in a sample, rad, standard deviations."""
+STICKING: Final = (1.0, 0.5, 0.25)
+"""Shares of the dry friction that may be in doubt near standstill."""
 FIRST: Final = 6000
 """Samples that the torques are learned from."""
 TRIED: Final = 12000
@@ -53,6 +55,7 @@ LEAST: Final = 30.0
 """Shortest log, s."""
 _FIRST: Final = 0.01
 _ROUNDS: Final = 3
+_NEVER: Final = (0.0, 0.0, 0.0)
 _TINY: Final = 1e-300
 _CLIP: Final = 4.0
 """Standard deviations beyond which a reading counts less: spikes."""
@@ -94,7 +97,7 @@ def calibrated(belief: Belief, seen: Stream, progress: Callable[[str], None] = l
     learned = _after(replace(belief, error=error), seen)
     progress("watches the arm as it has learned it")
     found = _watched(learned, seen)
-    return replace(learned, tail=replace(tail_of(found.statistic), misfit=max(Tail().misfit, found.misfit)))
+    return replace(learned, tails=_tails(found.statistics), misfit=max(learned.misfit, found.misfit))
 
 
 def watched(
@@ -105,17 +108,16 @@ def watched(
     values = {name: belief.arm.get(name) for name in ARM_NAMES} | dict(zip(_BIASES, belief.offset, strict=True))
     spread = dict(zip(ARM_NAMES, np.sqrt(belief.covariance.diagonal()).tolist(), strict=True))
     spread |= dict(zip(_BIASES, belief.offset_deviation, strict=True))
-    error, tail = belief.error, belief.tail
+    error = belief.error
     healthy = Healthy(
         slow=error.slow,
         memory=error.memory,
         grip=error.grip,
         displacement=error.displacement,
         compliance=error.compliance,
-        level=tail.level,
-        rate=tail.rate,
-        excess=tail.excess,
-        misfit=tail.misfit,
+        stick=error.stick,
+        tails={fault: Passed(tail.level, tail.rate, tail.excess) for fault, tail in belief.tails.items()},
+        misfit=belief.misfit,
         learned={name: Learned(values[name], spread[name]) for name in LEARNED},
         duration=round(len(seen) * PERIOD, 2),
     )
@@ -130,10 +132,15 @@ class _Choice(NamedTuple):
 
 
 class _Watched(NamedTuple):
-    """What a monitor made of a healthy arm: the strongest evidence of a change at every sample, (N,), its largest
-    misfit, and at some samples what they tell of each fault of JUMPS, (M, 16), see `SignatureBank.information`."""
+    """What a monitor made of a healthy arm.
 
-    statistic: Array
+    Attributes:
+        statistics: (N, 18), its statistic of each of JUMPS at every sample.
+        misfit: its largest misfit.
+        information: (M, 18), what some of the samples tell of each fault, see `SignatureBank.information`.
+    """
+
+    statistics: Array
     misfit: float
     information: Array
 
@@ -141,12 +148,17 @@ class _Watched(NamedTuple):
 def _chosen(belief: Belief, seen: Stream, progress: Callable[[str], None]) -> Unmodelled:
     """What the model lacks: the best compliance, then the best play with that, then how long torques last."""
     first = (_FIRST, _FIRST, _FIRST)
-    error = Unmodelled(belief.error.white, first, MEMORIES[0], _grip(belief.arm), DISPLACEMENTS[0], COMPLIANCES[0])
+    error = Unmodelled(belief.error.white, first, MEMORIES[0], _grip(belief.arm), DISPLACEMENTS[0], _NEVER)
     for _ in range(_ROUNDS - 1):
         error = _learned(belief, seen, error)
     best = _tried(belief, seen, error, progress)
-    choices: dict[str, tuple[float, ...]]
-    choices = {"compliance": COMPLIANCES, "displacement": DISPLACEMENTS, "memory": MEMORIES}
+    average = _pass(replace(belief, error=error), seen).compliance
+    choices: dict[str, Sequence[float | Triple]] = {
+        "compliance": [(more * average[0], more * average[1], more * average[2]) for more in COMPLIANCES],
+        "displacement": DISPLACEMENTS,
+        "stick": STICKING,
+        "memory": MEMORIES,
+    }
     for name, values in choices.items():
         tried = [best]
         for value in values[1:]:
@@ -160,22 +172,26 @@ def _tried(belief: Belief, seen: Stream, error: Unmodelled, progress: Callable[[
     """One choice, where the search for the torques starts from those in `error`."""
     error = _learned(belief, seen, error)
     found = _watched(replace(belief, error=error), seen)
-    alarm = threshold(ALARMS_PER_HOUR, tail_of(found.statistic))
+    alarm = threshold(ALARMS_PER_HOUR, Tail()) + allowances(ALARMS_PER_HOUR, _tails(found.statistics))
     sizes = plausible_sizes(belief.arm)
     known = np.array([sizes[fault] for fault in JUMPS]) ** 2 * np.maximum(found.information, _TINY)
     chance = float(np.mean(erfc(np.sqrt(0.5 * alarm / known))))
     progress(
         f"{1e3 * max(error.slow):.0f} mN m that last {error.memory:g} s, {1e3 * error.displacement:g} mrad of play,"
-        f" {1e3 * error.compliance:g} mrad/(N m): alarm from {alarm:.0f} on, {chance:.0%} of sudden changes show in"
-        f" {_SOON:g} s"
+        f" {compliances(error.compliance)} mrad/(N m), {error.stick:.0%} of dry friction in doubt: alarms from"
+        f" {alarm.min():.0f} to {alarm.max():.0f} on, {chance:.0%} of sudden changes show in {_SOON:g} s"
     )
     return _Choice(chance, error)
 
 
 def _learned(belief: Belief, seen: Stream, error: Unmodelled) -> Unmodelled:
     """The same with torques that last as they come out of the log."""
-    first, second, third = _pass(replace(belief, error=error), seen).tolist()
-    return replace(error, slow=(first, second, third))
+    return replace(error, slow=_pass(replace(belief, error=error), seen).slow)
+
+
+def compliances(values: Triple) -> str:
+    """Compliances (rad/(N m)) for people, in mrad/(N m)."""
+    return ", ".join(f"{1e3 * value:.2g}" for value in values)
 
 
 def _grip(arm: ArmParameters) -> float:
@@ -183,30 +199,53 @@ def _grip(arm: ArmParameters) -> float:
     return Tuning().box_mass * GRAVITY * sum(arm.get(f"l{joint}") for joint in (1, 2, 3))
 
 
-def _pass(belief: Belief, seen: Stream) -> Array:
-    """Root mean squares of the torques that last, (3,), N m."""
+class _Lacking(NamedTuple):
+    """Root mean squares of the torques that last, (3,), N m, and the angles by which the gears swing on average after
+    jumps of the torque, (3,), rad/(N m)."""
+
+    slow: Triple
+    compliance: Triple
+
+
+def _pass(belief: Belief, seen: Stream) -> _Lacking:
+    """What a part of the log tells.
+
+    The squares of the innovations grow with those of the swing that the voltages would make of a compliance of one:
+    the slope of that line, by least squares, is the square of the compliance.
+    """
     estimator = Estimator(replace(belief, clip=(_CLIP, _CLIP, _CLIP)), Tuning())
     squares, counted, followed = np.zeros(3), 0, -1
+    K, swing, pairs = np.array([belief.arm.get(f"K{joint}") for joint in (1, 2, 3)]), np.zeros(3), []
     finite = np.isfinite(seen.measured.sum(axis=1) + seen.volts.sum(axis=1))
     for row in range(min(FIRST, len(seen))):
         if row == 0 or seen.sample[row] != seen.sample[row - 1] + 1 or not finite[row - 1 : row + 1].all():
             followed = -1
         if followed < 0 and finite[row]:
             estimator.begin(seen.measured[row], bool(seen.gripped[row]))
-            followed = 0
+            followed, swing = 0, np.zeros(3)
         elif followed >= 0:
             volts, gripped = seen.volts[row - 1], bool(seen.gripped[row - 1])
             doubt = belief.error.grip if closes(volts, gripped) else 0.0
             estimator.predict(volts[:3], gripped, doubt)
             estimator.correct(seen.measured[row], np.ones(3, dtype=bool))
             followed += 1
+            if followed > 1:
+                swing = swung(swing, K * (volts[:3] - seen.volts[row - 2, :3]))
             if followed >= _SETTLED:
                 squares += estimator.x[TORQUE:MOVING] ** 2 + estimator.P.diagonal()[TORQUE:MOVING]
                 counted += 1
+                pairs.append((swing, estimator.innovation**2))
     if not counted:
         raise ParameterError(f"the log has gaps all the time: expected {_SETTLED * PERIOD:g} s without one")
-    found: Array = np.sqrt(squares / counted)
-    return found
+    swings, errors = np.array(pairs).transpose(1, 0, 2)
+    swings -= swings.mean(axis=0)
+    slope = np.sum(swings * errors, axis=0) / np.maximum(np.sum(swings**2, axis=0), _TINY)
+    return _Lacking(_triple(np.sqrt(squares / counted)), _triple(np.sqrt(np.maximum(slope, 0.0))))
+
+
+def _triple(values: Array) -> Triple:
+    first, second, third = values.tolist()
+    return first, second, third
 
 
 def _after(belief: Belief, seen: Stream) -> Belief:
@@ -230,15 +269,15 @@ def _after(belief: Belief, seen: Stream) -> Belief:
 def _watched(belief: Belief, seen: Stream) -> _Watched:
     """What a monitor makes of a healthy arm."""
     monitor = _calm(belief)
-    statistic, misfit, information = np.zeros(len(seen)), np.ones(len(seen)), []
+    statistics, misfit, information = np.zeros((len(seen), len(JUMPS))), np.ones(len(seen)), []
     now = 1.0
     for row in range(len(seen)):
         seen.feed(monitor, row, row + 1)
-        statistic[row] = monitor.statistic
+        statistics[row] = monitor.statistics
         misfit[row] = now = misfit_after(now, monitor.estimator, monitor.used)
         if row % _EVERY == 0:
             information.append(monitor.information(_SOON))
-    return _Watched(statistic[SETTLING:], float(misfit[SETTLING:].max()), np.array(information))
+    return _Watched(statistics[SETTLING:], float(misfit[SETTLING:].max()), np.array(information))
 
 
 def _calm(belief: Belief) -> Monitor:
@@ -246,6 +285,11 @@ def _calm(belief: Belief) -> Monitor:
     monitor = Monitor(belief)
     monitor.threshold = math.inf
     return monitor
+
+
+def _tails(statistics: Array) -> dict[str, Tail]:
+    """The tail of the statistic of each fault, of a column a fault."""
+    return {fault: tail_of(statistics[:, column]) for column, fault in enumerate(JUMPS)}
 
 
 def tail_of(statistic: Array) -> Tail:

@@ -33,8 +33,6 @@ _SEEN: Final = 20
 """Samples in which it shows that a push has ended."""
 _PUSH: Final = 0.3
 """Standard deviation of the torque of a push, N m."""
-_SHARE: Final = 0.5
-"""Plausible relative change of what changes by a share."""
 
 
 class Moment(NamedTuple):
@@ -76,7 +74,8 @@ class Candidate:
         onset: the sample after which it changed, with the estimate of before.
         sizes: plausible sizes of changes by state.
         expected: changes to start from by state.
-        delay: samples from the onset until something is lost, an encoder stops, a joint is locked, or a push ends.
+        delay: samples from the onset until something jumps or is lost, an encoder stops, a joint is locked, or a push
+            ends; what jumps does so at an unknown time up to the next onset if this is 0.
         other: what else changed at the same time; both are jumps.
 
     Attributes:
@@ -97,8 +96,8 @@ class Candidate:
         self.fault, self.other, self.onset = fault, other, onset
         self.gain = -RARER if other else 0.0
         self.misfit = 1.0
-        self._opening = onset.gap
         hypothesis = fault.about.hypothesis
+        self._opening = 0 if delay and hypothesis == "jump" else onset.gap
         self._lost = fault.states[0] if hypothesis == "loss" else ""
         self._stopping = fault.joint - 1 if hypothesis == "stop" else -1
         self._stopped: float | None = None
@@ -108,10 +107,7 @@ class Candidate:
             opened = (*opened, str(other))
         self.estimator = estimator = onset.estimator.copy()
         spreads = {name: sizes[name] for name in opened}
-        if hypothesis == "share":
-            spreads = {name: _SHARE * estimator.x[INDEX[name]] for name in fault.states}
-        self._together = hypothesis == "share"
-        self._spreads = {name: size * onset.gap**-0.5 for name, size in spreads.items()}
+        self._spreads = {name: size * max(self._opening, 1) ** -0.5 for name, size in spreads.items()}
         self._states = (self._lost,) if self._lost else tuple(spreads)
         for name in self._states:
             estimator.remember(name)
@@ -127,8 +123,6 @@ class Candidate:
                 estimator.disturb(fault.joint)
             case "push":
                 estimator.disturb(fault.joint, _PUSH)
-            case "late":
-                estimator.late = not estimator.late
 
     def follow(self, moment: Moment) -> None:
         """Takes in a sample."""
@@ -137,7 +131,7 @@ class Candidate:
             self._turn(moment)
         self._delay -= 1
         if self._opening:
-            estimator.spread(self._spreads, self._together)
+            estimator.spread(self._spreads)
             self._opening -= 1
         if "payload" in self._states and estimator.gripped and not moment.gripped:
             self._box = estimator.change("payload")
@@ -194,6 +188,8 @@ class Candidate:
             self.estimator.lose(self._lost)
         elif self._stopping >= 0:
             self._stopped = float(moment.measured[self._stopping])
+        elif self.fault.about.hypothesis == "jump":
+            self.estimator.spread(self._spreads)
         elif self.fault.about.hypothesis == "push":
             self.estimator.disturb(0)
         elif self.fault.about.hypothesis == "hold":

@@ -8,27 +8,30 @@ raised to a power below one (Grunwald and van Ommen, Bayesian Analysis 12, 2017)
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import islice
 from typing import Final
 
 from dtwin.monitoring.candidate import Candidate, Moment
 from dtwin.monitoring.kinds import (
+    BIAS,
+    DRIFT,
     FREE,
     FREEZE,
     JUMPS,
     KINDS,
-    LATE,
     LOCK,
     PUSH,
-    SUPPLY,
     UNKNOWN,
     FaultId,
     Hypothesis,
     faults,
     parse_fault_id,
 )
-from dtwin.monitoring.signatures import SPACING, Onset, Suspicion
+from dtwin.monitoring.signatures import Onset, Suspicion
 
+DELAYED: Final = 4
+"""samples in which, after an onset, an encoder stops or something is lost"""
 CONSIDERED: Final = 10
 """most likely suspicions that become candidates"""
 PAIRED: Final = 5
@@ -51,6 +54,9 @@ _PRECISE: Final = 0.02
 """standard deviation of what changed, relative to a plausible change, that is small enough to settle"""
 _SERIOUS: Final = 0.6
 """share of the best statistic that makes a suspicion's onset one that a joint may have been locked at"""
+_STEPS: Final = 2
+"""samples between two onsets at which an encoder's offset may have jumped"""
+_OF_ENCODER: Final = (BIAS, DRIFT)
 _HOPELESS: Final = 25.0
 """log-likelihood behind the best at which a candidate is given up"""
 
@@ -67,6 +73,7 @@ class Diagnosis:
         stopped: joints that are locked, or whose encoders have stopped, each with an onset before that.
         temper: by how much less than its likelihood says evidence counts, at least 1.
         misfit: misfit of a candidate from which on it does not explain the motion.
+        charges: what each of JUMPS has to be more likely by, because what the model lacks looks like it.
 
     Attributes:
         alarm: number of the sample at which it began.
@@ -84,18 +91,20 @@ class Diagnosis:
         stopped: Sequence[tuple[int, Onset]] = (),
         temper: float = 1.0,
         misfit: float = 2.0,
+        charges: Mapping[str, float] | None = None,
     ) -> None:
+        self._charges = charges or {}
         self._sizes = sizes
         self.alarm = sample
         self._temper, self._misfit = temper, misfit
         likely = suspicions[:CONSIDERED]
         self._likely = likely[:PAIRED]
-        self.candidates = _stops(stopped, sizes) if stopped else _changes(likely, sizes, locked, sample)
-        self.certain = bool(stopped)
         self._history, self._sample = history, sample
+        self.candidates = _stops(stopped, sizes) + (self._changes(likely, locked) if likely else [])
+        self.certain = bool(stopped)
         self._pairs: list[Candidate] | None = None
         for candidate in self.candidates:
-            candidate.catch_up(history, sample)
+            self._caught_up(candidate)
         self._prune()
 
     def update(self, moment: Moment) -> None:
@@ -113,12 +122,14 @@ class Diagnosis:
 
     def best(self) -> tuple[Candidate, float]:
         """The most likely candidate, and the probability of its cause among all."""
-        top = max(self.candidates, key=lambda candidate: candidate.gain)
-        if not math.isfinite(top.gain):
+        evidence = [self._evidence(candidate) for candidate in self.candidates]
+        most = max(evidence)
+        top = self.candidates[evidence.index(most)]
+        if not math.isfinite(most):
             return top, 0.0
         weights: dict[tuple[str, ...], float] = {}
-        for candidate in self.candidates:
-            weight = math.exp((candidate.gain - top.gain) / self._temper)
+        for candidate, amount in zip(self.candidates, evidence, strict=True):
+            weight = math.exp((amount - most) / self._temper)
             weights[candidate.cause] = max(weights.get(candidate.cause, 0.0), weight)
         return top, 1.0 / sum(weights.values())
 
@@ -131,7 +142,8 @@ class Diagnosis:
         top, probability = self.best()
         if self.certain:
             stops = [each for each in self.candidates if each.fault.kind == FREEZE]
-            return top if probability >= DECIDED or not stops else max(stops, key=lambda each: each.gain)
+            sure = probability >= DECIDED or top.fault.kind not in (FREEZE, LOCK)
+            return top if sure or not stops else max(stops, key=lambda each: each.gain)
         if top.misfit > self._misfit:
             unknown = [self._caught_up(Candidate(fault, top.onset, self._sizes)) for fault in faults(UNKNOWN)]
             return max(unknown, key=lambda each: each.gain)
@@ -157,9 +169,40 @@ class Diagnosis:
             if name in self._sizes
         )
 
+    def _changes(self, likely: Sequence[Suspicion], locked: bool) -> list[Candidate]:
+        """What the most likely suspicions may be, and what leaves no traces of its own to suspect."""
+        sizes, history, sample = self._sizes, self._history, self._sample
+        serious = [s.onset for s in likely if s.statistic > _SERIOUS * likely[0].statistic]
+        onsets = list({onset.sample: onset for onset in serious}.values())
+        hypotheses = [(suspicion.fault, suspicion.onset) for suspicion in likely]
+        hypotheses += [(s.fault, onset) for s in likely[:PAIRED] for onset in s.others]
+        hypotheses += [(fault, s.onset) for s in likely for fault in _told_by(s.fault, "jumps")]
+        hypotheses += [(fault, onset) for fault in faults(LOCK) for onset in onsets]
+        hypotheses += [(fault, onsets[0]) for fault in faults(UNKNOWN)]
+        hypotheses += [(FaultId(FREE), onset) for onset in onsets if locked]
+        found = [Candidate(fault, onset, sizes) for fault, onset in hypotheses]
+        where = [(s.fault.joint, s.onset) for s in likely if s.fault.kind in _OF_ENCODER and s.onset.gap > 1]
+        for joint, onset in where:
+            found += _stepped(FaultId(BIAS, joint), onset, sizes, history, sample)
+        for fault, onset, *_ in likely:
+            found += [
+                Candidate(f, onset, sizes, delay=delay) for f in _told_by(fault, "loss") for delay in range(DELAYED)
+            ]
+            found += [Candidate(fault, onset, sizes, {str(fault): change}) for change in fault.about.starts]
+        recent = [onset for onset in onsets if sample - onset.sample <= _RECENT][:_FEW]
+        pushes = [(fault, onset) for fault in faults(PUSH) for onset in recent]
+        return found + [Candidate(fault, onset, sizes, delay=delay) for fault, onset in pushes for delay in PUSHES]
+
     def _caught_up(self, candidate: Candidate) -> Candidate:
         candidate.catch_up(self._history, self._sample)
         return candidate
+
+    def _evidence(self, candidate: Candidate) -> float:
+        """What speaks for a candidate beyond what the model lacks anyway; a torque that is lacking is one of its
+        motor."""
+        faults = (candidate.fault, candidate.other) if candidate.other else (candidate.fault,)
+        states = [state for fault in faults for state in fault.states or (fault.named("K"),)]
+        return candidate.gain - max(self._charges.get(state, 0.0) for state in states)
 
     def _prune(self) -> None:
         top = max(candidate.gain for candidate in self.candidates)
@@ -180,31 +223,24 @@ def _stops(stopped: Sequence[tuple[int, Onset]], sizes: dict[str, float]) -> lis
     """Of each joint, that its encoder has stopped and that it is locked, each after some delays."""
     found = []
     for joint, onset in stopped:
-        delays = range(min(onset.gap, SPACING))
         kinds = [FaultId(FREEZE, joint), FaultId(LOCK, joint)]
-        found += [Candidate(fault, onset, sizes, delay=delay) for fault in kinds for delay in delays]
+        found += [Candidate(fault, onset, sizes, delay=delay) for fault in kinds for delay in range(DELAYED)]
     return found
 
 
-def _changes(likely: Sequence[Suspicion], sizes: dict[str, float], locked: bool, sample: int) -> list[Candidate]:
-    """What the most likely suspicions may be, and what leaves no traces of its own to suspect."""
-    serious = [s.onset for s in likely if s.statistic > _SERIOUS * likely[0].statistic]
-    onsets = list({onset.sample: onset for onset in serious}.values())
-    hypotheses = [(suspicion.fault, suspicion.onset) for suspicion in likely]
-    hypotheses += [(s.fault, s.earlier) for s in likely[:PAIRED] if s.earlier is not s.onset]
-    hypotheses += [(fault, s.onset) for s in likely for fault in _told_by(s.fault, "jumps")]
-    hypotheses += [(fault, onset) for fault in faults(LOCK) for onset in onsets]
-    hypotheses += [(fault, onset) for kind in (SUPPLY, LATE) for fault in faults(kind) for onset in onsets[:_FEW]]
-    hypotheses += [(fault, onsets[0]) for fault in faults(UNKNOWN)]
-    hypotheses += [(FaultId(FREE), onset) for onset in onsets if locked]
-    found = [Candidate(fault, onset, sizes) for fault, onset in hypotheses]
-    for fault, onset, *_ in likely:
-        delays = range(min(onset.gap, SPACING))
-        found += [Candidate(f, onset, sizes, delay=delay) for f in _told_by(fault, "loss") for delay in delays]
-        found += [Candidate(fault, onset, sizes, {str(fault): change}) for change in fault.about.starts]
-    recent = [onset for onset in onsets if sample - onset.sample <= _RECENT][:_FEW]
-    pushes = [(fault, onset) for fault in faults(PUSH) for onset in recent]
-    return found + [Candidate(fault, onset, sizes, delay=delay) for fault, onset in pushes for delay in PUSHES]
+def _stepped(
+    fault: FaultId, onset: Onset, sizes: dict[str, float], history: Sequence[Moment], sample: int
+) -> list[Candidate]:
+    """That an encoder's offset has jumped at a sample of the largest innovations between an onset and the next."""
+    estimator, joint, innovations = onset.estimator.copy(), fault.joint - 1, []
+    begin = len(history) - (sample - onset.sample)
+    for moment in islice(history, begin, begin + onset.gap):
+        estimator.predict(moment.volts, moment.gripped, moment.doubt)
+        estimator.correct(moment.measured, moment.used)
+        counts = moment.counts and moment.used[joint]
+        innovations.append(estimator.innovation[joint] ** 2 / estimator.variance[joint] if counts else 0.0)
+    delays = sorted(range(1, len(innovations)), key=lambda delay: -innovations[delay])[:_STEPS]
+    return [Candidate(fault, onset, sizes, delay=delay) for delay in delays]
 
 
 def _told_by(suspected: FaultId, hypothesis: Hypothesis) -> list[FaultId]:

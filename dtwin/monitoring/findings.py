@@ -19,7 +19,18 @@ from dtwin.errors import ParameterError, choices
 from dtwin.monitoring.candidate import Candidate
 from dtwin.monitoring.estimation.estimator import Change, Estimator
 from dtwin.monitoring.estimation.layout import W
-from dtwin.monitoring.kinds import FREE, FREEZE, KINDS, LATE, LOCK, RELATIVE, UNKNOWN, FaultId, faults, parse_fault_id
+from dtwin.monitoring.kinds import (
+    FREE,
+    FREEZE,
+    KINDS,
+    LOCK,
+    RELATIVE,
+    UNKNOWN,
+    FaultId,
+    faults,
+    parse_fault_id,
+    reference,
+)
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.verdict import Finding, finding
 from dtwin.parameters import PERIOD
@@ -30,7 +41,7 @@ EXPLAINED: Final = 500
 _MOVES: Final = 0.1
 """rad/s"""
 _LOST: Final = 0.02
-"""share of a voltage constant that is as good as none"""
+"""share of a voltage constant, or of 1 kg, that is as good as none"""
 _SURE: Final = 3.0
 """standard deviations"""
 _FREEZES: Final = tuple((fault.joint - 1, str(fault), fault) for fault in faults(FREEZE))
@@ -106,11 +117,10 @@ class Findings:
         if state:
             change, changed = candidate.changes()[state], parse_fault_id(state)
             size, deviation = _size(changed, change, candidate.estimator)
-            if fault.about.hypothesis != "share":
-                if changed.about.none and _is_none(state, change.value, candidate.estimator):
-                    fault = FaultId(changed.about.none, changed.joint)
-                elif fault.about.hypothesis != "loss":
-                    fault = changed
+            if changed.about.none and _is_none(state, change.value, candidate.estimator):
+                fault = FaultId(changed.about.none, changed.joint)
+            elif fault.about.hypothesis != "loss":
+                fault = changed
         if fault.kind == FREE:
             fault = FaultId(LOCK, candidate.onset.estimator.locked)
         since = (candidate.onset.sample + 1) * PERIOD
@@ -123,9 +133,11 @@ class Findings:
         states = settled.fault.states
         changes = {name: change for name, change in candidate.changes().items() if name in states}
         known = [entry for entry in self.current.values() if entry.fault.same_matter(settled.fault)]
-        undone = candidate.fault.kind == FREE or bool(known and settled.fault.kind == LATE)
-        if known and changes:
-            undone = all(self._is_nothing(name, change) for name, change in changes.items())
+        nothing = bool(changes) and all(self._is_nothing(name, change) for name, change in changes.items())
+        undone = candidate.fault.kind == FREE or bool(known and nothing)
+        if nothing and not known and settled.fault.about.unit is not None:
+            self.note(time, "dismissed", f"{settled.text()}: too little to be a fault")
+            return Consequences(tuple(changes))
         for entry in known:
             del self.current[entry.parameter]
         if undone:
@@ -295,7 +307,7 @@ class Findings:
 
 def _size(state: FaultId, change: Change, estimator: Estimator) -> tuple[float, float]:
     """The size of a change of a state, and its standard deviation, in the unit of a finding."""
-    unit = estimator.belief.arm.get(str(state)) if state.about.unit == RELATIVE else 1.0
+    unit = reference(str(state), estimator.belief.arm) if state.about.unit == RELATIVE else 1.0
     return (change.value - change.before) / unit, change.deviation / unit
 
 
@@ -305,5 +317,5 @@ def _is_sure(change: Change) -> bool:
 
 
 def _is_none(name: str, value: float, estimator: Estimator) -> bool:
-    """Whether a parameter of the arm is as good as zero."""
-    return abs(value) < max(_LOST * estimator.belief.arm.get(name), 2.5 * estimator.deviation(name))
+    """Whether a parameter of the arm, or the mass of a box, is as good as zero."""
+    return abs(value) < max(_LOST * reference(name, estimator.belief.arm), 2.5 * estimator.deviation(name))

@@ -15,12 +15,12 @@ from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters
 from dtwin.signals import ArmState
 
-Hypothesis = Literal["jump", "jumps", "share", "loss", "hold", "torque", "push", "late", "stop"]
+Hypothesis = Literal["jump", "jumps", "loss", "hold", "torque", "push", "stop"]
 """What an arm with the fault is taken to do in the diagnosis.
 
-The state named like the kind jumps; all states that it is about jump; they all change by the same share; the state
-that it is about becomes zero; a joint is held where it is; an unknown torque acts, from then on or for a short time;
-commands act a period later, or no later than they should; or the reading of a joint's encoder stays what it is.
+The state named like the kind jumps; all states that it is about jump; the state that it is about becomes zero; a
+joint is held where it is; an unknown torque acts, from then on or for a short time; or the reading of a joint's
+encoder stays what it is.
 """
 
 RELATIVE: Final = ""
@@ -32,6 +32,8 @@ UNKNOWN: Final = "unknown"
 FREEZE: Final = "freeze"
 """The kind that is seen in the readings themselves, unless a joint at rest would give the same ones."""
 PUSH: Final = "push"
+BIAS: Final = "bias"
+DRIFT: Final = "drift"
 LATE: Final = "late"
 SUPPLY: Final = "supply"
 _JOINTS: Final = (1, 2, 3)
@@ -129,9 +131,10 @@ KINDS: Final[dict[str, Kind]] = {
         nothing=0.1,
         # The arm answers to another mass too unlike linearly to start from none.
         starts=(-0.15, -0.1, -0.05, 0.1, 0.2),
+        none="slip",
     ),
     "slip": Kind("gripper slip", "loss", angles_known=True, on_joint=False, on_box=True, states=("payload",)),
-    "bias": Kind(
+    BIAS: Kind(
         "encoder bias",
         "jump",
         angles_known=True,
@@ -141,22 +144,33 @@ KINDS: Final[dict[str, Kind]] = {
         nothing=0.02,
         limit=Limit(0.01, relative=False, either_way=True),
     ),
-    "drift": Kind("encoder drift", "jump", states=("drift",), unit="rad/s", plausible=0.02, nothing=0.02),
+    DRIFT: Kind("encoder drift", "jump", states=("drift",), unit="rad/s", plausible=0.02, nothing=0.02),
     FREEZE: Kind("encoder freeze", "stop"),
     LOCK: Kind("locked joint", "hold", angles_known=True),
     FREE: Kind("joint locked no more", "hold", angles_known=True, on_joint=False),
     "cut": Kind("voltage not arriving", "loss", angles_known=True, states=("K",)),
     SUPPLY: Kind(
         "supply voltage",
-        "share",
+        "jump",
         angles_known=True,
         on_joint=False,
         on_arm=True,
-        states=("K1", "K2", "K3"),
+        states=("supply",),
         unit=RELATIVE,
+        plausible=0.5,
         nothing=0.02,
     ),
-    LATE: Kind("late commands", "late", angles_known=True, on_joint=False, on_arm=True),
+    LATE: Kind(
+        "late commands",
+        "jump",
+        angles_known=True,
+        on_joint=False,
+        on_arm=True,
+        states=("late",),
+        unit="samples",
+        plausible=1.0,
+        nothing=0.3,
+    ),
     PUSH: Kind("push", "push", angles_known=True, passing=True),
     UNKNOWN: Kind("unknown", "torque", angles_known=True),
 }
@@ -231,11 +245,16 @@ LIMITS: Final = {str(fault): row.limit for kind, row in KINDS.items() if row.lim
 """Limits of the slow changes that are looked for, by names of the states."""
 
 
+def reference(state: str, arm: ArmParameters) -> float:
+    """What a relative change of a state is told relative to, in the unit of the state."""
+    return arm.get(state) if parse_fault_id(state).joint else 1.0
+
+
 def plausible_sizes(arm: ArmParameters) -> dict[str, float]:
     """Standard deviation of the size of each of JUMPS before anything is known of it, in the unit of the state."""
     sizes = {}
     for kind, row in KINDS.items():
         if row.plausible is not None:
             for name in map(str, faults(kind)):
-                sizes[name] = row.plausible * arm.get(name) if row.unit == RELATIVE else row.plausible
+                sizes[name] = row.plausible * (reference(name, arm) if row.unit == RELATIVE else 1.0)
     return sizes

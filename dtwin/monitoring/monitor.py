@@ -15,13 +15,13 @@ from dtwin.monitoring.diagnosis import MOST, Diagnosis
 from dtwin.monitoring.estimation.belief import Belief, Tail
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.findings import Consequences, Findings
-from dtwin.monitoring.kinds import PUSH, UNKNOWN, FaultId, parse_fault_id, plausible_sizes
+from dtwin.monitoring.kinds import JUMPS, PUSH, UNKNOWN, FaultId, parse_fault_id, plausible_sizes
 from dtwin.monitoring.modes import STARTING, Diagnosing, Lost, Mode, Probation, Settling, Turn, Turns, Unfit, Watching
 from dtwin.monitoring.sensing.commands import commands_between
 from dtwin.monitoring.sensing.listening import Listening, hear, replay
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.settings import MonitorSettings
-from dtwin.monitoring.signatures import LONGEST, SPACING, SignatureBank, threshold
+from dtwin.monitoring.signatures import LONGEST, SignatureBank, allowances, threshold
 from dtwin.monitoring.stopped import Stopped
 from dtwin.monitoring.trend import WATCHED, Trend
 from dtwin.monitoring.verdict import Finding, Forecast, monitored_units, unfit_units, units_of
@@ -36,6 +36,8 @@ BRIDGED: Final = 10
 """samples that may be missing in a row, with the gripper unchanged, before the motion is estimated anew"""
 SETTLING: Final = 50
 """samples after a start before anything is suspected"""
+PAUSE: Final = 4
+"""samples after a diagnosis before anything is suspected again"""
 _UNSETTLED: Final = 10
 """samples after one that did not arrive that are no evidence: how wrong the guess was is not known well"""
 _LEAST_LIKELY: Final = -1e4
@@ -56,23 +58,25 @@ class Monitor:
         trend: course of the parameters over hours.
         restarts: how often the estimate of the motion had to start anew.
         sample: number of the last sample, -1 before the first.
-        threshold: value of `statistic` from which on a change is diagnosed.
+        threshold: value of a statistic, beyond what is allowed for it, from which on a change is diagnosed.
         used: (3,), which readings of the last sample were taken in.
     """
 
     def __init__(self, belief: Belief, settings: MonitorSettings | None = None) -> None:
         self.settings = settings or MonitorSettings()
         self._sizes = plausible_sizes(belief.arm)
-        self.threshold = threshold(self.settings.alarms_per_hour, belief.tail)
-        self._temper = self.threshold / threshold(self.settings.alarms_per_hour, Tail())
-        self._warning = threshold(self.settings.warnings_per_hour, belief.tail)
+        self.threshold = threshold(self.settings.alarms_per_hour, Tail())
+        self._warning = threshold(self.settings.warnings_per_hour, Tail())
+        allowance = allowances(self.settings.alarms_per_hour, belief.tails)
+        self._charges = dict(zip(JUMPS, (0.5 * allowance).tolist(), strict=True))
+        self._temper = 1.0 + float(np.median(allowance)) / self.threshold
         self._belief = belief
         self.estimator = Estimator(belief, self.settings.tuning)
         self._readings, self._stopped = Readings(belief.noise), Stopped()
         self._listening: Listening | None = Listening()
         self.trend = Trend(self.estimator)
-        self._bank = SignatureBank(self._sizes)
-        self._moments: deque[Moment] = deque(maxlen=LONGEST + MOST + 2 * SPACING)
+        self._bank = SignatureBank(self._sizes, allowance)
+        self._moments: deque[Moment] = deque(maxlen=LONGEST + MOST + 2)
         self._mode: Mode = Watching()
         self._turns, self._probation = Turns(), Probation()
         self._misfit: dict[int, str] = {}
@@ -116,8 +120,8 @@ class Monitor:
 
     @property
     def statistic(self) -> float:
-        """The strongest evidence of a sudden change, 2 log likelihood ratio; the threshold while one is diagnosed, 0
-        while the estimate settles."""
+        """The strongest evidence of a sudden change, 2 log likelihood ratio beyond what is allowed for; the threshold
+        while one is diagnosed, 0 while the estimate settles."""
         match self._mode:
             case Diagnosing():
                 return self.threshold
@@ -125,6 +129,16 @@ class Monitor:
                 return 0.0
             case Watching() | Lost() | Unfit():
                 return self._bank.worst()
+
+    @property
+    def statistics(self) -> Array:
+        """The strongest evidence of a sudden change of each of JUMPS, (18,), 2 log likelihood ratio; 0 while one is
+        diagnosed, and while the estimate settles."""
+        match self._mode:
+            case Diagnosing() | Settling():
+                return np.zeros(len(JUMPS))
+            case Watching() | Lost() | Unfit():
+                return self._bank.statistics().max(axis=0)
 
     def information(self, since: float) -> Array:
         """What the last samples tell of sudden changes so long ago (s), see `SignatureBank.information`."""
@@ -330,7 +344,7 @@ class Monitor:
         """Begins a diagnosis, of joints (1 to 3) that do not move as expected if there are any."""
         self._stopped.ask(stopped)
         since = [(i, self._bank.before(self.sample - int(self._readings.repeated[i - 1]))) for i in stopped]
-        how = (self._sizes, bool(self.estimator.locked), since, self._temper, self._belief.tail.misfit)
+        how = (self._sizes, bool(self.estimator.locked), since, self._temper, self._belief.misfit, self._charges)
         self._decide(Diagnosis(self._bank.suspicions(), self._moments, self.sample, *how), pending)
 
     def _doubt_model(self, unfit: Unfit) -> None:
@@ -369,7 +383,7 @@ class Monitor:
             self._mode = Diagnosing(diagnosis, pending)
             return
         self._bank.clear()
-        self._settle(SPACING, begun=False)
+        self._settle(PAUSE, begun=False)
         if pending is None or not np.isfinite(candidate.estimator.x).all():
             self.findings.note(self.time, "dismissed", "a suspicion was not confirmed")
             return

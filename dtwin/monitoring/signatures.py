@@ -1,12 +1,14 @@
 """Sequential detection: which sudden change, how long ago, would explain the innovations best.
 
-Every few samples an onset is noted; for each onset and each fault the bank carries the trace that the fault would
-leave and the likelihood ratio of its best size (see `kernels`). Onsets get sparser the longer they are past.
+Every sample is noted as an onset, because what befalls an encoder may show in one sample only. For each onset and
+each fault the bank carries the trace that the fault would leave and the likelihood ratio of its best size (see
+`kernels`). Onsets get sparser the longer they are past.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Final, NamedTuple
@@ -23,9 +25,11 @@ from dtwin.parameters import PERIOD
 
 Array = NDArray[np.float64]
 
-SPACING: Final = 4
-"""samples between two onsets"""
-ONSETS: Final = 16
+ONSETS: Final = 20
+EARLIER: Final = 4
+"""samples by which another onset of a suspicion is earlier"""
+LATER: Final = 12
+"""samples since a sudden change that is looked for whatever the best onset is"""
 INDEPENDENT: Final = 100.0
 """tests a second that would be independent; neighbouring samples, onsets and faults share most of their evidence"""
 LONGEST: Final = 1000
@@ -42,6 +46,16 @@ def threshold(alarms_per_hour: float, tail: Tail) -> float:
     if tail.rate <= alarms_per_hour:
         return max(white, tail.level)
     return max(white, tail.level + tail.excess * math.log(tail.rate / alarms_per_hour))
+
+
+def allowances(alarms_per_hour: float, tails: Mapping[str, Tail]) -> Array:
+    """By how much the statistic of each of JUMPS must pass the threshold, (18,).
+
+    What a model lacks may look like one fault and not like the others. All together give an alarm as often as stated.
+    """
+    share = alarms_per_hour / len(JUMPS)
+    each = [threshold(share, tails.get(fault, Tail())) for fault in JUMPS]
+    return np.array(each) - threshold(share, Tail())
 
 
 def quantile(share: float) -> float:
@@ -63,30 +77,33 @@ class Onset:
 
 
 class Suspicion(NamedTuple):
-    """A fault, the best onset for it, 2 log likelihood ratio, its size, the size's standard deviation, and the onset
-    before, which is the better one if the best was noted when the fault had just come."""
+    """A fault, the best onset for it, 2 log likelihood ratio, its size, the standard deviation of that, and
+    other onsets that may be better ones."""
 
     fault: FaultId
     onset: Onset
     statistic: float
     size: float
     deviation: float
-    earlier: Onset
+    others: tuple[Onset, ...]
 
 
 class SignatureBank:
-    """Traces of all faults from all onsets.
+    """Traces of all faults from all onsets. A state that is as low as it can be can only rise.
 
     Args:
         sizes: plausible sizes, see `plausible_sizes`.
+        allowance: (18,), what the statistics come to of what the model lacks, see `allowances`.
     """
 
-    def __init__(self, sizes: dict[str, float]) -> None:
+    def __init__(self, sizes: dict[str, float], allowance: Array | None = None) -> None:
         count = len(JUMPS)
+        self._allowance = np.zeros(count) if allowance is None else allowance
         self._precision = np.tile([sizes[fault] ** -2 for fault in JUMPS], ONSETS)
         self._rows = np.array([INDEX[fault] for fault in JUMPS])
         self._E = np.zeros((SIZE, ONSETS * count))
         self._h, self._J = np.zeros(ONSETS * count), np.zeros(ONSETS * count)
+        self._least = np.full(ONSETS * count, -np.inf)
         self._place: dict[int, Onset] = {}
         self._payload = np.arange(ONSETS) * count + JUMPS.index("payload")
 
@@ -116,12 +133,12 @@ class SignatureBank:
             estimator.memory,
             PERIOD,
         )
-        if sample % SPACING == 0:
-            self.note(estimator, sample)
+        self._least[:] = np.tile(np.where(estimator.lowest[self._rows], 0.0, -np.inf), ONSETS)
+        self.note(estimator, sample)
 
     def note(self, estimator: Estimator, sample: int) -> None:
         """Takes this sample for an onset."""
-        onset = Onset(sample, SPACING, estimator.copy())
+        onset = Onset(sample, 1, estimator.copy())
         place = len(self._place)
         if place == ONSETS:
             place = self._redundant(onset.sample)
@@ -143,18 +160,18 @@ class SignatureBank:
         return next((onset for onset in reversed(onsets) if onset.sample <= sample), onsets[0])
 
     def statistics(self) -> Array:
-        """2 log likelihood ratio of every onset and fault, (16, 16); 0 where there is no onset yet."""
-        result: Array = (self._h**2 / (self._J + self._precision)).reshape(ONSETS, -1)
+        """2 log likelihood ratio of every onset and fault, (20, 18); 0 where there is no onset yet."""
+        result: Array = (np.maximum(self._h, self._least) ** 2 / (self._J + self._precision)).reshape(ONSETS, -1)
         return result
 
     def worst(self) -> float:
-        """The largest of the statistics."""
-        return float(np.max(self._h**2 / (self._J + self._precision)))
+        """The largest of the statistics beyond what is allowed for."""
+        return max(float((self.statistics() - self._allowance).max()), 0.0)
 
     def suspicions(self) -> list[Suspicion]:
         """For each fault its best onset, most likely first."""
         statistics = self.statistics()
-        found = []
+        found, newest = [], max((onset.sample for onset in self._place.values()), default=0)
         for column, fault in enumerate(JUMPS):
             place = int(statistics[:, column].argmax())
             onset = self._place.get(place)
@@ -169,15 +186,22 @@ class SignatureBank:
                     float(statistics[place, column]),
                     float(self._h[index] / information),
                     float(information**-0.5),
-                    self.before(onset.sample - 1),
+                    tuple(self._others(onset, newest)),
                 )
             )
         return sorted(found, key=lambda suspicion: -suspicion.statistic)
 
+    def _others(self, onset: Onset, newest: int) -> Iterator[Onset]:
+        """Onsets before and after another: the linear traces of large changes do not tell well when these came."""
+        for latest, until in ((onset.sample - EARLIER, onset.sample + onset.gap), (newest - LATER, newest - EARLIER)):
+            other = self.before(latest)
+            if other.sample <= latest and other is not onset:
+                yield Onset(other.sample, until - other.sample, other.estimator)
+
     def information(self, sample: int) -> Array:
         """What the samples since the onset next to a sample tell of a jump at that onset, for every fault of JUMPS.
 
-        These are reciprocal variances of its size, (16,), 1/unit^2; 0 where there is no onset yet.
+        These are reciprocal variances of its size, (18,), 1/unit^2; 0 where there is no onset yet.
         """
         if not self._place:
             return np.zeros(len(JUMPS))
@@ -188,7 +212,10 @@ class SignatureBank:
     def visible(self, sizes: dict[str, float], limit: float) -> dict[str, bool]:
         """Whether a fault of the given size, had it begun at the oldest onset, would be beyond the limit by now."""
         information = self._J.reshape(ONSETS, -1).max(axis=0)
-        return {fault: bool(sizes[fault] ** 2 * information[k] > limit) for k, fault in enumerate(JUMPS)}
+        return {
+            fault: bool(sizes[fault] ** 2 * information[k] > limit + self._allowance[k])
+            for k, fault in enumerate(JUMPS)
+        }
 
     def _redundant(self, now: int) -> int:
         """The place of the onset whose neighbours are closest for its age; or of the oldest when it is too old."""

@@ -142,7 +142,7 @@ def test_play_moves_an_angle_without_any_torque() -> None:
 
 def test_a_gear_that_yields_swings_after_a_jump_of_the_torque_and_settles() -> None:
     """A jump of V volts swings a joint by compliance K V; after 0.1 s a share of 1/e is left."""
-    error = Unmodelled((0.0, 0.0, 0.0), compliance=0.02)
+    error = Unmodelled((0.0, 0.0, 0.0), compliance=(0.02, 0.02, 0.02))
     belief = replace(assumed(ArmParameters(), (1e-3, 1e-3, 1e-3)), error=error)
     estimator = Estimator(belief, Tuning())
     estimator.begin(np.zeros(3), False)

@@ -8,6 +8,7 @@ from dtwin.identification.machine.record import (
     Learned,
     MachineRecord,
     Number,
+    Passed,
     SensorCheck,
 )
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
@@ -19,10 +20,9 @@ HEALTHY = Healthy(
     memory=0.3,
     grip=0.9,
     displacement=0.0005,
-    compliance=0.01,
-    level=20.0,
-    rate=36.0,
-    excess=5.0,
+    compliance=(0.01, 0.0, 0.02),
+    stick=0.5,
+    tails={"K2": Passed(20.0, 36.0, 5.0)},
     misfit=3.0,
     learned={name: Learned(0.2 + 0.01 * k, 0.001 * (k + 1)) for k, name in enumerate(LEARNED)},
     duration=600.0,

@@ -17,7 +17,7 @@ Grade = Literal["identified", "approximate", "unusable"]
 
 NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 
-SCHEMA: Final = "dtwin machine record 5"
+SCHEMA: Final = "dtwin machine record 6"
 LEARNED: Final = tuple(f"{symbol}{joint}" for symbol in ("K", "D", "mu", "bias") for joint in (1, 2, 3))
 """Names of what is learned of a machine while it is watched: parameters, and offsets of encoders, rad."""
 
@@ -52,6 +52,20 @@ class Learned(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     deviation: NotNegative
 
 
+class Passed(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How far one of the monitor's statistics went while the machine was healthy.
+
+    Attributes:
+        level: a value that it passed now and then.
+        rate: how often it did, 1/h.
+        excess: by how much it passed it on average.
+    """
+
+    level: NotNegative
+    rate: NotNegative
+    excess: NotNegative
+
+
 class Healthy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the machine does at work, while it is healthy, that the numbers do not explain.
 
@@ -60,10 +74,9 @@ class Healthy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         memory: time that they last, s.
         grip: standard deviation of torques while a box is gripped or let go, N m.
         displacement: standard deviation of the angle by which the gears move a link in a sample without torque, rad.
-        compliance: angle by which the gears swing after a torque of the motor has jumped, rad/(N m).
-        level: a value that the monitor's statistic passes now and then.
-        rate: how often it does, 1/h.
-        excess: by how much it passes it on average.
+        compliance: (3,), angle by which the gears swing after a torque of the motor has jumped, rad/(N m).
+        stick: share of the dry friction that is in doubt near standstill.
+        tails: how far the monitor's statistic of each fault went, by fault.
         misfit: mean square of some innovations in standard deviations that it has not passed.
         learned: what parameters and offsets of encoders came to be while it was watched.
         duration: how long the machine was watched, s.
@@ -73,10 +86,9 @@ class Healthy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     memory: Annotated[float, msgspec.Meta(gt=0.0)]
     grip: NotNegative
     displacement: NotNegative
-    compliance: NotNegative
-    level: NotNegative
-    rate: NotNegative
-    excess: NotNegative
+    compliance: tuple[NotNegative, NotNegative, NotNegative]
+    stick: NotNegative
+    tails: dict[str, Passed]
     misfit: NotNegative
     learned: dict[str, Learned]
     duration: NotNegative

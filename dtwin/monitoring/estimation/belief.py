@@ -42,8 +42,9 @@ class Unmodelled:
             push the arm, and the weight does not come and go in one sample.
         displacement: standard deviation of the angle by which gears that yield or have play move a link in a sample
             without any torque, rad.
-        compliance: angle by which the gears swing after a torque of the motor has jumped, rad/(N m), as a standard
-            deviation.
+        compliance: (3,), angle by which the gears swing after a torque of the motor has jumped, rad/(N m), as a
+            standard deviation.
+        stick: share of the dry friction that is in doubt near standstill, as a standard deviation.
 
     Raises:
         ParameterError: a number is out of range.
@@ -54,7 +55,8 @@ class Unmodelled:
     memory: float = 0.1
     grip: float = 0.0
     displacement: float = 0.0
-    compliance: float = 0.0
+    compliance: Triple = (0.0, 0.0, 0.0)
+    stick: float = 1.0
 
     def __post_init__(self) -> None:
         torques = (*self.white, *self.slow, self.grip)
@@ -62,26 +64,26 @@ class Unmodelled:
             raise ParameterError(f"white, slow, grip: expected finite torques of at least 0, got {torques}")
         if not 0.0 < self.memory < math.inf:
             raise ParameterError(f"memory: expected a time above 0 s, got {self.memory}")
-        for name in ("displacement", "compliance"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise ParameterError(f"{name}: expected a finite number of at least 0, got {getattr(self, name)}")
+        angles = (self.displacement, *self.compliance)
+        if not (min(angles) >= 0.0 and math.isfinite(sum(angles))):
+            raise ParameterError(f"displacement, compliance: expected finite numbers of at least 0, got {angles}")
+        if not 0.0 <= self.stick <= 1.0:
+            raise ParameterError(f"stick: expected 0 to 1, got {self.stick}")
 
 
 @dataclass(frozen=True, slots=True)
 class Tail:
-    """How far the monitor's largest statistic goes while the arm is healthy.
+    """How far one of the monitor's statistics goes while the arm is healthy.
 
     Attributes:
         level: a value that it passes now and then.
         rate: how often it does, 1/h; 0 if nobody has watched the arm.
         excess: by how much it passes it on average; larger excesses get rarer exponentially.
-        misfit: mean square of some innovations in standard deviations that it does not pass.
     """
 
     level: float = 0.0
     rate: float = 0.0
     excess: float = 0.0
-    misfit: float = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +101,8 @@ class Belief:
         offset_deviation: its standard deviation, rad.
         effects: what the arm has beside its equations of motion.
         error: what the model does not explain of the healthy arm.
-        tail: how far the monitor's statistic goes while the arm is healthy.
+        tails: how far the monitor's statistic of each fault goes while the arm is healthy, by fault.
+        misfit: mean square of some innovations in standard deviations that the healthy arm does not pass.
 
     Raises:
         ParameterError: a shape or a number is wrong.
@@ -113,7 +116,8 @@ class Belief:
     offset_deviation: Triple = field(default=(UNKNOWN_OFFSET, UNKNOWN_OFFSET, UNKNOWN_OFFSET))
     effects: Effects = NO_EFFECTS
     error: Unmodelled = Unmodelled()
-    tail: Tail = Tail()
+    tails: Mapping[str, Tail] = field(default_factory=dict)
+    misfit: float = 2.0
 
     def __post_init__(self) -> None:
         count = len(ARM_NAMES)
@@ -192,8 +196,10 @@ def commissioned(record: MachineRecord) -> Belief:
             grip=known.grip,
             displacement=known.displacement,
             compliance=known.compliance,
+            stick=known.stick,
         ),
-        tail=Tail(known.level, known.rate, known.excess, known.misfit),
+        tails={fault: Tail(tail.level, tail.rate, tail.excess) for fault, tail in known.tails.items()},
+        misfit=known.misfit,
     )
 
 

@@ -24,8 +24,21 @@ from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation import kernels
 from dtwin.monitoring.estimation.belief import NOISE_FLOOR, Belief
-from dtwin.monitoring.estimation.layout import ARM, ARM_NAMES, BIAS, DRIFT, INDEX, MOVING, PAYLOAD, SIZE, TORQUE, W
-from dtwin.monitoring.estimation.motion import motion_of
+from dtwin.monitoring.estimation.layout import (
+    ARM,
+    ARM_NAMES,
+    BIAS,
+    DRIFT,
+    INDEX,
+    LATE,
+    MOVING,
+    PAYLOAD,
+    SIZE,
+    SUPPLY,
+    TORQUE,
+    W,
+)
+from dtwin.monitoring.estimation.motion import LATEST, motion_of
 from dtwin.parameters import PERIOD, ArmParameters, symbol_of
 from dtwin.task import BoxStream
 from dtwin.twin.effects import NO_EFFECTS
@@ -94,17 +107,16 @@ class Estimator:
         tuning: how much the healthy arm may differ from moment to moment.
 
     Attributes:
-        x: (31,), mean; see `layout`.
-        P: (31, 31), covariance.
-        F: (6, 25), derivatives over the last sample.
-        gains: (3, 31), gains of the last correction.
+        x: (33,), mean; see `layout`.
+        P: (33, 33), covariance.
+        F: (6, 27), derivatives over the last sample.
+        gains: (3, 33), gains of the last correction.
         innovation: (3,), reading minus prediction, rad.
         variance: (3,), variance of the innovations, of the core of their distribution if its tails are heavy, rad^2.
         score: (3,), the innovations as they count, see `kernels.correct`, 1/rad.
         information: (3,), variance of the scores, 1/rad^2.
         memory: share that is left after a sample of a torque that the model does not explain.
         gripped: whether a box is held since the last prediction.
-        late: whether commands act one period later than those of the arm that was believed in.
         box_mass: mass that a box is expected to have when it is gripped, kg.
         payload_variance: variance of that mass, kg^2.
     """
@@ -126,6 +138,8 @@ class Estimator:
         self._friction = _dry_friction(belief)
         self._rubs = bool(self._friction.any())
         self._swing = np.zeros(3)
+        self._compliance = np.array(error.compliance)
+        self._yields = bool(self._compliance.any())
         self._locked = 0
         self._least, self._most = _bounds(arm)
         self._lower, self._upper = self._least.copy(), self._most.copy()
@@ -144,7 +158,7 @@ class Estimator:
         self.gains = np.zeros((3, SIZE))
         self.innovation, self.variance = np.zeros(3), np.ones(3)
         self.score, self.information = np.zeros(3), np.zeros(3)
-        self.gripped = self.late = False
+        self.gripped = False
         self._command: Array | None = None
         self._handling = 0
         self._cloned: tuple[str, ...] = ()
@@ -170,8 +184,6 @@ class Estimator:
         if gripped != self.gripped:
             self._hold(gripped)
         last, self._command = self._command, volts
-        if self.late and last is not None:
-            volts = last
         x = self.x
         possible = np.minimum(np.maximum(x, self._least), self._most)
         if not gripped:
@@ -184,11 +196,9 @@ class Estimator:
         torque = self._torque + doubt**2 + handling**2
         if self._rubs:
             torque += self._friction**2 * np.exp(-np.square(x[W:ARM] / _STANDSTILL))
-        error = self.belief.error
-        if error.compliance and last is not None:
-            self._swing *= _SETTLED
-            self._swing += np.square(error.compliance * x[ARM : ARM + 3] * (self._command - last))
-        displacement = error.displacement**2 + self._swing
+        if self._yields and last is not None:
+            self._swing = swung(self._swing, self._compliance * x[ARM : ARM + 3] * (volts - last))
+        displacement = self.belief.error.displacement**2 + self._swing
         kernels.predict(self.P, self.F, torque, displacement, self._walk, self.memory, PERIOD)
 
     def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:
@@ -242,16 +252,14 @@ class Estimator:
             setattr(other, name, getattr(self, name).copy())
         return other
 
-    def spread(self, deviations: Mapping[str, float], together: bool = False) -> None:
-        """Lets states be off by more from now on, each by itself or all by the same number of deviations.
+    def spread(self, deviations: Mapping[str, float]) -> None:
+        """Lets states be off by more from now on, each by itself.
 
         Args:
             deviations: further standard deviations by state, in its unit.
-            together: whether what is known of one is known of all.
         """
         rows = [INDEX[name] for name in deviations]
-        sizes = np.array(list(deviations.values()))
-        self.P[np.ix_(rows, rows)] += np.outer(sizes, sizes) if together else np.diag(sizes**2)
+        self.P[rows, rows] += np.square(list(deviations.values()))
         if "payload" in deviations:
             self.payload_variance = max(self.payload_variance, deviations["payload"] ** 2)
 
@@ -312,6 +320,12 @@ class Estimator:
         return Change(float(self._clones[place]), float(value), float(max(variance, 0.0) ** 0.5))
 
     @property
+    def lowest(self) -> NDArray[np.bool_]:
+        """Which states are as low as they can be, (33,)."""
+        found: NDArray[np.bool_] = self.x <= self._least
+        return found
+
+    @property
     def locked(self) -> int:
         """The joint that is held, 0 for none."""
         return self._locked
@@ -333,15 +347,21 @@ class Estimator:
         self._handling = HANDLING
 
 
+def swung(swing: Array, jump: Array) -> Array:
+    """Mean squares of the swings of the gears after a sample at which they swing by so much more; all (3,)."""
+    swing_now: Array = _SETTLED * swing + np.square(jump)
+    return swing_now
+
+
 def _dry_friction(belief: Belief) -> Array:
-    """Level of the dry friction of an arm that is known with its effects, (3,), N m; 0 of one that is not."""
+    """Dry friction in doubt near standstill, (3,), N m; 0 of an arm that is not known with its effects."""
     if belief.effects == NO_EFFECTS:
         return np.zeros(3)
-    return np.array(belief.arm.coulomb) + np.array(belief.effects.stiction)
+    return belief.error.stick * (np.array(belief.arm.coulomb) + np.array(belief.effects.stiction))
 
 
 def _bounds(arm: ArmParameters) -> tuple[Array, Array]:
-    """(31,) each: what the states cannot be below and above.
+    """(33,) each: what the states cannot be below and above.
 
     More friction than this would make RK4 at 2.5 ms unstable; a joint that turns so heavily is as good as locked.
     """
@@ -353,4 +373,6 @@ def _bounds(arm: ArmParameters) -> tuple[Array, Array]:
         )
         lower[index], upper[index] = min(least, value), max(most, value)
     lower[PAYLOAD], upper[PAYLOAD] = 0.0, 1.0
+    lower[LATE], upper[LATE] = 0.0, LATEST
+    lower[SUPPLY], upper[SUPPLY] = -1.0, 1.0
     return lower, upper

@@ -12,7 +12,7 @@ the detection and estimation of jumps in linear systems, 1976):
 
     J = sum g^2 / s,   h = sum g nu / s,   size = h / J +- 1 / sqrt(J),   2 log ratio = h^2 / J.
 
-Arguments of all kernels: x (31,) and P (31, 31), mean and covariance of the state (see `layout`); F (6, 25),
+Arguments of all kernels: x (33,) and P (33, 33), mean and covariance of the state (see `layout`); F (6, 27),
 derivatives of q and w after a sample by the moving states before it.
 """
 
@@ -57,7 +57,7 @@ def predict(
         F: derivatives over the sample.
         torque: (3,), variance of the torque that no model knows, held over the sample, (N m)^2.
         displacement: (3,), variance that the angles gain in the sample without any torque, rad^2.
-        walk: (31,), variance that each state gains in the sample.
+        walk: (33,), variance that each state gains in the sample.
         memory: share that is left after a sample of a torque that the model does not explain.
         period: s.
     """
@@ -131,9 +131,9 @@ def correct(
         noise: (3,), variances, rad^2.
         clip: (3,), standard deviations of the noise beyond which its tails are exponential.
         used: (3,) bool, which readings to take in.
-        lower: (31,), least value of each state; the estimate is put there when it falls below.
-        upper: (31,), largest value.
-        gains: (3, 31), receives the gain of each reading, 0 beyond the clip.
+        lower: (33,), least value of each state; the estimate is put there when it falls below.
+        upper: (33,), largest value.
+        gains: (3, 33), receives the gain of each reading, 0 beyond the clip.
         innovation: (3,), receives reading minus prediction, rad.
         variance: (3,), receives the innovations' variance, that of the core if tails are heavy, rad^2.
         score: (3,), receives the scores, 1/rad.
@@ -190,11 +190,11 @@ def trace(
     """Carries the signatures of all hypothetical faults over one sample, in place.
 
     Args:
-        E: (31, n), error of the estimate after a unit jump, a column a fault and onset.
+        E: (33, n), error of the estimate after a unit jump, a column a fault and onset.
         h: (n,), see above.
         J: (n,), see above.
         F: derivatives over the sample.
-        gains: (3, 31), of the filter.
+        gains: (3, 33), of the filter.
         score: (3,), of the innovations, 1/rad.
         information: (3,), variance of the scores, 1/rad^2.
         used: (3,) bool, which readings the filter took in.
@@ -242,10 +242,10 @@ def follow_clones(
 
     Args:
         clones: (n,), means.
-        C: (31, n), covariance of the state now with the clones.
+        C: (33, n), covariance of the state now with the clones.
         B: (n,), the clones' variances.
         F: derivatives over the sample.
-        gains: (3, 31), of the filter.
+        gains: (3, 33), of the filter.
         score: (3,), of the innovations, 1/rad.
         variance: (3,), of the innovations, rad^2.
         used: (3,) bool, which readings the filter took in.

@@ -1,7 +1,8 @@
 """What the estimator's state vector holds, and in which units.
 
-The state is what moves (q, w), what the model believes of the arm (K, D, mu, c, I), the mass in the gripper, torques
-that the model does not explain, and what the encoders add to the truth: an offset, and the rate at which it grows.
+The state is what moves (q, w), what the model believes of the arm (K, D, mu, c, I), the mass in the gripper, by how
+much the commands come later and which share of the voltages comes in addition, torques that the model does not
+explain, and what the encoders add to the truth: an offset, and the rate at which it grows.
 """
 
 from __future__ import annotations
@@ -10,10 +11,10 @@ from typing import Final
 
 NAMES: Final = (
     *(f"{symbol}{joint}" for symbol in ("q", "w", "K", "D", "mu", "c", "I") for joint in (1, 2, 3)),
-    "payload",
+    *("payload", "late", "supply"),
     *(f"{symbol}{joint}" for symbol in ("torque", "bias", "drift") for joint in (1, 2, 3)),
 )
-"""rad, rad/s, N m/V, N m s/rad, N m, m, kg m^2; kg; N m, rad, rad/s"""
+"""rad, rad/s, N m/V, N m s/rad, N m, m, kg m^2; kg; samples, 1; N m, rad, rad/s"""
 SIZE: Final = len(NAMES)
 INDEX: Final = {name: index for index, name in enumerate(NAMES)}
 Q: Final = 0
@@ -22,8 +23,10 @@ ARM: Final = 6
 """the first of the 15 parameters of the arm"""
 ARM_NAMES: Final = NAMES[6:21]
 PAYLOAD: Final = 21
-TORQUE: Final = 22
-MOVING: Final = 25
+LATE: Final = 22
+SUPPLY: Final = 23
+TORQUE: Final = 24
+MOVING: Final = 27
 """states before this one act on the motion, the others on what is measured of it"""
-BIAS: Final = 25
-DRIFT: Final = 28
+BIAS: Final = 27
+DRIFT: Final = 30

@@ -1,12 +1,13 @@
 """How the arm moves in one sample, and how that depends on the estimator's states.
 
-A motion carries the state over a sample and tells the derivatives F (6, 25) of what it comes to by the moving states
+A motion carries the state over a sample and tells the derivatives F (6, 27) of what it comes to by the moving states
 (see `layout`). Of an arm that obeys the equations of motion it is the twin's RK4 map with its exact derivative; of
 one with `Effects` it is the map of `dtwin.twin.machine`.
 """
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import Final, Protocol, Self
 
@@ -14,7 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation.belief import Belief
-from dtwin.monitoring.estimation.layout import ARM, ARM_NAMES, INDEX, MOVING, PAYLOAD, SIZE, TORQUE, W
+from dtwin.monitoring.estimation.layout import (
+    ARM,
+    ARM_NAMES,
+    INDEX,
+    LATE,
+    MOVING,
+    PAYLOAD,
+    SIZE,
+    SUPPLY,
+    TORQUE,
+    W,
+)
 from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters
 from dtwin.twin.dynamics import coefficients
 from dtwin.twin.effects import NO_EFFECTS, Effects
@@ -30,6 +42,8 @@ _LEAST_VOLTS: Final = 1e-6
 """V: the derivative by a torque is that by the voltage constant divided by the voltage; this little moves nothing"""
 _TURNS: Final = 3
 """steps of Newton's method that find the torque that holds a locked joint"""
+LATEST: Final = 2
+"""Samples by which commands may come later than they do in the healthy arm."""
 _NO_ECCENTRICITY: Final = np.zeros(3)
 
 
@@ -40,10 +54,10 @@ class Motion(Protocol):
         """Forgets the commands before: nothing is known of them."""
 
     def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:
-        """The state after a sample, (6,), and its derivatives, (6, 25).
+        """The state after a sample, (6,), and its derivatives, (6, 27).
 
         Args:
-            x: (31,), states before, all of them possible.
+            x: (33,), states before, all of them possible.
             volts: (3,), command that is held over the sample, V.
             gripped: whether a box is held.
             locked: joint that is held where it is, 1 to 3, or 0.
@@ -57,20 +71,26 @@ class Motion(Protocol):
 
 
 class RigidMotion:
-    """The motion of an arm that obeys the equations of motion; it has no memory."""
+    """The motion of an arm that obeys the equations of motion; it remembers the last command."""
 
     def __init__(self, arm: ArmParameters) -> None:
         self._empty, self._moved = _coefficients(arm)
         self._nominal = np.zeros(SIZE)
         self._nominal[ARM:PAYLOAD] = [arm.get(name) for name in ARM_NAMES]
         self._level = np.zeros(1, dtype=np.int64)
+        self._last: Array | None = None
 
     def begin(self) -> None:
-        """Does nothing."""
+        """See `Motion.begin`."""
+        self._last = None
 
     def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:
         """See `Motion.carry`."""
-        u = np.minimum(np.maximum(volts, -VOLTAGE_LIMIT), VOLTAGE_LIMIT)
+        meant = np.minimum(np.maximum(volts, -VOLTAGE_LIMIT), VOLTAGE_LIMIT)
+        later = meant - meant if self._last is None else self._last - meant
+        self._last = meant
+        share = 1.0 + x[SUPPLY]
+        u = share * (meant + x[LATE] * later)
         u[np.abs(u) < _LEAST_VOLTS] = _LEAST_VOLTS
         held = self._empty + self._moved[0, :, ARM:] @ (x - self._nominal)[ARM:MOVING]
         states, derivatives = np.empty((2, 6)), np.zeros((2, 6, MOVING))
@@ -84,6 +104,7 @@ class RigidMotion:
                 _oppose(u, x, end, F, locked - 1)
         F[:, TORQUE:MOVING] = F[:, ARM : ARM + 3] / u
         end += F[:, TORQUE:MOVING] @ x[TORQUE:MOVING]
+        _by_voltages(F, x, meant + x[LATE] * later, later)
         if not gripped:
             F[:, PAYLOAD] = 0.0
         if locked:
@@ -95,8 +116,8 @@ class RigidMotion:
         return _NO_ECCENTRICITY
 
     def copy(self) -> RigidMotion:
-        """Itself: nothing of it changes."""
-        return self
+        """See `Motion.copy`."""
+        return copy.copy(self)
 
 
 class MachineMotion:
@@ -109,13 +130,15 @@ class MachineMotion:
 
     def __init__(self, arm: ArmParameters, effects: Effects) -> None:
         self._vector = vector_of(arm, effects)
-        self._commands = np.zeros((math.floor(effects.delay / PERIOD) + 2, 3))
+        self._commands = np.zeros((math.floor(effects.delay / PERIOD) + 2 + LATEST, 3))
         self._sin, self._cos = np.array(effects.eccentric_sin), np.array(effects.eccentric_cos)
         self._acting = np.full(3, np.nan)
+        self._mean: Array | None = None
 
     def begin(self) -> None:
         """Takes commands and voltages before to be like the next ones."""
         self._acting[:] = np.nan
+        self._mean = None
 
     def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:
         """See `Motion.carry`."""
@@ -125,6 +148,9 @@ class MachineMotion:
         self._commands[-1] = volts
         p = self._vector.copy()
         p[_OF_ARM] = x[ARM:PAYLOAD]
+        share = 1.0 + x[SUPPLY]
+        p[_OF_K] *= share
+        p[_OF_DELAY] += x[LATE] * PERIOD
         p[_OF_TORQUE] += x[TORQUE:MOVING]
         columns, steps = (_COLUMNS, _STEPS) if gripped else (_COLUMNS[:-1], _STEPS[:-1])
         before, end, slopes = self._acting.copy(), x[:6].copy(), np.empty((6, len(columns)))
@@ -140,8 +166,11 @@ class MachineMotion:
             F[:, PAYLOAD] = slopes[:, 9]
         acting = self._acting if np.isnan(before[0]) else 0.5 * (before + self._acting)
         speed = 0.5 * (x[W:ARM] + end[W:])
-        for first, torque in ((_K, acting), (_D, -speed), (_MU, -np.tanh(speed / WIDTH))):
+        later = np.zeros(3) if self._mean is None else self._mean - acting
+        self._mean = acting
+        for first, torque in ((_K, share * acting), (_D, -speed), (_MU, -np.tanh(speed / WIDTH))):
             F[:, first : first + 3] = F[:, TORQUE:MOVING] * torque
+        _by_voltages(F, x, acting, later)
         if locked:
             _hold(x, end, F, locked - 1)
         return end, F
@@ -154,7 +183,7 @@ class MachineMotion:
         """See `Motion.copy`."""
         other = object.__new__(MachineMotion)
         other._vector, other._sin, other._cos = self._vector, self._sin, self._cos
-        other._commands, other._acting = self._commands.copy(), self._acting.copy()
+        other._commands, other._acting, other._mean = self._commands.copy(), self._acting.copy(), self._mean
         return other
 
 
@@ -163,6 +192,19 @@ def motion_of(belief: Belief) -> Motion:
     if belief.effects == NO_EFFECTS:
         return RigidMotion(belief.arm)
     return MachineMotion(belief.arm, belief.effects)
+
+
+def _by_voltages(F: Array, x: Array, volts: Array, later: Array) -> None:
+    """Fills in the derivatives by the share of the voltages and by how late they come.
+
+    Args:
+        F: (6, 27), with the derivatives by torques.
+        x: (33,), states before the sample.
+        volts: (3,), mean voltages of the sample at the full supply, V.
+        later: (3,), by how much those of a sample before differ from them, V.
+    """
+    torque = F[:, TORQUE:MOVING] * x[_K : _K + 3]
+    F[:, SUPPLY], F[:, LATE] = torque @ volts, (1.0 + x[SUPPLY]) * (torque @ later)
 
 
 def _oppose(u: Array, x: Array, end: Array, F: Array, joint: int) -> None:
@@ -185,7 +227,7 @@ def _hold(x: Array, end: Array, F: Array, joint: int) -> None:
 
 
 def _coefficients(arm: ArmParameters) -> tuple[Array, Array]:
-    """The twin's coefficients (18,) of the empty arm and their derivatives (1, 18, 25) by the moving states.
+    """The twin's coefficients (18,) of the empty arm and their derivatives (1, 18, 27) by the moving states.
 
     They are linear in K, D, mu and the payload; c and I are known to a few percent at worst.
     """
@@ -203,6 +245,8 @@ def _coefficients(arm: ArmParameters) -> tuple[Array, Array]:
 _K: Final = INDEX["K1"]
 _D: Final = INDEX["D1"]
 _MU: Final = INDEX["mu1"]
+_OF_K: Final = np.array([MACHINE_NAMES.index(f"K{joint}") for joint in (1, 2, 3)])
+_OF_DELAY: Final = MACHINE_NAMES.index("delay")
 _OF_ARM: Final = np.array([MACHINE_NAMES.index(name) for name in ARM_NAMES])
 _OF_TORQUE: Final = np.array([MACHINE_NAMES.index(f"torque{joint}") for joint in (1, 2, 3)])
 _COLUMNS: Final = np.array([*range(6), *(6 + _OF_TORQUE), -1])
