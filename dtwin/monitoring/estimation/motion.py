@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.layout import ARM, ARM_NAMES, INDEX, MOVING, PAYLOAD, SIZE, TORQUE, W
 from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters
+from dtwin.twin import sensitivity
+from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import coefficients
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from dtwin.twin.machine import MACHINE_NAMES, WIDTH, linearise_machine, vector_of
@@ -70,24 +72,26 @@ class RigidMotion:
 
     def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:
         """See `Motion.carry`."""
+        if not locked:
+            states, derivatives = np.empty((2, 6)), np.empty((2, 6, MOVING))
+            _carry(x, volts, gripped, self._empty, self._moved, self._nominal, self._level, states, derivatives)
+            return states[1], derivatives[1]
         u = np.minimum(np.maximum(volts, -VOLTAGE_LIMIT), VOLTAGE_LIMIT)
         u[np.abs(u) < _LEAST_VOLTS] = _LEAST_VOLTS
         held = self._empty + self._moved[0, :, ARM:] @ (x - self._nominal)[ARM:MOVING]
         states, derivatives = np.empty((2, 6)), np.zeros((2, 6, MOVING))
         states[0], derivatives[0, :, :6] = x[:6], np.eye(6)
         end, F = states[1], derivatives[1]
-        for _ in range(_TURNS if locked else 1):
+        for _ in range(_TURNS):
             integrate_linearised(
                 held[None], self._moved, self._level, u[None], PERIOD, SUBSTEPS, COULOMB_WIDTH, states, derivatives
             )
-            if locked:
-                _oppose(u, x, end, F, locked - 1)
+            _oppose(u, x, end, F, locked - 1)
         F[:, TORQUE:MOVING] = F[:, ARM : ARM + 3] / u
         end += F[:, TORQUE:MOVING] @ x[TORQUE:MOVING]
         if not gripped:
             F[:, PAYLOAD] = 0.0
-        if locked:
-            _hold(x, end, F, locked - 1)
+        _hold(x, end, F, locked - 1)
         return end, F
 
     def eccentricity(self, angles: Array) -> Array:
@@ -156,6 +160,43 @@ class MachineMotion:
         other._vector, other._sin, other._cos = self._vector, self._sin, self._cos
         other._commands, other._acting = self._commands.copy(), self._acting.copy()
         return other
+
+
+@kernel(uses=(sensitivity,))
+def _carry(
+    x: Array,
+    volts: Array,
+    gripped: bool,
+    empty: Array,
+    moved: Array,
+    nominal: Array,
+    level: NDArray[np.int64],
+    states: Array,
+    derivatives: Array,
+) -> None:
+    """Writes to the last rows of states (2, 6) and derivatives (2, 6, 25) what `RigidMotion.carry` gives while no
+    joint is locked."""
+    u, held = np.empty((1, 3)), np.empty((1, 18))
+    derivatives[0] = 0.0
+    for i in range(3):
+        u[0, i] = min(max(volts[i], -VOLTAGE_LIMIT), VOLTAGE_LIMIT)
+        if abs(u[0, i]) < _LEAST_VOLTS:
+            u[0, i] = _LEAST_VOLTS
+    for k in range(18):
+        held[0, k] = empty[k]
+        for j in range(ARM, MOVING):
+            held[0, k] += moved[0, k, j] * (x[j] - nominal[j])
+    for i in range(6):
+        states[0, i] = x[i]
+        derivatives[0, i, i] = 1.0
+    integrate_linearised(held, moved, level, u, PERIOD, SUBSTEPS, COULOMB_WIDTH, states, derivatives)
+    end, F = states[1], derivatives[1]
+    for i in range(6):
+        for joint in range(3):
+            F[i, TORQUE + joint] = F[i, ARM + joint] / u[0, joint]
+            end[i] += F[i, TORQUE + joint] * x[TORQUE + joint]
+        if not gripped:
+            F[i, PAYLOAD] = 0.0
 
 
 def motion_of(belief: Belief) -> Motion:
