@@ -158,7 +158,7 @@ class Findings:
             readings: the readings up to that sample.
             trusted: whether the predictions can tell that an encoder has stopped.
         """
-        for i in np.flatnonzero(readings.spikes).tolist() if readings.spikes.any() else ():
+        for i in (i for i, spike in enumerate(readings.spikes.tolist()) if spike):
             self.note(time - PERIOD, "spike", f"one reading of joint {i + 1} was far off and is left out")
         for (i, name, fault), count in zip(_FREEZES, readings.repeated.tolist(), strict=True):
             if readings.frozen[i] and trusted and not self.blind and readings.proven[i]:

@@ -28,8 +28,9 @@ from dtwin.run.recording import COLUMNS, Log
 from dtwin.signals import NO_COLOUR, BoxCounts
 from dtwin.task import DEFAULT_TASK
 from dtwin.twin.cell_loop import DIVERGED, work
+from dtwin.twin.effects import Effects
 from dtwin.twin.kinematics import forward
-from dtwin.twin.machine import MACHINE_NAMES
+from dtwin.twin.machine import MACHINE_NAMES, machine_of_vector
 
 Array = NDArray[np.float64]
 
@@ -85,6 +86,11 @@ class TwinCell:
         self._acting = np.full(3, np.nan)
         self._last, self._held = np.array(HANGING), False
         self.ticks = 0
+
+    @property
+    def effects(self) -> Effects:
+        """What the twin knows of the machine beside the parameters of its arm."""
+        return machine_of_vector(self._vector)[1]
 
     @property
     def box_counts(self) -> BoxCounts:

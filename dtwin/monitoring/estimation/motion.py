@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.layout import ARM, ARM_NAMES, INDEX, MOVING, PAYLOAD, SIZE, TORQUE, W
 from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters
-from dtwin.twin import sensitivity
+from dtwin.twin import dynamics, lanes, machine, sensitivity
 from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import coefficients
 from dtwin.twin.effects import NO_EFFECTS, Effects
@@ -127,32 +127,18 @@ class MachineMotion:
             self._commands[:] = volts
         self._commands[:-1] = self._commands[1:]
         self._commands[-1] = volts
-        p = self._vector.copy()
-        p[_OF_ARM] = x[ARM:PAYLOAD]
-        p[_OF_TORQUE] += x[TORQUE:MOVING]
         columns, steps = (_COLUMNS, _STEPS) if gripped else (_COLUMNS[:-1], _STEPS[:-1])
-        before, end, slopes = self._acting.copy(), x[:6].copy(), np.empty((6, len(columns)))
-        for turn in range(_TURNS if locked else 1):
-            end[:], self._acting[:] = x[:6], before
-            linearise_machine(p, self._commands, x[PAYLOAD], columns, steps, self._acting, end, slopes)
-            slope = slopes[W + locked - 1, 6 + locked - 1]
-            if locked and slope and turn < _TURNS - 1:
-                p[_OF_TORQUE[locked - 1]] -= end[W + locked - 1] / slope
-        F = np.zeros((6, MOVING))
-        F[:, :6], F[:, TORQUE:MOVING] = slopes[:, :6], slopes[:, 6:9]
-        if gripped:
-            F[:, PAYLOAD] = slopes[:, 9]
-        acting = self._acting if np.isnan(before[0]) else 0.5 * (before + self._acting)
-        speed = 0.5 * (x[W:ARM] + end[W:])
-        for first, torque in ((_K, acting), (_D, -speed), (_MU, -np.tanh(speed / WIDTH))):
-            F[:, first : first + 3] = F[:, TORQUE:MOVING] * torque
+        end, F, slopes = np.empty(6), np.empty((6, MOVING)), np.empty((6, len(columns)))
+        _carry_machine(x, self._vector, self._commands, columns, steps, locked, self._acting, end, slopes, F)
         if locked:
             _hold(x, end, F, locked - 1)
         return end, F
 
     def eccentricity(self, angles: Array) -> Array:
         """See `Motion.eccentricity`."""
-        return self._sin * np.sin(angles) + self._cos * np.cos(angles)
+        found = np.empty(3)
+        _eccentricity(angles, self._sin, self._cos, found)
+        return found
 
     def copy(self) -> MachineMotion:
         """See `Motion.copy`."""
@@ -204,6 +190,61 @@ def motion_of(belief: Belief) -> Motion:
     if belief.effects == NO_EFFECTS:
         return RigidMotion(belief.arm)
     return MachineMotion(belief.arm, belief.effects)
+
+
+@kernel
+def _eccentricity(angles: Array, sine: Array, cosine: Array, found: Array) -> None:
+    for i in range(3):
+        found[i] = sine[i] * math.sin(angles[i]) + cosine[i] * math.cos(angles[i])
+
+
+@kernel(uses=(dynamics, lanes, machine))
+def _carry_machine(
+    x: Array,
+    vector: Array,
+    commands: Array,
+    columns: NDArray[np.int64],
+    steps: Array,
+    locked: int,
+    acting: Array,
+    end: Array,
+    slopes: Array,
+    F: Array,
+) -> None:
+    """Writes what `MachineMotion.carry` gives, but for what a lock eliminates, to end (6,) and F (6, 25).
+
+    Args:
+        x: (31,), states before.
+        vector: (78,), the machine, whose estimated numbers are taken from x.
+        commands: (n, 3), commands up to this sample, V.
+        columns, steps: as for `linearise_machine`.
+        locked: joint that is held where it is, 1 to 3, or 0.
+        acting: (3,), voltages that act, V; replaced.
+        slopes: (6, m), room for the derivatives by the columns.
+    """
+    p, before = vector.copy(), acting.copy()
+    for k in range(len(_OF_ARM)):
+        p[_OF_ARM[k]] = x[ARM + k]
+    for i in range(3):
+        p[_OF_TORQUE[i]] += x[TORQUE + i]
+    for turn in range(_TURNS if locked else 1):
+        end[:], acting[:] = x[:6], before
+        linearise_machine(p, commands, x[PAYLOAD], columns, steps, acting, end, slopes)
+        if locked and turn < _TURNS - 1:
+            slope = slopes[W + locked - 1, 6 + locked - 1]
+            if slope != 0.0:
+                p[_OF_TORQUE[locked - 1]] -= end[W + locked - 1] / slope
+    F[:] = 0.0
+    F[:, :6], F[:, TORQUE:MOVING] = slopes[:, :6], slopes[:, 6:9]
+    if len(columns) > 9:
+        F[:, PAYLOAD] = slopes[:, 9]
+    for i in range(3):
+        mean = acting[i] if math.isnan(before[0]) else 0.5 * (before[i] + acting[i])
+        speed = 0.5 * (x[W + i] + end[W + i])
+        rubs = -math.tanh(speed / WIDTH)
+        for j in range(6):
+            by_torque = F[j, TORQUE + i]
+            F[j, _K + i], F[j, _D + i], F[j, _MU + i] = by_torque * mean, -by_torque * speed, by_torque * rubs
 
 
 def _oppose(u: Array, x: Array, end: Array, F: Array, joint: int) -> None:
