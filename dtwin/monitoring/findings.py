@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 import msgspec
-import numpy as np
 
 from dtwin.errors import ParameterError, choices
 from dtwin.monitoring.candidate import Candidate

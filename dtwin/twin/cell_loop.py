@@ -1,4 +1,4 @@
-"""The twin with its effects at work in a cell, in machine code: from tick to tick until the gripper is told otherwise.
+"""The twin with its effects at work in a cell, in machine code: tick by tick until the gripper is told otherwise.
 
 What comes and goes at the gripper is the caller's: between two calls it changes the payload and what the box sensor
 says. Beside `dtwin.twin.machine` there are amplifiers of finite resolution, encoders with noise and resolution, and
@@ -72,8 +72,10 @@ def work(
         commands: (n, 3), commands so far, those that still wait and the last one, V; replaced.
         acting: (3,), voltages that act, as for `integrate_machine`; replaced.
         fingers: (2,), angle (rad) and velocity (rad/s) of the gripper; replaced.
-        measured, path, volts, gripped: (N, 3), (N, 3), (N, 4) and (N,), receive what was measured and commanded.
-            Of `measured` there is a row before the first, (N + 1, 3): the sample before.
+        measured: (N + 1, 4), receives the readings of the joints and of the gripper, rad; row 0 is the sample before.
+        path: (N, 3), receives the desired angles, rad.
+        volts: (N, 4), receives the commands, that to the gripper last, V.
+        gripped: (N,), receives whether a box is held.
 
     Returns:
         The number of ticks done, and FINISHED, DIVERGED or what else the controller's function returned.
@@ -102,7 +104,7 @@ def work(
             if resolution[1] > 0.0:
                 reading = resolution[1] * math.floor(reading / resolution[1] + 0.5)
             measured[k + 1, i] = numbers[i] = measured[k, i] if lost[k] else reading
-        numbers[3] = fingers[0]
+        measured[k + 1, 3] = numbers[3] = fingers[0]
         problem = exchange(function, unit, requested, answered)
         if problem != FINISHED:
             return k, problem

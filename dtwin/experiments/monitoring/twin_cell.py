@@ -1,9 +1,9 @@
-"""A cell whose arm is the twin with the numbers of a drawn machine: weeks of work in the time that MuJoCo takes for hours.
+"""A cell whose arm is the twin with the numbers of a drawn machine: days of work in minutes.
 
-The plant is `dtwin.twin.cell_loop`, not the emulation: rigid gears without play, nothing that touches, boxes as masses
-at the tip. Sequence and control are the function blocks. So that the arm is not what the monitor believes, torques act
-on it that no effect of its model has (EXTRA_NAMES), beside amplifiers and encoders of finite resolution and samples
-that are lost.
+The plant is `dtwin.twin.cell_loop`, not the emulation: rigid gears without play, nothing that touches, boxes as
+masses at the tip. Sequence and control are the function blocks. So that the arm is not what the monitor believes,
+torques act on it that no effect of its model has (EXTRA_NAMES), beside amplifiers and encoders of finite resolution
+and samples that are lost.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class TwinCell:
         self._state, self._fingers = np.array([*HANGING, 0.0, 0.0, 0.0]), np.array([gripper.opened, 0.0])
         self._commands = np.zeros((math.floor(values["delay"] / PERIOD) + 2, 3))
         self._acting = np.full(3, np.nan)
-        self._last, self._held = np.array(HANGING), False
+        self._last, self._held = np.array([*HANGING, gripper.opened]), False
         self.ticks = 0
 
     @property
@@ -105,9 +105,9 @@ class TwinCell:
             FunctionBlockError: a block failed.
         """
         count = round(seconds / PERIOD)
-        measured, path, volts = np.empty((count + 1, 3)), np.empty((count, 3)), np.empty((count, 4))
+        measured, path, volts = np.empty((count + 1, 4)), np.empty((count, 3)), np.empty((count, 4))
         gripped, present = np.empty(count, dtype=bool), np.empty(count, dtype=bool)
-        gripper, colours = np.empty(count), np.empty(count, dtype="U16")
+        colours = np.empty(count, dtype="U16")
         noise = self._noise * self._errors.standard_normal((count, 3))
         lost = self._losses.random(count) < self._loss
         measured[0] = self._last
@@ -145,13 +145,13 @@ class TwinCell:
                 raise DivergenceError("cell of the twin", self.ticks * PERIOD, self._state)
             self._resource.check(problem, EMULATOR.block)
             now = slice(done, done + made)
-            present[now], colours[now], gripper[now] = waiting is not None, colour, self._fingers[0]
+            present[now], colours[now] = waiting is not None, colour
             done, self.ticks = done + made, self.ticks + made
             if bool(gripped[done - 1]) != self._held:
                 self._grip(bool(gripped[done - 1]))
         self._last = measured[-1]
         times = (self.ticks - count + np.arange(count)) * PERIOD
-        return _log(times, measured[1:], path, volts, gripper, present, colours, gripped)
+        return _log(times, measured[1:], path, volts, present, colours, gripped)
 
     def _grip(self, closed: bool) -> None:
         """Picks the waiting box, or lets go of the held one, where the tip is now."""
@@ -175,15 +175,14 @@ def _log(
     measured: Array,
     path: Array,
     volts: Array,
-    gripper: Array,
     present: NDArray[np.bool_],
     colours: NDArray[np.str_],
     gripped: NDArray[np.bool_],
 ) -> Log:
     """The log of an arm of which nobody knows the truth."""
     columns: dict[str, NDArray[Any]] = dict.fromkeys(COLUMNS, np.full(len(times), np.nan))
-    columns |= {"t": times, "gripper": gripper}
-    for name, values in (("measured", measured), ("target", path), ("volts", volts)):
+    columns |= {"t": times, "gripper": measured[:, 3].copy()}
+    for name, values in (("measured", measured[:, :3]), ("target", path), ("volts", volts)):
         columns |= {f"{name}_{number}": np.ascontiguousarray(column) for number, column in enumerate(values.T, 1)}
     columns |= {"box_present": present, "box_colour": colours, "box_gripped": gripped}
     return Log(MappingProxyType(columns))
