@@ -150,7 +150,7 @@ class TwinCell:
             if bool(gripped[done - 1]) != self._held:
                 self._grip(bool(gripped[done - 1]))
         self._last = measured[-1]
-        times = (self.ticks - count + np.arange(count)) * PERIOD
+        times: Array = (self.ticks - count + np.arange(count)) * PERIOD
         return _log(times, measured[1:], path, volts, present, colours, gripped)
 
     def _grip(self, closed: bool) -> None:

@@ -250,7 +250,7 @@ def _judge(
     was_near: Flags,
     measurements: Flags,
 ) -> None:
-    """Tells which readings (3,) are measurements, see `Readings.judge`; the five arrays before are brought up to date."""
+    """Tells which readings (3,) are measurements, see `Readings.judge`, and updates the five arrays before."""
     for i in range(3):
         first = repeated[i] == 0
         if first or math.isnan(since[i]):
