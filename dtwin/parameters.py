@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from itertools import chain
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -47,6 +49,7 @@ _SYMBOLS: Final = {
     "D": "damping",
     "mu": "coulomb",
 }
+_TRIPLES: Final = attrgetter(*_SYMBOLS.values())
 PARAMETER_NAMES: Final = tuple(f"{symbol}{joint}" for symbol in _SYMBOLS for joint in (1, 2, 3))
 """The names K1, K2, K3, m1, ..., D3, mu1, mu2, mu3, in the order of `ArmParameters.vector`."""
 
@@ -116,7 +119,7 @@ class ArmParameters:
 
     def vector(self) -> tuple[float, ...]:
         """The 21 values in the order of PARAMETER_NAMES."""
-        return tuple(value for name in _SYMBOLS.values() for value in getattr(self, name))
+        return tuple(chain.from_iterable(_TRIPLES(self)))
 
     @classmethod
     def from_vector(cls, values: tuple[float, ...]) -> ArmParameters:

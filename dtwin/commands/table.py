@@ -128,6 +128,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "experiment alarms": Subcommand(
             "monitoring.alarms", "ExperimentAlarms", "commission drawn machines, watch them with faults; report"
         ),
+        "experiment false-alarms": Subcommand(
+            "monitoring.false_alarms", "ExperimentFalseAlarms", "count the monitor's alarms over days; report"
+        ),
         "experiment sampling": Subcommand(
             "monitoring.experiment", "ExperimentSampling", "find the limits of the monitors; report"
         ),

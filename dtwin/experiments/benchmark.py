@@ -6,6 +6,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -20,15 +21,21 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.raw import raw_file_ticks, raw_plant_ticks
 from dtwin.experiments.blocks_benchmark import online_change, trace_cost
+from dtwin.experiments.monitoring.twin_cell import TwinCell
 from dtwin.iec61499.native.resource import NativeResource
 from dtwin.iec61499.net.address import LOOPBACK, Address, LocalAddress, StreamAddress
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.iec61499.net.stream import StreamServer
 from dtwin.iec61499.net.wire import MessageReader
+from dtwin.monitoring.estimation.belief import Unmodelled, assumed
+from dtwin.monitoring.monitor import Monitor
+from dtwin.monitoring.offline import stream
 from dtwin.parameters import PERIOD, PICKUP, ArmParameters, Gains
+from dtwin.pool import Workers
 from dtwin.run.cell import Cell
 from dtwin.run.loop import run, tick_count
+from dtwin.run.options import ControlOptions
 from dtwin.run.settings import CellSettings
 from dtwin.signals import Sensors
 from dtwin.simulation.checks import MOTIONS
@@ -49,6 +56,15 @@ BOXES: Final = (0.19, 0.21)
 """Least and largest mass of a box in the search, kg."""
 WHAT_IFS: Final = 20
 """Motions that one round simulates."""
+FIRST_MACHINE: Final = 901
+"""Number of the drawn machine whose work is watched."""
+UNKNOWN_NOISE: Final = 5e-4
+UNKNOWN_TORQUE: Final = 5e-3
+"""What the monitor believes of its noise, rad, and of torques that no effect explains, N m: standard deviations."""
+DAY: Final = 86_400.0
+"""s"""
+WATCHED: Final = 30.0
+"""s of plant time that each core works and watches in one round"""
 MESSAGES: Final = 2000
 """Messages that are written and read, and exchanges over a stream, in one round."""
 
@@ -74,6 +90,7 @@ def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: Non
         "local_round_trip": _local_round_trip,
         "what_if": _what_if,
         "optimise": _optimise,
+        "monitored_work": _monitored_work,
         "online_change": online_change,
         "trace": trace_cost,
     }
@@ -112,6 +129,7 @@ def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: Non
     result["wire_message"] = {"microseconds": 1e6 * middle["wire_message"] / MESSAGES}
     for trip in ("tcp_round_trip", "local_round_trip"):
         result[trip] = {"microseconds": 1e6 * middle[trip] / MESSAGES}
+    result["monitored_work"] = {"minutes_a_day": DAY * middle["monitored_work"] / 60.0}
     result["optimise"] = {"motions_per_second": 1.0 / middle["optimise"]}
     for name in ("what_if", "online_change"):
         result[name] = {"milliseconds": 1e3 * middle[name]}
@@ -251,3 +269,30 @@ def _optimise() -> float:
     objective = Objective(ControlSettings(), scenarios_for(MOTIONS, ArmParameters(), BOXES))
     found = optimise(objective, (1.5, 3.0), candidates=CANDIDATES)
     return found.seconds / found.motions
+
+
+def _monitored_work() -> float:
+    """Time for a second of monitored work of the twin with effects, on all cores, s.
+
+    Each core has a cell of its own: plant, controller, and the monitor of an arm with effects on every sample.
+    """
+    with Workers() as pool:
+        cores = list(range(pool.count))
+        pool.map(watch_work, [(core, 1.0) for core in cores])
+        return _timed(lambda: pool.map(watch_work, [(core, WATCHED) for core in cores])) / (len(cores) * WATCHED)
+
+
+def watch_work(item: tuple[int, float]) -> int:
+    """Lets a machine of the twin, given by the seed of its work, work for a time (s) while a monitor watches.
+
+    Returns:
+        how often it alarmed.
+    """
+    seed, seconds = item
+    cell = TwinCell(FIRST_MACHINE, seed, ControlOptions().control())
+    belief = assumed(cell.arm, (UNKNOWN_NOISE,) * 3)
+    error = Unmodelled(slow=(UNKNOWN_TORQUE,) * 3)
+    monitor = Monitor(replace(belief, effects=cell.effects, error=error))
+    seen = stream(cell.run(seconds))
+    seen.feed(monitor, 0, len(seen))
+    return len(monitor.history)

@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 import msgspec
-import numpy as np
 
 from dtwin.errors import ParameterError, choices
 from dtwin.monitoring.candidate import Candidate
@@ -170,13 +169,12 @@ class Findings:
             readings: the readings up to that sample.
             trusted: whether the predictions can tell that an encoder has stopped.
         """
-        for i in np.flatnonzero(readings.spikes).tolist() if readings.spikes.any() else ():
+        for i in (i for i, spike in enumerate(readings.spikes.tolist()) if spike):
             self.note(time - PERIOD, "spike", f"one reading of joint {i + 1} was far off and is left out")
-        for i, name, fault in _FREEZES:
-            count = int(readings.repeated[i])
+        for (i, name, fault), count in zip(_FREEZES, readings.repeated.tolist(), strict=True):
             if readings.frozen[i] and trusted and not self.blind and readings.proven[i]:
                 self.enter(time, finding(fault, time - count * PERIOD, time))
-            elif count == 0:
+            elif count == 0 and (name in self.current or name in self._tolerated):
                 self.end(time, name)
 
     def give_up(self, time: float, since: float, last: Finding, sound: Mapping[str, Finding]) -> None:

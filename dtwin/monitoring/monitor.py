@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import replace
+from math import isfinite
 from typing import Final
 
 import numpy as np
@@ -99,7 +100,7 @@ class Monitor:
             volts: (4,), that of the gripper last, V.
             gripped: whether the command holds a box.
         """
-        if not (np.isfinite(measured).all() and np.isfinite(volts).all()):
+        if not (all(map(isfinite, measured.tolist())) and all(map(isfinite, volts.tolist()))):
             return  # what says nothing has not arrived; the next sample counts it as missing
         gap = sample - self.sample
         angles = self._readings.take(measured)

@@ -101,6 +101,7 @@ class SignatureBank:
         self._allowance = np.zeros(count) if allowance is None else allowance
         self._precision = np.tile([sizes[fault] ** -2 for fault in JUMPS], ONSETS)
         self._rows = np.array([INDEX[fault] for fault in JUMPS])
+        self._faults = np.arange(count)
         self._E = np.zeros((SIZE, ONSETS * count))
         self._h, self._J = np.zeros(ONSETS * count), np.zeros(ONSETS * count)
         self._least = np.full(ONSETS * count, -np.inf)
@@ -147,7 +148,7 @@ class SignatureBank:
         self._h[columns] = self._J[columns] = 0.0
         block = self._E[:, columns]
         block[:] = 0.0
-        block[self._rows, np.arange(len(JUMPS))] = 1.0
+        block[self._rows, self._faults] = 1.0
 
     @property
     def began(self) -> bool:
@@ -166,7 +167,8 @@ class SignatureBank:
 
     def worst(self) -> float:
         """The largest of the statistics beyond what is allowed for."""
-        return max(float((self.statistics() - self._allowance).max()), 0.0)
+        found: float = kernels.largest(self._h, self._J, self._precision, self._least, self._allowance)
+        return found
 
     def suspicions(self) -> list[Suspicion]:
         """For each fault its best onset, most likely first."""
@@ -224,7 +226,7 @@ class SignatureBank:
         if now - times[0] > LONGEST:
             return ordered[0]
         gaps = [(times[i + 1] - times[i - 1]) / (now - times[i] + 1) for i in range(1, len(ordered))]
-        drop = 1 + int(np.argmin(gaps))
+        drop = 1 + gaps.index(min(gaps))
         before = self._place[ordered[drop - 1]]
         before.gap = times[drop + 1] - before.sample
         return ordered[drop]

@@ -22,7 +22,7 @@ class Stopped:
 
     def open(self, readings: Readings, findings: Collection[str]) -> list[int]:
         """The joints that a diagnosis has to look into, given the names of what is known to be wrong."""
-        if not readings.frozen.any():
+        if True not in readings.frozen.tolist():
             self._asked.clear()
             return []
         joints = [int(i) + 1 for i in np.flatnonzero(readings.frozen & ~readings.proven)]

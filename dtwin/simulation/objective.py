@@ -143,9 +143,10 @@ def score(objective: Objective, target_time: float, gains: Gains) -> CandidateSc
             excess = found_there.spectral_radius if not short.share else 1.0 - short.share
             return CandidateScore(target_time, gains, {}, short.name, UNUSABLE * (_UNSTABLE + excess), 0)
     found: list[tuple[Scenario, Figures]] = []
+    outcomes = simulator.run_all([_case(scenario, settings) for scenario in objective.scenarios])
     for done, scenario in enumerate(objective.scenarios, 1):
         try:
-            outcome = _judged(simulator.run(_case(scenario, settings)), objective.limits)
+            outcome = _judged(next(outcomes), objective.limits)
         except DivergenceError:
             return CandidateScore(target_time, gains, {}, "divergence", UNUSABLE * _UNSTABLE, done)
         broken, excess = _broken(outcome, objective.limits, must_settle=not scenario.noise)

@@ -6,8 +6,9 @@ Equal cases give equal motions.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Protocol
@@ -26,6 +27,7 @@ from dtwin.task import DEFAULT_TASK, Task
 from dtwin.twin.closed_loop import CompiledLoop, Motion
 from dtwin.twin.dynamics import integrate
 from dtwin.twin.rollout import is_weight_only
+from dtwin.twin.side_by_side import Begun, SideBySide
 
 SUBSTEPS: Final = 4
 """Number of RK4 steps per tick, each of 2.5 ms as in the emulation."""
@@ -177,7 +179,9 @@ class Simulator:
     def __init__(self, blocks: Path = BLOCKS, task: Task = DEFAULT_TASK) -> None:
         self.controller = MotionController(blocks, task)
         resource = self.controller.resource
-        self._loop = CompiledLoop(resource, ARM, PATH, SUBSTEPS) if isinstance(resource, NativeResource) else None
+        native = resource if isinstance(resource, NativeResource) else None
+        self._loop = None if native is None else CompiledLoop(native, ARM, PATH, SUBSTEPS)
+        self._side_by_side = None if native is None else SideBySide(native, ARM, PATH, SUBSTEPS)
 
     def run(self, case: MotionCase, arm_of: Callable[[MotionCase, int], Arm] | None = None) -> Outcome:
         """Simulates a motion.
@@ -190,22 +194,52 @@ class Simulator:
             ParameterError: there is no place of the goal's name.
             DivergenceError: the state of the arm is no longer finite.
         """
-        ticks = round(case.seconds / PERIOD)
+        ticks = _ticks(case)
         if self._loop is not None and arm_of is None:
             motion = self._compiled(self._loop, case, ticks)
         else:
             motion = self._stepped(case, (arm_of or TwinArm)(case, ticks), ticks)
-        target = self.controller.target()
-        theta, omega = motion.states[:, :3], motion.states[:, 3:]
-        came_to = figures(theta, omega, motion.path, motion.volts, target, case.arm.voltage_constant)
-        return Outcome(case, target, motion.states, motion.measured, motion.path, motion.volts, came_to)
+        return _outcome(case, self.controller.target(), motion)
 
-    def _compiled(self, loop: CompiledLoop, case: MotionCase, ticks: int) -> Motion:
+    def run_all(self, cases: Sequence[MotionCase]) -> Iterator[Outcome]:
+        """Simulates motions of the twin and gives each as `run` does, as soon as it is there.
+
+        Those of equal durations that follow one another are computed side by side, which takes a third of the time.
+
+        Raises:
+            ParameterError: there is no place of a goal's name.
+            DivergenceError: the state of the next motion's arm is no longer finite.
+        """
+        if self._side_by_side is None:
+            yield from map(self.run, cases)
+            return
+        for ticks, group in itertools.groupby(cases, _ticks):
+            alike = list(group)
+            prepared = [self._prepared(case, ticks) for case in alike]
+            motions = self._side_by_side.run([begun for begun, _ in prepared], ticks)
+            for case, (_, target), motion in zip(alike, prepared, motions, strict=True):
+                yield _outcome(case, target, motion)
+
+    def _prepared(self, case: MotionCase, ticks: int) -> tuple[Begun, Triple]:
+        """A motion before its first sample, and the angles at which its path ends."""
+        assert isinstance(self.controller.resource, NativeResource)
+        noise = self._prepare(case, ticks)
+        start = np.array((*case.theta, *case.omega))
+        unit = self.controller.resource.numbers().copy()
+        begun = Begun(start, case.arm, case.payload, case.payload_model, _carries(case), noise, unit)
+        return begun, self.controller.target()
+
+    def _prepare(self, case: MotionCase, ticks: int) -> Array:
+        """Prepares the controller for the first sample, and gives the noise, (N, 3), rad; (0, 3) for none."""
         encoders, noise = _encoders(case), np.empty((0, 3))
         if encoders is not None:
             noise = np.array([_measure(encoders, STILL) for _ in range(ticks)])
         first = case.theta if encoders is None else triple(noise[0] + case.theta)
         self.controller.prepare(first, case.goal, case.settings, carries=_carries(case), omega=case.omega)
+        return noise
+
+    def _compiled(self, loop: CompiledLoop, case: MotionCase, ticks: int) -> Motion:
+        noise = self._prepare(case, ticks)
         start = np.array((*case.theta, *case.omega))
         return loop.run(start, ticks, case.arm, case.payload, case.payload_model, _carries(case), noise)
 
@@ -227,6 +261,16 @@ class Simulator:
             commands.append(volts)
             theta = arm.advance(k, volts)
         return Motion(arm.states, np.array(samples), np.array(path), np.array(commands))
+
+
+def _ticks(case: MotionCase) -> int:
+    return round(case.seconds / PERIOD)
+
+
+def _outcome(case: MotionCase, target: Triple, motion: Motion) -> Outcome:
+    theta, omega = motion.states[:, :3], motion.states[:, 3:]
+    came_to = figures(theta, omega, motion.path, motion.volts, target, case.arm.voltage_constant)
+    return Outcome(case, target, motion.states, motion.measured, motion.path, motion.volts, came_to)
 
 
 def _carries(case: MotionCase) -> bool:

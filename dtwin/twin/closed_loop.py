@@ -25,7 +25,7 @@ DIVERGED: Final = -1
 
 
 @intrinsic
-def _exchange(typing: Any, function: Any, unit: Any, request: Any, answer: Any) -> Any:
+def exchange(typing: Any, function: Any, unit: Any, request: Any, answer: Any) -> Any:
     """Calls `int32_t function(void *unit, const void *request, void *answer)` at an address."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -37,7 +37,7 @@ def _exchange(typing: Any, function: Any, unit: Any, request: Any, answer: Any) 
     return types.int32(types.int64, types.int64, types.int64, types.int64), generate
 
 
-@kernel(nogil=True, uses=dynamics)
+@kernel(nogil=True, uses=(dynamics,))
 def closed_loop(
     function: int,
     unit: int,
@@ -88,7 +88,7 @@ def closed_loop(
             samples[k, i] = states[k, i] + noise[k, i] if noise.shape[0] else states[k, i]
             angles[i] = samples[k, i]
         request[24] = k == 0
-        problem = _exchange(function, unit, request_address, answer_address)
+        problem = exchange(function, unit, request_address, answer_address)
         if problem != FINISHED:
             return problem, k
         for i in range(3):
@@ -116,7 +116,7 @@ def exchanges(function: int, unit: int, requests: NDArray[np.uint8], answers: Ar
     """
     request, answer = requests.ctypes.data, answers.ctypes.data
     for k in range(requests.shape[0]):
-        problem = _exchange(function, unit, request + k * requests.shape[1], answer + 8 * k * answers.shape[1])
+        problem = exchange(function, unit, request + k * requests.shape[1], answer + 8 * k * answers.shape[1])
         if problem != FINISHED:
             return k
     return requests.shape[0]
@@ -144,7 +144,7 @@ def _responses(
             memory[places[i]] = points[k, i]
         for i in range(3):
             angles[i] = points[k, count + i]
-        problem = _exchange(function, unit, request_address, answer_address)
+        problem = exchange(function, unit, request_address, answer_address)
         if problem != FINISHED:
             return problem, k
         for i in range(count):

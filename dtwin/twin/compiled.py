@@ -29,15 +29,22 @@ BLAS: Final = "scipy.linalg.cython_blas"
 """Module in which Numba finds the functions for products of matrices."""
 
 
-def kernel(function: Callable[..., Any] | None = None, *, nogil: bool = False, uses: ModuleType | None = None) -> Any:
+def kernel(
+    function: Callable[..., Any] | None = None,
+    *,
+    nogil: bool = False,
+    uses: tuple[ModuleType, ...] = (),
+    inlined: bool = False,
+) -> Any:
     """Decorates a function that Numba compiles at its first call, or loads compiled.
 
-    With nogil other threads run meanwhile, which costs a short call too much. `uses` is a module of which it calls
-    kernels: it is compiled again when that has changed, too, which Numba by itself does not notice.
+    With nogil other threads run meanwhile, which costs a short call too much. `uses` are modules of which it calls
+    kernels: it is compiled again when one has changed, too, which Numba by itself does not notice. What is `inlined`
+    becomes a part of each kernel that calls it: a call costs more than the few operations of a small one.
     """
     if function is None:
-        return partial(kernel, nogil=nogil, uses=uses)
-    dispatcher = numba.njit(error_model="numpy", nogil=nogil)(function)
+        return partial(kernel, nogil=nogil, uses=uses, inlined=inlined)
+    dispatcher = numba.njit(error_model="numpy", nogil=nogil, forceinline=inlined)(function)
     try:
         dispatcher._cache = _Cache(function, uses)
     except RuntimeError as error:  # no folder can be written
@@ -67,12 +74,13 @@ _load_blas()
 class _Cache(FunctionCache):
     """The compiled forms of one kernel, in checked files."""
 
-    def __init__(self, function: Callable[..., Any], uses: ModuleType | None) -> None:
+    def __init__(self, function: Callable[..., Any], uses: tuple[ModuleType, ...]) -> None:
         super().__init__(function)
         stamp = self._impl.locator.get_source_stamp()
-        if uses is not None and uses.__file__ is not None:
-            status = Path(uses.__file__).stat()
-            stamp = (stamp, status.st_mtime, status.st_size)
+        for module in uses:
+            if module.__file__ is not None:
+                status = Path(module.__file__).stat()
+                stamp = (stamp, status.st_mtime, status.st_size)
         self._cache_file = _CheckedFile(self._cache_path, self._impl.filename_base, stamp)
 
     def save_overload(self, sig: Any, data: Any) -> None:

@@ -40,6 +40,7 @@ from numpy.typing import NDArray
 
 from dtwin.parameters import COULOMB_WIDTH, GRAVITY, VOLTAGE_LIMIT, Triple
 from dtwin.twin.compiled import kernel
+from dtwin.twin.lanes import abreast, apart, turned
 
 Array = NDArray[np.float64]
 Sextuple = tuple[float, float, float, float, float, float]
@@ -128,36 +129,33 @@ _COSINE: Final = (
 )
 
 
-@kernel
+@kernel(inlined=True)
 def sine_cosine(x: float) -> tuple[float, float]:
     """Sine and cosine of an angle in rad, to 2.3e-16 up to 1e6 rad; beyond 1e15 rad they mean nothing.
 
     The reduction to +-pi/4 is that of Cody and Waite (Software Manual for the Elementary Functions, 1980), the
     polynomials are those of Sun's fdlibm. Nothing branches, and few terms wait for others, which makes steps faster.
     """
-    k = (x * _TWO_BY_PI + _ROUNDER) - _ROUNDER
+    rounded = x * _TWO_BY_PI + _ROUNDER
+    k = rounded - _ROUNDER
     r = ((x - k * _QUARTER[0]) - k * _QUARTER[1]) - k * _QUARTER[2]
     z = r * r
     w = z * z
     s, c = _SINE, _COSINE
     sine = r + r * z * ((s[0] + z * s[1]) + w * ((s[2] + z * s[3]) + w * (s[4] + z * s[5])))
     cosine = (1.0 - 0.5 * z) + w * ((c[0] + z * c[1]) + w * ((c[2] + z * c[3]) + w * (c[4] + z * c[5])))
-    quarter = int(k)
-    swaps = (quarter & 1) != 0
-    return (
-        (cosine if swaps else sine) * (1.0 - float(quarter & 2)),
-        (sine if swaps else cosine) * (1.0 - float((quarter + 1) & 2)),
-    )
+    return turned(sine, cosine, rounded)
 
 
-@kernel
+@kernel(inlined=True)
 def _directions(q1: float, q2: float, q3: float) -> Directions:
-    (s1, c1), (s2, c2), (s3, c3) = sine_cosine(q1), sine_cosine(q2), sine_cosine(q3)
+    sines, cosines = sine_cosine(abreast(q1, q2, q3))
+    (s1, s2, s3), (c1, c2, c3) = apart(sines), apart(cosines)
     s23, c23 = s2 * c3 + c2 * s3, c2 * c3 - s2 * s3
     return Directions(s2, c2, s3, c3, s23, c23, c1, c1 * c2 - s1 * s2, c1 * c23 - s1 * s23)
 
 
-@kernel
+@kernel(inlined=True)
 def _mass(d: Directions, arm: Coefficients) -> Sextuple:
     """The entries M11, M21, M31, M22, M32, M33 of the mass matrix, kg m^2."""
     A, B, E = arm.A * d.c2, arm.B * d.c23, arm.E * d.c3
@@ -169,7 +167,7 @@ def _mass(d: Directions, arm: Coefficients) -> Sextuple:
     return M11, M21, M31, M22, M32, arm.J3
 
 
-@kernel
+@kernel(inlined=True)
 def _coriolis(d: Directions, w1: float, w2: float, w3: float, arm: Coefficients) -> Triple:
     A, B, E = arm.A * d.s2, arm.B * d.s23, arm.E * d.s3
     a, b = A + B, B + E
@@ -181,19 +179,19 @@ def _coriolis(d: Directions, w1: float, w2: float, w3: float, arm: Coefficients)
     )
 
 
-@kernel
+@kernel(inlined=True)
 def _gravity(d: Directions, arm: Coefficients) -> Triple:
     g3 = arm.G3 * d.c123
     g2 = g3 + arm.G2 * d.c12
     return g2 + arm.G1 * d.c1, g2, g3
 
 
-@kernel
+@kernel(inlined=True)
 def _coulomb(w: float, mu: float, width: float) -> float:
-    return mu * math.tanh(w / width) if mu != 0.0 else 0.0
+    return mu * math.tanh(w / width)
 
 
-@kernel
+@kernel(inlined=True)
 def _friction(w1: float, w2: float, w3: float, arm: Coefficients, width: float) -> Triple:
     return (
         arm.D1 * w1 + _coulomb(w1, arm.mu1, width),
@@ -202,8 +200,9 @@ def _friction(w1: float, w2: float, w3: float, arm: Coefficients, width: float) 
     )
 
 
-@kernel
-def _clip(volts: float) -> float:
+@kernel(inlined=True)
+def clipped(volts: float) -> float:
+    """Volts as far as the actuator gives them, V."""
     if volts > VOLTAGE_LIMIT:
         return VOLTAGE_LIMIT
     if volts < -VOLTAGE_LIMIT:
@@ -211,13 +210,13 @@ def _clip(volts: float) -> float:
     return volts
 
 
-@kernel
+@kernel(inlined=True)
 def held_torque(volts: Array, arm: Coefficients) -> Triple:
     """The torques of the motors under given voltages (3,), which are clipped."""
-    return arm.K1 * _clip(volts[0]), arm.K2 * _clip(volts[1]), arm.K3 * _clip(volts[2])
+    return arm.K1 * clipped(volts[0]), arm.K2 * clipped(volts[1]), arm.K3 * clipped(volts[2])
 
 
-@kernel
+@kernel(inlined=True)
 def _solve(M: Sextuple, r1: float, r2: float, r3: float) -> Triple:
     """Solves M x = r by M = L diag(d) L^T from the last row up; M is symmetric positive definite, so no pivoting."""
     M11, M21, M31, M22, M32, d3 = M
@@ -235,7 +234,7 @@ def _solve(M: Sextuple, r1: float, r2: float, r3: float) -> Triple:
     return x1, x2, (r3 * per_d3 - L31 * x1) - L32 * x2
 
 
-@kernel
+@kernel(inlined=True)
 def _derivative(x: Sextuple, torque: Triple, arm: Coefficients, width: float, rubs: bool) -> Sextuple:
     q1, q2, q3, w1, w2, w3 = x
     d = _directions(q1, q2, q3)
@@ -248,7 +247,7 @@ def _derivative(x: Sextuple, torque: Triple, arm: Coefficients, width: float, ru
     return w1, w2, w3, a1, a2, a3
 
 
-@kernel
+@kernel(inlined=True)
 def _along(x: Sextuple, step: float, slope: Sextuple) -> Sextuple:
     return (
         x[0] + step * slope[0],
@@ -260,8 +259,8 @@ def _along(x: Sextuple, step: float, slope: Sextuple) -> Sextuple:
     )
 
 
-@kernel
-def _rk4(x: Sextuple, torque: Triple, arm: Coefficients, width: float, step: float, rubs: bool) -> Sextuple:
+@kernel(inlined=True)
+def runge_kutta(x: Sextuple, torque: Triple, arm: Coefficients, width: float, step: float, rubs: bool) -> Sextuple:
     """One step of the classical Runge-Kutta method with the torque held; `rubs` says whether there may be a mu."""
     k1 = _derivative(x, torque, arm, width, rubs)
     k2 = _derivative(_along(x, 0.5 * step, k1), torque, arm, width, rubs)
@@ -278,10 +277,10 @@ def advance(
     # code that may call tanh is slower where it does not
     if arm.mu1 == 0.0 and arm.mu2 == 0.0 and arm.mu3 == 0.0:
         for _ in range(substeps):
-            x = _rk4(x, torque, arm, width, step, False)
+            x = runge_kutta(x, torque, arm, width, step, False)
     else:
         for _ in range(substeps):
-            x = _rk4(x, torque, arm, width, step, True)
+            x = runge_kutta(x, torque, arm, width, step, True)
     return x, math.isfinite(x[0] + x[1] + x[2] + x[3] + x[4] + x[5])
 
 

@@ -9,7 +9,7 @@ from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import Array, coefficients, mass_matrix
 
 
-@kernel(uses=dynamics)
+@kernel(uses=(dynamics,))
 def energy(state: Array, p: Array, payload: float = 0.0, weight_only: bool = False) -> tuple[float, float]:
     """Kinetic and potential energy, J; the potential energy is zero with the arm stretched out horizontally.
 

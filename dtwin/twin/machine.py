@@ -16,21 +16,25 @@ A step is RK4 for all but dry friction, between two half steps of friction by th
 J. Numer. Anal. 5, 1968): a joint that friction holds stays where it is, however narrow `width`. The lag of the drives
 is exact. A sample is divided where the delayed command arrives, so that the motion is a smooth function of the delay.
 
-Numba notices edits of this file but not of files whose kernels it inlined, so all kernels of a rollout live here.
+Numba notices edits of this file but not of files whose kernels it inlined, so all kernels of a rollout live here, or
+in the modules that they say they use.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dtwin.errors import DivergenceError
 from dtwin.parameters import GRAVITY, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters, Triple
+from dtwin.twin import dynamics, lanes
 from dtwin.twin.compiled import kernel
+from dtwin.twin.dynamics import sine_cosine
 from dtwin.twin.effects import EFFECT_NAMES, Effects
+from dtwin.twin.lanes import abreast, apart
 
 Array = NDArray[np.float64]
 
@@ -131,10 +135,37 @@ def _constants(p: Array, payload: float, c: Array) -> None:
         c[12 + i] = p[_ROTOR + i]
 
 
-@kernel
-def _inverse(q2: float, q3: float, c: Array) -> tuple[float, float, float, float, float, float]:
+class _Directions(NamedTuple):
+    """Sines and cosines of the joint angles and of their sums, see `dynamics.Directions`."""
+
+    s1: float
+    s2: float
+    s3: float
+    s12: float
+    s23: float
+    s123: float
+    c1: float
+    c2: float
+    c3: float
+    c12: float
+    c23: float
+    c123: float
+
+
+@kernel(inlined=True)
+def _directions(q1: float, q2: float, q3: float) -> _Directions:
+    sines, cosines = sine_cosine(abreast(q1, q2, q3))
+    (s1, s2, s3), (c1, c2, c3) = apart(sines), apart(cosines)
+    s23, c23 = s2 * c3 + c2 * s3, c2 * c3 - s2 * s3
+    s12, c12 = s1 * c2 + c1 * s2, c1 * c2 - s1 * s2
+    s123, c123 = s1 * c23 + c1 * s23, c1 * c23 - s1 * s23
+    return _Directions(s1, s2, s3, s12, s23, s123, c1, c2, c3, c12, c23, c123)
+
+
+@kernel(inlined=True)
+def _inverse(d: _Directions, c: Array) -> tuple[float, float, float, float, float, float]:
     """The entries 11, 21, 31, 22, 32, 33 of the inverse of M(q) + diag(J), 1/(kg m^2)."""
-    A, B, E = c[3] * math.cos(q2), c[4] * math.cos(q2 + q3), c[5] * math.cos(q3)
+    A, B, E = c[3] * d.c2, c[4] * d.c23, c[5] * d.c3
     M32 = c[2] + E
     M31 = M32 + B
     M21 = c[1] + c[2] + 2.0 * E + A + B
@@ -146,52 +177,63 @@ def _inverse(q2: float, q3: float, c: Array) -> tuple[float, float, float, float
     return n11 * s, n21 * s, n31 * s, n22 * s, n32 * s, n33 * s
 
 
-@kernel
-def _extra(p: Array, i: int, q: float, w: float, v: float) -> float:
+@kernel(inlined=True)
+def _extra(p: Array, i: int, sine: float, cosine: float, w: float, v: float) -> float:
     return (
-        p[_EXTRA + i] * math.sin(q)
-        + p[_EXTRA + 3 + i] * math.cos(q)
+        p[_EXTRA + i] * sine
+        + p[_EXTRA + 3 + i] * cosine
         + p[_EXTRA + 6 + i] * math.tanh(w / _DIRECTION_WIDTH)
         + p[_EXTRA + 9 + i] * w * abs(w)
         + p[_EXTRA + 12 + i] * v * abs(v)
     )
 
 
-@kernel
-def _ripple(p: Array, i: int, q: float) -> float:
-    angle = p[_PERIODS + i] * q
-    return p[_RIPPLE_SIN + i] * math.sin(angle) + p[_RIPPLE_COS + i] * math.cos(angle)
+@kernel(inlined=True)
+def _ripple(p: Array, q1: float, q2: float, q3: float) -> Triple:
+    angles = abreast(p[_PERIODS] * q1, p[_PERIODS + 1] * q2, p[_PERIODS + 2] * q3)
+    sines, cosines = sine_cosine(angles)
+    (s1, s2, s3), (c1, c2, c3) = apart(sines), apart(cosines)
+    return (
+        p[_RIPPLE_SIN] * s1 + p[_RIPPLE_COS] * c1,
+        p[_RIPPLE_SIN + 1] * s2 + p[_RIPPLE_COS + 1] * c2,
+        p[_RIPPLE_SIN + 2] * s3 + p[_RIPPLE_COS + 2] * c3,
+    )
 
 
-@kernel
+@kernel(inlined=True)
 def _accelerate(x: Array, v: Triple, p: Array, c: Array, ripple: bool, extra: bool, slope: Array) -> None:
     """Writes the derivative (6,) of a state (6,) under the voltages that act, without dry friction."""
     q1, q2, q3, w1, w2, w3 = x[0], x[1], x[2], x[3], x[4], x[5]
-    A, B, E = c[3] * math.sin(q2), c[4] * math.sin(q2 + q3), c[5] * math.sin(q3)
+    d = _directions(q1, q2, q3)
+    A, B, E = c[3] * d.s2, c[4] * d.s23, c[5] * d.s3
     a, b = A + B, B + E
     w12, w13_23 = w1 * w2, (w1 + w2) * w3
     h1 = -a * (w2 * w2 + 2.0 * w12) - b * (w3 * w3 + 2.0 * w13_23)
     h2 = a * w1 * w1 - E * (w3 * w3 + 2.0 * w13_23)
     h3 = b * w1 * w1 + E * (w2 * w2 + 2.0 * w12)
-    g3 = c[8] * math.cos(q1 + q2 + q3) - c[11] * math.sin(q1 + q2 + q3)
-    g2 = g3 + c[7] * math.cos(q1 + q2) - c[10] * math.sin(q1 + q2)
-    g1 = g2 + c[6] * math.cos(q1) - c[9] * math.sin(q1)
+    g3 = c[8] * d.c123 - c[11] * d.s123
+    g2 = g3 + c[7] * d.c12 - c[10] * d.s12
+    g1 = g2 + c[6] * d.c1 - c[9] * d.s1
     r1 = p[0] * v[0] - h1 - g1 - p[15] * w1 - p[_CABLE] * q1 + p[_TORQUE]
     r2 = p[1] * v[1] - h2 - g2 - p[16] * w2 - p[_CABLE + 1] * q2 + p[_TORQUE + 1]
     r3 = p[2] * v[2] - h3 - g3 - p[17] * w3 - p[_CABLE + 2] * q3 + p[_TORQUE + 2]
     if ripple:
-        r1 += _ripple(p, 0, q1)
-        r2 += _ripple(p, 1, q2)
-        r3 += _ripple(p, 2, q3)
+        e1, e2, e3 = _ripple(p, q1, q2, q3)
+        r1, r2, r3 = r1 + e1, r2 + e2, r3 + e3
     if extra:
-        r1 += _extra(p, 0, q1, w1, v[0])
-        r2 += _extra(p, 1, q2, w2, v[1])
-        r3 += _extra(p, 2, q3, w3, v[2])
-    n11, n21, n31, n22, n32, n33 = _inverse(q2, q3, c)
+        r1 += _extra(p, 0, d.s1, d.c1, w1, v[0])
+        r2 += _extra(p, 1, d.s2, d.c2, w2, v[1])
+        r3 += _extra(p, 2, d.s3, d.c3, w3, v[2])
+    n11, n21, n31, n22, n32, n33 = _inverse(d, c)
     slope[0], slope[1], slope[2] = w1, w2, w3
     slope[3] = n11 * r1 + n21 * r2 + n31 * r3
     slope[4] = n21 * r1 + n22 * r2 + n32 * r3
     slope[5] = n31 * r1 + n32 * r2 + n33 * r3
+
+
+@kernel(uses=(dynamics, lanes))
+def _acceleration(x: Array, v: Triple, p: Array, c: Array, slope: Array) -> None:
+    _accelerate(x, v, p, c, True, True, slope)
 
 
 def machine_acceleration(vector: Array, state: Array, volts: Array, payload: float) -> Array:
@@ -206,8 +248,14 @@ def machine_acceleration(vector: Array, state: Array, volts: Array, payload: flo
     constants, slope = np.empty(15), np.empty(6)
     _constants(vector, payload, constants)
     first, second, third = volts.tolist()
-    _accelerate(state, (first, second, third), vector, constants, True, True, slope)
+    _acceleration(state, (first, second, third), vector, constants, slope)
     return slope[3:]
+
+
+@kernel(inlined=True)
+def _saturated(x: float) -> float:
+    """tanh(x), which is 1 to the last bit from 22 on."""
+    return math.copysign(1.0, x) if abs(x) >= 22.0 else math.tanh(x)
 
 
 @kernel
@@ -216,11 +264,11 @@ def _rub(x: Array, h: float, p: Array, c: Array, width: float) -> None:
 
     A joint that a step of the search would turn around stops first: friction is steepest at rest.
     """
-    n11, n21, n31, n22, n32, n33 = _inverse(x[1], x[2], c)
+    n11, n21, n31, n22, n32, n33 = _inverse(_directions(x[0], x[1], x[2]), c)
     w = (x[3], x[4], x[5])
     a1, a2, a3 = w
     for _ in range(_TURNS):
-        t1, t2, t3 = math.tanh(a1 / width), math.tanh(a2 / width), math.tanh(a3 / width)
+        t1, t2, t3 = _saturated(a1 / width), _saturated(a2 / width), _saturated(a3 / width)
         F1 = p[18] + p[_STICTION] * math.exp(-((a1 / p[_STRIBECK]) ** 2))
         F2 = p[19] + p[_STICTION + 1] * math.exp(-((a2 / p[_STRIBECK + 1]) ** 2))
         F3 = p[20] + p[_STICTION + 2] * math.exp(-((a3 / p[_STRIBECK + 2]) ** 2))
@@ -246,13 +294,13 @@ def _rub(x: Array, h: float, p: Array, c: Array, width: float) -> None:
     x[3], x[4], x[5] = a1, a2, a3
 
 
-@kernel
+@kernel(inlined=True)
 def _dead(u: float, zone: float) -> float:
     u = min(max(u, -VOLTAGE_LIMIT), VOLTAGE_LIMIT)
     return math.copysign(max(abs(u) - zone, 0.0), u)
 
 
-@kernel
+@kernel(uses=(dynamics, lanes))
 def integrate_machine(
     p: Array,
     volts: Array,
@@ -333,7 +381,7 @@ def integrate_machine(
     return volts.shape[0] - first
 
 
-@kernel
+@kernel(uses=(dynamics, lanes))
 def linearise_machine(
     p: Array, volts: Array, payload: float, columns: Array, steps: Array, acting: Array, state: Array, slopes: Array
 ) -> None:

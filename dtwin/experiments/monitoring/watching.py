@@ -36,7 +36,7 @@ _MOVES: Final = 0.1
 """Velocity of a joint that moves, rad/s."""
 _NOTICED: Final = ("suspected", "failed", "misfit", "push")
 """Kinds of the events by which the monitor notices something."""
-_FALSE: Final = ("failed", "misfit", "push")
+FALSE: Final = ("failed", "misfit", "push")
 """Kinds of the events that are alarms."""
 
 
@@ -222,7 +222,7 @@ def _followed(belief: Belief, log: Log) -> Monitor:
 
 
 def _alarms(monitor: Monitor, until: float = np.inf) -> list[str]:
-    return [event.text for event in monitor.events if event.kind in _FALSE and event.time < until]
+    return [event.text for event in monitor.events if event.kind in FALSE and event.time < until]
 
 
 def _outcome(belief: Belief, baselines: Sequence[Baseline], item: Work, number: int, onset: float) -> Outcome:

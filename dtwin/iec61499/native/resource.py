@@ -23,7 +23,7 @@ from dtwin.iec61499.native.tracing import traced_events
 from dtwin.iec61499.native.unit import unit_of
 from dtwin.iec61499.runtime.wiring import checked_value
 from dtwin.iec61499.trace.ctf import TraceWriter
-from dtwin.iec61499.types import DataType, ElementaryType
+from dtwin.iec61499.types import LREAL, DataType, ElementaryType
 
 NAME: Final = "unit"
 _FAULT: Final = Struct("iiqqqi")
@@ -59,6 +59,10 @@ class NativeResource:
         self.address = ctypes.addressof(self._memory)
         self._places = {place.name: place for place in self._layout.variables}
         self._offsets, self._flags = _offsets(self._library, self._layout)
+        self._reals = self._view[: size - size % 8].cast("d")
+        self._places_of_reals = {
+            place.name: self._offsets[place.name] // 8 for place in self._layout.variables if place.type == LREAL
+        }
         self._stopped = False
         self._function(f"{NAME}__initialise", None)(self.address)
         self._recorder = None
@@ -148,6 +152,9 @@ class NativeResource:
         Raises:
             FunctionBlockError: there is no such block or variable, or the value is not of its type.
         """
+        if type(value) is float and self._recorder is None and name in self._places_of_reals:
+            self._reals[self._places_of_reals[name]] = value
+            return
         place = self._find(name)
         if name.endswith(CHART):
             raise FunctionBlockError(f"{name} is the state of a chart and cannot be written: expected a variable")

@@ -13,7 +13,6 @@ anything up to its level, because whether a joint sticks depends on less than a 
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -185,12 +184,10 @@ class Estimator:
             self._hold(gripped)
         last, self._command = self._command, volts
         x = self.x
-        possible = np.minimum(np.maximum(x, self._least), self._most)
-        if not gripped:
-            possible[PAYLOAD] = 0.0
-        x[:6], self.F = self._motion.carry(possible, volts, gripped, self._locked)
-        x[BIAS:DRIFT] += PERIOD * x[DRIFT:]
-        x[TORQUE:MOVING] *= self.memory
+        possible = np.empty(SIZE)
+        kernels.bound(x, self._least, self._most, gripped, possible)
+        end, self.F = self._motion.carry(possible, volts, gripped, self._locked)
+        kernels.carry(x, end, self.memory, PERIOD)
         handling = self.belief.error.grip if self._handling else 0.0
         self._handling = max(self._handling - 1, 0)
         torque = self._torque + doubt**2 + handling**2
@@ -235,10 +232,9 @@ class Estimator:
 
     def expected(self) -> tuple[Array, Array]:
         """The readings as they are expected now, (3,), and their standard deviations about that, (3,), rad."""
-        angle, bias = self.P[:3], self.P[BIAS:DRIFT]
-        variance = angle.diagonal() + 2.0 * angle.diagonal(BIAS) + bias.diagonal(BIAS) + self._noise
-        angles = self.x[:W]
-        return angles + self._motion.eccentricity(angles) + self.x[BIAS:DRIFT], np.sqrt(variance)
+        angles, deviations = np.empty(3), np.empty(3)
+        kernels.expect(self.x, self.P, self._motion.eccentricity(self.x[:W]), self._noise, angles, deviations)
+        return angles, deviations
 
     def chance(self, joint: int, away: float) -> float:
         """Logarithm of the likelihood that noise alone moves the reading of a joint (0 to 2) so far, rad."""
@@ -247,9 +243,11 @@ class Estimator:
 
     def copy(self) -> Estimator:
         """An independent estimator in the same state."""
-        other = copy.copy(self)
+        other = object.__new__(Estimator)
+        own = other.__dict__
+        own.update(self.__dict__)
         for name in _OWN:
-            setattr(other, name, getattr(self, name).copy())
+            own[name] = own[name].copy()
         return other
 
     def spread(self, deviations: Mapping[str, float]) -> None:

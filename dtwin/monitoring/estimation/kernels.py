@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.estimation.layout import BIAS, DRIFT, MOVING, SIZE, TORQUE
+from dtwin.monitoring.estimation.layout import BIAS, DRIFT, MOVING, PAYLOAD, SIZE, TORQUE
 from dtwin.twin.compiled import kernel
 
 Array = NDArray[np.float64]
@@ -44,6 +44,60 @@ def huber(clip: float) -> tuple[float, float]:
     core = math.erf(clip / math.sqrt(2.0))
     whole = core + 2.0 * math.exp(-0.5 * clip * clip) / (math.sqrt(2.0 * math.pi) * clip)
     return core / whole, math.log(whole)
+
+
+@kernel
+def bound(x: Array, least: Array, most: Array, gripped: bool, found: Array) -> None:
+    """Writes the state (33,) within its bounds, without a box if none is gripped."""
+    for i in range(SIZE):
+        found[i] = min(max(x[i], least[i]), most[i])
+    if not gripped:
+        found[PAYLOAD] = 0.0
+
+
+@kernel
+def carry(x: Array, end: Array, memory: float, period: float) -> None:
+    """Carries the mean over one sample, in place, at whose end q and w are `end` (6,); see `predict`."""
+    for i in range(6):
+        x[i] = end[i]
+    for i in range(3):
+        x[BIAS + i] += period * x[DRIFT + i]
+        x[TORQUE + i] *= memory
+
+
+@kernel
+def expect(x: Array, P: Array, eccentricity: Array, noise: Array, angles: Array, deviations: Array) -> None:
+    """Writes the readings that are expected, (3,) rad, and their standard deviations, (3,) rad.
+
+    Args:
+        x: mean.
+        P: covariance.
+        eccentricity: (3,), what eccentric encoders add to the angles, rad.
+        noise: (3,), variances, rad^2.
+        angles: (3,), receives the readings.
+        deviations: (3,), receives their deviations.
+    """
+    for i in range(3):
+        angles[i] = x[i] + eccentricity[i] + x[BIAS + i]
+        deviations[i] = math.sqrt(P[i, i] + 2.0 * P[i, BIAS + i] + P[BIAS + i, BIAS + i] + noise[i])
+
+
+@kernel
+def largest(h: Array, J: Array, precision: Array, least: Array, allowance: Array) -> float:
+    """The largest of h^2 / (J + precision) beyond what is allowed for, at least 0; not a number if one is none.
+
+    Args:
+        h, J, precision: (n,), see above, a fault after the other for each onset.
+        least: (n,), least values of h.
+        allowance: (m,), what is allowed for each fault.
+    """
+    found = 0.0
+    for c in range(len(h)):
+        counted = max(h[c], least[c])
+        statistic = counted * counted / (J[c] + precision[c]) - allowance[c % len(allowance)]
+        if not statistic <= found:
+            found = statistic
+    return found
 
 
 @kernel

@@ -28,6 +28,8 @@ from dtwin.monitoring.estimation.layout import (
     W,
 )
 from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters
+from dtwin.twin import dynamics, lanes, machine, sensitivity
+from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import coefficients
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from dtwin.twin.machine import MACHINE_NAMES, WIDTH, linearise_machine, vector_of
@@ -86,29 +88,30 @@ class RigidMotion:
 
     def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:
         """See `Motion.carry`."""
-        meant = np.minimum(np.maximum(volts, -VOLTAGE_LIMIT), VOLTAGE_LIMIT)
-        later = meant - meant if self._last is None else self._last - meant
-        self._last = meant
-        share = 1.0 + x[SUPPLY]
-        u = share * (meant + x[LATE] * later)
+        last, self._last = volts if self._last is None else self._last, volts
+        if not locked:
+            states, derivatives = np.empty((2, 6)), np.empty((2, 6, MOVING))
+            _carry(x, volts, last, gripped, self._empty, self._moved, self._nominal, self._level, states, derivatives)
+            return states[1], derivatives[1]
+        meant, last = np.clip((volts, last), -VOLTAGE_LIMIT, VOLTAGE_LIMIT)
+        later = last - meant
+        u = (1.0 + x[SUPPLY]) * (meant + x[LATE] * later)
         u[np.abs(u) < _LEAST_VOLTS] = _LEAST_VOLTS
         held = self._empty + self._moved[0, :, ARM:] @ (x - self._nominal)[ARM:MOVING]
         states, derivatives = np.empty((2, 6)), np.zeros((2, 6, MOVING))
         states[0], derivatives[0, :, :6] = x[:6], np.eye(6)
         end, F = states[1], derivatives[1]
-        for _ in range(_TURNS if locked else 1):
+        for _ in range(_TURNS):
             integrate_linearised(
                 held[None], self._moved, self._level, u[None], PERIOD, SUBSTEPS, COULOMB_WIDTH, states, derivatives
             )
-            if locked:
-                _oppose(u, x, end, F, locked - 1)
+            _oppose(u, x, end, F, locked - 1)
         F[:, TORQUE:MOVING] = F[:, ARM : ARM + 3] / u
         end += F[:, TORQUE:MOVING] @ x[TORQUE:MOVING]
         _by_voltages(F, x, meant + x[LATE] * later, later)
         if not gripped:
             F[:, PAYLOAD] = 0.0
-        if locked:
-            _hold(x, end, F, locked - 1)
+        _hold(x, end, F, locked - 1)
         return end, F
 
     def eccentricity(self, angles: Array) -> Array:
@@ -132,13 +135,11 @@ class MachineMotion:
         self._vector = vector_of(arm, effects)
         self._commands = np.zeros((math.floor(effects.delay / PERIOD) + 2 + LATEST, 3))
         self._sin, self._cos = np.array(effects.eccentric_sin), np.array(effects.eccentric_cos)
-        self._acting = np.full(3, np.nan)
-        self._mean: Array | None = None
+        self._acting, self._mean = np.full((2, 3), np.nan)
 
     def begin(self) -> None:
         """Takes commands and voltages before to be like the next ones."""
-        self._acting[:] = np.nan
-        self._mean = None
+        self._acting[:] = self._mean[:] = np.nan
 
     def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:
         """See `Motion.carry`."""
@@ -146,54 +147,30 @@ class MachineMotion:
             self._commands[:] = volts
         self._commands[:-1] = self._commands[1:]
         self._commands[-1] = volts
-        p = self._vector.copy()
-        p[_OF_ARM] = x[ARM:PAYLOAD]
-        share = 1.0 + x[SUPPLY]
-        p[_OF_K] *= share
-        p[_OF_DELAY] += x[LATE] * PERIOD
-        p[_OF_TORQUE] += x[TORQUE:MOVING]
         columns, steps = (_COLUMNS, _STEPS) if gripped else (_COLUMNS[:-1], _STEPS[:-1])
-        before, end, slopes = self._acting.copy(), x[:6].copy(), np.empty((6, len(columns)))
-        for turn in range(_TURNS if locked else 1):
-            end[:], self._acting[:] = x[:6], before
-            linearise_machine(p, self._commands, x[PAYLOAD], columns, steps, self._acting, end, slopes)
-            slope = slopes[W + locked - 1, 6 + locked - 1]
-            if locked and slope and turn < _TURNS - 1:
-                p[_OF_TORQUE[locked - 1]] -= end[W + locked - 1] / slope
-        F = np.zeros((6, MOVING))
-        F[:, :6], F[:, TORQUE:MOVING] = slopes[:, :6], slopes[:, 6:9]
-        if gripped:
-            F[:, PAYLOAD] = slopes[:, 9]
-        acting = self._acting if np.isnan(before[0]) else 0.5 * (before + self._acting)
-        speed = 0.5 * (x[W:ARM] + end[W:])
-        later = np.zeros(3) if self._mean is None else self._mean - acting
-        self._mean = acting
-        for first, torque in ((_K, share * acting), (_D, -speed), (_MU, -np.tanh(speed / WIDTH))):
-            F[:, first : first + 3] = F[:, TORQUE:MOVING] * torque
-        _by_voltages(F, x, acting, later)
+        end, F, slopes = np.empty(6), np.empty((6, MOVING)), np.empty((6, len(columns)))
+        _carry_machine(
+            x, self._vector, self._commands, columns, steps, locked, self._acting, self._mean, end, slopes, F
+        )
         if locked:
             _hold(x, end, F, locked - 1)
         return end, F
 
     def eccentricity(self, angles: Array) -> Array:
         """See `Motion.eccentricity`."""
-        return self._sin * np.sin(angles) + self._cos * np.cos(angles)
+        found = np.empty(3)
+        _eccentricity(angles, self._sin, self._cos, found)
+        return found
 
     def copy(self) -> MachineMotion:
         """See `Motion.copy`."""
         other = object.__new__(MachineMotion)
         other._vector, other._sin, other._cos = self._vector, self._sin, self._cos
-        other._commands, other._acting, other._mean = self._commands.copy(), self._acting.copy(), self._mean
+        other._commands, other._acting, other._mean = self._commands.copy(), self._acting.copy(), self._mean.copy()
         return other
 
 
-def motion_of(belief: Belief) -> Motion:
-    """The motion of the arm as it is believed."""
-    if belief.effects == NO_EFFECTS:
-        return RigidMotion(belief.arm)
-    return MachineMotion(belief.arm, belief.effects)
-
-
+@kernel
 def _by_voltages(F: Array, x: Array, volts: Array, later: Array) -> None:
     """Fills in the derivatives by the share of the voltages and by how late they come.
 
@@ -203,8 +180,127 @@ def _by_voltages(F: Array, x: Array, volts: Array, later: Array) -> None:
         volts: (3,), mean voltages of the sample at the full supply, V.
         later: (3,), by how much those of a sample before differ from them, V.
     """
-    torque = F[:, TORQUE:MOVING] * x[_K : _K + 3]
-    F[:, SUPPLY], F[:, LATE] = torque @ volts, (1.0 + x[SUPPLY]) * (torque @ later)
+    for i in range(6):
+        F[i, SUPPLY] = F[i, LATE] = 0.0
+        for joint in range(3):
+            by_volt = F[i, TORQUE + joint] * x[ARM + joint]
+            F[i, SUPPLY] += by_volt * volts[joint]
+            F[i, LATE] += (1.0 + x[SUPPLY]) * by_volt * later[joint]
+
+
+@kernel(uses=(sensitivity,))
+def _carry(
+    x: Array,
+    volts: Array,
+    last: Array,
+    gripped: bool,
+    empty: Array,
+    moved: Array,
+    nominal: Array,
+    level: NDArray[np.int64],
+    states: Array,
+    derivatives: Array,
+) -> None:
+    """Writes to the last rows of states (2, 6) and derivatives (2, 6, 27) what `RigidMotion.carry` gives while no
+    joint is locked."""
+    u, held, mean, later = np.empty((1, 3)), np.empty((1, 18)), np.empty(3), np.empty(3)
+    derivatives[0] = 0.0
+    for i in range(3):
+        meant = min(max(volts[i], -VOLTAGE_LIMIT), VOLTAGE_LIMIT)
+        later[i] = min(max(last[i], -VOLTAGE_LIMIT), VOLTAGE_LIMIT) - meant
+        mean[i] = meant + x[LATE] * later[i]
+        u[0, i] = (1.0 + x[SUPPLY]) * mean[i]
+        if abs(u[0, i]) < _LEAST_VOLTS:
+            u[0, i] = _LEAST_VOLTS
+    for k in range(18):
+        held[0, k] = empty[k]
+        for j in range(ARM, MOVING):
+            held[0, k] += moved[0, k, j] * (x[j] - nominal[j])
+    for i in range(6):
+        states[0, i] = x[i]
+        derivatives[0, i, i] = 1.0
+    integrate_linearised(held, moved, level, u, PERIOD, SUBSTEPS, COULOMB_WIDTH, states, derivatives)
+    end, F = states[1], derivatives[1]
+    for i in range(6):
+        for joint in range(3):
+            F[i, TORQUE + joint] = F[i, ARM + joint] / u[0, joint]
+            end[i] += F[i, TORQUE + joint] * x[TORQUE + joint]
+        if not gripped:
+            F[i, PAYLOAD] = 0.0
+    _by_voltages(F, x, mean, later)
+
+
+def motion_of(belief: Belief) -> Motion:
+    """The motion of the arm as it is believed."""
+    if belief.effects == NO_EFFECTS:
+        return RigidMotion(belief.arm)
+    return MachineMotion(belief.arm, belief.effects)
+
+
+@kernel
+def _eccentricity(angles: Array, sine: Array, cosine: Array, found: Array) -> None:
+    for i in range(3):
+        found[i] = sine[i] * math.sin(angles[i]) + cosine[i] * math.cos(angles[i])
+
+
+@kernel(uses=(dynamics, lanes, machine))
+def _carry_machine(
+    x: Array,
+    vector: Array,
+    commands: Array,
+    columns: NDArray[np.int64],
+    steps: Array,
+    locked: int,
+    acting: Array,
+    mean: Array,
+    end: Array,
+    slopes: Array,
+    F: Array,
+) -> None:
+    """Writes what `MachineMotion.carry` gives, but for what a lock eliminates, to end (6,) and F (6, 27).
+
+    Args:
+        x: (33,), states before.
+        vector: (78,), the machine, whose estimated numbers are taken from x.
+        commands: (n, 3), commands up to this sample, V.
+        columns, steps: as for `linearise_machine`.
+        locked: joint that is held where it is, 1 to 3, or 0.
+        acting: (3,), voltages that act, V; replaced.
+        mean: (3,), mean voltages of the sample before, V; replaced.
+        slopes: (6, m), room for the derivatives by the columns.
+    """
+    p, before = vector.copy(), acting.copy()
+    for k in range(len(_OF_ARM)):
+        p[_OF_ARM[k]] = x[ARM + k]
+    share = 1.0 + x[SUPPLY]
+    p[_OF_DELAY] += x[LATE] * PERIOD
+    for i in range(3):
+        p[_OF_K[i]] *= share
+        p[_OF_TORQUE[i]] += x[TORQUE + i]
+    for turn in range(_TURNS if locked else 1):
+        end[:], acting[:] = x[:6], before
+        linearise_machine(p, commands, x[PAYLOAD], columns, steps, acting, end, slopes)
+        if locked and turn < _TURNS - 1:
+            slope = slopes[W + locked - 1, 6 + locked - 1]
+            if slope != 0.0:
+                p[_OF_TORQUE[locked - 1]] -= end[W + locked - 1] / slope
+    F[:] = 0.0
+    F[:, :6], F[:, TORQUE:MOVING] = slopes[:, :6], slopes[:, 6:9]
+    if len(columns) > 9:
+        F[:, PAYLOAD] = slopes[:, 9]
+    later = np.zeros(3)
+    for i in range(3):
+        now = acting[i] if math.isnan(before[0]) else 0.5 * (before[i] + acting[i])
+        if not math.isnan(mean[i]):
+            later[i] = mean[i] - now
+        mean[i] = now
+        speed = 0.5 * (x[W + i] + end[W + i])
+        rubs = -math.tanh(speed / WIDTH)
+        for j in range(6):
+            by_torque = F[j, TORQUE + i]
+            F[j, _K + i] = by_torque * share * now
+            F[j, _D + i], F[j, _MU + i] = -by_torque * speed, by_torque * rubs
+    _by_voltages(F, x, mean, later)
 
 
 def _oppose(u: Array, x: Array, end: Array, F: Array, joint: int) -> None:

@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 from dtwin.identification.estimation.quality import noise
 from dtwin.monitoring.estimation.belief import NOISE_FLOOR
 from dtwin.parameters import Triple
+from dtwin.twin.compiled import kernel
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Counts = NDArray[np.int64]
 
 LISTENING: Final = 100
 """samples from which the noise of the encoders is judged"""
@@ -52,6 +54,7 @@ _FAR: Final = 8.0
 one that was near is left out, and a spike if the next one is near again; if not, the next one counts"""
 _NEAR: Final = 0.5
 """share of that distance"""
+_ALL: Final = np.ones(3, dtype=bool)
 
 
 class Readings:
@@ -95,22 +98,27 @@ class Readings:
 
     def take(self, measured: Array) -> Array:
         """Takes in a sample, (3,) rad; returns the angles that it measures, (3,) rad."""
-        step = measured - self.last
-        equal = step == 0.0
-        known = self._steps >= _TELLING
-        self._learn(np.abs(step))
-        dithered = known & (self.resolution > 0.0) & (self._deviation > _DITHER * self.resolution)
-        self._dithered = dithered | (self.resolution == 0.0)
-        held = np.where(np.abs(step) > 1.5 * self.resolution, 1, self.repeated + 1)
-        beyond = np.where(known & ~equal & ~dithered, 0.5 * self.resolution * (1.0 - 1.0 / held), 0.0)
-        self._angles = measured - np.copysign(beyond, step)
-        self._has_repeated |= equal
-        exact = known & (self.resolution == 0.0) & ~self._noisy
-        self.repeated = np.where(equal, self.repeated + 1, 0)
-        by_chance = dithered & (self.repeated <= _CHANCE)
-        self._new = np.where(equal, exact | by_chance, known | ~self._has_repeated)
+        if self._steps.min() < _JUDGED:
+            known = self._steps >= _TELLING
+            self._learn(np.abs(measured - self.last))
+        else:
+            known = _ALL
+        self._angles = angles = np.empty(3)
+        _take(
+            measured,
+            self.last,
+            known,
+            self.resolution,
+            self._deviation,
+            self._noisy,
+            self._has_repeated,
+            self.repeated,
+            self._dithered,
+            self._new,
+            angles,
+        )
         self.last = measured
-        return self._angles
+        return angles
 
     @property
     def proven(self) -> Flags:
@@ -128,24 +136,26 @@ class Readings:
         Returns:
             which readings are measurements, (3,).
         """
-        first = self.repeated == 0
-        self._since = np.where(first | np.isnan(self._since), predicted, self._since)
-        # A prediction that was wrong when the reading came first moves towards it, which is no motion.
-        moved = np.minimum(np.abs(predicted - self._since), np.abs(predicted - self.last))
-        stopped = (self.repeated >= FROZEN - 1) & (moved > _RESOLUTIONS * self.resolution)
-        self.frozen = ~first & (self.frozen | (stopped & (moved > _DEVIATIONS * deviation)))
-        outside = np.abs(predicted - self.last) > 0.5 * self.resolution
-        again = ~first & (self.repeated % _LOOK == 0) & (self.resolution > 0.0) & outside
-        # Where neighbouring readings differ by noise, one that repeats the last is more often a sample that was lost.
-        lost = ~first & self._dithered & (np.abs(predicted - self.last) > deviation)
-        used = (self._new | again) & ~self.frozen & ~lost
-        away = np.abs(self._angles - predicted) / deviation
-        near = away < _NEAR * self._far
-        self.spikes = used & self._left_out & near
-        left_out = used & self._was_near & (away > self._far) & trusted
-        self._left_out = np.where(used, left_out, self._left_out)
-        self._was_near = np.where(used, near, self._was_near)
-        return used & ~left_out
+        measurements = np.empty(3, dtype=bool)
+        _judge(
+            predicted,
+            deviation,
+            trusted,
+            self.last,
+            self._angles,
+            self._new,
+            self.repeated,
+            self.resolution,
+            self._dithered,
+            self._far,
+            self._since,
+            self.frozen,
+            self.spikes,
+            self._left_out,
+            self._was_near,
+            measurements,
+        )
+        return measurements
 
     def expect_tails(self, clip: Triple) -> None:
         """Takes the noise to have exponential tails beyond so many standard deviations: such noise is farther off as
@@ -182,8 +192,6 @@ class Readings:
 
     def _learn(self, steps: Array) -> None:
         """The resolution divides all steps, (3,) rad, of which the first ones tell it."""
-        if self._steps.min() >= _JUDGED:
-            return
         telling = (steps > 0.0) & (steps < COARSEST) & (self._steps < _JUDGED)
         for i in np.flatnonzero(telling):
             self._unweighed = True
@@ -191,6 +199,78 @@ class Readings:
             self._divisor[i] = _common_divisor(self._divisor[i], steps[i])
             if self._steps[i] >= _TELLING:
                 self.resolution[i] = self._divisor[i] if self._divisor[i] > NOISE_FLOOR else 0.0
+
+
+@kernel
+def _take(
+    measured: Array,
+    last: Array,
+    known: Flags,
+    resolution: Array,
+    deviation: Array,
+    noisy: Flags,
+    has_repeated: Flags,
+    repeated: Counts,
+    dithered: Flags,
+    new: Flags,
+    angles: Array,
+) -> None:
+    """Writes the angles (3,) that readings measure, rad, and brings the four arrays before up to date."""
+    for i in range(3):
+        step = measured[i] - last[i]
+        equal = step == 0.0
+        drowned = known[i] and resolution[i] > 0.0 and deviation[i] > _DITHER * resolution[i]
+        dithered[i] = drowned or resolution[i] == 0.0
+        held = 1 if abs(step) > 1.5 * resolution[i] else repeated[i] + 1
+        beyond = 0.5 * resolution[i] * (1.0 - 1.0 / held) if known[i] and not equal and not drowned else 0.0
+        angles[i] = measured[i] - math.copysign(beyond, step)
+        has_repeated[i] |= equal
+        exact = known[i] and resolution[i] == 0.0 and not noisy[i]
+        repeated[i] = repeated[i] + 1 if equal else 0
+        by_chance = drowned and repeated[i] <= _CHANCE
+        new[i] = exact or by_chance if equal else known[i] or not has_repeated[i]
+
+
+@kernel
+def _judge(
+    predicted: Array,
+    deviation: Array,
+    trusted: bool,
+    last: Array,
+    angles: Array,
+    new: Flags,
+    repeated: Counts,
+    resolution: Array,
+    dithered: Flags,
+    far: Array,
+    since: Array,
+    frozen: Flags,
+    spikes: Flags,
+    left_out: Flags,
+    was_near: Flags,
+    measurements: Flags,
+) -> None:
+    """Tells which readings (3,) are measurements, see `Readings.judge`, and updates the five arrays before."""
+    for i in range(3):
+        first = repeated[i] == 0
+        if first or math.isnan(since[i]):
+            since[i] = predicted[i]
+        # A prediction that was wrong when the reading came first moves towards it, which is no motion.
+        off = abs(predicted[i] - last[i])
+        moved = min(abs(predicted[i] - since[i]), off)
+        stopped = repeated[i] >= FROZEN - 1 and moved > _RESOLUTIONS * resolution[i]
+        frozen[i] = not first and (frozen[i] or (stopped and moved > _DEVIATIONS * deviation[i]))
+        again = not first and repeated[i] % _LOOK == 0 and resolution[i] > 0.0 and off > 0.5 * resolution[i]
+        # Where neighbouring readings differ by noise, one that repeats the last is more often a sample that was lost.
+        lost = not first and dithered[i] and off > deviation[i]
+        used = (new[i] or again) and not frozen[i] and not lost
+        away = abs(angles[i] - predicted[i]) / deviation[i]
+        near = away < _NEAR * far[i]
+        spikes[i] = used and left_out[i] and near
+        left = used and was_near[i] and away > far[i] and trusted
+        if used:
+            left_out[i], was_near[i] = left, near
+        measurements[i] = used and not left
 
 
 def _common_divisor(first: float, second: float) -> float:

@@ -197,8 +197,7 @@ def linear_blocks(
         at_rest = np.array([resource.read(name) for name in _MEMORY])
         slopes = _differences(partial(_after, controller), np.array((*at_rest, *theta)))
     count = len(_MEMORY)
-    still = np.hstack((np.eye(count), np.zeros((count, 3))))
-    live = np.flatnonzero(np.abs(slopes[:count] - still).max(axis=1) > _IDLE)
+    live = np.flatnonzero(np.abs(slopes[:count] - np.eye(count, count + 3)).max(axis=1) > _IDLE)
     from_states, from_angles = slopes[:, live], slopes[:, count:]
     return StateSpace(from_states[live], from_angles[live], from_states[count:], from_angles[count:])
 
@@ -241,6 +240,6 @@ def _unchanging(matrix: Array) -> Array:
 def _differences(function: Callable[[Array], Array], point: Array) -> Array:
     """Jacobian at a point by central differences, of a function that takes and gives a row for every point."""
     offsets = _STEP * np.eye(len(point))
-    found = function(np.vstack((point + offsets, point - offsets)))
+    found = function(np.concatenate((point + offsets, point - offsets)))
     jacobian: Array = (found[: len(point)] - found[len(point) :]).T / (2.0 * _STEP)
     return jacobian

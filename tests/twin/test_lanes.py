@@ -1,0 +1,73 @@
+"""Numbers side by side: each lane has the bits of the same operations on one number."""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from dtwin.twin.compiled import kernel
+from dtwin.twin.dynamics import sine_cosine
+from dtwin.twin.lanes import WIDTH, abreast, apart, load, store
+from tests.support.arms import Array
+
+NUMBERS = arrays(np.float64, (3, WIDTH), elements=st.floats(allow_subnormal=True))
+
+
+@kernel
+def _mixed(a: float, b: float, c: float, factor: float) -> tuple[float, float, float]:
+    total = a
+    total -= b * c
+    first, second, third = apart(abreast(a, b, c) * factor)
+    return -(total + first) / 3.0, 1.0 - second, math.tanh(third / 0.5)
+
+
+@kernel
+def _in_lanes(rows: Array, factor: float, found: Array) -> None:
+    for k, value in enumerate(_mixed(load(rows, 0), load(rows, 1), load(rows, 2), factor)):
+        store(found, k, value)
+
+
+@kernel
+def _sines_in_lanes(rows: Array, found: Array) -> None:
+    sine, cosine = sine_cosine(load(rows, 0))
+    store(found, 0, sine)
+    store(found, 1, cosine)
+
+
+def _same(found: Array, expected: Array) -> bool:
+    """Whether all bits are equal; of what is no number the bits may differ."""
+    numbers = ~np.isnan(expected)
+    same_numbers = found[numbers].tobytes() == expected[numbers].tobytes()
+    return same_numbers and bool(np.isnan(found[~numbers]).all())
+
+
+@settings(max_examples=300, deadline=None)
+@given(NUMBERS, st.floats())
+def test_lanes_compute_what_floats_compute(rows: Array, factor: float) -> None:
+    found = np.empty((3, WIDTH))
+    _in_lanes(rows, factor, found)
+    expected = np.array([_mixed(*rows[:, lane].tolist(), factor) for lane in range(WIDTH)]).T
+    assert _same(found, expected)
+
+
+@settings(max_examples=300, deadline=None)
+@given(arrays(np.float64, (1, WIDTH), elements=st.floats(-1e6, 1e6)))
+def test_sines_in_lanes_are_those_of_each_angle(angles: Array) -> None:
+    found = np.empty((2, WIDTH))
+    _sines_in_lanes(angles, found)
+    assert _same(found, np.array([sine_cosine(angle) for angle in angles[0].tolist()]).T)
+
+
+def test_lanes_of_different_widths_do_not_mix() -> None:
+    @numba.njit
+    def mixed(rows: Array) -> None:
+        store(rows, 0, load(rows, 0) + abreast(1.0, 2.0, 3.0))
+
+    with pytest.raises(numba.TypingError, match="Lanes"):
+        mixed(np.zeros((1, WIDTH)))
