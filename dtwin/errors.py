@@ -68,6 +68,10 @@ class NoSpaceError(RecordingError):
     """A log or recording cannot be written because the disk, or the part of it that one may use, is full."""
 
 
+class TaskError(DtwinError):
+    """A task of a campaign failed."""
+
+
 class CommunicationError(DtwinError):
     """A peer is unreachable, late, or speaks another protocol."""
 

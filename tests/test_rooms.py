@@ -11,10 +11,10 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 FLOORS = [
     {"dtwin.errors", "dtwin.optional"},
-    {"dtwin.files", "dtwin.options", "dtwin.parameters", "dtwin.pool", "dtwin.terminal", "dtwin.iec61499"},
+    {"dtwin.files", "dtwin.options", "dtwin.parameters", "dtwin.terminal", "dtwin.iec61499"},
     {"dtwin.signals", "dtwin.task"},
     {"dtwin.bus", "dtwin.emulation", "dtwin.twin", "dtwin.controller"},
-    {"dtwin.run", "dtwin.fmu"},
+    {"dtwin.run", "dtwin.fmu", "dtwin.campaign"},
     {"dtwin.pictures"},
     {"dtwin.view", "dtwin.identification"},
     {"dtwin.monitoring", "dtwin.simulation"},

@@ -13,6 +13,7 @@ import numpy as np
 from dtwin.api.arguments import AnyPath, Texts, checked, texts
 from dtwin.api.identification import Identified
 from dtwin.api.monitoring import model_of
+from dtwin.campaign.spread import Workforce
 from dtwin.controller.settings import APPLICATION_LAW, Compensation, ControlSettings, usual_gains
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import ParameterError
@@ -130,7 +131,8 @@ def optimise(
     tracking: float = _LIMITS.tracking,
     voltage: float = _LIMITS.voltage,
     candidates: int = 1000,
-    processes: int | None = 1,
+    workers: int | None = 1,
+    scheduler: str | None = None,
     seed: int = 0,
     between: Callable[[int, float], None] = lambda done, best: None,
 ) -> search.Optimum:
@@ -153,8 +155,9 @@ def optimise(
         tracking: largest distance of a joint from its path, rad.
         voltage: largest voltage of a motor, V.
         candidates: number of settings to judge.
-        processes: number of processes that share the work; None for one for each core, which a script must guard by
+        workers: number of processes that share the work; None for one for each core, which a script must guard by
             `if __name__ == "__main__"`.
+        scheduler: address of a Dask scheduler whose workers share the work instead, such as `"tcp://127.0.0.1:8786"`.
         seed: number of the random generator of the search; equal numbers give equal settings.
         between: called after every generation with the number of candidates judged and the least cost.
 
@@ -175,7 +178,12 @@ def optimise(
         seed,
     )
     return search.optimise(
-        objective, target_time, candidates=candidates, processes=processes, seed=seed, between=between
+        objective,
+        target_time,
+        candidates=candidates,
+        workforce=Workforce(workers if scheduler is None else None, scheduler),
+        seed=seed,
+        between=between,
     )
 
 

@@ -16,7 +16,8 @@ from rich.markdown import Markdown, TableElement
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from dtwin import pool
+from dtwin.campaign import spread
+from dtwin.campaign.spread import Workforce
 from dtwin.controller.runtime import RuntimeOption
 from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import ParameterError
@@ -62,7 +63,7 @@ class ExperimentCommand(JsonOption, RuntimeOption, ABC, Generic[R]):
     """Number of the first random generator of boxes, noise and faults; equal numbers give equal figures."""
 
     @abstractmethod
-    def measure(self, progress: pool.Progress) -> R:
+    def measure(self, progress: spread.Progress) -> R:
         """What comes of the experiment.
 
         Raises:
@@ -105,15 +106,25 @@ class ExperimentCommand(JsonOption, RuntimeOption, ABC, Generic[R]):
 
 
 @dataclass(frozen=True)
-class SeriesCommand(ExperimentCommand[R]):
-    """An experiment of many runs that share the cores of the machine."""
+class WorkforceOption:
+    """The options of every command that does many independent tasks; what comes of it does not depend on them."""
 
     workers: int | None = None
-    """Number of processes that share the runs, one for each core if not given; the figures do not depend on it."""
+    """Number of processes that share the work, one for each core if not given."""
+    scheduler: str | None = None
+    """Address of a Dask scheduler whose workers share the work instead, such as tcp://127.0.0.1:8786."""
+
+    def workforce(self) -> Workforce:
+        """Who does the tasks. Raises ParameterError."""
+        return Workforce(self.workers, self.scheduler)
+
+
+@dataclass(frozen=True)
+class SeriesCommand(WorkforceOption, ExperimentCommand[R]):
+    """An experiment of many independent runs."""
 
     def execute(self) -> int:
-        if self.workers is not None:
-            at_least("--workers", self.workers, 1)
+        self.workforce()  # a wrong one is told before the experiment begins
         return super().execute()
 
 
@@ -133,7 +144,7 @@ class Page(Markdown):
 
 
 @contextmanager
-def progress_bar(title: str) -> Iterator[pool.Progress]:
+def progress_bar(title: str) -> Iterator[spread.Progress]:
     """A bar on standard error, where that is a terminal; gives what is to be told the progress."""
     console = Console(file=sys.stderr)
     columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())

@@ -9,17 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce, spread
 from dtwin.emulation.machine.energy import EnergyBalance, balance_of
 from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.integration import Integrator, driven
 from dtwin.emulation.machine.sections import Machine, Structure, Transmission
 from dtwin.experiments.report import Report, page, table
 from dtwin.parameters import Triple
-from dtwin.pool import Progress
 
 SECONDS: Final = 3.0
 """Plant time of the driven arms, s."""
@@ -78,6 +78,7 @@ def integration_study(
     balanced_arms: Sequence[Machine] = BALANCED_ARMS,
     seconds: float = SECONDS,
     minute: float = MINUTE,
+    workforce: Workforce = EVERY_CORE,
     progress: Progress = lambda done, of: None,
 ) -> IntegrationStudy:
     """Drives arms under all integrators, and balances the energy of others.
@@ -87,21 +88,35 @@ def integration_study(
         balanced_arms: machines whose energy is balanced.
         seconds: plant time of the driven arms, s.
         minute: plant time of the balances, s.
+        workforce: who does the machines.
         progress: told the numbers of machines done and in all.
     """
-    of = len(driven_arms) + len(balanced_arms)
-    errors, balances = {}, {}
-    for machine in driven_arms:
-        reference = driven(machine, "RK4", REFERENCE, seconds)
-        errors[machine.name] = tuple(
-            float(np.abs(driven(machine, integrator, step, seconds) - reference).max())
-            for integrator, step in CHOICES
-        )
-        progress(len(errors), of)
-    for machine in balanced_arms:
-        balances[machine.name] = balance_of(machine, lambda time: swing(time, minute), minute)
-        progress(len(errors) + len(balances), of)
-    return IntegrationStudy(errors, balances)
+    tasks = [_Task(machine, seconds, False) for machine in driven_arms]
+    tasks += [_Task(machine, minute, True) for machine in balanced_arms]
+    found = dict(zip(tasks, spread(_done, tasks, workforce, progress), strict=True))
+    return IntegrationStudy(
+        {task.machine.name: each for task, each in found.items() if isinstance(each, tuple)},
+        {task.machine.name: each for task, each in found.items() if isinstance(each, EnergyBalance)},
+    )
+
+
+class _Task(NamedTuple):
+    """A machine, and whether its energy is balanced in a plant time (s) or its angles are compared."""
+
+    machine: Machine
+    seconds: float
+    balanced: bool
+
+    def __str__(self) -> str:
+        return self.machine.name
+
+
+def _done(task: _Task) -> tuple[float, ...] | EnergyBalance:
+    machine, seconds, balanced = task
+    if balanced:
+        return balance_of(machine, lambda time: swing(time, seconds), seconds)
+    reference = driven(machine, "RK4", REFERENCE, seconds)
+    return tuple(float(np.abs(driven(machine, *choice, seconds) - reference).max()) for choice in CHOICES)
 
 
 def swing(time: float, minute: float) -> Triple:

@@ -10,12 +10,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from dtwin.campaign.spread import Progress, Workforce, spread
 from dtwin.emulation.faults import parse_fault
 from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.sections import Contact
 from dtwin.experiments.report import Report, page, table
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT
-from dtwin.pool import Progress, Workers
 from dtwin.run.cell import Cell
 from dtwin.run.options import ControlOptions
 from dtwin.run.settings import CellSettings
@@ -35,6 +35,9 @@ class Work(NamedTuple):
     number: int
     seed: int
     duration: float
+
+    def __str__(self) -> str:
+        return f"machine {self.number} with seed {self.seed}"
 
 
 class MachineAtWork(msgspec.Struct, frozen=True):
@@ -97,11 +100,11 @@ def longest(flags: NDArray[np.bool_]) -> int:
 
 
 def machines_at_work(
-    first: int, count: int, seed: int, duration: float, workers: int | None, progress: Progress
+    first: int, count: int, seed: int, duration: float, workforce: Workforce, progress: Progress
 ) -> list[MachineAtWork]:
     """Runs the machines of consecutive numbers; each has the seed plus its number as that of its generators."""
-    with Workers(workers) as pool:
-        return pool.map(work, [Work(n, seed + n, duration) for n in range(first, first + count)], progress)
+    items = [Work(number, seed + number, duration) for number in range(first, first + count)]
+    return spread(work, items, workforce, progress)
 
 
 def settled(found: Sequence[MachineAtWork]) -> bool:

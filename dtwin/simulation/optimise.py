@@ -3,7 +3,7 @@
 Every candidate is simulated with the real function blocks. Differential evolution (Storn and Price, J. Global
 Optimization 11, 1997; the implementation is scipy's) needs no derivatives, which do not exist at the limits and where
 voltages are clipped. It evaluates a whole generation at once, which keeps all cores busy. Equal seeds give equal
-results, whatever the number of processes.
+results, whoever does the work.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ import numpy as np
 from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 
+from dtwin.campaign.spread import EVERY_CORE, Workers, Workforce
 from dtwin.errors import ParameterError
 from dtwin.parameters import Gains
-from dtwin.pool import Workers
 from dtwin.simulation.figures import Array, triple
 from dtwin.simulation.objective import UNLIMITED, CandidateScore, Objective, score
 
@@ -79,7 +79,7 @@ def optimise(
     target_times: tuple[float, float],
     *,
     candidates: int = 1000,
-    processes: int | None = None,
+    workforce: Workforce = EVERY_CORE,
     seed: int = 0,
     between: Callable[[int, float], None] = lambda done, best: None,
 ) -> Optimum:
@@ -89,14 +89,14 @@ def optimise(
         objective: objective to minimise; its reference is computed from its base settings.
         target_times: least and largest target time of the search, s; equal ones fix the target time.
         candidates: number of candidates to evaluate, rounded to whole generations.
-        processes: number of processes that share the work; None for one per core, 1 for this process alone.
+        workforce: who does the work.
         seed: number of the random generator of the search.
         between: called after every generation with the number of candidates evaluated and the least cost.
 
     Raises:
         ParameterError: a bound is out of order, or the settings in use cannot be evaluated.
     """
-    check_search(target_times, candidates, processes)
+    check_search(target_times, candidates)
     low, high = target_times
     base = objective.base
     reference = score(replace(objective, limits=UNLIMITED), base.target_time, base.gains)
@@ -109,12 +109,13 @@ def optimise(
     def judge(workers: Workers, _: Any, rows: Iterable[Array]) -> list[float]:
         points = [tuple(row.tolist()) for row in np.atleast_2d(np.array(list(rows)))]
         shares = [points[k : k + SHARE] for k in range(0, len(points), SHARE)]
-        found = [each for share in workers.map(partial(_judge_all, objective), shares) for each in share]
+        judged = workers.map(partial(_judge_all, objective), shares, name=lambda share: f"{len(share)} candidates")
+        found = [each for share in judged for each in share]
         scores.extend(found)
         between(len(scores), min(each.cost for each in scores))
         return [each.cost for each in found]
 
-    with Workers(processes) as workers:
+    with Workers(workforce) as workers:
         if workers.count > 1:
             workers.map(partial(_judge_all, objective), [[tuple(lower.tolist())]] * (2 * workers.count))
         began = time.perf_counter()
@@ -133,7 +134,7 @@ def optimise(
     return Optimum(min(scores, key=lambda found: found.cost), reference, tuple(scores), seconds)
 
 
-def check_search(target_times: tuple[float, float], candidates: int, processes: int | None) -> None:
+def check_search(target_times: tuple[float, float], candidates: int) -> None:
     """Checks the numbers of a search.
 
     Raises:
@@ -144,8 +145,6 @@ def check_search(target_times: tuple[float, float], candidates: int, processes: 
         raise ParameterError(f"target times: expected a range above 0 s, got {low:g} to {high:g}")
     if candidates < 2 * POPULATION:
         raise ParameterError(f"candidates: expected at least {2 * POPULATION}, got {candidates}")
-    if processes is not None and processes < 1:
-        raise ParameterError(f"processes: expected at least 1, got {processes}")
 
 
 def _bounds(low: float, high: float, gains: Gains) -> tuple[Array, Array]:

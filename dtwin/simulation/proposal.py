@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
+from dtwin.campaign.spread import Progress
 from dtwin.controller.motion import MotionController
 from dtwin.controller.proposed import LeastMargins, ProposedSettings
 from dtwin.controller.settings import COMPENSATION_RANGES, Compensation, ControlSettings
 from dtwin.identification.machine.record import MachineRecord
 from dtwin.parameters import PERIOD, ArmParameters
-from dtwin.pool import Progress
 from dtwin.simulation.margins.demands import MARGINS, Case, cases
 from dtwin.simulation.margins.design import NOISE, Candidate, best_of, design
 from dtwin.simulation.margins.poses import Pose, places, poses

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from dtwin.campaign.spread import Workforce
 from dtwin.cli import main
 from dtwin.emulation.machine.sections import Machine, Structure
 from dtwin.experiments.monitoring.numbers import CHART
@@ -200,7 +201,7 @@ def test_the_thesis_monitor_watches_the_same_trials() -> None:
 
 
 def test_a_scorecard_is_written_as_a_page_with_a_chart(tmp_path: Path) -> None:
-    card = faults_experiment(seeds=1, hours=0.01, faults=("cut1", "bias2+=0.02"), workers=1)
+    card = faults_experiment(seeds=1, hours=0.01, faults=("cut1", "bias2+=0.02"), workforce=Workforce(1))
     assert card.false_alarms == 0
     assert card.hours > 0.01
     report = faults_report(card)

@@ -1,8 +1,7 @@
-"""What all experiments share: the pool of workers, the report and the frame of the commands."""
+"""What all experiments share: the report and the frame of the commands."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -11,27 +10,11 @@ import msgspec
 import pytest
 from rich.console import Console
 
+from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import OnMachine, Page, SeriesCommand
 from dtwin.errors import ParameterError, RecordingError
 from dtwin.experiments.report import Picture, Report, ensure_folder, page, table
 from dtwin.pictures import new_figure
-from dtwin.pool import Progress, Workers, spread
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_results_come_in_the_order_of_the_items(workers: int) -> None:
-    told: list[tuple[int, int]] = []
-    assert spread(math.sqrt, [16.0, 4.0, 9.0], workers, lambda *now: told.append(now)) == [4.0, 2.0, 3.0]
-    assert told == [(1, 3), (2, 3), (3, 3)]
-    assert spread(math.sqrt, [], workers) == []
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_an_error_of_a_worker_is_raised(workers: int) -> None:
-    with Workers(workers) as pool:
-        assert pool.map(math.sqrt, [1.0]) == [1.0]
-        with pytest.raises(ValueError, match="domain"):
-            pool.map(math.sqrt, [1.0, -1.0])
 
 
 def report() -> Report:

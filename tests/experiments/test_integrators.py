@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dtwin.campaign.spread import Workforce
 from dtwin.emulation.machine.energy import EnergyBalance
 from dtwin.emulation.machine.integration import driven
 from dtwin.emulation.machine.sections import IDEAL
@@ -27,7 +28,7 @@ def test_the_errors_of_integrators_have_their_order() -> None:
 
 def test_the_page_tells_every_arm_and_the_balances() -> None:
     told: list[tuple[int, int]] = []
-    study = integration_study(ARMS[-1:], BALANCED_ARMS[:1], 0.02, 0.2, lambda *now: told.append(now))
+    study = integration_study(ARMS[-1:], BALANCED_ARMS[:1], 0.02, 0.2, Workforce(1), lambda *now: told.append(now))
     assert told == [(1, 2), (2, 2)]
     assert all(len(values) == len(CHOICES) and max(values) < 1e-3 for values in study.errors.values())
     text = integration_report(study).text

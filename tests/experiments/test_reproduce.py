@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dtwin.campaign.spread import Progress
 from dtwin.experiments.reproduce.book import PAGE, PARTS, PRINT, make, write
 from dtwin.experiments.reproduce.chapter import POINTS, Chapter, Drawing, Line, Part, Scope, curve
 from dtwin.experiments.reproduce.fits import DIFFERENCE
 from dtwin.experiments.reproduce.parameters import EIGHTEEN, thesis_settings
 from dtwin.experiments.reproduce.verification import VERIFICATION
 from dtwin.pictures import new_figure
-from dtwin.pool import Progress
 
 SCOPE = Scope(quick=True, seed=5)
 

@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from dtwin.campaign.spread import Workforce
 from dtwin.experiments.sorting import MachineAtWork, longest, machines_at_work, settled, sorting_report
 from dtwin.signals import BoxCounts
 
@@ -18,7 +19,7 @@ def test_the_longest_run_is_found(flags: str, expected: int) -> None:
 
 
 def test_a_drawn_machine_delivers_its_first_box() -> None:
-    (found,) = machines_at_work(701, 1, 0, 40.0, 1, lambda done, of: None)
+    (found,) = machines_at_work(701, 1, 0, 40.0, Workforce(1), lambda done, of: None)
     assert found.number == 701
     assert found.boxes.delivered >= 1
     assert settled([found])

@@ -5,6 +5,7 @@ from typing import Any
 import msgspec
 import pytest
 
+from dtwin.campaign.spread import Workforce
 from dtwin.cli import main
 from dtwin.emulation.machine.drawing import draw
 from dtwin.emulation.machine.sections import Machine
@@ -56,7 +57,7 @@ def test_what_is_counted() -> None:
 
 
 def test_a_machine_that_stands_still_is_unusable() -> None:
-    found = strangers(1, 1, 0, 4.0, 1, lambda done, of: None)
+    found = strangers(1, 1, 0, 4.0, Workforce(1), lambda done, of: None)
     assert [(one.number, one.grade, one.away) for one in found] == [(1, "unusable", {})]
     assert "too little motion" in found[0].remarks[0]
 

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dtwin.campaign.spread import Workforce
 from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters, Gains
@@ -31,7 +32,7 @@ SMALL = Objective(ControlSettings(), scenarios_for(RED[1:], ARM, (0.2, 0.2)))
 
 @pytest.fixture(scope="module")
 def found() -> Optimum:
-    return optimise(SMALL, (0.5, 2.5), candidates=3 * POPULATION, processes=1, seed=2)
+    return optimise(SMALL, (0.5, 2.5), candidates=3 * POPULATION, workforce=Workforce(1), seed=2)
 
 
 def test_the_best_is_better_than_what_is_in_use(found: Optimum) -> None:
@@ -55,15 +56,15 @@ def test_usable_candidates_keep_the_limits(found: Optimum) -> None:
         assert 0.5 <= each.target_time <= 2.5 + 1e-9
 
 
-def test_equal_seeds_give_equal_results_whatever_the_processes(found: Optimum) -> None:
-    again = optimise(SMALL, (0.5, 2.5), candidates=2 * POPULATION, processes=2, seed=2)
+def test_equal_seeds_give_equal_results_whatever_the_number_of_processes(found: Optimum) -> None:
+    again = optimise(SMALL, (0.5, 2.5), candidates=2 * POPULATION, workforce=Workforce(2), seed=2)
     assert again.scores == found.scores[: 2 * POPULATION]
-    other = optimise(SMALL, (0.5, 2.5), candidates=2 * POPULATION, processes=1, seed=3)
+    other = optimise(SMALL, (0.5, 2.5), candidates=2 * POPULATION, workforce=Workforce(1), seed=3)
     assert other.scores[1:] != found.scores[1 : 2 * POPULATION]
 
 
 def test_a_fixed_target_time_stays() -> None:
-    found = optimise(SMALL, (2.0, 2.0), candidates=2 * POPULATION, processes=1)
+    found = optimise(SMALL, (2.0, 2.0), candidates=2 * POPULATION, workforce=Workforce(1))
     assert {round(each.target_time, 9) for each in found.scores} == {2.0}
 
 
@@ -140,8 +141,8 @@ def test_wrong_searches_are_refused() -> None:
         optimise(SMALL, (2.0, 1.0))
     with pytest.raises(ParameterError, match="candidates: expected at least 80"):
         optimise(SMALL, (1.0, 2.0), candidates=10)
-    with pytest.raises(ParameterError, match="processes: expected at least 1"):
-        optimise(SMALL, (1.0, 2.0), processes=0)
+    with pytest.raises(ParameterError, match="--workers: expected at least 1"):
+        optimise(SMALL, (1.0, 2.0), workforce=Workforce(0))
 
 
 def test_the_usual_settings_of_the_cascade_keep_the_limits_on_paths_with_detours() -> None:
@@ -149,6 +150,6 @@ def test_the_usual_settings_of_the_cascade_keep_the_limits_on_paths_with_detours
     settings = ControlSettings(2.0, usual_gains("cascade"), "cascade", ArmParameters(), 0.2)
     objective = Objective(settings, scenarios_for(MOTIONS, ArmParameters(), (0.2, 0.2), (), 0.0))
     assert score(objective, 2.0, settings.gains).broken == ""
-    found = optimise(objective, (2.0, 2.0), candidates=80, processes=1)
+    found = optimise(objective, (2.0, 2.0), candidates=80, workforce=Workforce(1))
     assert not found.best.broken
     assert found.best.cost <= 1.0

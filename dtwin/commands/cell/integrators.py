@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
 
-from dtwin.commands.frame import ExperimentCommand
+from dtwin.campaign.spread import Progress
+from dtwin.commands.frame import SeriesCommand
 from dtwin.experiments.integrators import (
     CHOICES,
     IntegrationStudy,
@@ -14,11 +15,10 @@ from dtwin.experiments.integrators import (
     is_balanced,
 )
 from dtwin.experiments.report import Report
-from dtwin.pool import Progress
 
 
 @dataclass(frozen=True)
-class ExperimentIntegrators(ExperimentCommand[IntegrationStudy]):
+class ExperimentIntegrators(SeriesCommand[IntegrationStudy]):
     """Integrate arms with friction and elastic gears in several ways, and balance the energy of three machines.
 
     Nothing in it is random. Fails when energy is made, or lost to errors, by more than 1e-3 of what friction takes.
@@ -27,7 +27,7 @@ class ExperimentIntegrators(ExperimentCommand[IntegrationStudy]):
     name: ClassVar = "integrators"
 
     def measure(self, progress: Progress) -> IntegrationStudy:
-        return integration_study(progress=progress)
+        return integration_study(workforce=self.workforce(), progress=progress)
 
     def report(self, result: IntegrationStudy) -> Report:
         return integration_report(result)

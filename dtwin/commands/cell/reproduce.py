@@ -12,17 +12,17 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from dtwin.commands.frame import JsonOption, at_least, progress_bar
+from dtwin.campaign.spread import Progress
+from dtwin.commands.frame import JsonOption, WorkforceOption, at_least, progress_bar
 from dtwin.controller.runtime import RuntimeOption
 from dtwin.experiments.report import ensure_folder
 from dtwin.experiments.reproduce.book import PARTS, make, write
 from dtwin.experiments.reproduce.chapter import Part, Scope
-from dtwin.pool import Progress
 from dtwin.terminal import print_json
 
 
 @dataclass(frozen=True)
-class Reproduce(JsonOption, RuntimeOption):
+class Reproduce(JsonOption, RuntimeOption, WorkforceOption):
     """Measure the thesis's whole evaluation again: its tests, figures and numbers beside ours, in one page.
 
     What a folder holds already is not measured again, so that a reproduction goes on where it was interrupted.
@@ -34,15 +34,12 @@ class Reproduce(JsonOption, RuntimeOption):
     """Few runs of each test: minutes in place of three quarters of an hour."""
     seed: int = 0
     """Number of the first random generators; equal numbers give equal figures."""
-    workers: int | None = None
-    """Number of processes that share the runs, one for each core if not given; the figures do not depend on it."""
 
     def execute(self) -> int:
         at_least("--seed", self.seed, 0)
-        if self.workers is not None:
-            at_least("--workers", self.workers, 1)
+        scope = Scope(self.quick, self.seed, self.workforce())
         ensure_folder(self.out)
-        scope, began = Scope(self.quick, self.seed, self.workers), time.perf_counter()
+        began = time.perf_counter()
         with _told() as begin:
             numbers = make(self.out, scope, begin=begin)
         page = write(self.out, scope, numbers)

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Literal
 
 import tyro
 
+from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import ExperimentCommand, OnMachine
 from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import ParameterError
@@ -16,7 +17,6 @@ from dtwin.experiments.soak.chaos import ChaosRun, chaos_run
 from dtwin.experiments.soak.latency import SECONDS, LatencyRun, latency_run
 from dtwin.experiments.soak.memory import HOURS, MemoryRun, memory_run
 from dtwin.experiments.soak.storm import EVENTS, StormRun, storm_run
-from dtwin.pool import Progress
 from dtwin.run.loop import tick_count
 
 Outcome = LatencyRun | ChaosRun | StormRun | MemoryRun

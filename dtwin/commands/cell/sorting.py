@@ -7,10 +7,10 @@ from typing import Any, ClassVar
 
 import msgspec
 
+from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import SeriesCommand, at_least
 from dtwin.experiments.report import Report
 from dtwin.experiments.sorting import MachineAtWork, machines_at_work, settled, sorting_report
-from dtwin.pool import Progress
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class ExperimentMachines(SeriesCommand[list[MachineAtWork]]):
     def measure(self, progress: Progress) -> list[MachineAtWork]:
         at_least("--first", self.first, 0)
         at_least("--machines", self.machines, 1)
-        return machines_at_work(self.first, self.machines, self.seed, self.duration, self.workers, progress)
+        return machines_at_work(self.first, self.machines, self.seed, self.duration, self.workforce(), progress)
 
     def report(self, result: list[MachineAtWork]) -> Report:
         return sorting_report(result, self.duration)

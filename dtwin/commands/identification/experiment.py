@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import OnMachine, SeriesCommand, at_least
 from dtwin.emulation.machine.files import machine_of
 from dtwin.experiments.identification.friction import friction_experiment, friction_report
@@ -15,7 +16,6 @@ from dtwin.experiments.identification.groups import Group
 from dtwin.experiments.identification.mass import mass_experiment, mass_report
 from dtwin.experiments.identification.noise import noise_experiment, noise_report
 from dtwin.experiments.report import Report
-from dtwin.pool import Progress
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class ExperimentNoise(SeriesCommand[list[Group]], OnMachine):
             loss=self.loss,
             seed=self.seed,
             machine=machine_of(self.machine),
-            workers=self.workers,
+            workforce=self.workforce(),
             progress=progress,
         )
 
@@ -58,7 +58,7 @@ class ExperimentMass(SeriesCommand[list[Group]], OnMachine):
 
     def measure(self, progress: Progress) -> list[Group]:
         at_least("--runs", self.runs, 1)
-        return mass_experiment(self.runs, self.seed, machine_of(self.machine), self.workers, progress)
+        return mass_experiment(self.runs, self.seed, machine_of(self.machine), self.workforce(), progress)
 
     def report(self, result: list[Group]) -> Report:
         return self.titled(mass_report(result))
@@ -78,7 +78,7 @@ class ExperimentFriction(SeriesCommand[list[Group]], OnMachine):
 
     def measure(self, progress: Progress) -> list[Group]:
         at_least("--runs", self.runs, 1)
-        return friction_experiment(self.runs, self.seed, machine_of(self.machine), self.workers, progress)
+        return friction_experiment(self.runs, self.seed, machine_of(self.machine), self.workforce(), progress)
 
     def report(self, result: list[Group]) -> Report:
         return self.titled(friction_report(result))

@@ -7,10 +7,10 @@ from typing import Any, ClassVar
 
 import msgspec
 
+from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import SeriesCommand, at_least
 from dtwin.experiments.identification.strangers import Stranger, covered, strangers, strangers_report, well_met
 from dtwin.experiments.report import Report
-from dtwin.pool import Progress
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class ExperimentStrangers(SeriesCommand[list[Stranger]]):
     def measure(self, progress: Progress) -> list[Stranger]:
         at_least("--first", self.first, 0)
         at_least("--machines", self.machines, 1)
-        return strangers(self.first, self.machines, self.seed, self.duration, self.workers, progress)
+        return strangers(self.first, self.machines, self.seed, self.duration, self.workforce(), progress)
 
     def report(self, result: list[Stranger]) -> Report:
         return strangers_report(result, self.duration)

@@ -7,11 +7,11 @@ from typing import Any, ClassVar
 
 import msgspec
 
+from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import SeriesCommand, at_least
 from dtwin.experiments.monitoring.alarms import alarms_report, calibration, false_alarms, good
 from dtwin.experiments.monitoring.watching import WatchedMachine, watch_machines
 from dtwin.experiments.report import Report
-from dtwin.pool import Progress
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class ExperimentAlarms(SeriesCommand[list[WatchedMachine]]):
         at_least("--first", self.first, 0)
         at_least("--machines", self.machines, 1)
         at_least("--duration", self.duration, 180.0)
-        return watch_machines(self.first, self.machines, self.seed, self.duration, self.workers, progress)
+        return watch_machines(self.first, self.machines, self.seed, self.duration, self.workforce(), progress)
 
     def report(self, result: list[WatchedMachine]) -> Report:
         return alarms_report(result, self.duration)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import ExperimentCommand, OnMachine, SeriesCommand, at_least
 from dtwin.emulation.machine.files import machine_of
 from dtwin.experiments.monitoring.failure import failure_experiment, failure_report
@@ -17,7 +18,6 @@ from dtwin.experiments.monitoring.stopping import StopOutcome, stop_experiment, 
 from dtwin.experiments.monitoring.trial import FaultOutcome
 from dtwin.experiments.report import Report
 from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
-from dtwin.pool import Progress
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,9 @@ class ExperimentFailure(SeriesCommand[list[FaultOutcome]], OnMachine):
 
     def measure(self, progress: Progress) -> list[FaultOutcome]:
         at_least("--runs", self.runs, 1)
-        return failure_experiment(self.runs, self.noise, self.seed, machine_of(self.machine), self.workers, progress)
+        return failure_experiment(
+            self.runs, self.noise, self.seed, machine_of(self.machine), self.workforce(), progress
+        )
 
     def report(self, result: list[FaultOutcome]) -> Report:
         return self.titled(failure_report(result))
@@ -71,7 +73,7 @@ class ExperimentFaults(SeriesCommand[Scorecard], OnMachine):
             self.seed,
             settings,
             machine_of(self.machine),
-            self.workers,
+            self.workforce(),
             progress,
         )
 
@@ -120,7 +122,13 @@ class ExperimentStop(SeriesCommand[list[StopOutcome]], OnMachine):
     def measure(self, progress: Progress) -> list[StopOutcome]:
         at_least("--runs", self.runs, 1)
         return stop_experiment(
-            self.runs, self.fault or STOPPED, self.noise, self.seed, machine_of(self.machine), self.workers, progress
+            self.runs,
+            self.fault or STOPPED,
+            self.noise,
+            self.seed,
+            machine_of(self.machine),
+            self.workforce(),
+            progress,
         )
 
     def report(self, result: list[StopOutcome]) -> Report:

@@ -17,6 +17,7 @@ from rich.progress import Progress as Bar
 from dtwin.api.monitoring import Monitored, model_of, monitor
 from dtwin.api.run import Run, load
 from dtwin.bus.twin_messages import MonitoringVerdict
+from dtwin.campaign.spread import Progress
 from dtwin.commands.hints import viewer_command
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
@@ -29,7 +30,6 @@ from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
 from dtwin.monitoring.trend import Forecast
 from dtwin.monitoring.verdict import Finding
 from dtwin.parameters import ArmParameters
-from dtwin.pool import Progress
 from dtwin.signals import Event
 from dtwin.task import task_of
 from dtwin.terminal import as_text, print_json

@@ -27,7 +27,12 @@ from dtwin.terminal import as_text, print_json, print_table
 
 State = Literal["present", "missing", "needed", "free", "taken"]
 """needed: missing, and dtwin does not work without it; free and taken are said of ports."""
-_EXTRAS: Final = {"console": "the operators' page", "frames": "data frames of a run", "test": "the tests"}
+_EXTRAS: Final = {
+    "console": "the operators' page",
+    "dask": "campaigns on a cluster",
+    "frames": "data frames of a run",
+    "test": "the tests",
+}
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 from rich.console import Console
 from rich.table import Table
 
+from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import ExperimentCommand, JsonOption, OnMachine, at_least, progress_bar
 from dtwin.experiments.recovery.campaign import RecoveryTrial, passed, recovery_experiment, recovery_report
 from dtwin.experiments.recovery.cases import RecoveryCase
@@ -19,7 +20,6 @@ from dtwin.experiments.recovery.outcome import Recovery, fault_text
 from dtwin.experiments.recovery.picture import draw
 from dtwin.experiments.report import Report
 from dtwin.files import ensure_writable
-from dtwin.pool import Progress
 from dtwin.run.options import MachineOption
 from dtwin.services.emulator import Pace
 from dtwin.services.launch import CellOptions

@@ -8,13 +8,13 @@ from typing import Any, ClassVar
 
 import msgspec
 
+from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import ExperimentCommand, OnMachine, SeriesCommand, at_least
 from dtwin.emulation.machine.files import machine_of
 from dtwin.experiments.report import Report, make_folder
 from dtwin.experiments.simulation.accuracy import NOISE, Pair, accuracy_experiment, accuracy_report, identified
 from dtwin.experiments.simulation.margins import MarginStudy, kept, margin_report, margin_study
 from dtwin.experiments.simulation.upload import DURATION, UploadRun, upload_report, upload_run
-from dtwin.pool import Progress
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class ExperimentAccuracy(SeriesCommand[list[list[Pair]]], OnMachine):
     def measure(self, progress: Progress) -> list[list[Pair]]:
         at_least("--runs", self.runs, 1)
         machine = machine_of(self.machine)
-        return accuracy_experiment(self.runs, self.noise, self.seed, machine, self.workers, progress)
+        return accuracy_experiment(self.runs, self.noise, self.seed, machine, self.workforce(), progress)
 
     def report(self, result: list[list[Pair]]) -> Report:
         return self.titled(accuracy_report(result))

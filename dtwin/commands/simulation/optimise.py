@@ -13,6 +13,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 
 from dtwin.api.simulation import objective_of
+from dtwin.commands.frame import WorkforceOption
 from dtwin.controller.runtime import RuntimeOption
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.errors import ParameterError
@@ -27,7 +28,7 @@ _UNITS = {"time": "s", "tracking": "rad", "energy": "J", "voltage": "V"}
 
 
 @dataclass(frozen=True)
-class Optimise(RuntimeOption):
+class Optimise(RuntimeOption, WorkforceOption):
     """Search gains and target time of least cost on the twin, under limits that must hold for all arms and boxes.
 
     The cost is the weighted mean of settling time, largest distance from the path, energy of a motion and peak
@@ -71,8 +72,6 @@ class Optimise(RuntimeOption):
     """Largest voltage of a motor, V."""
     candidates: int = 1000
     """Number of settings to judge."""
-    processes: int | None = None
-    """Number of processes that share the work, one for each core if not given."""
     seed: int = 0
     """Number of the random generator of the search; equal numbers give equal settings."""
     plot: Path | None = None
@@ -86,7 +85,8 @@ class Optimise(RuntimeOption):
         for path in (self.plot, self.save):
             if path is not None:
                 ensure_writable(path)
-        check_search(self.target_time, self.candidates, self.processes)
+        workforce = self.workforce()
+        check_search(self.target_time, self.candidates)
         objective = self._objective()
         with _progress(self.json) as progress:
             task = progress.add_task("", total=self.candidates, best="")
@@ -98,7 +98,7 @@ class Optimise(RuntimeOption):
                 objective,
                 self.target_time,
                 candidates=self.candidates,
-                processes=self.processes,
+                workforce=workforce,
                 seed=self.seed,
                 between=between,
             )

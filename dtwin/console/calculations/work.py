@@ -11,6 +11,7 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
+from dtwin.campaign.spread import Workforce
 from dtwin.console.calculations.tasks import Candidate, Compare, Excited, Optimise, Recall, Simulate, Work
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import DtwinError, ParameterError
@@ -112,7 +113,7 @@ def _optimised(task: Optimise, work: Work) -> dict[str, Any]:
         say(done=done, of=task.candidates, best=best if math.isfinite(best) and best < 100 else None)
 
     found = optimise(
-        objective, (task.fastest, task.slowest), candidates=task.candidates, processes=1, between=between
+        objective, (task.fastest, task.slowest), candidates=task.candidates, workforce=Workforce(1), between=between
     )
     usable = [each for each in found.scores if not each.broken]
     return {

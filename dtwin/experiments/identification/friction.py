@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.experiments.identification.groups import Group, run_groups
 from dtwin.experiments.identification.pages import SETUP, identification_report
@@ -15,7 +16,6 @@ from dtwin.identification.estimation.friction import FRICTIONS, with_friction
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.parameters import ArmParameters
-from dtwin.pool import Progress
 
 NOISE: Final = 0.005
 """rad"""
@@ -27,7 +27,7 @@ def friction_experiment(
     runs: int = 10,
     seed: int = 0,
     machine: Machine = IDEAL,
-    workers: int | None = None,
+    workforce: Workforce = EVERY_CORE,
     progress: Progress = lambda done, of: None,
 ) -> list[Group]:
     """Identifies every friction law on the viscous arm, and on one with Coulomb friction as well.
@@ -36,7 +36,7 @@ def friction_experiment(
         runs: number of runs with each law on each arm.
         seed: number of the random generators of the noise.
         machine: the machine that the arm is.
-        workers: number of processes, as many as there are cores if None.
+        workforce: who does the runs.
         progress: told the numbers of runs done and in all.
     """
     arms = {"viscous": ArmParameters(), "rubbing": ArmParameters().with_values(COULOMB)}
@@ -52,7 +52,7 @@ def friction_experiment(
         for friction in FRICTIONS
         for run in range(runs)
     ]
-    return run_groups(trials, workers, progress)
+    return run_groups(trials, workforce, progress)
 
 
 def friction_report(groups: Sequence[Group]) -> Report:

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce, spread
 from dtwin.experiments.identification.trial import IdentificationOutcome, IdentificationTrial, run_trial
 from dtwin.identification.estimation.estimate import NINETY_FIVE
 from dtwin.identification.excitation.design import predict
-from dtwin.pool import Progress, spread
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,16 +59,18 @@ class Group:
 
 
 def run_groups(
-    trials: Sequence[IdentificationTrial], workers: int | None = None, progress: Progress = lambda done, of: None
+    trials: Sequence[IdentificationTrial],
+    workforce: Workforce = EVERY_CORE,
+    progress: Progress = lambda done, of: None,
 ) -> list[Group]:
     """Runs trials, and groups what came of them by label, in the order in which the labels come first.
 
     Args:
         trials: what is run; each has the seed of its own noise.
-        workers: number of processes, as many as there are cores if None.
+        workforce: who does the runs.
         progress: told the numbers of trials done and in all.
     """
-    outcomes = spread(run_trial, trials, workers, progress)
+    outcomes = spread(run_trial, trials, workforce, progress)
     groups: dict[str, list[tuple[IdentificationTrial, IdentificationOutcome]]] = {}
     for trial, outcome in zip(trials, outcomes, strict=True):
         groups.setdefault(trial.label, []).append((trial, outcome))

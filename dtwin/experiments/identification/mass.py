@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.experiments.identification.groups import Group, run_groups
 from dtwin.experiments.identification.pages import SETUP, identification_report
@@ -13,7 +14,6 @@ from dtwin.experiments.identification.trial import IdentificationTrial
 from dtwin.experiments.report import Report
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.pool import Progress
 
 EXCESSES: Final = (-0.010, 0.0, 0.010)
 """kg, beside the mass that is assumed"""
@@ -25,7 +25,7 @@ def mass_experiment(
     runs: int = 10,
     seed: int = 0,
     machine: Machine = IDEAL,
-    workers: int | None = None,
+    workforce: Workforce = EVERY_CORE,
     progress: Progress = lambda done, of: None,
 ) -> list[Group]:
     """Identifies with each mass.
@@ -34,7 +34,7 @@ def mass_experiment(
         runs: number of runs with each mass.
         seed: number of the random generators of the noise.
         machine: the machine that the arm is.
-        workers: number of processes, as many as there are cores if None.
+        workforce: who does the runs.
         progress: told the numbers of runs done and in all.
     """
     settings, plan = standard_settings(), Plan()
@@ -49,7 +49,7 @@ def mass_experiment(
         for k, excess in enumerate(EXCESSES)
         for run in range(runs)
     ]
-    return run_groups(trials, workers, progress)
+    return run_groups(trials, workforce, progress)
 
 
 def mass_report(groups: Sequence[Group]) -> Report:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.experiments.identification.groups import Group, run_groups
 from dtwin.experiments.identification.pages import SETUP, identification_report
@@ -14,7 +15,6 @@ from dtwin.experiments.report import Report
 from dtwin.identification.estimation.estimate import Loss
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.pool import Progress
 
 NOISES: Final = (0.001, 0.005, 0.010, 0.025)
 """rad"""
@@ -26,7 +26,7 @@ def noise_experiment(
     loss: Loss = "adaptive",
     seed: int = 0,
     machine: Machine = IDEAL,
-    workers: int | None = None,
+    workforce: Workforce = EVERY_CORE,
     progress: Progress = lambda done, of: None,
 ) -> list[Group]:
     """Identifies at each noise level, every run from two starts.
@@ -37,7 +37,7 @@ def noise_experiment(
         loss: the likelihood of the estimation.
         seed: number of the random generators of the noise.
         machine: the machine that the arm is.
-        workers: number of processes, as many as there are cores if None.
+        workforce: who does the runs.
         progress: told the numbers of runs done and in all.
     """
     settings, plan = standard_settings(loss), Plan()
@@ -53,7 +53,7 @@ def noise_experiment(
         for k, level in enumerate(levels)
         for run in range(runs)
     ]
-    return run_groups(trials, workers, progress)
+    return run_groups(trials, workforce, progress)
 
 
 def noise_report(groups: Sequence[Group]) -> Report:

@@ -8,6 +8,7 @@ from typing import Final
 import msgspec
 import numpy as np
 
+from dtwin.campaign.spread import Progress, Workforce, spread
 from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.sections import Machine
 from dtwin.errors import IdentificationError
@@ -17,7 +18,6 @@ from dtwin.experiments.untouched import untouched
 from dtwin.identification.machine.judged import identify_machine
 from dtwin.identification.machine.record import Grade
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
-from dtwin.pool import Progress, Workers
 
 GOOD: Final = 0.98
 """Least fit of every joint on held-out motion."""
@@ -92,7 +92,7 @@ def meet(item: Work) -> Stranger:
 
 
 def strangers(
-    first: int, count: int, seed: int, duration: float, workers: int | None, progress: Progress
+    first: int, count: int, seed: int, duration: float, workforce: Workforce, progress: Progress
 ) -> list[Stranger]:
     """Identifies the machines of consecutive numbers; each has the seed plus its number as that of its generators.
 
@@ -101,8 +101,7 @@ def strangers(
         DtwinError: a run failed.
     """
     items = [Work(number, seed + number, duration) for number in untouched(first, count)]
-    with Workers(workers) as pool:
-        return pool.map(meet, items, progress)
+    return spread(meet, items, workforce, progress)
 
 
 def covered(found: Sequence[Stranger]) -> float:

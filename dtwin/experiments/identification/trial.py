@@ -42,6 +42,9 @@ class IdentificationTrial:
     seed: tuple[int, ...]
     second_start: bool = False
 
+    def __str__(self) -> str:
+        return f"{self.label}, seed {self.seed}"
+
 
 @dataclass(frozen=True, slots=True)
 class IdentificationOutcome:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce, spread
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.experiments.monitoring.numbers import CHART, number, percent
 from dtwin.experiments.monitoring.scorecard import summary
 from dtwin.experiments.monitoring.trial import METHODS, FaultOutcome, FaultTrial, Method, run_trial
 from dtwin.experiments.report import Picture, Report, page, table
 from dtwin.pictures import new_figure
-from dtwin.pool import Progress, spread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,7 +34,7 @@ def failure_experiment(
     noise: float = 0.005,
     seed: int = 0,
     machine: Machine = IDEAL,
-    workers: int | None = None,
+    workforce: Workforce = EVERY_CORE,
     progress: Progress = lambda done, of: None,
 ) -> list[FaultOutcome]:
     """Both methods on the same runs, the default one's first.
@@ -46,7 +46,7 @@ def failure_experiment(
         noise: magnitude of the encoder noise, rad.
         seed: number of the first run's random generators; each further run takes the next one.
         machine: the machine that the arm is.
-        workers: number of processes, as many as there are cores if None.
+        workforce: who does the runs.
         progress: told the numbers of runs done and in all.
     """
     trials = [
@@ -54,7 +54,7 @@ def failure_experiment(
         for method in METHODS
         for run in range(runs)
     ]
-    return spread(run_trial, trials, workers, progress)
+    return spread(run_trial, trials, workforce, progress)
 
 
 def failure_report(outcomes: Sequence[FaultOutcome]) -> Report:

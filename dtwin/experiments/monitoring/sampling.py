@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 import numpy as np
 
+from dtwin.campaign.spread import Progress
 from dtwin.emulation.faults import parse_fault
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.experiments.monitoring.failure import FAULT, START
@@ -20,7 +21,6 @@ from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
 from dtwin.pictures import new_figure
-from dtwin.pool import Progress
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
 

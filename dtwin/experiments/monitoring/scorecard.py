@@ -9,13 +9,13 @@ from typing import Final
 import msgspec
 import numpy as np
 
+from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce, spread
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.experiments.monitoring.trial import FaultOutcome, FaultTrial, identified_belief, run_trial, true_cause
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.settings import MonitorSettings
-from dtwin.pool import Progress, spread
 from dtwin.run.loop import run, tick_count
 from dtwin.signals import StepRecord
 
@@ -55,6 +55,9 @@ class Healthy:
     hours: float
     settings: MonitorSettings
     machine: Machine
+
+    def __str__(self) -> str:
+        return f"{self.hours:g} h without fault, seed {self.seed}"
 
 
 class Quiet(msgspec.Struct, frozen=True):
@@ -198,7 +201,7 @@ def faults_experiment(
     seed: int = 0,
     settings: MonitorSettings | None = None,
     machine: Machine = IDEAL,
-    workers: int | None = None,
+    workforce: Workforce = EVERY_CORE,
     progress: Progress = lambda done, of: None,
 ) -> Scorecard:
     """Runs every fault with every seed, and normal work.
@@ -211,7 +214,7 @@ def faults_experiment(
         seed: number of the first run's random generators; each further run takes the next one.
         settings: what the monitor is run with.
         machine: the machine that the arm is.
-        workers: number of processes, as many as there are cores if None.
+        workforce: who does the runs.
         progress: told the numbers of runs done and in all.
 
     Raises:
@@ -232,7 +235,7 @@ def faults_experiment(
         for fault in faults
         for k in range(seeds)
     ]
-    results = spread(run_job, jobs, workers, progress)
+    results = spread(run_job, jobs, workforce, progress)
     return Scorecard(
         tuple(result for result in results if isinstance(result, FaultOutcome)),
         tuple(result for result in results if isinstance(result, Quiet)),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 import numpy as np
 
+from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce, spread
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import STOP, VERDICT
 from dtwin.emulation.emulation import Emulation
@@ -23,7 +24,6 @@ from dtwin.monitoring.kinds import arm_state
 from dtwin.monitoring.monitor import Monitor
 from dtwin.parameters import PERIOD, Triple
 from dtwin.pictures import new_figure
-from dtwin.pool import Progress, spread
 from dtwin.run.loop import run, tick_count
 from dtwin.signals import ARM_STATES, STOPS, StepRecord, Stop
 
@@ -58,6 +58,9 @@ class StopTrial:
     fault: str
     noise: float = 0.003
     machine: Machine = IDEAL
+
+    def __str__(self) -> str:
+        return f"{self.fault} with seed {self.seed}"
 
 
 class StopOutcome(msgspec.Struct, frozen=True):
@@ -95,7 +98,7 @@ def stop_experiment(
     noise: float = 0.003,
     seed: int = 0,
     machine: Machine = IDEAL,
-    workers: int | None = None,
+    workforce: Workforce = EVERY_CORE,
     progress: Progress = lambda done, of: None,
 ) -> list[StopOutcome]:
     """Runs every fault with every seed.
@@ -106,7 +109,7 @@ def stop_experiment(
         noise: magnitude of the encoder noise, rad.
         seed: number of the first run's random generators; each further run takes the next one.
         machine: the machine that the arm is.
-        workers: number of processes, as many as there are cores if None.
+        workforce: who does the runs.
         progress: told the numbers of runs done and in all.
 
     Raises:
@@ -115,7 +118,7 @@ def stop_experiment(
     for fault in faults:
         true_cause(fault)
     trials = [StopTrial(seed + k, fault, noise, machine) for fault in faults for k in range(runs)]
-    return spread(stop_trial, trials, workers, progress)
+    return spread(stop_trial, trials, workforce, progress)
 
 
 class _StopRun:

@@ -71,6 +71,9 @@ class FaultTrial:
     settings: MonitorSettings = field(default_factory=MonitorSettings)
     machine: Machine = IDEAL
 
+    def __str__(self) -> str:
+        return f"{self.fault or 'no fault'} with seed {self.seed}"
+
 
 class FaultOutcome(msgspec.Struct, frozen=True):
     """What came of a run.

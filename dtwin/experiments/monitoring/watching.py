@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from dtwin.campaign.spread import Progress, Workforce, spread
 from dtwin.emulation.faults import parse_fault
 from dtwin.errors import IdentificationError
 from dtwin.experiments.monitoring.baselines import METHODS, Baseline, Method, baseline
@@ -23,7 +24,6 @@ from dtwin.monitoring.kinds import KINDS, parse_fault_id
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.parameters import PERIOD, ArmParameters
-from dtwin.pool import Progress, Workers
 from dtwin.run.recording import Log
 
 IDENTIFIED_FROM: Final = 120.0
@@ -183,7 +183,7 @@ def watch_machine(item: Work) -> WatchedMachine:
 
 
 def watch_machines(
-    first: int, count: int, seed: int, duration: float, workers: int | None, progress: Progress
+    first: int, count: int, seed: int, duration: float, workforce: Workforce, progress: Progress
 ) -> list[WatchedMachine]:
     """Watches the machines of consecutive numbers, each with generators of its own.
 
@@ -192,8 +192,7 @@ def watch_machines(
         DtwinError: a run failed.
     """
     items = [Work(number, seed + 2 * number, duration) for number in untouched(first, count)]
-    with Workers(workers) as pool:
-        return pool.map(watch_machine, items, progress)
+    return spread(watch_machine, items, workforce, progress)
 
 
 def _names(change: str) -> tuple[str, ...]:

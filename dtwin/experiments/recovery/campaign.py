@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from dtwin.campaign.spread import Progress
 from dtwin.experiments.recovery.cases import drawn_case
 from dtwin.experiments.recovery.demonstration import recover
 from dtwin.experiments.recovery.outcome import Recovery, fault_text
 from dtwin.experiments.report import Report
-from dtwin.pool import Progress
 from dtwin.services.launch import CellOptions
 
 RIGHT: Final = 0.95

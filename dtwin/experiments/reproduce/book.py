@@ -12,6 +12,7 @@ from typing import Any, Final
 import msgspec
 
 from dtwin import __version__
+from dtwin.campaign.spread import Progress
 from dtwin.commissioning.html import document, heading, paragraph, picture, table
 from dtwin.experiments.report import make_folder
 from dtwin.experiments.reproduce.chapter import Chapter, Part, Scope
@@ -22,7 +23,6 @@ from dtwin.experiments.reproduce.verification import VERIFICATION
 from dtwin.experiments.reproduce.watching import FAILURE, LIMITS
 from dtwin.files import replacing
 from dtwin.pictures import new_figure, vector_graphics
-from dtwin.pool import Progress
 
 PARTS: Final = (VERIFICATION, NOISE, MASS, FRICTION, FITS, ACCURACY, UPLOAD, LIMITS, FAILURE)
 """The thesis's tests in its order."""

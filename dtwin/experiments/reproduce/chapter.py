@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from dtwin.pool import Progress
+from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,12 +24,12 @@ class Scope:
     Attributes:
         quick: whether few runs must do.
         seed: number of the first random generators.
-        workers: number of processes, as many as there are cores if None.
+        workforce: who does the runs.
     """
 
     quick: bool = False
     seed: int = 0
-    workers: int | None = None
+    workforce: Workforce = EVERY_CORE
 
     def runs(self, full: int, quick: int) -> int:
         """A number of runs."""

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from dtwin.campaign.spread import Progress
 from dtwin.controller.excitation import ExcitationController
 from dtwin.experiments.identification.friction import COULOMB
 from dtwin.experiments.reproduce.chapter import Chapter, Drawing, Line, Part, Scope, curve, percent
@@ -17,7 +18,6 @@ from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.pictures import COLOURS, DARK, new_figure
-from dtwin.pool import Progress
 
 DIFFERENCE: Final = np.array([-49 / 20, 6, -15 / 2, 20 / 3, -15 / 4, 6 / 5, -1 / 6])
 """The sixth-order forward difference by which the thesis estimates the speeds at the first sample, times PERIOD."""

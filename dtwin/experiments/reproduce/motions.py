@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from dtwin.campaign.spread import Progress, spread
 from dtwin.controller.excitation import ExcitationController
 from dtwin.experiments.reproduce.chapter import Chapter, Drawing, Line, Part, Scope, curve
 from dtwin.experiments.reproduce.parameters import settings
@@ -19,14 +20,13 @@ from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.parameters import PERIOD
 from dtwin.pictures import COLOURS, DARK, RED, new_figure
-from dtwin.pool import Progress, spread
 
 _WAYS: Final = {"thesis": "18 parameters, as in the thesis", "ours": "12 parameters and offsets"}
 
 
 def _accuracy(scope: Scope, progress: Progress) -> dict[str, Any]:
     items = [(way, scope.seed + run) for way in _WAYS for run in range(scope.runs(20, 2))]
-    found = spread(_pairs, items, scope.workers, progress)
+    found = spread(_pairs, items, scope.workforce, progress, lambda item: f"{item[0]}, seed {item[1]}")
     numbers: dict[str, Any] = {way: {f"{t:g}": [] for t in TARGET_TIMES} for way in _WAYS}
     for (way, _), pairs in zip(items, found, strict=True):
         for pair in pairs:

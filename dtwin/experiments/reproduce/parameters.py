@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from dtwin.campaign.spread import Progress
 from dtwin.experiments.identification.friction import COULOMB
 from dtwin.experiments.identification.friction import NOISE as FRICTION_NOISE
 from dtwin.experiments.identification.groups import Group, run_groups
@@ -24,7 +25,6 @@ from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, symbol_of
 from dtwin.pictures import COLOURS, new_figure
-from dtwin.pool import Progress
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -63,7 +63,7 @@ def _noise(scope: Scope, progress: Progress) -> dict[str, Any]:
         for k, level in enumerate(LEVELS)
         for run in range(scope.runs(20, 3))
     ]
-    return _kept(run_groups(trials, scope.workers, progress))
+    return _kept(run_groups(trials, scope.workforce, progress))
 
 
 def _mass(scope: Scope, progress: Progress) -> dict[str, Any]:
@@ -79,7 +79,7 @@ def _mass(scope: Scope, progress: Progress) -> dict[str, Any]:
         for k, mass in enumerate(MASSES)
         for run in range(scope.runs(10, 2))
     ]
-    return _kept(run_groups(trials, scope.workers, progress))
+    return _kept(run_groups(trials, scope.workforce, progress))
 
 
 def _friction(scope: Scope, progress: Progress) -> dict[str, Any]:
@@ -98,7 +98,7 @@ def _friction(scope: Scope, progress: Progress) -> dict[str, Any]:
         for label, (arm, chosen) in laws.items()
         for run in range(scope.runs(10, 2))
     ]
-    return _kept(run_groups(trials, scope.workers, progress))
+    return _kept(run_groups(trials, scope.workforce, progress))
 
 
 def _kept(groups: Sequence[Group]) -> dict[str, Any]:

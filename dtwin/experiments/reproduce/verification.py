@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from dtwin.campaign.spread import Progress
 from dtwin.experiments.reproduce.chapter import Chapter, Drawing, Line, Part, Scope, curve
 from dtwin.experiments.validation import ValidationOutcome, cases, validate
 from dtwin.pictures import COLOURS, new_figure
-from dtwin.pool import Progress
 
 _FIGURES = {"drop": "4.7", "masses x 1.5": "4.8", "inertias x 2": "4.9", "upright": "4.10"}
 

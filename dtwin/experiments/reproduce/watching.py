@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from dtwin.campaign.spread import Progress
 from dtwin.emulation.faults import parse_fault
 from dtwin.experiments.monitoring.failure import FAULT, START, failure_experiment
 from dtwin.experiments.reproduce.chapter import Chapter, Drawing, Line, Part, Scope
@@ -18,7 +19,6 @@ from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.thesis import ABSOLUTE, IN_A_ROW, ThesisMonitor, ThesisSettings
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.pictures import COLOURS, DARK, RED, new_figure
-from dtwin.pool import Progress
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
 
@@ -122,7 +122,7 @@ def _tell_limits(numbers: Mapping[str, Any]) -> Chapter:
 
 
 def _failure(scope: Scope, progress: Progress) -> dict[str, Any]:
-    outcomes = failure_experiment(scope.runs(50, 3), NOISE, scope.seed, workers=scope.workers, progress=progress)
+    outcomes = failure_experiment(scope.runs(50, 3), NOISE, scope.seed, workforce=scope.workforce, progress=progress)
     cell = Cell(CellSettings(_FAILING, scope.seed, NOISE, faults=(parse_fault(f"{FAULT}@{START:g}"),)))
     cell.run()
     latencies = {method: [o.latency_s for o in outcomes if o.method == method] for method in ("thesis", "default")}

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce, spread
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.errors import IdentificationError
@@ -24,7 +25,6 @@ from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.parameters import PERIOD, PICKUP, ArmParameters, Triple
 from dtwin.pictures import COLOURS, DARK, new_figure
-from dtwin.pool import Progress, spread
 from dtwin.simulation.figures import fit
 from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
 
@@ -131,7 +131,7 @@ def accuracy_experiment(
     noise: float = NOISE,
     seed: int = 0,
     machine: Machine = IDEAL,
-    workers: int | None = None,
+    workforce: Workforce = EVERY_CORE,
     progress: Progress = lambda done, of: None,
 ) -> list[list[Pair]]:
     """The motions of several models, each identified from its own experiment under the designed signal.
@@ -141,14 +141,15 @@ def accuracy_experiment(
         noise: magnitude of the encoder noise while the models are identified, rad.
         seed: number of the random generator of the first model's noise; the others follow.
         machine: the machine that the arm is.
-        workers: number of processes, as many as there are cores if None.
+        workforce: who does the runs.
         progress: told the numbers of models done and in all.
 
     Raises:
         IdentificationError: an estimation did not converge.
     """
     plan = designed()
-    return spread(partial(_examined, noise, plan, machine), range(seed, seed + runs), workers, progress)
+    examine = partial(_examined, noise, plan, machine)
+    return spread(examine, range(seed, seed + runs), workforce, progress, lambda number: f"seed {number}")
 
 
 def accuracy_report(runs: Sequence[Sequence[Pair]]) -> Report:

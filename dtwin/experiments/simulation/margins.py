@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from dtwin.campaign.spread import Progress
 from dtwin.controller.settings import USUAL_GAINS, ControlSettings
 from dtwin.experiments.report import Picture, Report, page, table
 from dtwin.experiments.simulation.injected import frequency, measured_sensitivity
 from dtwin.parameters import PERIOD, ArmParameters, Law
 from dtwin.pictures import COLOURS, RED, new_figure
-from dtwin.pool import Progress
 from dtwin.simulation.margins.demands import MARGINS, Case, cases
 from dtwin.simulation.margins.design import LATE, NOISE, RESERVE, Candidate, best_of, design
 from dtwin.simulation.margins.loop import ComplexArray, linear_loop

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from dtwin.campaign.spread import Progress
 from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import CommunicationError, RecordingError
 from dtwin.experiments.report import Report, page, table
 from dtwin.experiments.soak.cell import TroubledCell, cell_name, wait
 from dtwin.experiments.soak.troubles import TROUBLES, Aftermath, Trouble, count_kept
-from dtwin.pool import Progress
 from dtwin.run.recording import read_log
 from dtwin.signals import BoxCounts
 

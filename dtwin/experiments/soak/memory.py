@@ -14,11 +14,11 @@ import msgspec
 import pyarrow.parquet as pq
 
 from dtwin.bus.messages import Path as PathAngles
+from dtwin.campaign.spread import Progress
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.machine.sections import Machine
 from dtwin.experiments.report import Report, page, table
 from dtwin.parameters import PERIOD, ArmParameters
-from dtwin.pool import Progress
 from dtwin.run.emulate import emulate
 from dtwin.run.loop import run, tick_count
 from dtwin.run.settings import CellSettings, sequence_of

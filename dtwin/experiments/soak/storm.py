@@ -16,12 +16,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from dtwin.campaign.spread import Progress
 from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import CommunicationError
 from dtwin.experiments.report import Report, page, table
 from dtwin.experiments.soak.cell import TroubledCell, cell_name, wait
 from dtwin.experiments.soak.chaos import RECOVERY
-from dtwin.pool import Progress
 
 EVENTS: Final = 200
 SIGNALS: Final = (signal.SIGKILL, signal.SIGTERM, signal.SIGSTOP)

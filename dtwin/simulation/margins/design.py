@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from itertools import product
 from typing import Final
 
+from dtwin.campaign.spread import Progress
 from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import ControlSettings
 from dtwin.parameters import ArmParameters, Gains
-from dtwin.pool import Progress
 from dtwin.simulation.margins.demands import MARGINS, Case, Demands
 from dtwin.simulation.margins.loop import Loop, linear_arm, linear_blocks
 from dtwin.simulation.margins.measures import margins, voltage_noise
