@@ -93,7 +93,7 @@ def test_bad_input_is_one_line(
 
 
 def test_a_run_controlled_over_tcp_is_bit_identical(system: Path, tmp_path: Path) -> None:
-    settings = CellSettings(duration=120.0, seed=1)
+    settings = CellSettings(duration=40.0, seed=1)
     embedded = Cell(settings)
     embedded.run()
     with (

@@ -62,7 +62,6 @@ def scoreless(value: Any) -> Any:
     "words",
     [
         ("identify", "LOG", "--free", "K,D", "--save", "None", "--json"),
-        ("identify", "LOG", "--free", "K,D", "--payload", "0.2", "--save", "None", "--json"),
         ("monitor", "LOG", "--json"),
         ("simulate", "--log", "LOG", "--json"),
     ],

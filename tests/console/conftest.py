@@ -14,7 +14,7 @@ from tests.support.pages.hand import SLOW, Hand
 
 AWAY = ("Failed to load resource", "WebSocket connection")
 """What a browser says of refusals, while a console is away, and after it has come back without the old sessions."""
-CELL = ("--pace", "lockstep", "--console", "--monitoring", "--simulation", "--identification", "--noise", "0.002")
+CELL = ("--console", "--monitoring", "--simulation", "--identification", "--noise", "0.002")
 
 
 @pytest.fixture(scope="session")
@@ -35,12 +35,18 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def cell(tmp_path_factory: pytest.TempPathFactory, recordings: Path) -> Iterator[Desk]:
+def pace() -> str:
+    """Pace of the cell; modules whose tests wait for nothing that the arm does take realtime, which costs little."""
+    return "lockstep"
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory, recordings: Path, pace: str) -> Iterator[Desk]:
     """A cell with all services and a console."""
     folder = tmp_path_factory.mktemp("cell")
     with new_desk() as desk, pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        desk.detach(*CELL, "--recordings", str(recordings))
+        desk.detach(*CELL, "--pace", pace, "--recordings", str(recordings))
         yield desk
         desk.run("down")
 

@@ -13,6 +13,11 @@ from tests.support.desk import Desk
 from tests.support.waiting import until
 
 
+@pytest.fixture(scope="module")
+def pace() -> str:
+    return "realtime"
+
+
 def test_the_overview_shows_what_the_cell_says(console_page: Page) -> None:
     page = console_page
     expect(page.locator("#doing")).to_contain_text("The arm")

@@ -14,6 +14,11 @@ LENGTH = 130
 
 
 @pytest.fixture(scope="module")
+def pace() -> str:
+    return "realtime"
+
+
+@pytest.fixture(scope="module")
 def log(cell: Desk, recordings: Path) -> str:
     """Name of a recording in the console's folder."""
     cell.run("run", "--duration", str(LENGTH), "--log", str(recordings / "work.parquet"))

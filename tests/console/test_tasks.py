@@ -2,11 +2,17 @@
 
 import re
 
+import pytest
 from playwright.sync_api import Page, expect
 
 from tests.support.desk import Desk
 from tests.support.pages.hand import LEARNT, SLOW, Hand, answered, listed
 from tests.support.waiting import until
+
+
+@pytest.fixture(scope="module")
+def pace() -> str:
+    return "realtime"
 
 
 def test_the_arm_is_stopped_and_released(hand: Hand) -> None:

@@ -5,16 +5,16 @@ import pytest
 
 from dtwin.campaign.spread import Workforce
 from dtwin.emulation.machine.files import machine_of
+from dtwin.experiments.identification import mass
 from dtwin.experiments.identification.groups import run_groups
-from dtwin.experiments.identification.mass import mass_experiment
 from dtwin.experiments.identification.noise import noise_experiment
 from dtwin.experiments.identification.pages import identification_report
 from dtwin.experiments.identification.standard import FREE
 
 
 def test_the_number_of_processes_does_not_change_the_outcome() -> None:
-    alone = noise_experiment(3, (0.002, 0.010), workforce=Workforce(1))
-    spread = noise_experiment(3, (0.002, 0.010), workforce=Workforce(2))
+    alone = noise_experiment(2, (0.002, 0.010), workforce=Workforce(1))
+    spread = noise_experiment(2, (0.002, 0.010), workforce=Workforce(2))
     assert [group.outcomes for group in alone] == [group.outcomes for group in spread]
     for group in alone:
         assert all(o.converged and o.second_converged and o.white for o in group.outcomes)
@@ -26,9 +26,10 @@ def test_the_number_of_processes_does_not_change_the_outcome() -> None:
     assert run_groups([]) == []
 
 
-def test_a_wrong_load_scales_all_forces() -> None:
+def test_a_wrong_load_scales_all_forces(monkeypatch: pytest.MonkeyPatch) -> None:
     """10 g too few taken for 200 g: K and D come out too large by 200/190."""
-    heavy = mass_experiment(2, workforce=Workforce(1))[0]
+    monkeypatch.setattr(mass, "EXCESSES", (-0.010,))
+    (heavy,) = mass.mass_experiment(2, workforce=Workforce(1))
     assert heavy.label == "190 g"
     for name in ("K1", "K2", "K3", "D1", "D2", "D3"):
         assert heavy.errors(name).mean() / heavy.truth[name] == pytest.approx(10 / 190, abs=0.005)

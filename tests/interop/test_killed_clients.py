@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -87,9 +86,13 @@ class LoopedDevice:
             assert process.wait() == -signal.SIGKILL
 
 
-@pytest.fixture(params=["embedded", pytest.param("forte", marks=pytest.mark.skipif(not FORTE, reason=NO_FORTE))])
-def device(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[LoopedDevice]:
-    with forte(tmp_path) if request.param == "forte" else embedded() as address:
+@pytest.fixture(
+    scope="module",
+    params=["embedded", pytest.param("forte", marks=pytest.mark.skipif(not FORTE, reason=NO_FORTE))],
+)
+def device(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[LoopedDevice]:
+    """A device that every test leaves with the usual settings in force."""
+    with forte(tmp_path_factory.mktemp("forte")) if request.param == "forte" else embedded() as address:
         device = LoopedDevice(address)
         yield device
         device.leave()

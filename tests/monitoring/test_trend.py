@@ -6,10 +6,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from dtwin.monitoring import trend as trend_of_parameters
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import Estimator, Tuning
 from dtwin.monitoring.estimation.layout import INDEX
-from dtwin.monitoring.trend import FEWEST, INTERVAL, KEPT, Trend, line
+from dtwin.monitoring.trend import FEWEST, INTERVAL, Trend, line
 
 
 def grown(belief: Belief, name: str, course: Callable[[float], float], entries: int, noise: float = 0.0) -> Trend:
@@ -59,11 +60,12 @@ def test_a_healthy_arm_has_no_forecast(belief: Belief, noise: float) -> None:
     assert grown(belief, "D2", lambda h: belief.arm.get("D2"), 500, noise).forecasts() == []
 
 
-def test_few_entries_tell_nothing_and_old_ones_are_dropped(belief: Belief) -> None:
+def test_few_entries_tell_nothing_and_old_ones_are_dropped(belief: Belief, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trend_of_parameters, "KEPT", 2 * FEWEST)
     healthy = belief.arm.get("D2")
     assert grown(belief, "D2", lambda h: healthy * (1 + 3 * h), FEWEST - 1).forecasts() == []
-    trend = grown(belief, "D2", lambda h: healthy, KEPT + 50)
-    assert len(trend.changes()[0]) == KEPT
+    trend = grown(belief, "D2", lambda h: healthy, 2 * FEWEST + 50)
+    assert len(trend.changes()[0]) == 2 * FEWEST
     trend.restart()
     assert trend.forecasts() == []
 

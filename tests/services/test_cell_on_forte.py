@@ -205,10 +205,10 @@ def test_the_running_arm_is_identified(controller: str, desk: Desk, tmp_path: Pa
 
 
 def test_sending_the_same_settings_again_changes_no_voltage(controller: str, desk: Desk, tmp_path: Path) -> None:
-    options = ["--controller", controller, "--pace", "lockstep", "--duration", "12", "--seed", "3", "--json"]
+    options = ["--controller", controller, "--pace", "lockstep", "--duration", "8", "--seed", "3", "--json"]
     disturbed = tmp_path / "disturbed.parquet"
     control = ControlOptions().control()
-    quiet = Cell(CellSettings(duration=12.0, seed=3, control=control))  # over the bus it is the same, byte for byte
+    quiet = Cell(CellSettings(duration=8.0, seed=3, control=control))  # over the bus it is the same, byte for byte
     quiet.run()
     command = [sys.executable, "-m", "dtwin", "up", *options, "--log", str(disturbed)]
     sent = 0

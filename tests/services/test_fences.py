@@ -90,7 +90,7 @@ def test_a_cell_tells_its_user_where_its_controller_is(desk: Desk) -> None:
 
 
 def test_a_path_too_long_for_sockets_is_one_line(desk: Desk) -> None:
-    said = desk.up("--cell", "x" * 100, status=2)
+    said = desk.run("up", "--cell", "x" * 100, status=2)
     assert "expected at most 107 for a socket" in said
     assert len(said.strip().splitlines()) == 1
 

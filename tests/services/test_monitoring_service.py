@@ -29,7 +29,7 @@ def test_a_fault_of_the_running_cell_is_published(desk: Desk) -> None:
         bus.subscribe(MONITORING, MonitoringVerdict, verdicts.append)
         bus.subscribe(RESIDUALS, MonitoringResiduals, values.append)
         bus.subscribe(EVENTS, Event, events.append)
-        until(lambda: len(verdicts) > 60 and len(values) > 50, "verdicts on a minute of work", 90.0)
+        until(lambda: len(verdicts) > 40 and len(values) > 40, "verdicts until the monitor knows the arm", 90.0)
         assert {unit.state for unit in verdicts[-1].units.values()} == {"nominal"}
         began = bus.ask(FAULT, FaultRequest(("K1*=0.6@0",)), Done).time
 

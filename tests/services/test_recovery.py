@@ -3,41 +3,33 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from dtwin.experiments.recovery.demonstration import LIMIT, parse_faults
+from dtwin.experiments.recovery.cases import RecoveryCase
+from dtwin.experiments.recovery.demonstration import LIMIT, parse_faults, recover
 from dtwin.experiments.recovery.expected import Expected
 from dtwin.experiments.recovery.healthy import healthy_run
 from dtwin.experiments.recovery.outcome import Story, judge, tracked
-from dtwin.parameters import ROOT, ArmParameters
+from dtwin.parameters import ArmParameters
 from dtwin.recovery.measures import Taken
 from dtwin.recovery.operator import Step
 from dtwin.recovery.tuning import BOUND
 from dtwin.run.cell import Cell
 from dtwin.run.recording import read_log
 from dtwin.run.settings import CellSettings
+from dtwin.services.launch import CellOptions
 from tests.support.desk import Desk
-
-
-def recovered(*options: str) -> dict[str, Any]:
-    command = [sys.executable, "-m", "dtwin", "demo", "recovery", "--seed", "1", "--json", *options]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr + done.stdout
-    (run,) = json.loads(done.stdout)["runs"]
-    assert (run["right"], run["works"], run["trouble"]) == (True, True, "")
-    return run
 
 
 def test_a_cell_with_grown_friction_recovers(desk: Desk, tmp_path: Path) -> None:
     log, plot = tmp_path / "run.parquet", tmp_path / "run.png"
-    run = recovered("--log", str(log), "--plot", str(plot))
+    said = desk.run("demo", "recovery", "--seed", "1", "--json", "--log", str(log), "--plot", str(plot))
     assert desk.processes() == {}
+    (run,) = json.loads(said)["runs"]
+    assert (run["right"], run["works"], run["trouble"]) == (True, True, "")
     (found,), (answer,) = run["found"], run["answers"]
     assert (found["cause"], found["parameter"]) == ("friction", run["fault"][:2])
     assert (answer["measure"], run["outcome"]) == ("refit", "recovered")
@@ -58,12 +50,16 @@ def test_a_cell_with_grown_friction_recovers(desk: Desk, tmp_path: Path) -> None
 
 
 def test_an_arm_without_an_encoder_is_stopped_with_its_box(desk: Desk) -> None:
-    run = recovered("--fault", "freeze2")
+    options = CellOptions(pace="lockstep", seed=1, noise=0.002)
+    run = recover(options, RecoveryCase(parse_faults(["freeze2"]), deliveries=1))
     assert desk.processes() == {}
-    assert [answer["measure"] for answer in run["answers"]] == ["stop"]
-    assert run["answers"][0]["after_s"] < 1.0
-    assert (run["outcome"], run["box_lost"]) == ("stopped, person told", False)
-    orders = [m["text"] for m in run["moments"] if m["who"] == "operator"]
+    assert (run.right, run.works, run.story.trouble) == (True, True, "")
+    (answer,) = run.story.steps
+    assert answer.measure == "stop"
+    assert run.story.fault is not None
+    assert answer.time - run.story.fault < 1.0
+    assert (run.outcome, run.box_lost) == ("stopped, person told", False)
+    orders = [moment.text for moment in run.moments if moment.who == "operator"]
     assert "replace encoder 2, then `dtwin release`" in orders[-1]
 
 

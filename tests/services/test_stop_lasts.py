@@ -53,6 +53,11 @@ ORDERS = (
     ("controller", "emulator"),
     ("controller", "bridge", "emulator"),
 )
+CASES = [
+    *(("standstill", killed) for killed in ORDERS),
+    *(("torque off", killed) for killed in ORDERS if len(killed) > 1),
+]
+"""Without torque there is nothing to hold: two killed services leave one that knows of the stop, one leaves two."""
 
 
 class Watch:
@@ -204,9 +209,12 @@ def test_a_stop_outlives_the_supervisor_but_not_an_orderly_end() -> None:
         desk.run("down")
 
 
-@pytest.fixture(scope="module", params=DEMANDS)
+@pytest.fixture(scope="module")
 def stopped(request: pytest.FixtureRequest) -> Iterator[tuple[Watch, str]]:
-    """A cell shared by the orders, since starting it takes longer than killing its services."""
+    """A cell shared by the orders, since starting it takes longer than killing its services.
+
+    Each stop has a cell of its own: a service that is killed again and again is started after ever longer pauses.
+    """
     with new_desk() as desk:
         desk.detach("--pace", "lockstep", "--seed", "3")
         with watched(desk) as watch:
@@ -214,7 +222,9 @@ def stopped(request: pytest.FixtureRequest) -> Iterator[tuple[Watch, str]]:
         desk.run("down")
 
 
-@pytest.mark.parametrize("killed", ORDERS, ids="+".join)
+@pytest.mark.parametrize(
+    ("stopped", "killed"), CASES, ids=[f"{stop}-{'+'.join(killed)}" for stop, killed in CASES], indirect=["stopped"]
+)
 def test_only_a_release_ends_a_stop(stopped: tuple[Watch, str], killed: tuple[str, ...]) -> None:
     watch, stop = stopped
     watch.goes_on(200)
@@ -247,6 +257,7 @@ def assert_no_jump(watch: Watch, released: int) -> None:
     assert np.abs(np.diff(theta, axis=0)).max() < 0.03
 
 
+@pytest.mark.parametrize("stopped", DEMANDS, indirect=True)
 def test_a_reset_ends_no_stop(stopped: tuple[Watch, str]) -> None:
     watch, stop = stopped
     watch.demand(stop)
@@ -261,6 +272,7 @@ def test_a_reset_ends_no_stop(stopped: tuple[Watch, str]) -> None:
     watch.goes_on(100)
 
 
+@pytest.mark.parametrize("stopped", DEMANDS, indirect=True)
 def test_a_release_that_the_emulator_does_not_hear_is_refused(stopped: tuple[Watch, str]) -> None:
     watch, stop = stopped
     watch.demand(stop)

@@ -161,7 +161,7 @@ def test_a_signal_ends_a_cell_that_finds_no_router(desk: Desk, tmp_path: Path, n
     ],
 )
 def test_bad_options_are_one_line(desk: Desk, options: list[str], expected: str) -> None:
-    said = desk.up(*options, status=2)
+    said = desk.run("up", *options, status=2)
     assert expected in said
     assert len(said.strip().splitlines()) == 1
     assert not desk.processes()
