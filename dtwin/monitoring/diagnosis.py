@@ -172,7 +172,7 @@ class Diagnosis:
     def _changes(self, likely: Sequence[Suspicion], locked: bool) -> list[Candidate]:
         """What the most likely suspicions may be, and what leaves no traces of its own to suspect."""
         sizes, history, sample = self._sizes, self._history, self._sample
-        serious = [s.onset for s in likely if s.statistic > _SERIOUS * likely[0].statistic]
+        serious = [s.onset for s in likely if s.statistic >= _SERIOUS * likely[0].statistic]
         onsets = list({onset.sample: onset for onset in serious}.values())
         hypotheses = [(suspicion.fault, suspicion.onset) for suspicion in likely]
         hypotheses += [(s.fault, onset) for s in likely[:PAIRED] for onset in s.others]
