@@ -140,10 +140,11 @@ class Diagnosis:
         stopped, that it has, unless the joint is certainly locked.
         """
         top, probability = self.best()
-        if self.certain:
+        if self.certain and not self._convinces(top, probability):
             stops = [each for each in self.candidates if each.fault.kind == FREEZE]
-            sure = probability >= DECIDED or top.fault.kind not in (FREEZE, LOCK)
-            return top if sure or not stops else max(stops, key=lambda each: each.gain)
+            return max(stops, key=lambda each: each.gain, default=top)
+        if self.certain and top.fault.kind in (FREEZE, LOCK):
+            return top
         if top.misfit > self._misfit:
             unknown = [self._caught_up(Candidate(fault, top.onset, self._sizes)) for fault in faults(UNKNOWN)]
             return max(unknown, key=lambda each: each.gain)
@@ -158,7 +159,7 @@ class Diagnosis:
         if self._pairs and age < MOST:
             return False
         if top.misfit > self._misfit or self.certain:
-            return age >= ENOUGH or (self.certain and age >= LEAST and probability >= DECIDED)
+            return age >= ENOUGH or (self.certain and age >= LEAST and self._convinces(top, probability))
         if age < LEAST or probability < DECIDED:
             return age >= MOST
         if top.other or top.waits:
@@ -168,6 +169,10 @@ class Diagnosis:
             for name in top.changes()
             if name in self._sizes
         )
+
+    def _convinces(self, top: Candidate, probability: float) -> bool:
+        """Whether a candidate is sure; one that is no stop has to explain the motion besides."""
+        return probability >= DECIDED and (top.fault.kind in (FREEZE, LOCK) or top.misfit <= self._misfit)
 
     def _changes(self, likely: Sequence[Suspicion], locked: bool) -> list[Candidate]:
         """What the most likely suspicions may be, and what leaves no traces of its own to suspect."""

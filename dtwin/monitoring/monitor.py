@@ -346,7 +346,10 @@ class Monitor:
         self._stopped.ask(stopped)
         since = [(i, self._bank.before(self.sample - int(self._readings.repeated[i - 1]))) for i in stopped]
         how = (self._sizes, bool(self.estimator.locked), since, self._temper, self._belief.misfit, self._charges)
-        self._decide(Diagnosis(self._bank.suspicions(), self._moments, self.sample, *how), pending)
+        # A joint that stands still may be what an encoder shows that has stopped, unless its motion has told already.
+        least = self.threshold if stopped else 0.0
+        suspicions = [suspicion for suspicion in self._bank.suspicions() if suspicion.statistic >= least]
+        self._decide(Diagnosis(suspicions, self._moments, self.sample, *how), pending)
 
     def _doubt_model(self, unfit: Unfit) -> None:
         """Starts anew from a model that does not fit when it fails again, and believes it after a while."""
