@@ -84,7 +84,7 @@ class Monitor:
         self.findings = Findings(self._sizes)
         self.missed, self.restarts, self.sample = 0, 0, -1
         self._command, self._gripped, self._doubted = np.zeros(4), False, 0
-        self.used = np.zeros(3, dtype=bool)
+        self.used, self._left = np.zeros(3, dtype=bool), -1
 
     @property
     def time(self) -> float:
@@ -265,6 +265,9 @@ class Monitor:
         regripped = gripped != estimator.gripped
         estimator.predict(command, gripped, doubt)
         self.used = used = self._judge() if arrived else np.zeros(3, dtype=bool)
+        if arrived and self._moments and self._left == self.sample - 1 and self._readings.confirmed.any():
+            self._recall()
+        self._left = self.sample if arrived and self._readings.left_out.any() else -1
         likelihood = estimator.correct(measured, used)
         if not likelihood > _LEAST_LIKELY:
             likelihood = _LEAST_LIKELY
@@ -408,6 +411,16 @@ class Monitor:
             self._try_again(Lost(first.estimator))
         elif candidate.fault.kind == UNKNOWN:
             self._try_again(Lost(before))
+
+    def _recall(self) -> None:
+        """Readings of the last sample that were left out were no spikes: they are evidence after all."""
+        moment = self._moments[-1]
+        used, likelihood = moment.used.copy(), moment.likelihood
+        for joint in np.flatnonzero(self._readings.confirmed & ~used).tolist():
+            used[joint] = True
+            likelihood += self.estimator.weigh(joint)
+            self._bank.recall(self.estimator, joint, self.sample - 2)
+        self._moments[-1] = moment._replace(used=used, likelihood=likelihood)
 
     def _judge(self) -> NDArray[np.bool_]:
         """Which readings of the sample that has arrived are measurements."""

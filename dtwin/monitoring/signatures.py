@@ -20,7 +20,7 @@ from dtwin.monitoring.estimation import kernels
 from dtwin.monitoring.estimation.belief import Tail
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import INDEX, PAYLOAD, SIZE
-from dtwin.monitoring.kinds import JUMPS, FaultId, parse_fault_id
+from dtwin.monitoring.kinds import BIAS, JUMPS, FaultId, parse_fault_id
 from dtwin.parameters import PERIOD
 
 Array = NDArray[np.float64]
@@ -136,6 +136,15 @@ class SignatureBank:
         )
         self._least[:] = np.tile(np.where(estimator.lowest[self._rows], 0.0, -np.inf), ONSETS)
         self.note(estimator, sample)
+
+    def recall(self, estimator: Estimator, joint: int, sample: int) -> None:
+        """Takes in a reading that `Estimator.weigh` has weighed as evidence of an encoder's offset since an onset."""
+        column = JUMPS.index(f"{BIAS}{joint + 1}")
+        for place, onset in self._place.items():
+            if onset.sample == sample:
+                index = place * len(JUMPS) + column
+                self._J[index] += estimator.information[joint]
+                self._h[index] += estimator.score[joint]
 
     def note(self, estimator: Estimator, sample: int) -> None:
         """Takes this sample for an onset."""

@@ -230,6 +230,16 @@ class Estimator:
             )
         return likelihood
 
+    def weigh(self, joint: int) -> float:
+        """The logarithm of the likelihood of a reading of a joint (0 to 2) of the last sample that was not used.
+
+        Its score and information are those of the estimator from now on.
+        """
+        likelihood: float = kernels.weigh(
+            joint, self.innovation, self.variance, self._noise, self._clip, self.score, self.information
+        )
+        return likelihood
+
     def expected(self) -> tuple[Array, Array]:
         """The readings as they are expected now, (3,), and their standard deviations about that, (3,), rad."""
         angles, deviations = np.empty(3), np.empty(3)

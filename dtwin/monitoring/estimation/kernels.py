@@ -154,6 +154,21 @@ def _shrink(P: Array, column: Array, s: float) -> None:
 
 
 @kernel
+def weigh(
+    i: int, innovation: Array, variance: Array, noise: Array, clip: Array, score: Array, information: Array
+) -> float:
+    """Fills in score and information of one reading; returns the logarithm of its likelihood. See `correct`."""
+    nu, s = innovation[i], variance[i]
+    limit = clip[i] * math.sqrt(s / noise[i])
+    share, constant = huber(limit)
+    most = limit * math.sqrt(s)
+    counted = min(max(nu, -most), most)
+    score[i] = counted * (1.0 / s)
+    information[i] = share / s
+    return -0.5 * (counted * (2.0 * nu - counted) / s + math.log(2.0 * math.pi * s)) - constant
+
+
+@kernel
 def correct(
     x: Array,
     P: Array,
@@ -208,20 +223,15 @@ def correct(
         if not used[i]:
             gains[i] = 0.0
             continue
-        limit = clip[i] * math.sqrt(s / noise[i])
-        share, constant = huber(limit)
-        most = limit * math.sqrt(s)
-        counted = min(max(nu, -most), most)
-        score[i] = counted * (1.0 / s)
-        information[i] = share / s
+        likelihood += weigh(i, innovation, variance, noise, clip, score, information)
+        counted = score[i] * s
         for j in range(SIZE):
             gains[i, j] = column[j] / s
             x[j] += gains[i, j] * counted
-        if counted == nu:
+        if abs(nu) <= clip[i] * s / math.sqrt(noise[i]):
             _shrink(P, column, s)
         else:
             gains[i] = 0.0
-        likelihood -= 0.5 * (counted * (2.0 * nu - counted) / s + math.log(2.0 * math.pi * s)) + constant
     for j in range(SIZE):
         x[j] = min(max(x[j], lower[j]), upper[j])
     return likelihood

@@ -51,9 +51,9 @@ _DEVIATIONS: Final = 8.0
 """resolutions and standard deviations of predicted motion that an encoder which works would have shown"""
 _FAR: Final = 8.0
 """standard deviations between reading and prediction, or as unlikely if the tails are heavy: a reading far off after
-one that was near is left out, and a spike if the next one is near again; if not, the next one counts"""
+one that was near is left out, and a spike if the next one is near again; if not, it counts after all"""
 _NEAR: Final = 0.5
-"""share of that distance"""
+"""share of that distance, and of the distance of the reading that was left out"""
 _ALL: Final = np.ones(3, dtype=bool)
 
 
@@ -68,7 +68,9 @@ class Readings:
         repeated: (3,), how often each encoder has repeated its reading in a row.
         resolution: (3,), resolution of the encoders, rad; 0 if it does not matter, COARSEST while it is not known.
         frozen: (3,), which encoders repeat their readings although the joint is expected to move.
+        left_out: (3,), which readings of the last sample are left out until the next ones.
         spikes: (3,), which encoders have just shown that their last reading but one was a single one far off.
+        confirmed: (3,), which have shown that it was not.
     """
 
     def __init__(self, noise: Triple) -> None:
@@ -83,13 +85,13 @@ class Readings:
         self._angles, self._new = np.zeros(3), np.zeros(3, dtype=bool)
         self._since = np.full(3, np.nan)
         self._far = np.full(3, _FAR)
-        self._was_near, self._left_out = np.zeros(3, dtype=bool), np.zeros(3, dtype=bool)
+        self._was_near, self._missed = np.zeros(3, dtype=bool), np.zeros(3)
         self.last = np.full(3, np.nan)
         self.repeated = np.zeros(3, dtype=int)
         self.resolution = np.full(3, COARSEST)
         self.frozen = np.zeros(3, dtype=bool)
         self._dithered = np.zeros(3, dtype=bool)
-        self.spikes = np.zeros(3, dtype=bool)
+        self.left_out, self.spikes, self.confirmed = np.zeros((3, 3), dtype=bool)
 
     @property
     def unheard(self) -> int:
@@ -151,7 +153,9 @@ class Readings:
             self._since,
             self.frozen,
             self.spikes,
-            self._left_out,
+            self.confirmed,
+            self.left_out,
+            self._missed,
             self._was_near,
             measurements,
         )
@@ -246,11 +250,13 @@ def _judge(
     since: Array,
     frozen: Flags,
     spikes: Flags,
+    confirmed: Flags,
     left_out: Flags,
+    missed: Array,
     was_near: Flags,
     measurements: Flags,
 ) -> None:
-    """Tells which readings (3,) are measurements, see `Readings.judge`, and updates the five arrays before."""
+    """Tells which readings (3,) are measurements, see `Readings.judge`, and updates the seven arrays before."""
     for i in range(3):
         first = repeated[i] == 0
         if first or math.isnan(since[i]):
@@ -264,12 +270,13 @@ def _judge(
         # Where neighbouring readings differ by noise, one that repeats the last is more often a sample that was lost.
         lost = not first and dithered[i] and off > deviation[i]
         used = (new[i] or again) and not frozen[i] and not lost
-        away = abs(angles[i] - predicted[i]) / deviation[i]
-        near = away < _NEAR * far[i]
-        spikes[i] = used and left_out[i] and near
-        left = used and was_near[i] and away > far[i] and trusted
+        away = abs(angles[i] - predicted[i])
+        near = away < _NEAR * far[i] * deviation[i]
+        returned = away < _NEAR * abs(missed[i])
+        spikes[i], confirmed[i] = used and left_out[i] and returned, used and left_out[i] and not returned
+        left = used and was_near[i] and away > far[i] * deviation[i] and trusted
         if used:
-            left_out[i], was_near[i] = left, near
+            left_out[i], was_near[i], missed[i] = left, near, angles[i] - predicted[i]
         measurements[i] = used and not left
 
 
