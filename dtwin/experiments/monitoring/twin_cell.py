@@ -150,7 +150,7 @@ class TwinCell:
             if bool(gripped[done - 1]) != self._held:
                 self._grip(bool(gripped[done - 1]))
         self._last = measured[-1]
-        times: Array = (self.ticks - count + np.arange(count)) * PERIOD
+        times = PERIOD * np.arange(self.ticks - count, self.ticks, dtype=np.float64)
         return _log(times, measured[1:], path, volts, present, colours, gripped)
 
     def _grip(self, closed: bool) -> None:

@@ -288,7 +288,7 @@ class NativeServer:
         request = ctypes.create_string_buffer(self._request.size + 16 - self._request.size % 8)
         answer = ctypes.create_string_buffer(self._answer.size + 8)
         self._buffers = request, answer
-        self.answer = np.frombuffer(answer, np.uint8)
+        self.answer: NDArray[np.uint8] = np.frombuffer(memoryview(answer).cast("B"), np.uint8)
         self._pack = partial(self._request.pack_into, request, 0)
         self._unpack = partial(self._answer.unpack_from, answer, 0)
         addresses = [resource.address, ctypes.addressof(request), ctypes.addressof(answer)][: 3 if sends else 2]
