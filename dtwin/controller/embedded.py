@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from dtwin.controller.ports import BLOCKS, EMULATOR, LAST_SAMPLE, PATH, SYSTEM, sensor_values, voltages
 from dtwin.controller.runtime import running
@@ -67,7 +68,11 @@ class EmbeddedController:
         Raises:
             FunctionBlockError: a block failed. CommunicationError: the application did not answer.
         """
-        command = voltages(sensors, self._exchange(sensor_values(sensors)))
+        return self.command(sensors, self._exchange(sensor_values(sensors)))
+
+    def command(self, sensors: Sensors, answer: Sequence[Any]) -> Voltages:
+        """The command in the application's answer to a sample, which may call for help."""
+        command = voltages(sensors, answer)
         calls, _ = self._help()
         if calls != self._calls:
             self._calls = calls

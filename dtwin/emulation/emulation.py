@@ -6,9 +6,11 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.boxes import Boxes, BoxesState
@@ -24,11 +26,13 @@ from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.emulation.plant import PlantState
 from dtwin.emulation.stands import check_task
 from dtwin.errors import FaultError, ParameterError
-from dtwin.parameters import HANGING, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
+from dtwin.parameters import HANGING, PERIOD, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
 from dtwin.signals import NO_COLOUR, BoxCounts, Event, EventKind, Quad, Sensors, Truth, Voltages
 from dtwin.task import DEFAULT_TASK, Task
 
 _NEVER = 2**62
+_EXACT = np.full((1000, 4), -0.0)
+"""No errors of encoders, rad: what is added to an angle without changing it, not even the sign of 0."""
 _ROUNDING = 1e-6
 """Tolerance of due times, in steps: a change due at 45 s happens at 45 s however the sum of steps is rounded."""
 
@@ -55,6 +59,25 @@ class EmulationState(msgspec.Struct, frozen=True):
     boxes: BoxesState
     bodies: BodiesState | None = None
     commanded: Quad = (0.0, 0.0, 0.0, 0.0)
+
+
+class Free(NamedTuple):
+    """What it takes to move the plant: see `Stepping` and `dtwin.run.compiled_ticks.advance`."""
+
+    step: int
+    model: int
+    data: int
+    q: NDArray[np.float64]
+    w: NDArray[np.float64]
+    control: NDArray[np.float64]
+    read: NDArray[np.float64]
+    substeps: int
+    steps: int
+    due: int
+    rate: float
+    payload: float
+    limits: NDArray[np.float64]
+    errors: NDArray[np.float64]
 
 
 class Emulation:
@@ -126,6 +149,11 @@ class Emulation:
         self._sample()
 
     @property
+    def gripped(self) -> bool:
+        """Whether the last command said that the box is held."""
+        return self._gripped
+
+    @property
     def box_counts(self) -> BoxCounts:
         """What became of the boxes so far."""
         return self._boxes.counts
@@ -174,6 +202,40 @@ class Emulation:
             self._change_due()
         if self._contact.enabled:
             self._observe()
+        self._sample()
+
+    def free(self, ticks: int) -> Free | None:
+        """What somebody needs to move the plant for some ticks while nothing happens; None if more than MuJoCo moves
+        it, or more than noise is in the readings.
+
+        The errors may be those of fewer ticks.
+        """
+        condition, stepping = self._condition, self._plant.stepping()
+        if stepping is None or condition.late or condition.cut or condition.supply != 1.0:
+            return None
+        errors = self._encoders.errors(ticks)
+        if errors is None:
+            return None
+        plant = self._plant
+        substeps, rate = plant.whole_steps(PERIOD), plant.rate
+        added = np.array(errors) if errors else _EXACT[:ticks]
+        return Free(*stepping, substeps, plant.steps, self._due, rate, plant.payload, plant.limits, added)
+
+    def went(self, ticks: int, last: NDArray[np.float64]) -> None:
+        """Goes on where somebody has moved the plant to with what `free` gave.
+
+        Args:
+            ticks: number of ticks, at least 1, in none of which something happened but in the last.
+            last: (19,), row of the log of the last of them.
+        """
+        _, *numbers = last.tolist()
+        self._encoders.skip(ticks - 1, [*numbers[6:9], numbers[16]])
+        v1, v2, v3, v4 = numbers[12:16]
+        self._commanded = (v1, v2, v3, v4)
+        self._plant.went(ticks * self._plant.whole_steps(PERIOD))
+        self._sequence += ticks
+        if self._plant.steps >= self._due:
+            self._change_due()
         self._sample()
 
     def truth(self) -> Truth:

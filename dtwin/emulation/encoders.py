@@ -120,6 +120,24 @@ class Encoders:
         self._last = angles
         return angles
 
+    def errors(self, count: int) -> list[list[float]] | None:
+        """What the next readings differ by from the angles, rad, four each, at most `count`; empty if exact.
+
+        It is None if encoders do more than to add noise.
+        """
+        if self._encoding is not None or self._faulty:
+            return None
+        if not self._noisy:
+            return []
+        if self._used == len(self._errors):
+            self._draw_errors()
+        return self._errors[self._used : self._used + count]
+
+    def skip(self, count: int, last: list[float]) -> None:
+        """Leaves out readings that somebody made of `errors`, of which the last one is given, rad."""
+        self._used += count if self._noisy else 0
+        self._last = last
+
     def state(self) -> EncodersState:
         """What the next measurements depend on, beside the faults."""
         encoding = None if self._encoding is None else self._encoding.state()

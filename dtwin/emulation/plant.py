@@ -8,16 +8,18 @@ that of the analytic equations to rounding.
 
 from __future__ import annotations
 
+import ctypes
 import logging
 import math
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 import msgspec
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.contact.bodies import Bodies
@@ -38,6 +40,34 @@ _LOCK_ARMATURE: Final = 1e9
 _STATE: Final = mujoco.mjtState.mjSTATE_INTEGRATION
 
 _log = logging.getLogger(__name__)
+
+
+class Stepping(NamedTuple):
+    """Addresses of `mj_step`, of its model and of its data, and what of these a step reads and writes.
+
+    q, w and control: (4,), angles (rad), velocities (rad/s) and voltages (V); read: (8,), angles and velocities as
+    they were read after the last step, which a lock has changed since.
+    """
+
+    step: int
+    model: int
+    data: int
+    q: NDArray[np.float64]
+    w: NDArray[np.float64]
+    control: NDArray[np.float64]
+    read: NDArray[np.float64]
+
+
+def _step_function() -> int | None:
+    """The address of `mj_step` in the library that is loaded; None where it is not found."""
+    files = sorted(Path(mujoco.__file__).parent.glob("libmujoco*.so*"))
+    if len(files) != 1:
+        return None
+    return ctypes.cast(ctypes.CDLL(str(files[0])).mj_step, ctypes.c_void_p).value
+
+
+STEP: Final = _step_function()
+"""Address of `mj_step`."""
 
 
 class PlantState(msgspec.Struct, frozen=True):
@@ -255,6 +285,23 @@ class Plant:
             self._qpos[_GRIPPER] = self.angles[3] = self._closed if gripper < self._closed else self._opened
             self._qvel[_GRIPPER] = self._speeds[3] = 0.0
 
+    def stepping(self) -> Stepping | None:
+        """How MuJoCo steps this plant; None if there is more to a step than MuJoCo's own."""
+        if type(self) is not Plant or self.bodies or self._rubs or STEP is None:
+            return None
+        read = np.array((*self.angles, *self._speeds))
+        return Stepping(STEP, self.model._address, self.data._address, self._qpos, self._qvel, self._ctrl, read)
+
+    @property
+    def limits(self) -> NDArray[np.float64]:
+        """Largest sum of absolute commands (V), largest sum of the state, and angles of the gripper's stops (rad)."""
+        return np.array([_COMMAND_LIMIT, _SUM_LIMIT, self._closed, self._opened])
+
+    def went(self, steps: int) -> None:
+        """Takes note of steps that somebody else made with `stepping`."""
+        self.steps += steps
+        self._read()
+
     def whole_steps(self, period: float) -> int:
         """Number of integration steps in a period (s).
 
@@ -272,6 +319,11 @@ class Plant:
     def time(self) -> float:
         """Time since the last `reset`, s."""
         return self.steps / self._rate
+
+    @property
+    def rate(self) -> float:
+        """Number of integration steps in a second."""
+        return self._rate
 
     @property
     def step(self) -> float:

@@ -12,7 +12,9 @@ import msgspec
 import numpy as np
 
 from dtwin.controller.embedded import EmbeddedController
+from dtwin.iec61499.native.resource import NativeResource
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, Triple
+from dtwin.run.compiled_ticks import CompiledTicks
 from dtwin.run.emulate import emulate
 from dtwin.run.hidden import HiddenLog
 from dtwin.run.loop import Controller, Pacer, run, tick_count
@@ -96,10 +98,28 @@ class Cell:
         began = time.perf_counter()
         pacer = Pacer(PERIOD) if realtime else None
         try:
-            run(self.emulation, self.controller, self.ticks, record=self._recorder(), between=gather, pacer=pacer)
+            run(
+                self.emulation,
+                self.controller,
+                self.ticks,
+                record=self._recorder(),
+                between=gather,
+                pacer=pacer,
+                ahead=None if realtime else self._ahead(),
+            )
         finally:
             self._wall = time.perf_counter() - began
             self._gather()
+
+    def _ahead(self) -> Callable[[int], int] | None:
+        """What does ticks in machine code, if the blocks are that and nobody looks at every tick."""
+        controller = self.controller
+        if type(controller) is not EmbeddedController or self.hidden is not None:
+            return None
+        blocks = controller.resource
+        if not isinstance(blocks, NativeResource) or blocks.traced:
+            return None
+        return CompiledTicks(self.emulation, controller, blocks, self.log).run
 
     def _recorder(self) -> Callable[[StepRecord], None]:
         """What takes the record of each tick."""

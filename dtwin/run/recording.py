@@ -162,6 +162,15 @@ class RunLog:
             command.box_gripped,
         )
 
+    def extend(self, numbers: NDArray[np.float64], box_present: bool, box_colour: str, gripped: bool) -> None:
+        """Adds n ticks with the same box and grip, and the values of NUMBERS of each, (n, 19)."""
+        rows = np.empty(len(numbers), _ROW_DTYPE)
+        whole = rows.view(np.uint8).reshape(len(numbers), _ROW.size)
+        whole[:, : 8 * len(NUMBERS)] = np.ascontiguousarray(numbers, "<f8").view(np.uint8)
+        rows["box_present"], rows["box_gripped"] = box_present, gripped
+        rows["box_colour"] = self._codes.setdefault(box_colour, len(self._codes))
+        self._rows += rows.tobytes()
+
     def add_events(self, events: Iterable[Event]) -> None:
         """Adds events, which must come in order of time."""
         self._events.extend(events)

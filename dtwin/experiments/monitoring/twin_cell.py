@@ -149,8 +149,8 @@ class TwinCell:
             done, self.ticks = done + made, self.ticks + made
             if bool(gripped[done - 1]) != self._held:
                 self._grip(bool(gripped[done - 1]))
-        self._last[:] = measured[-1]
-        times: Array = np.arange(self.ticks - count, self.ticks, dtype=np.float64) * PERIOD
+        self._last = measured[-1]
+        times = PERIOD * np.arange(self.ticks - count, self.ticks, dtype=np.float64)
         return _log(times, measured[1:], path, volts, present, colours, gripped)
 
     def _grip(self, closed: bool) -> None:

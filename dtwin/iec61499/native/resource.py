@@ -71,6 +71,11 @@ class NativeResource:
             self._recorder.begin(self.states())
             self._function(f"{NAME}__trace", None, 2)(self.address, self._recorder.address)
 
+    @property
+    def traced(self) -> bool:
+        """Whether events are recorded."""
+        return self._recorder is not None
+
     def function(self, name: str) -> int:
         """The address of a function of the unit, whose first argument is `address`."""
         found = ctypes.cast(getattr(self._library, f"{NAME}__{name}"), ctypes.c_void_p).value
@@ -261,6 +266,7 @@ class NativeServer:
     Attributes:
         receives: the types of the values that it receives.
         sends: the types of the values that it answers with.
+        answer: the last answer as C lays it out.
     """
 
     def __init__(
@@ -282,6 +288,7 @@ class NativeServer:
         request = ctypes.create_string_buffer(self._request.size + 16 - self._request.size % 8)
         answer = ctypes.create_string_buffer(self._answer.size + 8)
         self._buffers = request, answer
+        self.answer: NDArray[np.uint8] = np.frombuffer(memoryview(answer).cast("B"), np.uint8)
         self._pack = partial(self._request.pack_into, request, 0)
         self._unpack = partial(self._answer.unpack_from, answer, 0)
         addresses = [resource.address, ctypes.addressof(request), ctypes.addressof(answer)][: 3 if sends else 2]
@@ -302,6 +309,10 @@ class NativeServer:
         problem = self._call()
         if problem:
             self._resource.check(problem, self._name)
+        return self.last()
+
+    def last(self) -> tuple[Any, ...]:
+        """The values of the last answer."""
         return self._unpack() if not self._text_answers else self._from_texts()
 
     def requests(self, messages: Sequence[Sequence[Any]]) -> NDArray[np.uint8]:
