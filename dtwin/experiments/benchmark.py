@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from dtwin.campaign.spread import Workers
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import EMULATOR, sensor_values
 from dtwin.controller.runtime import Runtime, chosen
@@ -32,7 +33,6 @@ from dtwin.monitoring.estimation.belief import Unmodelled, assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.parameters import PERIOD, PICKUP, ArmParameters, Gains
-from dtwin.pool import Workers
 from dtwin.run.cell import Cell
 from dtwin.run.loop import run, tick_count
 from dtwin.run.options import ControlOptions

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import msgspec
 
+from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import SeriesCommand, at_least
 from dtwin.experiments.monitoring.false_alarms import (
     HOURS,
@@ -16,7 +17,6 @@ from dtwin.experiments.monitoring.false_alarms import (
     interval,
 )
 from dtwin.experiments.report import Report
-from dtwin.pool import Progress
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class ExperimentFalseAlarms(SeriesCommand[list[WatchedShift]]):
         at_least("--machines", self.machines, 1)
         at_least("--duration", self.duration, 180.0)
         return count_false_alarms(
-            self.first, self.machines, self.days, self.duration, self.seed, self.workers, progress
+            self.first, self.machines, self.days, self.duration, self.seed, self.workforce(), progress
         )
 
     def report(self, result: list[WatchedShift]) -> Report:

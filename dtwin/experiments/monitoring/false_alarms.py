@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 import msgspec
 from scipy.stats import chi2
 
+from dtwin.campaign.spread import Progress, Workers, Workforce
 from dtwin.errors import IdentificationError
 from dtwin.experiments.monitoring.twin_cell import TwinCell
 from dtwin.experiments.monitoring.watching import FALSE, IDENTIFIED_FROM
@@ -26,7 +27,6 @@ from dtwin.monitoring.estimation.belief import commissioned
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.parameters import PERIOD, ArmParameters
-from dtwin.pool import Progress, Workers
 from dtwin.run.options import ControlOptions
 
 SHIFT: Final = 4.0
@@ -116,7 +116,7 @@ def watch_shift(item: Shift) -> WatchedShift:
 
 
 def count_false_alarms(
-    first: int, machines: int, days: float, duration: float, seed: int, workers: int | None, progress: Progress
+    first: int, machines: int, days: float, duration: float, seed: int, workforce: Workforce, progress: Progress
 ) -> list[WatchedShift]:
     """Watches machines of consecutive numbers for some days in all, in shifts of equal length.
 
@@ -126,7 +126,7 @@ def count_false_alarms(
         days: days of work of all machines together.
         duration: plant time of the log that commissions a machine, s.
         seed: number of the first random generators.
-        workers: number of processes, one for each core if None; the result does not depend on it.
+        workforce: who does it; the result does not depend on it.
         progress: told the numbers of shifts done and in all.
 
     Raises:
@@ -134,7 +134,7 @@ def count_false_alarms(
         DtwinError: the work failed.
     """
     numbers = untouched(first, machines)
-    with Workers(workers) as pool:
+    with Workers(workforce) as pool:
         records = pool.map(commission, [Commissioning(number, seed, duration) for number in numbers])
         usable = [(number, record) for number, record in zip(numbers, records, strict=True) if record is not None]
         if not usable:
