@@ -57,6 +57,8 @@ _SERIOUS: Final = 0.6
 _STEPS: Final = 2
 """samples between two onsets at which an encoder's offset may have jumped"""
 _OF_ENCODER: Final = (BIAS, DRIFT)
+_TORQUES: Final = ("K", "D", "mu", BIAS, DRIFT)
+"""kinds of what an unknown torque on a joint may be mistaken for"""
 _HOPELESS: Final = 25.0
 """log-likelihood behind the best at which a candidate is given up"""
 
@@ -203,10 +205,9 @@ class Diagnosis:
         return candidate
 
     def _evidence(self, candidate: Candidate) -> float:
-        """What speaks for a candidate beyond what the model lacks anyway; a torque that is lacking is one of its
-        motor."""
+        """What speaks for a candidate beyond what the model lacks anyway; an unknown torque may be all of that."""
         faults = (candidate.fault, candidate.other) if candidate.other else (candidate.fault,)
-        states = [state for fault in faults for state in fault.states or (fault.named("K"),)]
+        states = [state for fault in faults for state in fault.states or map(fault.named, _TORQUES)]
         return candidate.gain - max(self._charges.get(state, 0.0) for state in states)
 
     def _prune(self) -> None:

@@ -10,22 +10,23 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.bus.twin_messages import UNITS, MonitoringVerdict, UnitState
+from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.monitoring.candidate import Candidate, Moment
 from dtwin.monitoring.diagnosis import MOST, Diagnosis
-from dtwin.monitoring.estimation.belief import Belief, Tail
+from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.findings import Consequences, Findings
 from dtwin.monitoring.kinds import JUMPS, PUSH, UNKNOWN, FaultId, parse_fault_id, plausible_sizes
 from dtwin.monitoring.modes import STARTING, Diagnosing, Lost, Mode, Probation, Settling, Turn, Turns, Unfit, Watching
+from dtwin.monitoring.recall import Recall
 from dtwin.monitoring.sensing.commands import commands_between
 from dtwin.monitoring.sensing.listening import Listening, hear, replay
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.settings import MonitorSettings
-from dtwin.monitoring.signatures import LONGEST, SignatureBank, allowances, threshold
+from dtwin.monitoring.signatures import LONGEST, SignatureBank, limits
 from dtwin.monitoring.stopped import Stopped
 from dtwin.monitoring.trend import WATCHED, Trend
-from dtwin.monitoring.verdict import Finding, Forecast, monitored_units, unfit_units, units_of
+from dtwin.monitoring.verdict import Finding, Forecast, monitored_units, unfit_units, unit_states
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event
 
@@ -66,16 +67,11 @@ class Monitor:
     def __init__(self, belief: Belief, settings: MonitorSettings | None = None) -> None:
         self.settings = settings or MonitorSettings()
         self._sizes = plausible_sizes(belief.arm)
-        self.threshold = threshold(self.settings.alarms_per_hour, Tail())
-        self._warning = threshold(self.settings.warnings_per_hour, Tail())
-        allowance = allowances(self.settings.alarms_per_hour, belief.tails)
-        self._charges = dict(zip(JUMPS, (0.5 * allowance).tolist(), strict=True))
-        self._temper = 1.0 + float(np.median(allowance)) / self.threshold
+        self.threshold, self._warning, allowance, self._temper, self._charges = limits(self.settings, belief.tails)
         self._belief = belief
         self.estimator = Estimator(belief, self.settings.tuning)
-        self._readings, self._stopped = Readings(belief.noise), Stopped()
+        self._readings, self._stopped, self.trend = Readings(belief.noise), Stopped(), Trend(self.estimator)
         self._listening: Listening | None = Listening()
-        self.trend = Trend(self.estimator)
         self._bank = SignatureBank(self._sizes, allowance)
         self._moments: deque[Moment] = deque(maxlen=LONGEST + MOST + 2)
         self._mode: Mode = Watching()
@@ -84,7 +80,7 @@ class Monitor:
         self.findings = Findings(self._sizes)
         self.missed, self.restarts, self.sample = 0, 0, -1
         self._command, self._gripped, self._doubted = np.zeros(4), False, 0
-        self.used, self._left = np.zeros(3, dtype=bool), -1
+        self.used, self._recall = np.zeros(3, dtype=bool), Recall()
 
     @property
     def time(self) -> float:
@@ -123,23 +119,17 @@ class Monitor:
     def statistic(self) -> float:
         """The strongest evidence of a sudden change, 2 log likelihood ratio beyond what is allowed for; the threshold
         while one is diagnosed, 0 while the estimate settles."""
-        match self._mode:
-            case Diagnosing():
-                return self.threshold
-            case Settling():
-                return 0.0
-            case Watching() | Lost() | Unfit():
-                return self._bank.worst()
+        if isinstance(self._mode, Diagnosing):
+            return self.threshold
+        return 0.0 if isinstance(self._mode, Settling) else self._bank.worst()
 
     @property
     def statistics(self) -> Array:
         """The strongest evidence of a sudden change of each of JUMPS, (18,), 2 log likelihood ratio; 0 while one is
         diagnosed, and while the estimate settles."""
-        match self._mode:
-            case Diagnosing() | Settling():
-                return np.zeros(len(JUMPS))
-            case Watching() | Lost() | Unfit():
-                return self._bank.statistics().max(axis=0)
+        if isinstance(self._mode, Diagnosing | Settling):
+            return np.zeros(len(JUMPS))
+        return self._bank.statistics().max(axis=0)
 
     def information(self, since: float) -> Array:
         """What the last samples tell of sudden changes so long ago (s), see `SignatureBank.information`."""
@@ -193,16 +183,9 @@ class Monitor:
 
     def verdict(self) -> MonitoringVerdict:
         """The opinion now, as it is published."""
-        states: dict[str, UnitState] = dict.fromkeys(UNITS, "nominal")
-        suspected = self._suspected()
-        if suspected is not None:
-            states.update(dict.fromkeys(units_of(suspected), "may be degrading"))
-        for forecast in self.forecasts:
-            states[UNITS[forecast.joint - 1]] = "may be degrading" if forecast.hours else "failed"
         found = self.standing()
-        for each in found:
-            states.update(dict.fromkeys(units_of(each.fault), "failed"))
-        units = monitored_units(states, found) if not self._misfit else unfit_units(self._misfit)
+        states = unit_states(self._suspected(), self.forecasts, found)
+        units = unfit_units(self._misfit) or monitored_units(states, found)
         forecasts = tuple(forecast.text() for forecast in self.forecasts)
         return MonitoringVerdict(self.time, units, forecasts, self.unobservable(), self.missed, self.restarts)
 
@@ -214,12 +197,10 @@ class Monitor:
 
     def _suspected(self) -> FaultId | None:
         """What may be wrong."""
-        match self._mode:
-            case Diagnosing(diagnosis):
-                return diagnosis.best()[0].fault
-            case Watching() | Lost() if self._bank.worst() >= self._warning:
-                return self._bank.suspicions()[0].fault
-        return None
+        if isinstance(self._mode, Diagnosing):
+            return self._mode.diagnosis.best()[0].fault
+        possible = isinstance(self._mode, Watching | Lost) and self._bank.worst() >= self._warning
+        return self._bank.suspicions()[0].fault if possible else None
 
     def _restart(self, sample: int, measured: Array, gripped: bool, gap: int) -> None:
         """Begins with a sample that does not follow the last one."""
@@ -265,9 +246,8 @@ class Monitor:
         regripped = gripped != estimator.gripped
         estimator.predict(command, gripped, doubt)
         self.used = used = self._judge() if arrived else np.zeros(3, dtype=bool)
-        if arrived and self._moments and self._left == self.sample - 1 and self._readings.confirmed.any():
-            self._recall()
-        self._left = self.sample if arrived and self._readings.left_out.any() else -1
+        if arrived:
+            self._recall.take(self.sample, self._readings, estimator, self._bank, self._moments)
         likelihood = estimator.correct(measured, used)
         if not likelihood > _LEAST_LIKELY:
             likelihood = _LEAST_LIKELY
@@ -349,9 +329,8 @@ class Monitor:
         self._stopped.ask(stopped)
         since = [(i, self._bank.before(self.sample - int(self._readings.repeated[i - 1]))) for i in stopped]
         how = (self._sizes, bool(self.estimator.locked), since, self._temper, self._belief.misfit, self._charges)
-        # A joint that stands still may be what an encoder shows that has stopped, unless its motion has told already.
-        least = self.threshold if stopped else 0.0
-        suspicions = [suspicion for suspicion in self._bank.suspicions() if suspicion.statistic >= least]
+        # Of a joint that stands still only what its motion has told before is a cause beside those of standing still.
+        suspicions = self._bank.suspicions(self.threshold if stopped else 0.0)
         self._decide(Diagnosis(suspicions, self._moments, self.sample, *how), pending)
 
     def _doubt_model(self, unfit: Unfit) -> None:
@@ -411,16 +390,6 @@ class Monitor:
             self._try_again(Lost(first.estimator))
         elif candidate.fault.kind == UNKNOWN:
             self._try_again(Lost(before))
-
-    def _recall(self) -> None:
-        """Readings of the last sample that were left out were no spikes: they are evidence after all."""
-        moment = self._moments[-1]
-        used, likelihood = moment.used.copy(), moment.likelihood
-        for joint in np.flatnonzero(self._readings.confirmed & ~used).tolist():
-            used[joint] = True
-            likelihood += self.estimator.weigh(joint)
-            self._bank.recall(self.estimator, joint, self.sample - 2)
-        self._moments[-1] = moment._replace(used=used, likelihood=likelihood)
 
     def _judge(self) -> NDArray[np.bool_]:
         """Which readings of the sample that has arrived are measurements."""

@@ -21,6 +21,7 @@ from dtwin.monitoring.estimation.belief import Tail
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import INDEX, PAYLOAD, SIZE
 from dtwin.monitoring.kinds import BIAS, JUMPS, FaultId, parse_fault_id
+from dtwin.monitoring.settings import MonitorSettings
 from dtwin.parameters import PERIOD
 
 Array = NDArray[np.float64]
@@ -56,6 +57,33 @@ def allowances(alarms_per_hour: float, tails: Mapping[str, Tail]) -> Array:
     share = alarms_per_hour / len(JUMPS)
     each = [threshold(share, tails.get(fault, Tail())) for fault in JUMPS]
     return np.array(each) - threshold(share, Tail())
+
+
+class Limits(NamedTuple):
+    """What decides on alarms.
+
+    Attributes:
+        alarm: value of a statistic, beyond what is allowed for it, from which on a change is diagnosed.
+        warning: the same for a warning.
+        allowance: (18,), see `allowances`.
+        temper: by how much less than its likelihood says evidence counts.
+        charges: logarithm of the likelihood that a fault has to be ahead by, because what the model lacks looks like
+            it; by fault of JUMPS.
+    """
+
+    alarm: float
+    warning: float
+    allowance: Array
+    temper: float
+    charges: dict[str, float]
+
+
+def limits(settings: MonitorSettings, tails: Mapping[str, Tail]) -> Limits:
+    """What decides on alarms of an arm that passes what `tails` say while it is healthy."""
+    alarm, warning = (threshold(rate, Tail()) for rate in (settings.alarms_per_hour, settings.warnings_per_hour))
+    allowance = allowances(settings.alarms_per_hour, tails)
+    charges = dict(zip(JUMPS, (0.5 * allowance).tolist(), strict=True))
+    return Limits(alarm, warning, allowance, 1.0 + float(np.median(allowance)) / alarm, charges)
 
 
 def quantile(share: float) -> float:
@@ -104,6 +132,7 @@ class SignatureBank:
         self._faults = np.arange(count)
         self._E = np.zeros((SIZE, ONSETS * count))
         self._h, self._J = np.zeros(ONSETS * count), np.zeros(ONSETS * count)
+        self._at_once = np.array([fault.startswith(BIAS) for fault in JUMPS])
         self._least = np.full(ONSETS * count, -np.inf)
         self._place: dict[int, Onset] = {}
         self._payload = np.arange(ONSETS) * count + JUMPS.index("payload")
@@ -131,6 +160,8 @@ class SignatureBank:
             estimator.information,
             used,
             counts,
+            estimator.moving,
+            self._at_once,
             estimator.memory,
             PERIOD,
         )
@@ -179,14 +210,14 @@ class SignatureBank:
         found: float = kernels.largest(self._h, self._J, self._precision, self._least, self._allowance)
         return found
 
-    def suspicions(self) -> list[Suspicion]:
-        """For each fault its best onset, most likely first."""
+    def suspicions(self, least: float = 0.0) -> list[Suspicion]:
+        """For each fault of which a statistic is at least so much its best onset, most likely first."""
         statistics = self.statistics()
         found, newest = [], max((onset.sample for onset in self._place.values()), default=0)
         for column, fault in enumerate(JUMPS):
             place = int(statistics[:, column].argmax())
             onset = self._place.get(place)
-            if onset is None:
+            if onset is None or not statistics[place, column] >= least:
                 continue
             index = place * len(JUMPS) + column
             information = self._J[index] + self._precision[index]

@@ -108,6 +108,20 @@ def units_of(fault: FaultId) -> tuple[str, ...]:
     return UNITS[:-1] if fault.about.on_arm else (UNITS[fault.joint - 1],)
 
 
+def unit_states(
+    suspected: FaultId | None, forecasts: Iterable[Forecast], findings: Iterable[Finding]
+) -> dict[str, UnitState]:
+    """The gravest state of each of UNITS, given what may be wrong, slow changes, and what is wrong."""
+    states: dict[str, UnitState] = dict.fromkeys(UNITS, "nominal")
+    if suspected is not None:
+        states.update(dict.fromkeys(units_of(suspected), "may be degrading"))
+    for forecast in forecasts:
+        states[UNITS[forecast.joint - 1]] = "may be degrading" if forecast.hours else "failed"
+    for each in findings:
+        states.update(dict.fromkeys(units_of(each.fault), "failed"))
+    return states
+
+
 def monitored_units(states: Mapping[str, UnitState], findings: Iterable[Finding]) -> dict[str, MonitoredUnit]:
     """The units as they are published: states by UNITS, and of several findings on a unit the last."""
     units = {unit: MonitoredUnit(state) for unit, state in states.items()}
@@ -128,7 +142,12 @@ def monitored_units(states: Mapping[str, UnitState], findings: Iterable[Finding]
 
 
 def unfit_units(misfit: Mapping[int, str]) -> dict[str, MonitoredUnit]:
-    """The units as they are published while the model does not fit the arm: what there is to say by joint, 1 to 3."""
+    """The units as they are published while the model does not fit the arm: what there is to say by joint, 1 to 3.
+
+    There are none if there is nothing to say.
+    """
+    if not misfit:
+        return {}
     return {
         unit: MonitoredUnit("not commissioned", text=misfit.get(number, "")) for number, unit in enumerate(UNITS, 1)
     }

@@ -328,6 +328,12 @@ class Estimator:
         return Change(float(self._clones[place]), float(value), float(max(variance, 0.0) ** 0.5))
 
     @property
+    def moving(self) -> NDArray[np.bool_]:
+        """Which joints move, (3,), so that their dry friction is not in doubt."""
+        found: NDArray[np.bool_] = (np.abs(self.x[W:ARM]) > _STANDSTILL) | (self._friction == 0.0)
+        return found
+
+    @property
     def lowest(self) -> NDArray[np.bool_]:
         """Which states are as low as they can be, (33,)."""
         found: NDArray[np.bool_] = self.x <= self._least

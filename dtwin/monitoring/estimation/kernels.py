@@ -248,6 +248,8 @@ def trace(
     information: Array,
     used: Any,
     counts: bool,
+    moving: Any,
+    at_once: Any,
     memory: float,
     period: float,
 ) -> None:
@@ -263,6 +265,9 @@ def trace(
         information: (3,), variance of the scores, 1/rad^2.
         used: (3,) bool, which readings the filter took in.
         counts: whether the sample is evidence.
+        moving: (3,) bool, which joints move. What friction does to one that rests it does in the next sample as well:
+            of that only faults are evidence that show at once.
+        at_once: (m,) bool, whether each fault shows at once.
         memory: as for `predict`.
         period: s.
     """
@@ -279,8 +284,9 @@ def trace(
             g[c] = E[i, c] + E[BIAS + i, c]
         if counts:
             for c in range(n):
-                J[c] += g[c] * g[c] * information[i]
-                h[c] += g[c] * score[i]
+                if moving[i] or at_once[c % len(at_once)]:
+                    J[c] += g[c] * g[c] * information[i]
+                    h[c] += g[c] * score[i]
         for j in range(SIZE):
             k = gains[i, j]
             if k != 0.0:

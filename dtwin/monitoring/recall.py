@@ -1,0 +1,46 @@
+"""Readings that were left out as spikes, and are evidence after all once the next ones confirm them."""
+
+from __future__ import annotations
+
+from collections.abc import MutableSequence
+
+import numpy as np
+
+from dtwin.monitoring.candidate import Moment
+from dtwin.monitoring.estimation.estimator import Estimator
+from dtwin.monitoring.sensing.readings import Readings
+from dtwin.monitoring.signatures import SignatureBank
+
+
+class Recall:
+    """Remembers at which sample readings were left out."""
+
+    def __init__(self) -> None:
+        self._sample = -1
+
+    def take(
+        self,
+        sample: int,
+        readings: Readings,
+        estimator: Estimator,
+        bank: SignatureBank,
+        moments: MutableSequence[Moment],
+    ) -> None:
+        """Takes in what was judged of a sample before it corrects the estimate.
+
+        Args:
+            sample: its number.
+            readings: its readings, judged.
+            estimator: the estimate, with the innovations of the sample before.
+            bank: receives the evidence.
+            moments: the samples before; the last one counts what was left out of it if that is confirmed.
+        """
+        if moments and self._sample == sample - 1 and readings.confirmed.any():
+            moment = moments[-1]
+            used, likelihood = moment.used.copy(), moment.likelihood
+            for joint in np.flatnonzero(readings.confirmed & ~used).tolist():
+                used[joint] = True
+                likelihood += estimator.weigh(joint)
+                bank.recall(estimator, joint, sample - 2)
+            moments[-1] = moment._replace(used=used, likelihood=likelihood)
+        self._sample = sample if readings.left_out.any() else -1
