@@ -181,6 +181,7 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
     },
     "this machine": {
         "doctor": Subcommand("setup.doctor", "Doctor", "tell what is missing on this machine and how to get it"),
+        "sbom": Subcommand("setup.sbom", "Sbom", "write a software bill of materials of what is installed"),
         "completion": Subcommand(
             "setup.completion", "Completion", "print a script that lets a shell complete commands"
         ),

@@ -27,7 +27,13 @@ from dtwin.terminal import as_text, print_json, print_table
 
 State = Literal["present", "missing", "needed", "free", "taken"]
 """needed: missing, and dtwin does not work without it; free and taken are said of ports."""
-_EXTRAS: Final = {"console": "the operators' page", "frames": "data frames of a run", "test": "the tests"}
+_EXTRAS: Final = {
+    "console": "the operators' page",
+    "docs": "the documentation as a site",
+    "frames": "data frames of a run",
+    "sbom": "bills of materials",
+    "test": "the tests",
+}
 
 
 @dataclass(frozen=True)
