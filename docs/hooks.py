@@ -1,4 +1,4 @@
-"""What the site is made of beside its pages: the reference of the commands, and equations as MathML.
+"""What the site is made of beside its pages: the reference of the commands, and drawn equations.
 
 MkDocs calls the functions whose names begin with `on_`; `mkdocs.yml` names this file.
 """
@@ -6,13 +6,13 @@ MkDocs calls the functions whose names begin with `on_`; `mkdocs.yml` names this
 from __future__ import annotations
 
 import html
-import importlib
 import re
 from argparse import Action
 from collections.abc import Iterator
 from typing import Any, Final
+from xml.etree import ElementTree
 
-import latex2mathml.converter
+import ziamath
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
@@ -22,6 +22,8 @@ from dtwin.options import parser_of
 from dtwin.parameters import ROOT
 
 COMMANDS_PAGE: Final = "commands.md"
+_SIZE: Final = 18
+"""of the letters of equations, px"""
 _EQUATION: Final = re.compile(r'<(div|span) class="arithmatex">\s*\\[\[(](.*?)\\[\])]\s*</\1>', re.DOTALL)
 _HEAD: Final = """# Commands
 
@@ -38,14 +40,21 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_content(text: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Writes the equations of a page as MathML, which browsers draw by themselves."""
-    return _EQUATION.sub(lambda found: mathml(html.unescape(found[2]), found[1] == "div"), text)
+    """Draws the equations of a page, so that no browser needs a font or a program for them."""
+    return _EQUATION.sub(lambda found: drawn(html.unescape(found[2]).strip(), found[1] == "div"), text)
 
 
-def mathml(equation: str, block: bool) -> str:
-    """An equation in LaTeX as MathML, in a line of its own or inside a text."""
-    made: str = latex2mathml.converter.convert(equation.strip(), display="block" if block else "inline")
-    return f'<div class="equation">{made}</div>' if block else made
+def drawn(equation: str, block: bool) -> str:
+    """An equation in LaTeX as SVG, in a line of its own or on the base line of a text; its label is the LaTeX."""
+    ziamath.config.svg2 = False  # Every drawing has its own outlines: names of shared ones would clash in a page.
+    made = ziamath.Latex(equation, size=_SIZE, inline=not block, color="currentColor")
+    svg = made.svgxml()
+    svg.set("role", "img")
+    svg.set("aria-label", equation)
+    if block:
+        return f'<div class="equation">{ElementTree.tostring(svg, encoding="unicode")}</div>'
+    svg.set("style", f"vertical-align: {made.getyofst():.2f}px")
+    return ElementTree.tostring(svg, encoding="unicode")
 
 
 def commands_page() -> str:
@@ -59,8 +68,7 @@ def commands_page() -> str:
 
 
 def _command(name: str, entry: Subcommand) -> Iterator[str]:
-    options = getattr(importlib.import_module(f"dtwin.commands.{entry.module}"), entry.options)
-    parser = parser_of(options, f"dtwin {name}")
+    parser = parser_of(entry.kind, f"dtwin {name}")
     actions = [action for group in parser._action_groups for action in group._group_actions if action.dest != "help"]
     words = [_metavar(action) for action in actions if not action.option_strings]
     yield f"### dtwin {name}\n"
@@ -78,7 +86,7 @@ def _named(action: Action) -> str:
 
 
 def _metavar(action: Action) -> str:
-    return str(action.metavar or action.dest)
+    return str(action.metavar or action.dest).replace(",", ", ")  # so that a narrow column can break it
 
 
 def _text(said: Any) -> str:

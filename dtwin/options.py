@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
 import os
@@ -46,8 +45,8 @@ def parse_options(options: Callable[..., Any], prog: str, arguments: Sequence[st
         raise DtwinError(_one_line(complaint.getvalue(), prog)) from None
 
 
-def parser_of(options: Callable[..., Any], prog: str) -> argparse.ArgumentParser:
-    """The parser that `parse_options` reads arguments with, for texts about it."""
+def parser_of(options: Callable[..., Any], prog: str) -> Any:
+    """The parser that `parse_options` reads arguments with, an `argparse.ArgumentParser`, for texts about it."""
     import tyro
 
     from dtwin.optional import registry

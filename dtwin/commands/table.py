@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -24,6 +25,12 @@ class Subcommand:
     options: str
     summary: str
     read: Callable[[type[Any], str, Sequence[str]], Any] = parse_options
+
+    @property
+    def kind(self) -> type[Any]:
+        """The class of the options, whose module is loaded."""
+        found: type[Any] = getattr(importlib.import_module(f"dtwin.commands.{self.module}"), self.options)
+        return found
 
 
 GROUPS: Final[dict[str, dict[str, Subcommand]]] = {

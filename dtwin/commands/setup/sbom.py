@@ -20,7 +20,7 @@ from dtwin.files import replacing
 
 if TYPE_CHECKING:
     from cyclonedx.model.bom import Bom
-    from cyclonedx.model.component import Component
+    from cyclonedx.model.component import Component, ComponentType
     from cyclonedx.model.license import License
 
 Distribution = importlib.metadata.Distribution
@@ -131,7 +131,7 @@ def _bom(found: Mapping[str, tuple[Distribution, frozenset[str]]]) -> Bom:
     return bom
 
 
-def _component(distribution: Distribution, kind: object) -> Component:
+def _component(distribution: Distribution, kind: ComponentType) -> Component:
     from cyclonedx.model.component import Component
     from packageurl import PackageURL
 
@@ -154,11 +154,11 @@ def _licences(distribution: Distribution) -> list[License]:
     from cyclonedx.model import AttachedText
 
     make, said = LicenseFactory(), distribution.metadata
-    if expression := said.get("License-Expression"):
-        return [make.make_from_string(expression)]
+    if "License-Expression" in said:
+        return [make.make_from_string(said["License-Expression"])]
     if names := [line.split(" :: ")[-1] for line in said.get_all("Classifier") or () if line.startswith(_CLASSIFIER)]:
         return [make.make_with_name(name) for name in names]
-    licence = (said.get("License") or "").strip()
+    licence = said["License"].strip() if "License" in said else ""
     if "\n" in licence:  # the whole text of it, whose first line is its name
         return [make.make_with_name(licence.partition("\n")[0], text=AttachedText(content=licence))]
     return [make.make_from_string(licence)] if licence else []
