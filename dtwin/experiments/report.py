@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import os
 import platform
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -88,9 +89,15 @@ def page(title: str, *parts: str | Picture) -> Report:
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table as Markdown."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    """A table as Markdown, with columns of numbers aligned at their right."""
+    marks = ["---:" if _are_numbers([row[column] for row in rows]) else ":---" for column in range(len(header))]
+    return "\n".join(f"| {' | '.join(line)} |" for line in [header, marks, *rows])
+
+
+def _are_numbers(cells: Sequence[str]) -> bool:
+    """Whether the cells begin with digits, but for those that say nothing."""
+    said = [cell for cell in cells if cell not in ("", "-")]
+    return bool(said) and all(re.match(r"[-+]?\d", cell) for cell in said)
 
 
 def versions() -> str:

@@ -53,7 +53,12 @@ def test_a_report_is_one_page_with_its_figures_in_it(tmp_path: Path) -> None:
     assert [each.text_content() for each in found.xpath("//p")] == ["Words.", "Seed 1."]
     assert not found.xpath("//@src | //script | //link")
     assert path.read_text() == report().page("Seed 1."), "equal reports are equal bytes"
-    assert report().text == "# A title\n\nWords.\n\n| a | b |\n| --- | --- |\n| 1 | 2 |\n"
+    assert report().text == "# A title\n\nWords.\n\n| a | b |\n| ---: | ---: |\n| 1 | 2 |\n"
+
+
+def test_numbers_stand_at_the_right_of_their_column() -> None:
+    made = table(["name", "off", "found", "none"], [["K2", "-1.5 %", "3", ""], ["cut1", "", "-", ""]])
+    assert made.splitlines()[1] == "| :--- | ---: | ---: | :--- |"
 
 
 def test_markup_in_what_is_told_is_shown_and_not_obeyed() -> None:
