@@ -5,7 +5,6 @@ Only the chosen subcommand's module is imported, so that `dtwin --help` and shor
 
 from __future__ import annotations
 
-import importlib
 import os
 import sys
 from collections.abc import Sequence
@@ -69,8 +68,7 @@ def _dispatch(arguments: list[str]) -> int:
         what = f"unknown command {said!r}" if said != name or not under else f"{name} needs one word more"
         raise DtwinError(f"{what}: expected {choices(under or COMMANDS)}")
     entry = COMMANDS[name]
-    options = getattr(importlib.import_module(f"dtwin.commands.{entry.module}"), entry.options)
-    command = entry.read(options, f"dtwin {name}", arguments[words:])
+    command = entry.read(entry.kind, f"dtwin {name}", arguments[words:])
     if not hasattr(command, "runtime"):
         return _executed(command)
     from dtwin.controller.runtime import chosen  # loads the function blocks, which most commands do without

@@ -6,6 +6,7 @@ import contextlib
 import io
 import os
 import re
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -35,13 +36,31 @@ def parse_options(options: Callable[..., Any], prog: str, arguments: Sequence[st
                 options,
                 prog=prog,
                 args=list(arguments),
-                config=(tyro.conf.UseAppendAction, tyro.conf.FlagCreatePairsOff),
+                config=_config(),
                 registry=registry,
             )
     except SystemExit as exit_:
         if exit_.code == 0:
             raise
         raise DtwinError(_one_line(complaint.getvalue(), prog)) from None
+
+
+def parser_of(options: Callable[..., Any], prog: str) -> Any:
+    """The parser that `parse_options` reads arguments with, an `argparse.ArgumentParser`, for texts about it."""
+    import tyro
+
+    from dtwin.optional import registry
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # said of the only way to it
+        return tyro.extras.get_parser(options, prog=prog, config=_config(), registry=registry)
+
+
+def _config() -> tuple[Any, ...]:
+    """How the parser reads options."""
+    import tyro
+
+    return (tyro.conf.UseAppendAction, tyro.conf.FlagCreatePairsOff)
 
 
 def parse_apart(options: type[T], prog: str, arguments: Sequence[str]) -> T:

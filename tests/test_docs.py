@@ -1,21 +1,16 @@
 """The pages say what the code does."""
 
-import importlib
 import re
 import runpy
-import shlex
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from dtwin.cli import main
-from dtwin.commands.table import COMMANDS
-from dtwin.emulation.faults import TARGETS, parse_fault
+from dtwin.emulation.faults import TARGETS
 from dtwin.emulation.machine.sections import SECTIONS, declared
 from dtwin.monitoring.kinds import parse_fault_id
-from dtwin.options import parse_options
 from dtwin.parameters import PICKUP, PLACES, ROOT, ArmParameters
 from dtwin.run.recording import COLUMNS
 
@@ -61,37 +56,6 @@ def test_every_effect_of_a_machine_is_explained() -> None:
     explained = set(re.findall(r"`(\w+)`", (ROOT / "docs" / "machine.md").read_text()))
     for section in SECTIONS.values():
         assert set(declared(section)) <= explained, section.__name__
-
-
-def commands() -> list[list[str]]:
-    blocks = re.findall(r"```sh\n(.*?)```", README, re.DOTALL)
-    lines = [line for block in blocks for line in block.splitlines() if line.startswith("scripts/dtwin ")]
-    return [shlex.split(line, comments=True)[1:] for line in lines]
-
-
-@pytest.mark.parametrize("words", commands(), ids=" ".join)
-def test_the_command_lines_of_the_readme_can_be_read(words: list[str]) -> None:
-    if words == ["--help"]:
-        return
-    name = next(" ".join(words[:n]) for n in (2, 1) if " ".join(words[:n]) in COMMANDS)
-    entry = COMMANDS[name]
-    options = getattr(importlib.import_module(f"dtwin.commands.{entry.module}"), entry.options)
-    parse_options(options, name, words[len(name.split()) :])
-    for fault in (words[k + 1] for k, word in enumerate(words) if word == "--fault"):
-        parse_fault(fault)
-
-
-HEADLESS = [words for words in commands() if words[0] == "run" and "--controller" not in words]
-
-
-@pytest.mark.parametrize("words", HEADLESS, ids=" ".join)
-def test_the_runs_of_the_readme_run(
-    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    shorter = [*words, "--duration", "2"] if "--duration" not in words else ["2" if w == "600" else w for w in words]
-    assert main(shorter) == 0
-    assert "Traceback" not in capsys.readouterr().err
 
 
 PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)

@@ -21,7 +21,7 @@ from dtwin.campaign.spread import Workforce
 from dtwin.controller.runtime import RuntimeOption
 from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import ParameterError
-from dtwin.experiments.report import Report, ensure_folder
+from dtwin.experiments.report import Report, ensure_folder, versions
 from dtwin.run.options import MachineOption
 from dtwin.terminal import as_text, folding, print_json
 
@@ -58,7 +58,7 @@ class ExperimentCommand(JsonOption, RuntimeOption, ABC, Generic[R]):
     name: ClassVar[str]
 
     out: Path | None = None
-    """Folder for the report page and its pictures, experiment-NAME if not given; NAME is the experiment's."""
+    """Folder for the page report.html, experiment-NAME if not given; NAME is the experiment's."""
     seed: int = 0
     """Number of the first random generator of boxes, noise and faults; equal numbers give equal figures."""
 
@@ -95,12 +95,16 @@ class ExperimentCommand(JsonOption, RuntimeOption, ABC, Generic[R]):
             result = self.measure(progress)
         seconds = time.perf_counter() - began
         report = self.report(result)
-        page = report.write(self.folder)
+        made = (
+            f"Made by dtwin experiment {self.name} with seed {self.seed}; equal seeds give equal numbers, but for "
+            f"times that this machine took. {versions()}."
+        )
+        page = report.write(self.folder, made)
         if self.json:
             print_json({**self.figures(result), "seconds": seconds, "report": str(page)})
         else:
             console = Console()
-            console.print(Page(report.words.text))
+            console.print(Page(report.text))
             console.print(as_text(f"{seconds:.1f} s; report {page}"), soft_wrap=True)
         return 0 if self.passed(result) else 1
 

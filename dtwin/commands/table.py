@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -24,6 +25,12 @@ class Subcommand:
     options: str
     summary: str
     read: Callable[[type[Any], str, Sequence[str]], Any] = parse_options
+
+    @property
+    def kind(self) -> type[Any]:
+        """The class of the options, whose module is loaded."""
+        found: type[Any] = getattr(importlib.import_module(f"dtwin.commands.{self.module}"), self.options)
+        return found
 
 
 GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
@@ -184,6 +191,7 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
     },
     "this machine": {
         "doctor": Subcommand("setup.doctor", "Doctor", "tell what is missing on this machine and how to get it"),
+        "sbom": Subcommand("setup.sbom", "Sbom", "write a software bill of materials of what is installed"),
         "completion": Subcommand(
             "setup.completion", "Completion", "print a script that lets a shell complete commands"
         ),

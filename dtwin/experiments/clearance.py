@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import msgspec
 import numpy as np
@@ -25,8 +25,13 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.contact.clearance import FARTHEST, Clearance, Nearest
 from dtwin.errors import ParameterError
+from dtwin.experiments.report import Picture, Report, page, table
 from dtwin.parameters import HANGING, PERIOD, PICKUP, PLACES, GripperParameters, Triple
+from dtwin.pictures import COLOURS, new_figure
 from dtwin.signals import NO_COLOUR, Sensors
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 STRIDE: Final = 3
 """Number of ticks between two poses that are checked."""
@@ -97,6 +102,62 @@ class Clearances(msgspec.Struct, frozen=True):
 def is_free(leg: LegClearance) -> bool:
     """Whether nothing is touched on a leg but the belt by the box that is lifted from it."""
     return leg.distance > 0 or (leg.start == "pickup" and leg.arm == "box_held" and leg.other == "conveyor_belt")
+
+
+def keeps_clear(found: Clearances) -> bool:
+    """Whether no way of the cell touches anything that it must not."""
+    return all(map(is_free, found.legs)) and not found.random.touching + found.hanging.touching
+
+
+def clearance_report(found: Clearances) -> Report:
+    """The page of the clearances."""
+    legs = [
+        [
+            leg.place,
+            leg.start,
+            leg.end,
+            "held" if leg.carries else "",
+            f"{1000 * leg.distance:.1f}",
+            f"{leg.arm} and {leg.other}" if leg.other else "nothing within reach",
+        ]
+        for leg in found.legs
+    ]
+    starts = [
+        [
+            name,
+            *map(str, (ups.poses, ups.free, ups.helpless, ups.touching)),
+            f"{1000 * ups.distance:.1f}",
+            f"{ups.arm} and {ups.other}",
+        ]
+        for name, ups in (("random", found.random), ("hanging", found.hanging))
+    ]
+    return page(
+        "Clearances",
+        "The function blocks plan every way of the cell for an arm that follows them exactly, and all poses on the "
+        "way are held against the shapes of trays, belt, floor and boxes. A box on the belt under it does not count.",
+        "## Ways of the cell",
+        table(["place", "from", "to", "box", "clearance, mm", "between"], legs),
+        Picture(
+            _chart(found.legs),
+            "Shortest distance of arm, jaws and held box from anything else on every leg of the ways to the places "
+            "and back, as the function blocks plan them. Blue without a box, orange with one; a bar that ends at "
+            f"the right edge stands for {1000 * FARTHEST:g} mm or more.",
+        ),
+        "## Starts from anywhere",
+        table(["poses", "number", "free way", "call for help", "touch", "nearest, mm", "between"], starts),
+    )
+
+
+def _chart(legs: Sequence[LegClearance]) -> Figure:
+    figure = new_figure(9, 0.24 * len(legs) + 1.2)
+    axis = figure.subplots()
+    colours = [COLOURS[1] if leg.carries else COLOURS[0] for leg in legs]
+    axis.barh(range(len(legs)), [1000 * leg.distance for leg in legs], color=colours)
+    axis.set_yticks(range(len(legs)), [f"{leg.start} - {leg.end}" for leg in legs], fontsize=7)
+    axis.set(xlabel="clearance, mm", xlim=(0, 1000 * FARTHEST))
+    axis.invert_yaxis()
+    axis.grid(alpha=0.3, axis="x")
+    return figure
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,36 +1,42 @@
-"""Reports of experiments: a page of Markdown with its pictures in a folder."""
+"""Reports of experiments: one page in HTML with its figures in it, and the same words for a terminal."""
 
 from __future__ import annotations
 
+import importlib.metadata
 import os
+import platform
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from markdown_it import MarkdownIt
+
+from dtwin import __version__
+from dtwin.commissioning.html import document, paragraph, picture
 from dtwin.errors import RecordingError
 from dtwin.files import replacing
-from dtwin.pictures import save
+from dtwin.pictures import vector_graphics
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PAGE: Final = "report.md"
+PAGE: Final = "report.html"
+_LIBRARIES: Final = ("numpy", "scipy", "numba", "mujoco", "matplotlib")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
-    """A picture of a report.
+    """A figure of a report.
 
     Attributes:
-        file: name of its PNG file in the folder of the report.
-        caption: what it shows.
         figure: what is drawn.
+        caption: what it shows; it stands alone, without the words around it.
     """
 
-    file: str
-    caption: str
     figure: Figure
+    caption: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,28 +53,33 @@ class Report:
 
     @property
     def text(self) -> str:
-        """The page as Markdown."""
-        parts = (part if isinstance(part, str) else f"![{part.caption}]({part.file})" for part in self.parts)
-        return "\n\n".join([f"# {self.title}", *parts]) + "\n"
+        """The words of the page as Markdown, as a terminal can show them."""
+        return "\n\n".join([f"# {self.title}", *(part for part in self.parts if isinstance(part, str))]) + "\n"
 
-    @property
-    def words(self) -> Report:
-        """The same page without its pictures, as a terminal can show it."""
-        return Report(self.title, tuple(part for part in self.parts if isinstance(part, str)))
+    def page(self, made: str) -> str:
+        """The page as HTML, which loads nothing; equal text for equal reports.
 
-    def write(self, folder: Path) -> Path:
-        """Writes the pictures and then the page into a folder, made if need be; returns the path of the page.
+        Args:
+            made: what the report was made with: seeds and versions.
+        """
+        # Without HTML in it: what comes from elsewhere is shown, never obeyed.
+        markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
+        parts = [
+            markdown.render(part) if isinstance(part, str) else picture(vector_graphics(part.figure), part.caption)
+            for part in self.parts
+        ]
+        return document(self.title, [*parts, paragraph(made)])
+
+    def write(self, folder: Path, made: str) -> Path:
+        """Writes the page into a folder, made if need be; returns its path.
 
         Raises:
             RecordingError: the folder cannot be written.
         """
         make_folder(folder)
-        for part in self.parts:
-            if isinstance(part, Picture):
-                save(part.figure, folder / part.file)
         path = folder / PAGE
         with replacing(path) as temporary:
-            temporary.write_text(self.text, encoding="utf-8")
+            temporary.write_text(self.page(made), encoding="utf-8")
         return path
 
 
@@ -78,9 +89,21 @@ def page(title: str, *parts: str | Picture) -> Report:
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table as Markdown."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    """A table as Markdown, with columns of numbers aligned at their right."""
+    marks = ["---:" if _are_numbers([row[column] for row in rows]) else ":---" for column in range(len(header))]
+    return "\n".join(f"| {' | '.join(line)} |" for line in [header, marks, *rows])
+
+
+def _are_numbers(cells: Sequence[str]) -> bool:
+    """Whether the cells begin with digits, but for those that say nothing."""
+    said = [cell for cell in cells if cell not in ("", "-")]
+    return bool(said) and all(re.match(r"[-+]?\d", cell) for cell in said)
+
+
+def versions() -> str:
+    """Versions of what numbers depend on."""
+    libraries = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in _LIBRARIES)
+    return f"dtwin {__version__}, Python {platform.python_version()}, {libraries}"
 
 
 def make_folder(folder: Path) -> None:

@@ -2,12 +2,23 @@
 
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.contact.clearance import Clearance
 from dtwin.errors import ModelError
-from dtwin.experiments.clearance import is_free, random_poses, start_ups, sweep
+from dtwin.experiments.clearance import (
+    Clearances,
+    LegClearance,
+    StartUps,
+    clearance_report,
+    is_free,
+    keeps_clear,
+    random_poses,
+    start_ups,
+    sweep,
+)
 from dtwin.parameters import HANGING, PICKUP, PLACES
 
 
@@ -60,3 +71,15 @@ def test_a_file_that_is_no_model_is_named(tmp_path: Path) -> None:
     file.write_text("<mujoco/>")
     with pytest.raises(ModelError, match=r"arm\.xml"):
         Clearance(file)
+
+
+def test_the_page_tells_every_leg_and_what_is_touched_is_told() -> None:
+    lifted = LegClearance("red", "pickup", "above pickup", True, 0.0, "box_held", "conveyor_belt")
+    away = LegClearance("red", "above red", "near red", False, 0.012, "jaw", "red_tray")
+    ups = StartUps(3, 2, 1, 0, 0.004, "jaw", "belt")
+    found = Clearances([lifted, away], ups, ups)
+    assert keeps_clear(found)
+    assert "| red | above red | near red |  | 12.0 | jaw and red_tray |" in clearance_report(found).text
+    assert clearance_report(found).page("").count("<svg") == 1
+    assert not keeps_clear(Clearances([lifted, msgspec.structs.replace(away, distance=-0.001)], ups, ups))
+    assert not keeps_clear(Clearances([lifted, away], ups, msgspec.structs.replace(ups, touching=1)))

@@ -8,24 +8,47 @@ from typing import Any, ClassVar
 
 import msgspec
 import pytest
+from lxml import html
 from rich.console import Console
 
 from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import OnMachine, Page, SeriesCommand
 from dtwin.errors import ParameterError, RecordingError
-from dtwin.experiments.report import Picture, Report, ensure_folder, page, table
+from dtwin.experiments.report import Picture, Report, ensure_folder, page, table, versions
 from dtwin.pictures import new_figure
 
 
 def report() -> Report:
-    return page("A title", "Words.", table(["a", "b"], [["1", "2"]]), Picture("p.png", "A picture", new_figure(2, 2)))
+    return page(
+        "A title", "Words.", table(["a", "b"], [["1", "2"]]), Picture(new_figure(2, 2), "A picture of <nothing>.")
+    )
 
 
-def test_a_report_is_a_page_with_its_pictures(tmp_path: Path) -> None:
-    path = report().write(tmp_path / "new" / "folder")
-    assert path.read_text() == "# A title\n\nWords.\n\n| a | b |\n| --- | --- |\n| 1 | 2 |\n\n![A picture](p.png)\n"
-    assert (path.parent / "p.png").read_bytes().startswith(b"\x89PNG")
-    assert report().words.text == report().text.removesuffix("\n![A picture](p.png)\n")
+def test_a_report_is_one_page_with_its_figures_in_it(tmp_path: Path) -> None:
+    path = report().write(tmp_path / "new" / "folder", "Seed 1.")
+    assert [file.name for file in path.parent.iterdir()] == ["report.html"]
+    found = html.parse(str(path)).getroot()
+    assert found.findtext(".//h1") == "A title"
+    assert [" ".join(each.text_content().split()) for each in found.xpath("//tr")] == ["a b", "1 2"]
+    (figure,) = found.xpath("//figure")
+    assert len(figure.xpath("./svg")) == 1
+    assert figure.findtext("./figcaption") == "A picture of <nothing>."
+    assert [each.text_content() for each in found.xpath("//p")] == ["Words.", "Seed 1."]
+    assert not found.xpath("//@src | //script | //link")
+    assert path.read_text() == report().page("Seed 1."), "equal reports are equal bytes"
+    assert report().text == "# A title\n\nWords.\n\n| a | b |\n| ---: | ---: |\n| 1 | 2 |\n"
+
+
+def test_numbers_stand_at_the_right_of_their_column() -> None:
+    made = table(["name", "off", "found", "none"], [["K2", "-1.5 %", "3", ""], ["cut1", "", "-", ""]])
+    assert made.splitlines()[1] == "| :--- | ---: | ---: | :--- |"
+
+
+def test_markup_in_what_is_told_is_shown_and_not_obeyed() -> None:
+    told = "<script>alert(1)</script>"
+    text = page(told, told, f"## {told}", table(["a"], [[told]]), Picture(new_figure(2, 2), told)).page(told)
+    assert html.document_fromstring(text).xpath("//script") == []
+    assert text.count("&lt;script&gt;") == 7  # the title counts twice
 
 
 def test_a_folder_that_cannot_be_is_told_before_the_run(tmp_path: Path) -> None:
@@ -66,8 +89,11 @@ def test_the_frame_reports_prints_and_judges(
     monkeypatch.chdir(tmp_path)
     assert Sums(json=True).execute() == 0
     found = msgspec.json.decode(capsys.readouterr().out)
-    assert (found["sum"], found["report"]) == (6, "experiment-sums/report.md")
-    assert Path("experiment-sums/report.md").read_text() == "# Sums\n\nIt is 6.\n"
+    assert (found["sum"], found["report"]) == (6, "experiment-sums/report.html")
+    written = Path("experiment-sums/report.html").read_text()
+    assert "<p>It is 6.</p>" in written
+    assert "dtwin experiment sums with seed 0" in written
+    assert versions() in html.document_fromstring(written).text_content()
     assert Sums(last=4, out=Path("elsewhere")).execute() == 1
     assert "It is 10." in capsys.readouterr().out
     for wrong in (Sums(seed=-1), Sums(workers=0)):

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from dtwin.campaign.spread import Progress
+from dtwin.experiments.report import Picture
 from dtwin.experiments.reproduce.book import PAGE, PARTS, PRINT, make, write
-from dtwin.experiments.reproduce.chapter import POINTS, Chapter, Drawing, Line, Part, Scope, curve
+from dtwin.experiments.reproduce.chapter import POINTS, Chapter, Line, Part, Scope, curve
 from dtwin.experiments.reproduce.fits import DIFFERENCE
 from dtwin.experiments.reproduce.parameters import EIGHTEEN, thesis_settings
 from dtwin.experiments.reproduce.verification import VERIFICATION
@@ -38,7 +39,7 @@ class Counted:
         figure = new_figure(4, 3)
         figure.subplots().plot([0, numbers["runs"]])
         line = Line("5.1", "runs", "20", str(numbers["runs"]))
-        return Chapter("A test.", [line], "Nothing <but> this.", "Nothing.", [Drawing(figure, "A line.")])
+        return Chapter("A test.", [line], "Nothing <but> this.", "Nothing.", [Picture(figure, "A line.")])
 
 
 def test_what_is_done_is_not_measured_again(tmp_path: Path) -> None:

@@ -60,5 +60,6 @@ def test_the_command_writes_a_page_with_a_chart(tmp_path: Path, capsys: pytest.C
     assert main(words) == 0
     figures = json.loads(capsys.readouterr().out)
     assert [run["stop"] for run in figures["runs"]] == ["torque off"]
-    assert (tmp_path / "stop" / "report.md").read_text().startswith("# Safe stop")
-    assert (tmp_path / "stop" / "report.png").stat().st_size > 10_000
+    page = (tmp_path / "stop" / "report.html").read_text()
+    assert "<h1>Safe stop" in page
+    assert page.count("<svg") == 1

@@ -89,7 +89,7 @@ def test_literals_tell_whether_a_case_can_occur(block: str, data: str, given: di
 
 
 def test_the_readme_has_the_table() -> None:
-    assert table() in (ROOT / "fb" / "README.md").read_text()
+    assert table() in (ROOT / "docs" / "blocks.md").read_text()
     assert len(table().splitlines()) == len(DEPARTURES) + 2
 
 

@@ -1,7 +1,7 @@
 """The cell on three devices (sequence and planner, twin, controller and selector): the log of one, byte for byte.
 
 The devices are `dtwin fb run`: a 4diac FORTE loses one of two datagrams that come to one SUBSCRIBE in a row, as
-fb/README.md says. CELL_DURATION in the environment is the simulated time, s; 120 takes two minutes.
+docs/blocks.md says. CELL_DURATION in the environment is the simulated time, s; 120 takes two minutes.
 """
 
 from __future__ import annotations

@@ -79,8 +79,8 @@ def test_services_that_take_turns_share_a_processor(desk: Desk, pace: str) -> No
 
 
 def test_a_plain_program_joins_and_so_does_a_second_terminal(desk: Desk, tmp_path: Path) -> None:
-    """The program of docs/zenoh.md, and commands with the configuration that `up` was given."""
-    program = re.search(r"```python\n(.*?)```", (ROOT / "docs" / "zenoh.md").read_text(), re.DOTALL)
+    """The program in Python of docs/clients.md, and commands with the configuration that `up` was given."""
+    program = re.search(r"```python\n(.*?)```", (ROOT / "docs" / "clients.md").read_text(), re.DOTALL)
     assert program is not None
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     for file in (ROOT / "config" / "single").iterdir():

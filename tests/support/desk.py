@@ -50,7 +50,7 @@ class Desk:
         with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
             patch.setattr(sys, "argv", ["dtwin", *words])
             found = main(words)
-        assert found == status, err.getvalue() or out.getvalue()
+        assert found == status, err.getvalue() + out.getvalue()
         return (out if status == 0 else err).getvalue()
 
     def summary(self) -> dict[str, Any]:

@@ -48,7 +48,7 @@ class FbCheck:
     blocks: Path | None = None
     """Folder of the block types that the files use; without it the folder of each file."""
     target: Literal["embedded", "forte"] = "embedded"
-    """With forte also a warning for every block that may compute something else on 4diac FORTE (fb/README.md)."""
+    """With forte also a warning for every block that may compute something else on 4diac FORTE (docs/blocks.md)."""
 
     def execute(self) -> int:
         libraries: dict[Path, Library] = {}

@@ -4,62 +4,41 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, ClassVar
 
-from rich.table import Table
+import msgspec
 
-from dtwin.commands.frame import JsonOption
+from dtwin.campaign.spread import Progress
+from dtwin.commands.frame import ExperimentCommand
 from dtwin.controller.ports import BLOCKS
 from dtwin.emulation import MODEL_FILE
-from dtwin.terminal import as_text, print_json, print_table
-
-if TYPE_CHECKING:
-    from dtwin.experiments.clearance import StartUps
+from dtwin.experiments.clearance import Clearances, clearance_report, clearances, keeps_clear
+from dtwin.experiments.report import Report
 
 
 @dataclass(frozen=True)
-class ExperimentClearance(JsonOption):
+class ExperimentClearance(ExperimentCommand[Clearances]):
     """Sweep the planned paths of the cell with contact through its geometry, also those from 300 random free poses.
 
     The status is 1 if the arm touches anything on its way; a box on the belt under it does not count.
     """
 
+    name: ClassVar = "clearance"
+
     mjcf: Path = MODEL_FILE
     """MJCF file of the cell."""
     blocks: Path = BLOCKS
     """Folder of the function blocks that plan the paths."""
-    seed: int = 0
-    """Number of the random generator of poses."""
 
-    def execute(self) -> int:
-        from dtwin.experiments.clearance import clearances, is_free  # loads MuJoCo and numba
+    def measure(self, progress: Progress) -> Clearances:
+        return clearances(self.mjcf, self.blocks, self.seed)
 
-        found = clearances(self.mjcf, self.blocks, self.seed)
-        if self.json:
-            print_json(found)
-        else:
-            table = Table("place", "from", "to", "box", "clearance, mm", "between")
-            for leg in found.legs:
-                names = f"{leg.arm} and {leg.other}" if leg.other else "nothing within reach"
-                row = (
-                    leg.place,
-                    leg.start,
-                    leg.end,
-                    "held" if leg.carries else "",
-                    f"{1000 * leg.distance:.1f}",
-                    names,
-                )
-                table.add_row(*map(as_text, row))
-            print_table(table)
-            for name, ups in (("random", found.random), ("hanging", found.hanging)):
-                print(f"start from {ups.poses} {name} poses: {_told(ups)}")
-        touching = found.random.touching + found.hanging.touching
-        return 0 if all(map(is_free, found.legs)) and not touching else 1
+    def report(self, result: Clearances) -> Report:
+        return clearance_report(result)
 
+    def figures(self, result: Clearances) -> dict[str, Any]:
+        found: dict[str, Any] = msgspec.to_builtins(result)
+        return found
 
-def _told(ups: StartUps) -> str:
-    """What became of the starts, in words."""
-    nearest = f"{1000 * ups.distance:.1f} mm between {ups.arm} and {ups.other}"
-    return (
-        f"{ups.free} on a free way, {ups.helpless} call for help, {ups.touching} touch something; nearest {nearest}"
-    )
+    def passed(self, result: Clearances) -> bool:
+        return keeps_clear(result)

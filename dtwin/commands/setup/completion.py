@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import reduce
@@ -50,8 +49,7 @@ class Completion:
 
 def _words(name: str) -> Words:
     """What can follow a command, read from the dataclass of its options."""
-    entry = COMMANDS[name]
-    kind = getattr(importlib.import_module(f"dtwin.commands.{entry.module}"), entry.options)
+    kind = COMMANDS[name].kind
     hints = get_type_hints(kind, include_extras=True)
     options: dict[str, tuple[str, ...]] = {"--help": ()}
     positional: tuple[str, ...] = ()

@@ -30,7 +30,9 @@ State = Literal["present", "missing", "needed", "free", "taken"]
 _EXTRAS: Final = {
     "console": "the operators' page",
     "dask": "campaigns on a cluster",
+    "docs": "the documentation as a site",
     "frames": "data frames of a run",
+    "sbom": "bills of materials",
     "test": "the tests",
 }
 

@@ -1,14 +1,11 @@
-"""How the reports of the monitoring experiments write numbers, and what they call their chart."""
+"""How the reports of the monitoring experiments write numbers."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
-
-CHART: Final = "report.png"
 
 
 def percent(share: float | None) -> str:

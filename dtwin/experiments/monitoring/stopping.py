@@ -17,7 +17,7 @@ from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.faults import parse_fault
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.errors import DivergenceError
-from dtwin.experiments.monitoring.numbers import CHART, median_and_largest
+from dtwin.experiments.monitoring.numbers import median_and_largest
 from dtwin.experiments.monitoring.trial import MOVING, identified_belief, true_cause
 from dtwin.experiments.report import Picture, Report, page, table
 from dtwin.monitoring.kinds import arm_state
@@ -219,7 +219,11 @@ def stopping_report(outcomes: Sequence[StopOutcome]) -> Report:
         "verdict goes to the function blocks once its diagnosis is settled; times to rest and to torque off count "
         f"from there. A run ends {WATCHED:g} s later.",
         table(header, rows),
-        Picture(CHART, "Times from fault to demand, and from there to rest or torque off", _chart(outcomes)),
+        Picture(
+            _chart(outcomes),
+            "For every fault that was injected into the working cell, one dot a run: the time from the fault "
+            "until the safe stop was demanded, and from there until the arm was at rest or without torque.",
+        ),
     )
 
 

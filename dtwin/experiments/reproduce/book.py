@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
-import platform
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -14,7 +12,7 @@ import msgspec
 from dtwin import __version__
 from dtwin.campaign.spread import Progress
 from dtwin.commissioning.html import document, heading, paragraph, picture, table
-from dtwin.experiments.report import make_folder
+from dtwin.experiments.report import make_folder, versions
 from dtwin.experiments.reproduce.chapter import Chapter, Part, Scope
 from dtwin.experiments.reproduce.fits import FITS
 from dtwin.experiments.reproduce.motions import ACCURACY, UPLOAD
@@ -30,7 +28,6 @@ PAGE: Final = "reproduction.html"
 PRINT: Final = "reproduction.pdf"
 NUMBERS: Final = "numbers"
 """Folder of the numbers of every part; those that depend on the machine are in files of their own."""
-_LIBRARIES: Final = ("numpy", "scipy", "numba", "mujoco", "matplotlib")
 _WIDTH: Final = 118
 
 
@@ -116,7 +113,6 @@ def _keep(folder: Path, part: Part, scope: Scope, numbers: dict[str, Any]) -> di
 
 
 def _made(scope: Scope) -> str:
-    libraries = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in _LIBRARIES)
     runs = (
         "few runs (--quick): shares and largest errors are rough"
         if scope.quick
@@ -124,7 +120,7 @@ def _made(scope: Scope) -> str:
     )
     return (
         f"Made with {runs}. Seed {scope.seed}; equal seeds give equal numbers, but for times that are said to be "
-        f"this machine's. dtwin {__version__}, Python {platform.python_version()}, {libraries}. Numbers are in the "
+        f"this machine's. {versions()}. Numbers are in the "
         f"folder {NUMBERS} beside this page."
     )
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
 from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from dtwin.experiments.report import Picture
 
 POINTS: Final = 400
 """Most points of a drawn curve that are kept."""
@@ -54,14 +52,6 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Drawing:
-    """A figure with a caption that stands alone."""
-
-    figure: Figure
-    caption: str
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Chapter:
     """What is told of a part.
 
@@ -77,7 +67,7 @@ class Chapter:
     lines: Sequence[Line]
     differs: str
     adds: str
-    drawings: Sequence[Drawing]
+    drawings: Sequence[Picture]
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,8 @@ import numpy as np
 from dtwin.campaign.spread import Progress
 from dtwin.controller.excitation import ExcitationController
 from dtwin.experiments.identification.friction import COULOMB
-from dtwin.experiments.reproduce.chapter import Chapter, Drawing, Line, Part, Scope, curve, percent
+from dtwin.experiments.report import Picture
+from dtwin.experiments.reproduce.chapter import Chapter, Line, Part, Scope, curve, percent
 from dtwin.experiments.reproduce.parameters import settings, thesis_settings
 from dtwin.identification.estimation.estimate import Estimate, EstimationSettings, identify
 from dtwin.identification.excitation.plan import Plan
@@ -130,12 +131,12 @@ def _tell(numbers: Mapping[str, Any]) -> Chapter:
         "A fit near 1 says nothing of single parameters, which the thesis found too; which combinations the data "
         "determine is told by `dtwin identify`.",
         [
-            Drawing(
+            Picture(
                 figure,
                 "Angles that the encoders read (grey) and the response of the identified model of 18 parameters "
                 "(coloured) over time, for the experiments of the thesis's Figures 5.6 to 5.9 and 5.15.",
             ),
-            Drawing(
+            Picture(
                 bars,
                 "Absolute error of each of the 18 parameters of the models without noise and with 0.010 u rad of "
                 "it (the thesis's Figures 5.6 and 5.9).",

@@ -11,7 +11,8 @@ import numpy as np
 
 from dtwin.campaign.spread import Progress, spread
 from dtwin.controller.excitation import ExcitationController
-from dtwin.experiments.reproduce.chapter import Chapter, Drawing, Line, Part, Scope, curve
+from dtwin.experiments.report import Picture
+from dtwin.experiments.reproduce.chapter import Chapter, Line, Part, Scope, curve
 from dtwin.experiments.reproduce.parameters import settings
 from dtwin.experiments.simulation.accuracy import NOISE, TARGET_TIMES, Pair, accuracy, identified
 from dtwin.experiments.simulation.upload import DURATION, GAINS_AT, MODEL_AT, upload_run
@@ -93,11 +94,11 @@ def _tell_accuracy(numbers: Mapping[str, Any]) -> Chapter:
         f"counts on; link {weakest} follows worst. With offsets, fits are near 1.",
         "Models of 12 parameters and offsets; motions with a box in `dtwin experiment accuracy`.",
         [
-            Drawing(
+            Picture(
                 figure,
                 "Smallest fit of the twin's motion to the arm's over the target time (the thesis's Figure 5.10).",
             ),
-            Drawing(
+            Picture(
                 motion,
                 "Link 1 on the way from pickup to red in 1 s: the arm, the twin with the identified model of 18 "
                 "parameters, and the path (the thesis's Figure 5.11).",
@@ -157,7 +158,7 @@ def _tell_upload(numbers: Mapping[str, Any]) -> Chapter:
         f"Each upload is tried on the twin first and is on trial afterwards; acknowledged after {waited} ms on this "
         "machine.",
         [
-            Drawing(
+            Picture(
                 figure,
                 "Angles of the links and their paths over 180 s; gains are uploaded at the red line, an identified "
                 "model at the green one (the thesis's Figure 5.12).",

@@ -18,7 +18,8 @@ from dtwin.experiments.identification.friction import NOISE as FRICTION_NOISE
 from dtwin.experiments.identification.groups import Group, run_groups
 from dtwin.experiments.identification.standard import standard_settings
 from dtwin.experiments.identification.trial import IdentificationTrial
-from dtwin.experiments.reproduce.chapter import Chapter, Drawing, Line, Part, Scope, percent
+from dtwin.experiments.report import Picture
+from dtwin.experiments.reproduce.chapter import Chapter, Line, Part, Scope, percent
 from dtwin.identification.estimation.estimate import EstimationSettings
 from dtwin.identification.estimation.problem import START
 from dtwin.identification.excitation.plan import Plan
@@ -204,13 +205,13 @@ def _tell_noise(numbers: Mapping[str, Any]) -> Chapter:
         "0.025 rad too.",
         "The twelve parameters with offsets, whose errors stay near the Cramer-Rao bound: `dtwin experiment noise`.",
         [
-            Drawing(
+            Picture(
                 _bars(numbers, labels, "error", "mean error, %"),
                 "Mean absolute error of every identified parameter at four magnitudes N of encoder noise (the "
                 "thesis's Figure 5.1); above the thesis's 18 parameters, below 12 parameters and the encoders' "
                 "offsets.",
             ),
-            Drawing(
+            Picture(
                 _bars(numbers, labels, "variance", "variance, %²"),
                 "Variance of the relative error of every identified parameter over the runs, at four magnitudes N "
                 "of encoder noise (the thesis's Figure 5.2).",
@@ -248,12 +249,12 @@ def _tell_mass(numbers: Mapping[str, Any]) -> Chapter:
         "load is one more error among structural ones; with 12 the whole error of the load goes into them.",
         "The same data fitted with 12 parameters and offsets; loads as unknowns are in `dtwin experiment mass`.",
         [
-            Drawing(
+            Picture(
                 _bars(numbers, labels, "error", "mean error, %"),
                 "Mean absolute error of every identified parameter with 190, 200 and 210 g in the gripper where "
                 "200 g are assumed (the thesis's Figure 5.3).",
             ),
-            Drawing(
+            Picture(
                 _bars(numbers, labels, "variance", "variance, %²"),
                 "Variance of the relative error of every identified parameter with 190, 200 and 210 g in the "
                 "gripper (the thesis's Figure 5.4).",
@@ -329,7 +330,7 @@ def _tell_friction(numbers: Mapping[str, Any]) -> Chapter:
         f"An arm that does rub, with 0.010, 0.008 and 0.006 N m: found {found} N m. Which law is right is decided "
         "by a criterion in `dtwin experiment friction`.",
         [
-            Drawing(
+            Picture(
                 figure,
                 "Both friction laws fitted to an arm with viscous friction alone (the thesis's Figure 5.5): left "
                 "the mean absolute error of every parameter, right the Coulomb friction found, with its "

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from dtwin.campaign.spread import Progress
-from dtwin.experiments.reproduce.chapter import Chapter, Drawing, Line, Part, Scope, curve
+from dtwin.experiments.report import Picture
+from dtwin.experiments.reproduce.chapter import Chapter, Line, Part, Scope, curve
 from dtwin.experiments.validation import ValidationOutcome, cases, validate
 from dtwin.pictures import COLOURS, new_figure
 
@@ -83,7 +84,7 @@ def _tell(numbers: Mapping[str, Any]) -> Chapter:
         f"Two independent physics, MuJoCo and the analytic twin, agree within {apart:.1e} rad, until rounding "
         "decides.",
         [
-            Drawing(
+            Picture(
                 figure,
                 "Angles of the unpowered arm over time: dropped from the horizontal (4.7), with masses 1.5 times "
                 "(4.8) and inertias twice as large (4.9), and upright (4.10). Numbers in front are the thesis's "

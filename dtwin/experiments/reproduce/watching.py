@@ -12,7 +12,8 @@ import numpy as np
 from dtwin.campaign.spread import Progress
 from dtwin.emulation.faults import parse_fault
 from dtwin.experiments.monitoring.failure import FAULT, START, failure_experiment
-from dtwin.experiments.reproduce.chapter import Chapter, Drawing, Line, Part, Scope
+from dtwin.experiments.report import Picture
+from dtwin.experiments.reproduce.chapter import Chapter, Line, Part, Scope
 from dtwin.monitoring.estimation.belief import assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream, stream
@@ -111,7 +112,7 @@ def _tell_limits(numbers: Mapping[str, Any]) -> Chapter:
         f"This project's monitor at every sample takes {100 * share['default']:.1f} % of a core. Shares are those "
         "of the machine on which this page was made.",
         [
-            Drawing(
+            Picture(
                 figure,
                 "Angle of link 1 that the thesis's monitor simulates (line) and measures (dots) over time: above "
                 "at steps of 2 and 5 ms with samples every second (the thesis's Figure 5.13), below at steps of 5 "
@@ -182,7 +183,7 @@ def _tell_failure(numbers: Mapping[str, Any]) -> Chapter:
         "Cause, size and confidence of the fault, and hundreds of other faults: `dtwin experiment failure`, `dtwin "
         "experiment faults`.",
         [
-            Drawing(
+            Picture(
                 figure,
                 "Measured angles (dots) and those that the thesis's monitor simulates for a healthy arm (lines), "
                 f"compared every 0.5 s; K2 drops to a tenth at 45 s (grey), {detected} (the thesis's Figures 5.16 "

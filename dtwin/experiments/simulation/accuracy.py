@@ -175,8 +175,17 @@ def accuracy_report(runs: Sequence[Sequence[Pair]]) -> Report:
         "## Outcome",
         f"Smallest and median fit of {len(runs)} models, and the largest difference between the two.",
         table(["target time", "load", "joint 1", "joint 2", "joint 3", "largest difference, mrad"], rows),
-        Picture("fits.png", "Smallest fit by target time", _fits(runs)),
-        Picture("motion.png", "The fastest motion, arm and twin", _motion(runs[0][0])),
+        Picture(
+            _fits(runs),
+            "How well the twin with an identified model predicts the emulated arm's motion from the pickup "
+            "point to the red place: smallest fit of each joint over the target time of the motion, without and"
+            " with load; 1 is perfect.",
+        ),
+        Picture(
+            _motion(runs[0][0]),
+            "The fastest of these motions: angles of the arm, of the twin and of the controller's path (above) and "
+            "their differences (below) over time, joints 1 to 3 from left to right.",
+        ),
         "## What the thesis found",
         "Fits of 0.90 and more at 1 s and 0.95 and more from 2 s on, worst for the first link; its damping was "
         "identified badly.",

@@ -121,7 +121,12 @@ def margin_report(study: MarginStudy) -> Report:
             ["law", "arm obeys after", "disk", "gain dB", "phase °", "delay ticks", "one motor's torque", "peak S"],
             [[law, f"{late:g} ticks", *worst_row(found)] for (law, late), found in study.cases.items()],
         ),
-        Picture("loops.png", "Return ratio and sensitivity of each motor at the places, with a box", _chart(study)),
+        Picture(
+            _chart(study),
+            "Return ratio (above) and sensitivity (below) of each motor over frequency, the other motors in "
+            "closed loop, for the arm with a box at the pickup point and the three places; under the thesis's "
+            "computed torque and under the cascade.",
+        ),
         "## Design of the cascade",
         f"Of {len(study.candidates)} pairs of poles {sum(c.worst >= 1.0 for c in study.candidates)} have a disk "
         f"margin of {RESERVE.disk:g} and all other margins that are demanded, at the places with and without a box, "

@@ -1,7 +1,7 @@
 """Where the standard blocks of 4diac FORTE 2.0 depart from IEC 61131-3 and IEC 61499-1.
 
-The table of fb/README.md is `table()`. Structured Text is not concerned: FORTE gets it as Lua, which computes as the
-embedded runtime does.
+The table of docs/blocks.md is `table()`. Structured Text is not concerned: FORTE gets it as Lua, which computes as
+the embedded runtime does.
 """
 
 from __future__ import annotations

@@ -1,0 +1,44 @@
+"""docs/tutorial.md, walked from its first command to its last."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from dtwin.cli import main
+from tests.support.desk import Desk
+from tests.support.pages.blocks import blocks, words_of
+from tests.support.waiting import until
+
+PAGE = "docs/tutorial.md"
+BLOCKS = [block for block in blocks() if block.page == PAGE]
+FOUND = {"monitor broken.parquet --model arm"}
+"""What ends with status 1, because there is a finding."""
+SHORT = {"watch events": ("--count", "1")}
+"""What would go on until Ctrl-C."""
+
+
+def test_the_tutorial_ends_with_a_recovered_arm(
+    desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    printed: dict[str, str] = {}
+    for line in (line for block in BLOCKS if block.language == "sh" for line in block.lines):
+        words = words_of(line)[1:]
+        name = " ".join(words)
+        if words[:2] == ["identify", "live"]:
+            until(lambda: "joint 2 failed" in desk.summary()["verdict"], "the monitor finds the fault", 120.0)
+        if words[:2] == ["monitor", "acknowledge"]:
+            until(lambda: "confirm" in desk.run("history"), "the trial is over", 120.0)
+        if name in FOUND:
+            assert main(words) == 1
+            printed[name] = capsys.readouterr().out
+        else:
+            printed[name] = desk.run(*words, *SHORT.get(name, ()))
+    (shown,) = (block for block in BLOCKS if block.language == "text")
+    runs = [text for name, text in printed.items() if name.startswith("run --noise")]
+    assert set(shown.lines) <= {line for text in runs for line in text.splitlines()}
+    assert "friction of joint 2, +0.03" in printed["monitor broken.parquet --model arm"]
+    (live,) = (text for name, text in printed.items() if name.startswith("identify live"))
+    assert [float(value) for value in re.findall(r"D2 \W+(0\.\d+) ", live)] == [pytest.approx(0.08, rel=0.02)]
+    assert re.search(r"joint 2 +nominal", printed["monitor acknowledge D2"])
