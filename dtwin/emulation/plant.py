@@ -8,13 +8,12 @@ that of the analytic equations to rounding.
 
 from __future__ import annotations
 
-import ctypes
 import logging
 import math
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import ClassVar, Final, NamedTuple
+from typing import ClassVar, Final
 
 import msgspec
 import mujoco
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.contact.bodies import Bodies
 from dtwin.emulation.model import LINKS, compile_arm
+from dtwin.emulation.stepping import STEP, Stepping
 from dtwin.errors import DivergenceError, ParameterError
 from dtwin.parameters import COULOMB_WIDTH, GRAVITY, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
 from dtwin.signals import Quad
@@ -40,34 +40,6 @@ _LOCK_ARMATURE: Final = 1e9
 _STATE: Final = mujoco.mjtState.mjSTATE_INTEGRATION
 
 _log = logging.getLogger(__name__)
-
-
-class Stepping(NamedTuple):
-    """Addresses of `mj_step`, of its model and of its data, and what of these a step reads and writes.
-
-    q, w and control: (4,), angles (rad), velocities (rad/s) and voltages (V); read: (8,), angles and velocities as
-    they were read after the last step, which a lock has changed since.
-    """
-
-    step: int
-    model: int
-    data: int
-    q: NDArray[np.float64]
-    w: NDArray[np.float64]
-    control: NDArray[np.float64]
-    read: NDArray[np.float64]
-
-
-def _step_function() -> int | None:
-    """The address of `mj_step` in the library that is loaded; None where it is not found."""
-    files = sorted(Path(mujoco.__file__).parent.glob("libmujoco*.so*"))
-    if len(files) != 1:
-        return None
-    return ctypes.cast(ctypes.CDLL(str(files[0])).mj_step, ctypes.c_void_p).value
-
-
-STEP: Final = _step_function()
-"""Address of `mj_step`."""
 
 
 class PlantState(msgspec.Struct, frozen=True):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import replace
-from math import isfinite
 from typing import Final
 
 import numpy as np
@@ -19,7 +18,7 @@ from dtwin.monitoring.findings import Consequences, Findings
 from dtwin.monitoring.kinds import JUMPS, PUSH, UNKNOWN, FaultId, parse_fault_id, plausible_sizes
 from dtwin.monitoring.modes import STARTING, Diagnosing, Lost, Mode, Probation, Settling, Turn, Turns, Unfit, Watching
 from dtwin.monitoring.recall import Recall
-from dtwin.monitoring.sensing.commands import commands_between
+from dtwin.monitoring.sensing.commands import commands_between, tells
 from dtwin.monitoring.sensing.listening import Listening, hear, replay
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.settings import MonitorSettings
@@ -96,7 +95,7 @@ class Monitor:
             volts: (4,), that of the gripper last, V.
             gripped: whether the command holds a box.
         """
-        if not (all(map(isfinite, measured.tolist())) and all(map(isfinite, volts.tolist()))):
+        if not (tells(measured) and tells(volts)):
             return  # what says nothing has not arrived; the next sample counts it as missing
         gap = sample - self.sample
         angles = self._readings.take(measured)

@@ -98,19 +98,19 @@ def coefficients(p: Array, payload: float, weight_only: bool) -> Coefficients:
 
 
 class Directions(NamedTuple):
-    """Sines and cosines of the joint angles and of their sums: c23 is cos(q2 + q3).
+    """Sines and cosines of the joint angles and of their sums, by the addition theorems: c23 is cos(q2 + q3)."""
 
-    Those of sums come from the addition theorems, for a third less time than all of them by themselves.
-    """
-
+    s1: float
     s2: float
-    c2: float
     s3: float
-    c3: float
+    s12: float
     s23: float
-    c23: float
+    s123: float
     c1: float
+    c2: float
+    c3: float
     c12: float
+    c23: float
     c123: float
 
 
@@ -148,11 +148,12 @@ def sine_cosine(x: float) -> tuple[float, float]:
 
 
 @kernel(inlined=True)
-def _directions(q1: float, q2: float, q3: float) -> Directions:
+def directions(q1: float, q2: float, q3: float) -> Directions:
     sines, cosines = sine_cosine(abreast(q1, q2, q3))
     (s1, s2, s3), (c1, c2, c3) = apart(sines), apart(cosines)
     s23, c23 = s2 * c3 + c2 * s3, c2 * c3 - s2 * s3
-    return Directions(s2, c2, s3, c3, s23, c23, c1, c1 * c2 - s1 * s2, c1 * c23 - s1 * s23)
+    s12, c12 = s1 * c2 + c1 * s2, c1 * c2 - s1 * s2
+    return Directions(s1, s2, s3, s12, s23, s1 * c23 + c1 * s23, c1, c2, c3, c12, c23, c1 * c23 - s1 * s23)
 
 
 @kernel(inlined=True)
@@ -237,7 +238,7 @@ def _solve(M: Sextuple, r1: float, r2: float, r3: float) -> Triple:
 @kernel(inlined=True)
 def _derivative(x: Sextuple, torque: Triple, arm: Coefficients, width: float, rubs: bool) -> Sextuple:
     q1, q2, q3, w1, w2, w3 = x
-    d = _directions(q1, q2, q3)
+    d = directions(q1, q2, q3)
     h1, h2, h3 = _coriolis(d, w1, w2, w3, arm)
     g1, g2, g3 = _gravity(d, arm)
     f1, f2, f3 = arm.D1 * w1, arm.D2 * w2, arm.D3 * w3
@@ -326,7 +327,7 @@ def integrate(
 @kernel
 def mass_matrix(q: Array, p: Array, payload: float = 0.0, weight_only: bool = False) -> Array:
     """Mass matrix M(q), (3, 3), kg m^2."""
-    M11, M21, M31, M22, M32, M33 = _mass(_directions(q[0], q[1], q[2]), coefficients(p, payload, weight_only))
+    M11, M21, M31, M22, M32, M33 = _mass(directions(q[0], q[1], q[2]), coefficients(p, payload, weight_only))
     return np.array(((M11, M21, M31), (M21, M22, M32), (M31, M32, M33)))
 
 
@@ -334,14 +335,14 @@ def mass_matrix(q: Array, p: Array, payload: float = 0.0, weight_only: bool = Fa
 def coriolis(q: Array, omega: Array, p: Array, payload: float = 0.0, weight_only: bool = False) -> Array:
     """Centrifugal and Coriolis torques h(q, q'), (3,), N m."""
     return np.array(
-        _coriolis(_directions(q[0], q[1], q[2]), omega[0], omega[1], omega[2], coefficients(p, payload, weight_only))
+        _coriolis(directions(q[0], q[1], q[2]), omega[0], omega[1], omega[2], coefficients(p, payload, weight_only))
     )
 
 
 @kernel
 def gravity(q: Array, p: Array, payload: float = 0.0, weight_only: bool = False) -> Array:
     """Gravity torques g(q), which hold the arm still, (3,), N m."""
-    return np.array(_gravity(_directions(q[0], q[1], q[2]), coefficients(p, payload, weight_only)))
+    return np.array(_gravity(directions(q[0], q[1], q[2]), coefficients(p, payload, weight_only)))
 
 
 @kernel
@@ -383,7 +384,7 @@ def inverse_dynamics(
 ) -> Array:
     """Motor torques that produce given joint accelerations, (3,), N m."""
     arm = coefficients(p, payload, weight_only)
-    d = _directions(q[0], q[1], q[2])
+    d = directions(q[0], q[1], q[2])
     M11, M21, M31, M22, M32, M33 = _mass(d, arm)
     h1, h2, h3 = _coriolis(d, omega[0], omega[1], omega[2], arm)
     g1, g2, g3 = _gravity(d, arm)

@@ -23,7 +23,7 @@ in the modules that they say they use.
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,7 +32,7 @@ from dtwin.errors import DivergenceError
 from dtwin.parameters import GRAVITY, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters, Triple
 from dtwin.twin import dynamics, lanes
 from dtwin.twin.compiled import kernel
-from dtwin.twin.dynamics import sine_cosine
+from dtwin.twin.dynamics import Directions, directions, sine_cosine
 from dtwin.twin.effects import EFFECT_NAMES, Effects
 from dtwin.twin.lanes import abreast, apart
 
@@ -135,35 +135,8 @@ def _constants(p: Array, payload: float, c: Array) -> None:
         c[12 + i] = p[_ROTOR + i]
 
 
-class _Directions(NamedTuple):
-    """Sines and cosines of the joint angles and of their sums, see `dynamics.Directions`."""
-
-    s1: float
-    s2: float
-    s3: float
-    s12: float
-    s23: float
-    s123: float
-    c1: float
-    c2: float
-    c3: float
-    c12: float
-    c23: float
-    c123: float
-
-
 @kernel(inlined=True)
-def _directions(q1: float, q2: float, q3: float) -> _Directions:
-    sines, cosines = sine_cosine(abreast(q1, q2, q3))
-    (s1, s2, s3), (c1, c2, c3) = apart(sines), apart(cosines)
-    s23, c23 = s2 * c3 + c2 * s3, c2 * c3 - s2 * s3
-    s12, c12 = s1 * c2 + c1 * s2, c1 * c2 - s1 * s2
-    s123, c123 = s1 * c23 + c1 * s23, c1 * c23 - s1 * s23
-    return _Directions(s1, s2, s3, s12, s23, s123, c1, c2, c3, c12, c23, c123)
-
-
-@kernel(inlined=True)
-def _inverse(d: _Directions, c: Array) -> tuple[float, float, float, float, float, float]:
+def _inverse(d: Directions, c: Array) -> tuple[float, float, float, float, float, float]:
     """The entries 11, 21, 31, 22, 32, 33 of the inverse of M(q) + diag(J), 1/(kg m^2)."""
     A, B, E = c[3] * d.c2, c[4] * d.c23, c[5] * d.c3
     M32 = c[2] + E
@@ -204,7 +177,7 @@ def _ripple(p: Array, q1: float, q2: float, q3: float) -> Triple:
 def _accelerate(x: Array, v: Triple, p: Array, c: Array, ripple: bool, extra: bool, slope: Array) -> None:
     """Writes the derivative (6,) of a state (6,) under the voltages that act, without dry friction."""
     q1, q2, q3, w1, w2, w3 = x[0], x[1], x[2], x[3], x[4], x[5]
-    d = _directions(q1, q2, q3)
+    d = directions(q1, q2, q3)
     A, B, E = c[3] * d.s2, c[4] * d.s23, c[5] * d.s3
     a, b = A + B, B + E
     w12, w13_23 = w1 * w2, (w1 + w2) * w3
@@ -264,7 +237,7 @@ def _rub(x: Array, h: float, p: Array, c: Array, width: float) -> None:
 
     A joint that a step of the search would turn around stops first: friction is steepest at rest.
     """
-    n11, n21, n31, n22, n32, n33 = _inverse(_directions(x[0], x[1], x[2]), c)
+    n11, n21, n31, n22, n32, n33 = _inverse(directions(x[0], x[1], x[2]), c)
     w = (x[3], x[4], x[5])
     a1, a2, a3 = w
     for _ in range(_TURNS):

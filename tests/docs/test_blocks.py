@@ -115,6 +115,7 @@ PROGRAMS: Final = {
     "cmake": "builds zenoh-pico, which is fetched by hand",
     "./client": "tests/services/test_clients.py",
     "python": "tests/services/test_clients.py",
+    "dask": "starts a cluster: tests/campaign/test_cluster.py has one",
 }
 HELD: Final = {
     ("README.md", "python"): "tests/test_docs.py",

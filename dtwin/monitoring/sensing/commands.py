@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Final
 
@@ -37,3 +38,8 @@ def commands_between(
 def closes(command: Array, gripped: bool) -> bool:
     """Whether the jaws close under a command, (4,) V, that holds no box yet: what they close on pushes the arm."""
     return bool(command[3] < 0.0) and not gripped
+
+
+def tells(values: Array) -> bool:
+    """Whether all of some numbers are finite."""
+    return all(map(math.isfinite, values.tolist()))
