@@ -64,6 +64,8 @@ def test_a_trace_is_the_difference_of_the_innovations(
             estimator.information,
             ALL,
             True,
+            ALL,
+            np.array([False]),
             estimator.memory,
             0.01,
         )
