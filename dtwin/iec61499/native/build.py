@@ -3,7 +3,7 @@
 The compiler is the system's `cc`, or the one of the package `ziglang` (`pip install dtwin[native]`). Files are kept
 in `dtwin/native` of the user's cache folder, or in DTWIN_CACHE_DIR. Whoever can write there could make this process
 do anything, so the folder must be the user's own with mode 0700, and each file ends with a checksum over it and its
-key: what is damaged or was made from something else is made again.
+key: what is damaged or was made from something else is made again. When they become many, the oldest go.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Final
 
 from dtwin.errors import NativeError
+from dtwin.iec61499.native.kept import MAKING, tidy, used
 from dtwin.iec61499.native.unit import Unit
 
 log = logging.getLogger(__name__)
@@ -91,7 +92,9 @@ def load(subject: str, name: str, make: Callable[[], Unit]) -> ctypes.CDLL:
         kept = folder / f"{name}-{key}.so" if folder is not None else None
         if kept is not None and _is_intact(kept, key):
             try:
-                return ctypes.CDLL(str(kept))
+                library = ctypes.CDLL(str(kept))
+                used(kept)
+                return library
             except OSError as error:
                 log.info("%s: made again: %s", kept, error)
         unit = unit or make()
@@ -99,10 +102,11 @@ def load(subject: str, name: str, make: Callable[[], Unit]) -> ctypes.CDLL:
             with _workshop(folder) as place:
                 made = compile_unit(unit, name, compiler, place)
                 made.write_bytes(_sealed(made.read_bytes(), key))
+                library = ctypes.CDLL(str(made))
                 if kept is not None:
                     made.replace(kept)
-                    made = kept
-                return ctypes.CDLL(str(made))
+                    tidy(kept.parent, kept)
+                return library
         except (NativeError, OSError) as error:
             problems.append(str(error))
     raise NativeError(
@@ -162,7 +166,7 @@ def _sealed(content: bytes, key: str) -> bytes:
 @contextmanager
 def _workshop(folder: Path | None) -> Iterator[Path]:
     """A folder of this process, on the disk of the kept files, so that a file moves at once."""
-    with tempfile.TemporaryDirectory(prefix=".making-", dir=folder) as place:
+    with tempfile.TemporaryDirectory(prefix=MAKING, dir=folder) as place:
         yield Path(place)
 
 

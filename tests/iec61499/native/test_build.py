@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import NativeError
-from dtwin.iec61499.native import build
+from dtwin.iec61499.native import build, kept
 from dtwin.iec61499.native.resource import NativeResource
 from tests.support.iec61499.c_harness import needs_compiler
 from tests.support.iec61499.networks import Types, chart, network
@@ -105,3 +105,54 @@ def test_a_compiler_that_fails_is_followed_by_the_next(cache: Path, monkeypatch:
     monkeypatch.setattr(build, "compilers", lambda: iter([bad]))
     with pytest.raises(NativeError, match=r"false failed.*expected a C compiler as `cc`, or the package ziglang"):
         NativeResource(network("A: COUNTER; C: COUNTER"), Types(COUNTER))
+
+
+def run(blocks: str) -> NativeResource:
+    resource = NativeResource(network(blocks), Types(COUNTER))
+    resource.trigger("A.REQ")
+    return resource
+
+
+def test_what_was_not_used_for_longest_goes_and_hurts_nobody(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second = run("A: COUNTER"), run("A: COUNTER; B: COUNTER")
+    both = set(cache.iterdir())
+    run("A: COUNTER")  # is used again, so that the second one is the older
+    (cache / "of-somebody.so").write_bytes(b"else")
+    (cache / f"{kept.MAKING}lost").mkdir()
+    os.utime(cache / f"{kept.MAKING}lost", (0, 0))
+    monkeypatch.setattr(kept, "LIMIT", sum(path.stat().st_size for path in both) * 3 // 2)
+    run("A: COUNTER; B: COUNTER; C: COUNTER; D: COUNTER")
+    left = set(cache.iterdir())
+    assert len(left) == 3
+    assert len(left & both) == 1
+    assert cache / "of-somebody.so" in left
+    for resource in (first, second):
+        resource.trigger("A.REQ")
+        assert resource.read("A.N") == 2
+    forbid(monkeypatch)
+    run("A: COUNTER")
+    with pytest.raises(NativeError, match="compiled again"):
+        run("A: COUNTER; B: COUNTER")
+
+
+def test_a_file_that_goes_while_it_is_looked_for_is_made_again(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert count() == 2
+    (file,) = cache.iterdir()
+    intact = build._is_intact
+
+    def removed(path: Path, key: str) -> bool:
+        found = intact(path, key)
+        path.unlink()
+        return found
+
+    with monkeypatch.context() as patch:
+        patch.setattr(build, "_is_intact", removed)
+        assert count() == 2
+    assert list(cache.iterdir()) == [file]
+
+
+def test_the_newest_file_stays_whatever_its_size(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kept, "LIMIT", 1)
+    assert count() == 2
+    run("A: COUNTER; B: COUNTER")
+    assert len(list(cache.iterdir())) == 1
