@@ -6,6 +6,7 @@ import asyncio
 import logging
 import os
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 
@@ -44,7 +45,10 @@ class Cluster:
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         self._address = address
         self.count = max(1, _threads_of(address))
-        self._client: Client = Client(address, timeout=PATIENCE, set_as_default=False)
+        try:
+            self._client: Client = Client(address, timeout=PATIENCE, set_as_default=False)
+        except OSError as error:
+            raise CommunicationError(f"--scheduler {address}: the connection was lost: {error}") from None
 
     def outcomes(
         self, function: Callable[[T], R], items: Sequence[T], end: Callable[[], int]
@@ -71,15 +75,15 @@ class Cluster:
     def _outcome(self, future: Future) -> Success[Any] | Failure:
         from distributed import KilledWorker
 
-        if future.status == "finished":
+        try:
             found: Success[Any] | Failure = future.result()
-            return found
-        if future.status != "error":
-            raise CommunicationError(f"--scheduler {self._address}: the connection was lost")
-        error = future.exception()
-        if isinstance(error, KilledWorker):
-            return Failure("it took all workers that had it with it")
-        return Failure(f"{type(error).__name__}: {error}")
+        except (CancelledError, OSError):
+            raise CommunicationError(f"--scheduler {self._address}: the connection was lost") from None
+        except KilledWorker:
+            return Failure("all workers that began it were lost")
+        except Exception as error:  # the worker cannot read the task, as where this package is missing
+            return Failure(f"{type(error).__name__}: {error}")
+        return found
 
     def close(self) -> None:
         """Leaves the cluster, which drops what it still does for this campaign."""
@@ -97,9 +101,13 @@ def _threads_of(address: str) -> int:
             found: dict[str, Any] = await peer.identity(n_workers=-1)
             return found
 
+    def answer() -> dict[str, Any]:
+        return asyncio.run(asyncio.wait_for(ask(), PATIENCE))
+
     # The client itself would wait for ever for a peer that speaks another protocol, and show its traces.
     try:
-        found = asyncio.run(asyncio.wait_for(ask(), PATIENCE))
+        with ThreadPoolExecutor(1) as apart:  # notebooks have a loop of their own
+            found = apart.submit(answer).result()
     except (ValueError, TypeError) as error:
         raise ParameterError(f"--scheduler {address}: expected an address such as tcp://HOST:8786: {error}") from None
     except (OSError, TimeoutError) as error:

@@ -16,7 +16,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 LOSSES: Final = 3
-"""Number of processes that a task may take with it: the last of them is no accident any more."""
+"""Number of processes that may be lost with a task: the last of them is no accident any more."""
 
 
 class Here:
@@ -79,7 +79,7 @@ class Processes:
                 elif losses[index] < LOSSES:
                     heappush(waiting, index)
                 else:
-                    yield index, Failure(f"it took {LOSSES} processes with it")
+                    yield index, Failure(f"{LOSSES} processes that began it were lost")
 
     def _submit(self, number: int, function: Callable[[T], R], item: T) -> Future[Success[R] | Failure]:
         """Hands a task to a process, to a new one if that is lost."""

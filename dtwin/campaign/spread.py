@@ -111,7 +111,7 @@ class Workers:
             name: what an error calls an item.
 
         Raises:
-            TaskError: a task failed, or took several workers with it; the first such in the order of the items.
+            TaskError: a task failed, or several workers were lost with it; the first such in the order of the items.
             CommunicationError: the scheduler was lost.
         """
         results: dict[int, R] = {}

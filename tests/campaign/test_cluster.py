@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import socket
@@ -76,6 +77,13 @@ def test_the_workers_take_the_runtime_of_the_sender(scheduler: str) -> None:
     for runtime in ("python", "native"):
         with chosen(runtime):
             assert spread(os.environ.get, [VARIABLE], Workforce(scheduler=scheduler)) == [runtime]
+
+
+def test_a_campaign_can_be_run_from_a_notebook(scheduler: str) -> None:
+    async def cell() -> list[float]:
+        return spread(invert, [2, 4], Workforce(scheduler=scheduler))
+
+    assert asyncio.run(cell()) == [0.5, 0.25]
 
 
 def test_a_worker_with_other_versions_is_refused(scheduler: str, monkeypatch: pytest.MonkeyPatch) -> None:

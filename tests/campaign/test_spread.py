@@ -45,7 +45,7 @@ def test_the_task_of_a_killed_worker_is_done_again(tmp_path: Path) -> None:
 
 def test_a_task_that_takes_every_worker_with_it_is_named() -> None:
     with Workers(TWO) as workers:
-        with pytest.raises(TaskError, match=r"^task 2 of 4, 3: it took 3 processes with it$"):
+        with pytest.raises(TaskError, match=r"^task 2 of 4, 3: 3 processes that began it were lost$"):
             workers.map(die, [2, 3, 4, 6])
         assert workers.map(die, [2, 4]) == [2, 4]
 
