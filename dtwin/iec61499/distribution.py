@@ -15,9 +15,9 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from dtwin.errors import FunctionBlockError, choices
-from dtwin.iec61499 import model
+from dtwin.iec61499 import acknowledged, model
 from dtwin.iec61499.mapping import management_address, places_of
-from dtwin.iec61499.types import DataType
+from dtwin.iec61499.types import UINT, DataType
 
 FIRST_PORT: Final = 62_000
 """UDP port of the first pair between devices; the others follow it."""
@@ -27,7 +27,10 @@ GROUP: Final = "239.192.0.2"
 Finder = Callable[[str, str, int], model.LibraryElement]
 
 
-def distributed(system: model.System, find: Finder) -> model.System:
+Adder = Callable[[model.BasicFBType], None]
+
+
+def distributed(system: model.System, find: Finder, add: Adder | None = None) -> model.System:
     """The system without connections between resources, and with communication blocks where they were needed.
 
     `inserted` of the result says which blocks were added.
@@ -35,13 +38,15 @@ def distributed(system: model.System, find: Finder) -> model.System:
     Args:
         system: the system as its file says.
         find: finds a type by its name; the file and line that use it are for errors.
+        add: makes a type known; given, every event waits until the one before it is acknowledged (`acknowledged`),
+            otherwise events are sent as datagrams.
 
     Raises:
         FunctionBlockError: a mapping of or to something unknown, or an input that would get two sources.
     """
     if sum(len(device.resources) for device in system.devices) < 2:
         return system
-    return _Distribution(system, find).build()
+    return _Distribution(system, find, add).build()
 
 
 @dataclass(slots=True)
@@ -58,9 +63,10 @@ class _Link:
 
 
 class _Distribution:
-    def __init__(self, system: model.System, find: Finder) -> None:
+    def __init__(self, system: model.System, find: Finder, add: Adder | None) -> None:
         self._system = system
         self._find = find
+        self._add = add
         self._resources = {f"{d.name}.{r.name}": r for d in system.devices for r in d.resources}
         self._hosts = {device.name: _host(device) for device in system.devices}
         self._places = places_of(system)
@@ -87,13 +93,32 @@ class _Distribution:
                 ends = (places.get(_block(connection.source)), places.get(_block(connection.destination)))
                 if ends[0] == ends[1] or None in ends:
                     kept[kind].append(connection)
-                elif kind != "adapters" or not self._has_adapter(application, connection, ends):
-                    for one_kind, one in self._plain(network, kind, connection):
-                        self._cross(application, places, one_kind, one)
+                else:
+                    self._leave(application, kind, connection, ends)
         changed = replace(
             network, events=tuple(kept["events"]), data=tuple(kept["data"]), adapters=tuple(kept["adapters"])
         )
         return replace(application, network=changed)
+
+    def _leave(
+        self,
+        application: model.ApplicationDeclaration,
+        kind: str,
+        connection: model.Connection,
+        ends: tuple[str | None, ...],
+    ) -> None:
+        """Notes a connection from one resource to another."""
+        network = application.network
+        if kind == "data" and self._is_of_adapter(network, connection):
+            kind = "adapters"
+        if kind != "adapters" or not self._has_adapter(application, connection, ends):
+            for one_kind, one in self._plain(network, kind, connection):
+                self._cross(application, self._places[application.name], one_kind, one)
+
+    def _is_of_adapter(self, network: model.FBNetwork, connection: model.Connection) -> bool:
+        """Whether a connection begins at a plug or socket: older versions of 4diac IDE write these among the data."""
+        block, _, port = connection.source.rpartition(".")
+        return any(adapter.name == port for adapter in self._interface(network, block, connection.line).adapters)
 
     def _has_adapter(
         self, application: model.ApplicationDeclaration, connection: model.Connection, ends: tuple[str | None, ...]
@@ -171,12 +196,45 @@ class _Distribution:
             # nothing publishes these data: the receiver keeps its initial values, as it would in one resource
             return
         sender, receiver = f"TO_{link.receiver}".replace(".", "_"), f"FROM_{link.sender}".replace(".", "_")
+        ports = choices((*triggers, *data)).replace(" or ", " and ")
+        if self._add is not None:
+            self._acknowledge(link, sender, receiver, triggers, data, self._add)
+            self._said.append(f"{link.sender} -> {link.receiver}: queue, CLIENT and SERVER for {ports}")
+            return
         count = len(data) + (len(triggers) > 1)
         given = (("QI", "TRUE"), ("ID", f"'{self._address(link)}'"))
         self._add_sender(link, sender, f"PUBLISH_{count}", given, triggers, data)
         self._add_receiver(link, receiver, f"SUBSCRIBE_{count}", given, triggers, data)
-        ports = choices((*triggers, *data)).replace(" or ", " and ")
         self._said.append(f"{link.sender} -> {link.receiver}: PUBLISH and SUBSCRIBE for {ports}")
+
+    def _acknowledge(
+        self, link: _Link, sender: str, receiver: str, triggers: list[str], data: list[str], add: Adder
+    ) -> None:
+        host = self._hosts[link.receiver.partition(".")[0]]
+        if host == GROUP:
+            raise FunctionBlockError(
+                f"device {link.receiver.partition('.')[0]}: MGR_ID has no host in figures, which acknowledged links "
+                "need: expected one such as 192.168.1.5:61499",
+                self._system.header.file,
+                link.line,
+            )
+        address = self._address(link)
+        queue = f"QUEUE_{link.sender}_{link.receiver}".replace(".", "_")
+        file, types = self._system.header.file, [link.types.get(port) for port in data]
+        if unknown := [port for port, kind in zip(data, types, strict=True) if kind is None]:
+            raise FunctionBlockError(f"{unknown[0]} has no type of its own to be sent with", file, link.line)
+        known = [kind for kind in types if kind is not None]
+        add(acknowledged.queue_type(queue, len(triggers), known, file, link.line))
+        sending = acknowledged.sender(sender, queue, address, triggers, data)
+        to = [link.events.get(trigger, []) for trigger in triggers]
+        receiving = acknowledged.receiver(receiver, address, to, [link.data[port] for port in data])
+        sent = (UINT, *known) if len(triggers) > 1 else known
+        received = tuple((f"RD_{n}", kind) for n, kind in enumerate(sent, 1))
+        for resource, part in ((link.sender, sending), (link.receiver, receiving)):
+            blocks = [_made(name, kind, link.line, given) for name, kind, given in part.blocks]
+            if part is receiving:
+                blocks[0] = replace(blocks[0], types=received)
+            self._extend(resource, blocks, list(part.events), list(part.data), link.line)
 
     def _address(self, link: _Link) -> str:
         self._ports += 1

@@ -20,7 +20,9 @@ from dtwin.iec61499.runtime.compile import has_no_service
 from dtwin.iec61499.runtime.generic_ports import check_types, resolve, unconnected
 from dtwin.iec61499.runtime.inner_blocks import add_reactions
 from dtwin.iec61499.runtime.netlist import Finder, flatten
+from dtwin.iec61499.runtime.typed_events import connect_triggers
 
+_ABSENT: Final = "it cannot run, or answers with QO = FALSE"
 SUFFIXES: Final = (".fbt", ".sub", ".sys", ".fboot")
 
 
@@ -31,10 +33,12 @@ class Findings:
     Attributes:
         problems: what is wrong.
         departures: blocks that may compute something else on 4diac FORTE.
+        remarks: connections of a system that no resource has, and services of blocks that this device does not have.
     """
 
     problems: tuple[FunctionBlockError, ...]
     departures: tuple[FunctionBlockError, ...]
+    remarks: tuple[str, ...] = ()
 
 
 def inspect(file: Path, library: Library) -> Findings:
@@ -49,12 +53,14 @@ def inspect(file: Path, library: Library) -> Findings:
         if file.suffix in (".fbt", ".sub"):
             _inspect_type(file, library, problems)
         elif file.suffix == ".sys":
-            _inspect_system(library.load_system(file), library, problems)
+            system = library.load_system(file)
+            problems.remarks |= dict.fromkeys(f"left out: {line}" for line in system.left_out)
+            _inspect_system(system, library, problems)
         elif file.suffix == ".fboot":
             load_boot_file(file)
         else:
             raise FunctionBlockError("expected a file that ends in .fbt, .sub, .sys or .fboot", str(file))
-    return Findings(_in_order(problems.found), _in_order(problems.departures))
+    return Findings(_in_order(problems.found), _in_order(problems.departures), tuple(problems.remarks))
 
 
 def _in_order(found: dict[str, FunctionBlockError]) -> tuple[FunctionBlockError, ...]:
@@ -65,6 +71,7 @@ class _Problems:
     def __init__(self) -> None:
         self.found: dict[str, FunctionBlockError] = {}
         self.departures: dict[str, FunctionBlockError] = {}
+        self.remarks: dict[str, None] = {}
 
     @contextmanager
     def noted(self) -> Iterator[None]:
@@ -99,8 +106,7 @@ def _inspect_service(found: model.LibraryElement) -> None:
     """Raises FunctionBlockError for a block that has an interface and no behaviour here."""
     if isinstance(found, model.ServiceInterfaceFBType) and has_no_service(found):
         raise FunctionBlockError(
-            f"{found.header.name} is an interface only, a service that this device does not have: it cannot run, or "
-            "answers with QO = FALSE",
+            f"{found.header.name} is an interface only, a service that this device does not have: {_ABSENT}",
             found.header.file,
             found.header.line,
         )
@@ -133,11 +139,15 @@ def _inspect_system(system: model.System, library: Library, problems: _Problems)
 def _inspect_network(network: model.FBNetwork, find: Finder, problems: _Problems) -> None:
     """The connections and parameters of a network and of those inside it, and the text of all their blocks."""
     netlist = flatten(network, find)
+    connect_triggers(netlist)
     resolve(netlist)
     check_types(netlist)
     problems.departures |= {str(warning): warning for warning in departures(netlist)}
     inspected: set[model.FBType] = set()
     for node in netlist.nodes:
+        if isinstance(node.type, model.ServiceInterfaceFBType) and has_no_service(node.type):
+            remark = f"{node.file}:{node.line}: {node.name} is a {node.type.header.name}, a service that this device"
+            problems.remarks[f"{remark} does not have: {_ABSENT}"] = None
         for variable in node.interface.inputs:
             parameter = node.parameters.get(variable.name)
             if parameter is not None and not isinstance(variable.type, model.GenericType):

@@ -6,15 +6,18 @@ import difflib
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, Literal
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
 from dtwin.iec61499.distribution import distributed
-from dtwin.iec61499.files.block_types import read_adapter, read_type
+from dtwin.iec61499.files.block_types import ForeignLanguageError, read_adapter, read_type
 from dtwin.iec61499.files.data_types import read_constants, read_data_type
+from dtwin.iec61499.files.project import linked_folders
 from dtwin.iec61499.files.systems import read_system
+from dtwin.iec61499.mapping import unplaced_connections
 from dtwin.iec61499.standard.catalogue import find_adapter, find_standard, find_structure, standard_names
 from dtwin.iec61499.standard.utilities import STRUCTURE, structure_block
 from dtwin.iec61499.types import ELEMENTARY, DataType, StructType, elementary
@@ -33,16 +36,21 @@ KINDS: Final[dict[str, Kind]] = {
 class Library:
     """Block types of some folders (searched with their subfolders) and the standard blocks.
 
-    Files are named after the type they hold, as 4diac IDE does. A folder's type hides a standard block of the same
-    name; a type without a body (an interface known to editors) does not. Types may be found by several threads.
+    Files are named after the type they hold, as 4diac IDE does. A folder that is a project of 4diac IDE is followed
+    by those that it links to. Of two types of one name that of the earlier folder counts. A folder's type hides a
+    standard block of the same name; a type without a body (an interface known to editors), or with one in another
+    language than Structured Text, does not. Types may be found by several threads.
 
     Raises:
-        FunctionBlockError: a path is no folder, or two files hold a type of one name.
+        FunctionBlockError: a path is no folder, or the links of a project cannot be read.
     """
 
     def __init__(self, paths: Sequence[Path] = ()) -> None:
-        self._paths = tuple(paths)
-        self._files: dict[Kind, dict[str, Path]] = {kind: {} for kind in KINDS.values()}
+        for folder in paths:
+            if not folder.is_dir():
+                raise FunctionBlockError("is not a folder of block types", str(folder))
+        self._paths = tuple(dict.fromkeys(one for path in paths for one in (path, *linked_folders(path))))
+        self._files: dict[Kind, dict[str, tuple[Path, ...]]] = {kind: {} for kind in KINDS.values()}
         self._types: dict[str, model.LibraryElement] = {}
         self._adapters: dict[str, model.AdapterType] = {}
         self._data_types: dict[str, DataType] = {}
@@ -50,14 +58,13 @@ class Library:
         self._reading: list[str] = []
         self._lock = threading.RLock()
         for folder in self._paths:
-            if not folder.is_dir():
-                raise FunctionBlockError("is not a folder of block types", str(folder))
+            here: dict[tuple[Kind, str], list[Path]] = {}
             for file in sorted(folder.rglob("*")):
                 kind = KINDS.get(file.suffix.lower())
                 if kind is not None:
-                    other = self._files[kind].setdefault(file.stem, file)
-                    if other != file:
-                        raise FunctionBlockError(f"type {file.stem} is also in {other}: expected one file", str(file))
+                    here.setdefault((kind, file.stem), []).append(file)
+            for (kind, name), files in here.items():
+                self._files[kind].setdefault(name, tuple(files))
 
     def names(self) -> tuple[str, ...]:
         """The names of the types in the folders."""
@@ -94,6 +101,18 @@ class Library:
         """Makes a block type known that no file holds; it hides others of its name."""
         self._types[block.header.name] = block
 
+    def _file(self, kind: Kind, name: str) -> Path | None:
+        """The file of a type, of several that say the same the first; None when there is none.
+
+        Raises:
+            FunctionBlockError: two files say something else.
+        """
+        first, *others = self._files[kind].get(name, (None,))
+        for other in others:
+            if first is not None and other.read_bytes() != first.read_bytes():
+                raise FunctionBlockError(f"type {name} is something else in {first}: expected one file", str(other))
+        return first
+
     def _load(self, name: str, file: str, line: int) -> model.LibraryElement:
         structure = STRUCTURE.fullmatch(name)
         if structure is not None and structure[2] in self._files["data type"]:
@@ -101,9 +120,9 @@ class Library:
             if isinstance(found_type, StructType):
                 return structure_block(name, found_type)
         standard = find_standard(name)
-        path = self._files["block"].get(name)
-        if path is not None:
-            found = read_type(path, self)
+        path = self._file("block", name)
+        found = self._read(path, standard is not None) if path is not None else None
+        if found is not None:
             if found.header.name != name:
                 raise FunctionBlockError(
                     f"holds the type {found.header.name}: expected {name}, as the file's name says",
@@ -119,10 +138,19 @@ class Library:
             raise FunctionBlockError(f"unknown block type {name}: {self._hint(name)}", file, line)
         return standard
 
+    def _read(self, path: Path, is_standard: bool) -> model.LibraryElement | None:
+        """The type in a file; None for a standard block whose file has algorithms in another language."""
+        try:
+            return read_type(path, self)
+        except ForeignLanguageError:
+            if is_standard:
+                return None
+            raise
+
     def data_type(self, name: str) -> DataType:
         """The elementary type, structure or enumeration of that name. Raises FunctionBlockError for another one."""
         plain = name.rpartition("::")[2]
-        path = self._files["data type"].get(plain)
+        path = self._file("data type", plain)
         if path is None or plain.upper() in ELEMENTARY:
             return find_structure(plain) or elementary(plain)
         if plain not in self._data_types:
@@ -133,7 +161,7 @@ class Library:
     def adapter(self, name: str, file: str = "", line: int = 0) -> model.AdapterType:
         """The adapter type of that name; file and line use it. Raises FunctionBlockError when there is none."""
         plain = name.rpartition("::")[2]
-        path = self._files["adapter"].get(plain)
+        path = self._file("adapter", plain)
         if path is None:
             found = find_adapter(plain)
             if found is None:
@@ -147,8 +175,9 @@ class Library:
 
     def constant(self, name: str) -> model.Variable | None:
         """The constant `NAMESPACE::NAME` of a file NAMESPACE.gcf; None when there is none."""
-        *_, namespace, plain = name.split("::")
-        path = self._files["constants"].get(namespace)
+        before, _, plain = name.rpartition("::")
+        namespace = before.rpartition("::")[2]
+        path = self._file("constants", namespace)
         if path is not None and namespace not in self._constants:
             with self._no_circle(namespace):
                 self._constants[namespace] = {found.name.upper(): found for found in read_constants(path, self)}
@@ -176,13 +205,22 @@ class Library:
         folders = choices([str(path) for path in self._paths]) if self._paths else "no folder"
         return f"{expected}; searched {folders} and the standard blocks"
 
-    def load_system(self, path: Path) -> model.System:
+    def load_system(self, path: Path, acknowledged: bool = False) -> model.System:
         """Reads a system configuration (.sys); connections between resources get communication blocks.
+
+        What was done to its connections, its attributes `inserted` and `left_out` say.
+
+        Args:
+            path: the file.
+            acknowledged: whether events between resources wait until those before them are acknowledged.
 
         Raises:
             FunctionBlockError: the file is unreadable or wrong; names file and line.
         """
-        return distributed(read_system(path, self), self.find)
+        system = read_system(path, self)
+        return replace(
+            distributed(system, self.find, self.add if acknowledged else None), left_out=unplaced_connections(system)
+        )
 
 
 def _same_ports(first: model.FBType, second: model.FBType) -> bool:

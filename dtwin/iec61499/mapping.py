@@ -156,7 +156,7 @@ class _ResourceNetwork:
             ends = [end.rpartition(".")[0] in here for end in (connection.source, connection.destination)]
             if all(ends):
                 inside.append(connection)
-            elif any(ends):
+            elif any(ends) and self._is_placed(application, connection):
                 raise FunctionBlockError(
                     f"connection {connection.source} -> {connection.destination} of application {application} leaves "
                     f"resource {self.full_name}: expected both blocks mapped to it, or communication blocks between",
@@ -164,6 +164,10 @@ class _ResourceNetwork:
                     connection.line,
                 )
         return inside
+
+    def _is_placed(self, application: str, connection: Connection) -> bool:
+        places = places_of(self.system).get(application, {})
+        return all(end.rpartition(".")[0] in places for end in (connection.source, connection.destination))
 
     def _plain(self, connection: Connection) -> Connection:
         return replace(
@@ -173,6 +177,24 @@ class _ResourceNetwork:
     def _strip(self, endpoint: str) -> str:
         first, _, rest = endpoint.partition(".")
         return rest if first in self.applications and "." in rest else endpoint
+
+
+def unplaced_connections(system: System) -> tuple[str, ...]:
+    """What connections of applications no resource has: one of their blocks is mapped to a resource, the other not.
+
+    4diac IDE does not deploy them either. Raises FunctionBlockError as `places_of`.
+    """
+    places = places_of(system)
+    said = []
+    for application in system.applications:
+        network, here = application.network, places.get(application.name, {})
+        for connection in (*network.events, *network.data, *network.adapters):
+            ends = [end.rpartition(".")[0] for end in (connection.source, connection.destination)]
+            missing = [block for block in ends if block not in here]
+            if len(missing) == 1:
+                name = f"{system.header.file}:{connection.line}: {connection.source} -> {connection.destination}"
+                said.append(f"{name}, as {missing[0]} is mapped to no resource")
+    return tuple(said)
 
 
 def places_of(system: System) -> dict[str, dict[str, str]]:

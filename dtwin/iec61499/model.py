@@ -6,11 +6,11 @@ A `line` is 1-based, 0 for elements that no file declares (the standard blocks).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 from dtwin.iec61499.literals import parse_literal
-from dtwin.iec61499.types import DataType, ElementaryType, bytes_of
+from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, bytes_of
 from dtwin.iec61499.types import GenericType as GenericType
 
 VariableType: TypeAlias = DataType | GenericType
@@ -18,12 +18,16 @@ VariableType: TypeAlias = DataType | GenericType
 
 @dataclass(frozen=True, slots=True)
 class EventPort:
-    """An event port; `with_variables` are sampled (input) or published (output) when it occurs."""
+    """An event port; `with_variables` are sampled (input) or published (output) when it occurs.
+
+    Inputs of a type other than `Event` are what E_TRIG triggers.
+    """
 
     name: str
     with_variables: tuple[str, ...] = ()
     comment: str = ""
     line: int = 0
+    type: str = "Event"
 
 
 @dataclass(frozen=True, slots=True)
@@ -338,26 +342,37 @@ class Mapping:
 
 @dataclass(frozen=True, slots=True)
 class System:
-    """A system configuration; `inserted` says which communication blocks its file does not have."""
+    """A system configuration.
+
+    Attributes:
+        inserted: which communication blocks its file does not have.
+        left_out: which connections of its file no resource has.
+    """
 
     header: TypeHeader
     applications: tuple[ApplicationDeclaration, ...] = ()
     devices: tuple[DeviceDeclaration, ...] = ()
     mappings: tuple[Mapping, ...] = ()
     inserted: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
 
 
 def initial_value(variable: Variable, file: str = "") -> Any:
     """The value a variable starts with; None for a generic type, which has no value yet.
+
+    A single literal for an array, as older versions of 4diac IDE write it, is that of every element.
 
     Raises:
         FunctionBlockError: the initial value is no literal of the variable's type.
     """
     if isinstance(variable.type, GenericType):
         return None
-    return (
-        literal(variable.initial, variable.type, file, variable.line) if variable.initial else variable.type.default
-    )
+    if not variable.initial:
+        return variable.type.default
+    if isinstance(variable.type, ArrayType) and not variable.initial.lstrip().startswith("["):
+        element = replace(variable, type=variable.type.element)
+        return [initial_value(element, file) for _ in range(variable.type.length)]
+    return literal(variable.initial, variable.type, file, variable.line)
 
 
 def literal(text: str, data_type: DataType, file: str = "", line: int = 0) -> Any:

@@ -76,7 +76,7 @@ def test_every_problem_is_a_line_with_its_place(tmp_path: Path, capsys: pytest.C
         ),
         ("dtwin.sys", ('Name="T" Value="2.0"', 'Name="T" Value="soon"'), "'soon' is not a LREAL"),
         ("dtwin.sys", ('"CELL.PLANNER"', '"CELL.PLANER"'), "mapping of unknown block 'CELL.PLANER'"),
-        ("DATA_SELECTOR.fbt", ("<BasicFB>", "<BasicFB><Method/>"), "method"),
+        ("DATA_SELECTOR.fbt", ("<BasicFB>", "<BasicFB><Method/>"), "<Method> needs the attribute Name"),
         ("DATA_SELECTOR.fbt", ("</BasicFB>", ""), "not well-formed XML"),
         (
             "DATA_SELECTOR.fbt",

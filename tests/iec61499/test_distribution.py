@@ -33,6 +33,13 @@ SYSTEM = """<System Name="two"><Application Name="App"><SubAppNetwork>
 <Mapping From="App.CYC" To="A.RES"/><Mapping From="App.CTU" To="A.RES.CTU"/>
 <Mapping From="App.SUM" To="B.RES"/><Mapping From="App.SW" To="B.RES"/>
 </System>"""
+HOST = '<Parameter Name="MGR_ID" Value="127.0.0.1:2"/>'
+COUNTS = """<FBType Name="COUNTS"><InterfaceList>
+<EventInputs><Event Name="CU"/><Event Name="R"/></EventInputs>
+<EventOutputs><Event Name="CUO"><With Var="CV"/></Event><Event Name="RO"/></EventOutputs>
+<InputVars><VarDeclaration Name="PV" Type="UINT"/></InputVars>
+<OutputVars><VarDeclaration Name="CV" Type="UINT" ArraySize="2"/><VarDeclaration Name="Q" Type="BOOL"/></OutputVars>
+</InterfaceList><SimpleFB/></FBType>"""
 OWN = """<FBNetwork><FB Name="SUB" Type="SUBSCRIBE_2"/>
 <EventConnections><Connection Source="SUB.IND" Destination="SUM.REQ"/>
 <Connection Source="SUB.IND" Destination="App.SW.EI"/></EventConnections>
@@ -40,20 +47,22 @@ OWN = """<FBNetwork><FB Name="SUB" Type="SUBSCRIBE_2"/>
 <Connection Source="SUB.RD_2" Destination="SW.G"/></DataConnections></FBNetwork>"""
 
 
-def load(tmp_path: Path, text: str) -> tuple[Library, list[Resource]]:
+def load(tmp_path: Path, text: str, acknowledged: bool = False) -> tuple[Library, list[Resource]]:
     path = tmp_path / "two.sys"
     path.write_text(text)
     library = Library([tmp_path])
-    system = library.load_system(path)
+    system = library.load_system(path, acknowledged)
     local = LocalTransport()
     names = [f"{device.name}.{resource.name}" for device in system.devices for resource in device.resources]
     return library, [Resource(resource_network(system, name), library, local) for name in names]
 
 
-def test_blocks_on_two_devices_work_as_on_one(tmp_path: Path) -> None:
+@pytest.mark.parametrize("acknowledged", [False, True])
+def test_blocks_on_two_devices_work_as_on_one(tmp_path: Path, acknowledged: bool) -> None:
     one_text = SYSTEM.replace("NETWORK", "").replace('To="B.RES"', 'To="A.RES"')
     _, (one, _) = load(tmp_path, one_text)
-    _, (first, second) = load(tmp_path, SYSTEM.replace("NETWORK", ""))
+    addressed = SYSTEM.replace("NETWORK", "").replace('"B" Type="FORTE_PC">', f'"B" Type="FORTE_PC">{HOST}')
+    _, (first, second) = load(tmp_path, addressed, acknowledged)
     for resource in (one, first, second):
         resource.start()
     seen = []
@@ -66,6 +75,40 @@ def test_blocks_on_two_devices_work_as_on_one(tmp_path: Path) -> None:
         assert (first.read("CTU.CV"), second.read("SUM.OUT")) == (one.read("CTU.CV"), one.read("SUM.OUT"))
         seen.append(second.read("SUM.OUT"))
     assert seen == [1001, 1002, 1000, 1001, 1002, 1000, 1001, 1002, 1000, 1001]
+
+
+def test_acknowledged_events_wait_until_their_peer_is_there_and_come_once_and_in_order(tmp_path: Path) -> None:
+    text = SYSTEM.replace("NETWORK", "").replace('"B" Type="FORTE_PC">', f'"B" Type="FORTE_PC">{HOST}')
+    _, (first, second) = load(tmp_path, text, acknowledged=True)
+    first.start()
+    first.advance(250_000_000)
+    assert (first.read("CTU.CV"), first.read("TO_B_RES.COUNT")) == (2, 2)
+    second.start()
+    received: list[int] = []
+    for _ in range(14):
+        first.advance(10_000_000)
+        second.run_until_idle()
+        if received[-1:] != [second.read("SUM.OUT")]:
+            received.append(second.read("SUM.OUT"))
+        first.run_until_idle()
+    # one event for each answer: nothing is skipped although two had waited
+    assert received == [0, 1001, 1002, 1003, 1000]
+    assert first.read("TO_B_RES.COUNT") == 0
+    second.stop()
+    second.reset()
+    first.advance(400_000_000)
+    assert first.read("TO_B_RES.OPEN") is False
+    assert first.read("TO_B_RES.COUNT") == 4
+
+
+def test_acknowledged_links_need_an_address_and_elementary_types(tmp_path: Path) -> None:
+    with pytest.raises(FunctionBlockError, match="device B: MGR_ID has no host in figures"):
+        load(tmp_path, SYSTEM.replace("NETWORK", ""), acknowledged=True)
+    (tmp_path / "COUNTS.fbt").write_text(COUNTS)
+    text = SYSTEM.replace("NETWORK", "").replace('"CTU" Type="E_CTU"', '"CTU" Type="COUNTS"')
+    text = text.replace('"B" Type="FORTE_PC">', f'"B" Type="FORTE_PC">{HOST}')
+    with pytest.raises(FunctionBlockError, match=r"acknowledged links do not carry ARRAY \[0\.\.1\] OF UINT"):
+        load(tmp_path, text, acknowledged=True)
 
 
 def test_inserted_blocks_are_said_and_have_addresses(tmp_path: Path) -> None:

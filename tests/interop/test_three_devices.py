@@ -1,7 +1,8 @@
 """The cell on three devices (sequence and planner, twin, controller and selector): the log of one, byte for byte.
 
-The devices are `dtwin fb run`: a 4diac FORTE loses one of two datagrams that come to one SUBSCRIBE in a row, as
-docs/blocks.md says. CELL_DURATION in the environment is the simulated time, s; 120 takes two minutes.
+The devices are `dtwin fb run` with datagrams between them, and three 4diac FORTEs, if there is one, with events that
+wait until those before them are acknowledged. CELL_DURATION in the environment is the simulated time, s; 120 takes
+two minutes.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -27,6 +28,7 @@ from dtwin.iec61499.net.address import LOOPBACK, Address
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
 from tests.support.devices import BLOCKS, PATIENCE, PORTS, embedded
+from tests.support.forte import FORTE, NO_FORTE, forte
 from tests.support.ports import free_ports
 from tests.support.waiting import connected
 
@@ -55,29 +57,38 @@ def split_system() -> str:
     return text.replace("</System>", f"{devices}{mappings}</System>")
 
 
-@pytest.fixture
-def emulator_port(tmp_path: Path) -> Iterator[Address]:
-    """Where the cell connects to the first of three devices."""
+@contextmanager
+def cell_on_three(tmp_path: Path, acknowledged: bool) -> Iterator[Address]:
+    """Three devices, FORTEs if their events are acknowledged; where the cell connects to the first of them."""
     path = tmp_path / "split.sys"
     path.write_text(split_system(), encoding="utf-8")
     library = Library([BLOCKS])
-    system = library.load_system(path)
+    system = library.load_system(path, acknowledged)
     free = free_ports(len(PORTS) + CROSSINGS)
     ports = dict(zip([*PORTS, *range(FIRST_PORT, FIRST_PORT + CROSSINGS)], free, strict=True))
     with ExitStack() as stack:
         # the first device starts last, so that it finds the others listening
         for name in reversed(DEVICES):
-            address = stack.enter_context(embedded())
+            (tmp_path / name).mkdir()
+            address = stack.enter_context(forte(tmp_path / name) if acknowledged else embedded())
             plan = plan_deployment(f"{name}_RES", resource_network(system, f"{name}.{name}_RES"), library, ports)
             deploy(stack.enter_context(connected(partial(ManagementClient, address, PATIENCE))), plan)
         yield Address(LOOPBACK, ports[PORTS[0]])
 
 
-def test_the_log_is_that_of_one_device(emulator_port: Address, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "acknowledged",
+    [False, pytest.param(True, marks=pytest.mark.skipif(not FORTE, reason=NO_FORTE))],
+    ids=["datagrams", "acknowledged on FORTE"],
+)
+def test_the_log_is_that_of_one_device(tmp_path: Path, acknowledged: bool) -> None:
     settings = CellSettings(duration=DURATION, seed=3, noise=0.001)
     alone = Cell(settings)
     alone.run()
-    with connected(lambda: RemoteController(emulator_port, EmbeddedController(), timeout=10.0)) as remote:
+    with (
+        cell_on_three(tmp_path, acknowledged) as port,
+        connected(lambda: RemoteController(port, EmbeddedController(), timeout=10.0)) as remote,
+    ):
         split = Cell(settings, remote)
         split.run()
     assert len(split.log.freeze()) == round(100 * DURATION)

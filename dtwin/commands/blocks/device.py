@@ -18,6 +18,7 @@ from typing import Annotated
 
 import tyro
 
+from dtwin.commands.blocks.library import print_changes
 from dtwin.controller.sequence import SequenceName, with_sequence
 from dtwin.errors import FunctionBlockError, ParameterError, choices
 from dtwin.iec61499 import model
@@ -62,6 +63,9 @@ class FbRun:
     cell_file: str | None = None
     """Cell whose places the sequence gets: a file (*.toml), or a name of the folder cells; without it those of
     FILE, which must be a system."""
+    acknowledged: bool = False
+    """Every event to another resource waits until the one before it is acknowledged. All devices of FILE must do so;
+    between 4diac FORTEs it is needed."""
 
     def execute(self) -> int:
         handler = logging.StreamHandler()
@@ -105,13 +109,14 @@ class FbRun:
             return None
         if self.file.suffix != ".sys":
             raise FunctionBlockError("expected a system (.sys) or a boot file (.fboot)", str(self.file))
-        system = with_sequence(library.load_system(self.file), self.sequence, task_named(self.cell_file))
+        found = library.load_system(self.file, self.acknowledged)
+        system = with_sequence(found, self.sequence, task_named(self.cell_file))
         names = [device.name for device in system.devices]
         if self.device and self.device not in names:
             valid = choices(names) if names else "a system with a device"
             raise ParameterError(f"--device {self.device}: expected {valid}")
-        for line in system.inserted if not self.device or self.all else ():
-            print(printable(f"inserted: {line}"))
+        if not self.device or self.all:
+            print_changes(system)
         return system
 
     def _address(self, system: model.System | None) -> str:
@@ -136,6 +141,7 @@ class FbRun:
         command += ["--blocks", str(self.blocks)] if self.blocks else []
         command += ["--sequence", self.sequence] if self.sequence else []
         command += ["--cell-file", self.cell_file] if self.cell_file else []
+        command += ["--acknowledged"] if self.acknowledged else []
         stop = threading.Event()
         with _signals_to(stop.set), _Processes() as processes:
             # the first device starts last, so that it finds the others listening

@@ -36,6 +36,13 @@ BLOCKS = ROOT / "fb"
 SYSTEM = BLOCKS / "dtwin.sys"
 
 
+def print_changes(system: model.System) -> None:
+    """Prints what was done to the connections of a system so that it runs."""
+    for what, lines in (("inserted", system.inserted), ("left out", system.left_out)):
+        for line in lines:
+            print(printable(f"{what}: {line}"))
+
+
 @dataclass(frozen=True)
 class FbCheck:
     """Check function-block files: schema, types, connections, Structured Text.
@@ -54,6 +61,7 @@ class FbCheck:
         libraries: dict[Path, Library] = {}
         problems: dict[str, None] = {}
         warnings: dict[str, None] = {}
+        remarks: dict[str, None] = {}
         files = [file for path in self.files for file in _files(path)]
         for file in files:
             folder = self.blocks or file.parent
@@ -61,11 +69,12 @@ class FbCheck:
                 if folder not in libraries:
                     libraries[folder] = Library([folder])
                 found = inspect(file, libraries[folder])
+                remarks |= dict.fromkeys(found.remarks)
                 problems |= dict.fromkeys(map(str, found.problems))
                 warnings |= dict.fromkeys(map(str, found.departures))
             except FunctionBlockError as error:
                 problems[str(error)] = None
-        for line in [*problems, *(warnings if self.target == "forte" else ())]:
+        for line in [*remarks, *problems, *(warnings if self.target == "forte" else ())]:
             print(printable(line))
         counted = f", warnings: {len(warnings)}" if self.target == "forte" else ""
         print(f"files: {len(files)}, problems: {len(problems)}{counted}")
@@ -148,15 +157,18 @@ class FbDeploy:
     online: bool = False
     """Change the resources while they run, with the fewest requests; what stays keeps its state. They must have been
     deployed before."""
+    acknowledged: bool = False
+    """Every event to another resource waits until the one before it is acknowledged. All devices of a system must do
+    so; between 4diac FORTEs it is needed."""
 
     def execute(self) -> int:
         whole = self.address.endswith(".sys")
         file = Path(self.address) if whole else self.system
         library = Library([self.blocks or file.parent])
-        system = with_sequence(library.load_system(file), self.sequence, task_named(self.cell_file))
+        found = library.load_system(file, self.acknowledged)
+        system = with_sequence(found, self.sequence, task_named(self.cell_file))
         planners = _planners(library, system)
-        for line in system.inserted:
-            print(printable(f"inserted: {line}"))
+        print_changes(system)
         if whole:
             if self.online:
                 raise ParameterError("--online: expected the address of one device")

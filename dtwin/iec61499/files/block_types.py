@@ -16,7 +16,7 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.files.header import PASSED_OVER, Named, check_unique, read_header, read_name
 from dtwin.iec61499.files.inner_blocks import read_inner_blocks
 from dtwin.iec61499.files.interface import read_interface, read_variables
-from dtwin.iec61499.files.names import ALONE, Names, used_constants
+from dtwin.iec61499.files.names import ALONE, Names, used_constants, with_imports
 from dtwin.iec61499.files.networks import read_network
 from dtwin.iec61499.files.xml import XmlElement, read_xml
 
@@ -29,6 +29,10 @@ _TYPE_PARTS: Final = (
 _EVENT: Final = re.compile(r"([A-Za-z_]\w*)(?:\.[A-Za-z_]\w*)?", re.ASCII)
 """An event input, or one of an adapter."""
 _ALGORITHMIC_PARTS: Final = ("InternalVars", "InternalConstVars", "Algorithm", "Method", "Attribute")
+
+
+class ForeignLanguageError(FunctionBlockError):
+    """An algorithm in another language than Structured Text."""
 
 
 def read_type(path: Path, names: Names = ALONE) -> model.LibraryElement:
@@ -46,6 +50,7 @@ def type_from_xml(root: XmlElement, names: Names = ALONE) -> model.LibraryElemen
         raise root.error(f"<{root.tag}> is not a block type: expected <FBType> or <SubAppType>")
     root.expect_children(_TYPE_PARTS)
     header = read_header(root)
+    names = with_imports(root, names)
     interface = read_interface(root, names)
     if root.tag == "SubAppType":
         body = root.child("SubAppNetwork") or root.child("FBNetwork")
@@ -65,7 +70,7 @@ def read_adapter(path: Path, names: Names) -> model.AdapterType:
     root = read_xml(path)
     if root.tag != "AdapterType":
         raise root.error(f"<{root.tag}> is not an adapter type: expected <AdapterType>")
-    return model.AdapterType(read_header(root), read_interface(root, names))
+    return model.AdapterType(read_header(root), read_interface(root, with_imports(root, names)))
 
 
 def _read_basic(
@@ -124,12 +129,13 @@ def _read_internals(
 
 
 def _read_algorithms(body: XmlElement) -> tuple[model.Algorithm, ...]:
-    algorithms = []
-    for method in body.children("Method"):
-        raise method.error(f"method {method.get('Name')} is not supported: expected algorithms")
-    for element in body.children("Algorithm"):
-        algorithms.append(_read_algorithm(element))
+    algorithms = [_read_algorithm(element) for element in body.children("Algorithm")]
     check_unique(algorithms, "algorithm", body.file)
+    for method in body.children("Method"):
+        # 4diac IDE keeps what it could not read in methods that nothing calls
+        name = read_name(method)
+        if any(re.search(rf"\b{re.escape(name)}\s*\(", a.source.text, re.IGNORECASE) for a in algorithms):
+            raise method.error(f"method {name} is not supported: expected algorithms that call none")
     return tuple(algorithms)
 
 
@@ -139,7 +145,8 @@ def _read_algorithm(element: XmlElement) -> model.Algorithm:
     if source is None:
         other = next(element.children(), None)
         language = other.get("Language", other.tag) if other is not None else "no language"
-        raise element.error(f"algorithm {name} in {language} is not supported: expected Structured Text (<ST>)")
+        message = f"algorithm {name} in {language} is not supported: expected Structured Text (<ST>)"
+        raise ForeignLanguageError(message, element.file, element.line)
     if source.get("Text"):
         text = model.Source(source.get("Text"), source.line)
     else:

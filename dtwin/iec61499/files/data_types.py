@@ -9,7 +9,7 @@ from typing import Final
 from dtwin.iec61499 import model
 from dtwin.iec61499.files.header import PASSED_OVER, check_unique, read_name
 from dtwin.iec61499.files.interface import read_variables
-from dtwin.iec61499.files.names import Names
+from dtwin.iec61499.files.names import Names, with_imports
 from dtwin.iec61499.files.xml import XmlElement, read_xml
 from dtwin.iec61499.literals import parse_literal
 from dtwin.iec61499.types import MAXIMUM_ELEMENTS, DataType, ElementaryType, Member, StructType, enumeration
@@ -42,7 +42,7 @@ def read_data_type(path: Path, names: Names) -> DataType:
     body = root.child("StructuredType")
     if body is None:
         raise root.error(f"data type {read_name(root)} has no <StructuredType> and no <EnumeratedType>: expected one")
-    variables = read_variables(body, names)
+    variables = read_variables(body, with_imports(root, names))
     check_unique(variables, "member", root.file)
     members = []
     for variable in variables:
@@ -71,6 +71,6 @@ def read_constants(path: Path, names: Names) -> tuple[model.Variable, ...]:
     if root.tag != "GlobalConstants":
         raise root.error(f"<{root.tag}> holds no constants: expected <GlobalConstants>")
     root.expect_children(_CONSTANT_PARTS)
-    constants = read_variables(root.child("GlobalConstants"), names, constant=True)
+    constants = read_variables(root.child("GlobalConstants"), with_imports(root, names), constant=True)
     check_unique(constants, "constant", root.file)
     return constants

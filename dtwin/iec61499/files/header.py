@@ -36,7 +36,8 @@ def read_header(root: XmlElement) -> model.TypeHeader:
         for entry in root.children("VersionInfo")
     )
     return model.TypeHeader(
-        read_name(root),
+        # a system is called as its project, and nothing in Structured Text names it
+        root.require("Name") if root.tag == "System" else read_name(root),
         root.file,
         root.line,
         root.get("Comment"),

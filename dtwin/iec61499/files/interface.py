@@ -32,9 +32,11 @@ def read_interface(owner: XmlElement, names: Names) -> model.Interface:
     inputs = read_variables(groups.get("InputVars"), names)
     outputs = read_variables(groups.get("OutputVars"), names)
     in_outs = _read_in_outs(owner, groups.get("InOutVars"), names)
+    # services of 4diac name data that they do not have, as IE does
+    is_service = owner.tag == "FBType" and not any(owner.child(body) for body in ("BasicFB", "SimpleFB", "FBNetwork"))
     events = (
-        _read_events(groups.get("EventInputs"), inputs, in_outs, "input"),
-        _read_events(groups.get("EventOutputs"), outputs, in_outs, "output"),
+        _read_events(groups.get("EventInputs"), inputs, in_outs, "input", is_service),
+        _read_events(groups.get("EventOutputs"), outputs, in_outs, "output", is_service),
     )
     adapters = tuple(
         model.AdapterPort(
@@ -107,6 +109,7 @@ def _read_events(
     variables: Sequence[model.Variable],
     in_outs: Sequence[model.Variable],
     direction: str,
+    is_service: bool,
 ) -> tuple[model.EventPort, ...]:
     names = [variable.name for variable in variables]
     shared = [variable.name for variable in in_outs]
@@ -116,18 +119,17 @@ def _read_events(
     group.expect_children(("Event", "SubAppEvent"))
     for element in group.children():
         element.expect_children(("With", "Attribute"))
-        if element.get("Type", "Event") not in ("Event", "EInit", ""):
-            raise element.error(f"event type {element.get('Type')} is not supported: expected Event")
         with_variables = tuple(w.require("Var") for w in element.children("With"))
         for with_element, name in zip(element.children("With"), with_variables, strict=True):
-            if name not in names and name not in shared:
+            if name not in names and name not in shared and not is_service:
                 valid = f"expected {choices(names)}" if names else f"the type has no {direction} variable"
                 raise with_element.error(
                     f"unknown {direction} variable {name} in WITH of {element.get('Name')}: {valid}"
                 )
         # a VAR_IN_OUT is not sampled: both sides have the same variable
-        sampled = tuple(name for name in with_variables if name not in shared)
-        events.append(model.EventPort(read_name(element), sampled, element.get("Comment"), element.line))
+        sampled = tuple(name for name in with_variables if name in names)
+        kind = element.get("Type").rpartition("::")[2] or "Event"
+        events.append(model.EventPort(read_name(element), sampled, element.get("Comment"), element.line, kind))
     return tuple(events)
 
 

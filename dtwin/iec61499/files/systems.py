@@ -7,7 +7,7 @@ from typing import Final
 
 from dtwin.iec61499 import model
 from dtwin.iec61499.files.header import PASSED_OVER, read_header
-from dtwin.iec61499.files.names import ALONE, Names
+from dtwin.iec61499.files.names import ALONE, Names, with_imports
 from dtwin.iec61499.files.networks import read_network, read_parameters
 from dtwin.iec61499.files.xml import XmlElement, read_xml
 
@@ -24,6 +24,7 @@ def read_system(path: Path, names: Names = ALONE) -> model.System:
     if root.tag != "System":
         raise root.error(f"<{root.tag}> is not a system configuration: expected <System>")
     root.expect_children(_SYSTEM_PARTS)
+    names = with_imports(root, names)
     applications = tuple(
         model.ApplicationDeclaration(
             a.require("Name"),

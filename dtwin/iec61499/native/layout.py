@@ -11,6 +11,7 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime.generic_ports import check_types, resolve
 from dtwin.iec61499.runtime.netlist import Netlist, Node, Terminal, flatten
+from dtwin.iec61499.runtime.typed_events import connect_triggers
 from dtwin.iec61499.st.c.names import c_name, type_tag
 from dtwin.iec61499.standard.services import COMMUNICATION
 from dtwin.iec61499.types import DINT, DataType
@@ -72,6 +73,7 @@ class Layout:
 def network_layout(network: model.FBNetwork, library: Library) -> Layout:
     """The layout of the unit of a network. Raises FunctionBlockError when the network is wrong."""
     netlist = flatten(network, library.find)
+    connect_triggers(netlist)
     resolve(netlist)
     check_types(netlist)
     return layout_of(netlist)

@@ -84,9 +84,13 @@ def compiled(block: model.FBType) -> CompiledType | FunctionBlockError:
 def _behaviour(block: model.ServiceInterfaceFBType) -> ServiceBehaviour:
     behaviour = _service(block) or absent.behaviour(block)
     if behaviour is None:
+        lacks = (
+            "a service of hardware or of a module that this device does not have, and without QO or STATUS to say so"
+        )
+        if block.header.name in ("STRUCT_MUX", "STRUCT_DEMUX"):
+            lacks = "its ports are the members of a structure, which the attribute StructuredType of the block names"
         raise FunctionBlockError(
-            f"block type {block.header.name} has an interface but no behaviour: expected <BasicFB>, <SimpleFB> or "
-            "<FBNetwork>",
+            f"block type {block.header.name} has an interface but no behaviour: {lacks}",
             block.header.file,
             block.header.line,
         )

@@ -122,7 +122,10 @@ class _Builder:
             inside[sub.name] = self._add_junction(sub, interface, body, network, prefix, depth)
         resolve = _Resolver(self._nodes, inside, owner, network.file)
         made: dict[tuple[str, str], int] = {}
-        events, data = resolve.adapter_connections(network.adapters)
+        has_adapters = any(self._nodes[number].interface.adapters for number in inside.values())
+        # older versions of 4diac IDE write connections of adapters among those of data
+        among_data = [one for one in network.data if has_adapters and resolve.is_of_adapter(one)]
+        events, data = resolve.adapter_connections((*network.adapters, *among_data))
         for connection in (*network.events, *events):
             ends = connection.source, connection.destination
             if ends in made:
@@ -131,7 +134,8 @@ class _Builder:
                 )
             made[ends] = connection.line
             self._events.append(resolve.wire(connection, is_event=True))
-        for connection in (*network.data, *data):
+        own_data = [one for one in network.data if one not in among_data] if among_data else network.data
+        for connection in (*own_data, *data):
             wire = resolve.wire(connection, is_event=False)
             other = self._data.setdefault(wire.destination, wire)
             if other is not wire:
@@ -271,6 +275,11 @@ class _Resolver:
             self._file,
             connection.line,
         )
+
+    def is_of_adapter(self, connection: model.Connection) -> bool:
+        """Whether a connection begins at a plug or socket."""
+        number, name = self._place(connection, connection.source)
+        return any(adapter.name == name for adapter in self._nodes[number].interface.adapters)
 
     def adapter_connections(
         self, connections: Sequence[model.Connection]

@@ -23,6 +23,7 @@ from dtwin.iec61499.runtime.compile import CompiledType
 from dtwin.iec61499.runtime.generic_ports import check_types, resolve
 from dtwin.iec61499.runtime.netlist import Node, flatten
 from dtwin.iec61499.runtime.operation import Operation, QueueEntry, Tracer, Undelivered, deliver_traced
+from dtwin.iec61499.runtime.typed_events import connect_triggers
 from dtwin.iec61499.runtime.wiring import queue_entries
 from dtwin.iec61499.st.python.expressions import python_name, wiring_name
 from dtwin.iec61499.st.semantics import ITERATION_LIMIT
@@ -107,6 +108,7 @@ class Resource(Blocks):
         if self._queue:
             raise FunctionBlockError("events wait in the queue: expected an idle resource")
         netlist = flatten(network, self._library.find)
+        connect_triggers(netlist)
         resolve(netlist)
         check_types(netlist)
         types = [self._compiled(node) for node in netlist.nodes]
@@ -328,8 +330,7 @@ class Resource(Blocks):
                 entry = self._queue.popleft()
                 names[self._names[entry]] = None
                 with suppress(Exception):
-                    # the loop is what is wrong first
-                    entry()
+                    entry()  # the loop is what is wrong first
         shown = list(names)[:12]
         return " -> ".join(shown + ["..."] * (len(names) > len(shown)))
 

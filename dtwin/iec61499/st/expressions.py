@@ -24,6 +24,8 @@ from dtwin.iec61499.st.constants import (
     unify_texts,
 )
 from dtwin.iec61499.st.functions import (
+    CLOCK,
+    CLOCK_UNITS,
     EXTENSIBLE,
     FUNCTIONS,
     GROUPS,
@@ -41,6 +43,7 @@ from dtwin.iec61499.types import (
     BOOL,
     CHAR,
     DINT,
+    DWORD,
     ELEMENTARY,
     LINT,
     LREAL,
@@ -145,7 +148,8 @@ class ExpressionChecker:
             self._demand(left, "ANY_BIT", operator)
         elif operator == "MOD":
             self._demand(left, "ANY_INT", operator)
-        elif not (common.kind == "time" and operator in ("+", "-")):
+        elif not (common.kind in ("time", "bits") and operator in ("+", "-")):
+            # sums of bit strings are those of unsigned numbers, as OSCAT and other older libraries have them
             self._demand(left, "ANY_NUM", operator)
             if common.kind == "real" and isinstance(left, typed.Const) and isinstance(right, typed.Const):
                 return self._fold_reals(at, common, operator, left, right)
@@ -242,10 +246,17 @@ class ExpressionChecker:
             if target.kind == "real" and source.is_number and isinstance(operand, typed.Const):
                 return typed.Const(at, target, target.wrap(operand.value))
             return typed.Cast(at, target, operand, how)
+        if name in (CLOCK, "TIME"):
+            self._count(at, name, arguments, 0, 0)
+            return typed.Call(at, TIME, CLOCK, ())
+        if name in CLOCK_UNITS:
+            self._count(at, name, arguments, 0, 0)
+            count = typed.Cast(at, ULINT, typed.Call(at, TIME, CLOCK, ()), CLOCK_UNITS[name])
+            return typed.Cast(at, DWORD, count, "to")
         function = FUNCTIONS.get(name)
         if function is None:
             known = choices(
-                sorted({*FUNCTIONS, *OPERATOR_FUNCTIONS} | {"TO_Y", "X_TO_Y", "X_TRUNC_Y", "TIME_IN_S_TO_Y"})
+                sorted({*FUNCTIONS, *OPERATOR_FUNCTIONS, CLOCK} | {"TO_Y", "X_TO_Y", "X_TRUNC_Y", "TIME_IN_S_TO_Y"})
             )
             fail(at, f"unknown function {name}: expected {known}")
         arguments, result = self._arguments(at, name, function, arguments)

@@ -64,6 +64,11 @@ FUNCTIONS: Final = {
     "FIND": Function(("ANY_STRING", "ANY_STRING"), (0, 1), result=INT),
 }
 
+CLOCK: Final = "NOW_MONOTONIC"
+"""The function without arguments that tells the time of the resource, a TIME; older texts call it TIME."""
+CLOCK_UNITS: Final[dict[str, CastKind]] = {"T_PLC_MS": "ms", "T_PLC_US": "us"}
+"""The same as DWORDs of a unit, as the OSCAT library has it; they begin anew after their largest value."""
+
 OPERATOR_FUNCTIONS: Final = {
     "ADD": "+", "MUL": "*", "SUB": "-", "DIV": "/", "MOD": "MOD", "EXPT": "**",
     "AND": "AND", "OR": "OR", "XOR": "XOR",

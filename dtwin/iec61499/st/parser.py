@@ -225,11 +225,18 @@ class TreeBuilder(Transformer):
     def repeated(self, children: list[Any]) -> ast.Repeated:
         return ast.Repeated(self._at, self._value(children[0], literals.parse_integer), children[1])
 
-    def statements(self, children: list[ast.Statement | None]) -> tuple[ast.Statement, ...]:
-        return tuple(child for child in children if child is not None)
+    def statements(self, children: list[Any]) -> tuple[ast.Statement, ...]:
+        groups = (child if isinstance(child, list) else [child] for child in children if child is not None)
+        return tuple(statement for group in groups for statement in group)
 
-    def assignment(self, children: list[Any]) -> ast.Assignment:
-        return ast.Assignment(self._at, *children)
+    def assignments(self, children: list[Any]) -> list[ast.Assignment]:
+        """`A := B := VALUE;` is `B := VALUE; A := B;`, as in 4diac IDE."""
+        *targets, value = children
+        made = []
+        for target in reversed(targets):
+            made.append(ast.Assignment(self._at, target, value))
+            value = target
+        return made
 
     def invocation(self, children: list[Any]) -> ast.Invocation:
         block, *arguments = children

@@ -6,15 +6,28 @@ which no chart can describe, are in `services`.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 from dtwin.iec61499 import model
-from dtwin.iec61499.standard.notation import basic, composite, interface
+from dtwin.iec61499.standard.notation import basic, composite, function, interface
+from dtwin.iec61499.types import STRING
 
 MAXIMUM_FAN: Final = 254
 """Most event inputs or outputs of one block, as in 4diac FORTE."""
 
+TRIGGER: Final = replace(
+    function("E_TRIG", "Triggers all events of a type that nothing is connected to", "EVENTTYPE: STRING ->", ""),
+    interface=model.Interface(
+        (model.EventPort("REQ", ("EVENTTYPE",)),),
+        (model.EventPort("CNF"),),
+        (model.Variable("EVENTTYPE", STRING, "'EInit'"),),
+    ),
+)
+"""E_TRIG of 4diac FORTE 3: its event CNF goes to the events that it triggers before it goes on."""
+
 _BLOCKS: Final = (
+    TRIGGER,
     basic(
         "E_SWITCH",
         "Switches an event by a Boolean",
@@ -104,6 +117,18 @@ _BLOCKS: Final = (
         "PV: UINT -> QU, QD: BOOL; CV: UINT",
         [
             ("CU[CV < 65535]", "CV := CV + 1; QU := CV >= PV; QD := CV = 0;", "CO"),
+            ("R", "CV := 0; QU := CV >= PV; QD := CV = 0;", "RO"),
+            ("CD[CV > 0]", "CV := CV - 1; QU := CV >= PV; QD := CV = 0;", "CO"),
+            ("LD", "CV := PV; QU := CV >= PV; QD := CV = 0;", "LDO"),
+        ],
+    ),
+    basic(
+        "E_CTUD_UDINT",
+        "Counts events up and down, as E_CTUD",
+        "CU(PV), CD, R, LD(PV) -> CO(QU QD CV), RO(QU QD CV), LDO(QU QD CV)",
+        "PV: UDINT -> QU, QD: BOOL; CV: UDINT",
+        [
+            ("CU[CV < 4294967295]", "CV := CV + 1; QU := CV >= PV; QD := CV = 0;", "CO"),
             ("R", "CV := 0; QU := CV >= PV; QD := CV = 0;", "RO"),
             ("CD[CV > 0]", "CV := CV - 1; QU := CV >= PV; QD := CV = 0;", "CO"),
             ("LD", "CV := PV; QU := CV >= PV; QD := CV = 0;", "LDO"),

@@ -18,8 +18,22 @@ def _service(name: str, comment: str, ports: model.Interface) -> model.ServiceIn
     return model.ServiceInterfaceFBType(model.TypeHeader(name, comment=comment), ports)
 
 
+def _channels() -> dict[str, model.ServiceInterfaceFBType]:
+    """IX, QW and the like: inputs and outputs of hardware, by name."""
+    sizes = {"X": "BOOL", "B": "BYTE", "W": "WORD", "D": "DWORD", "L": "LWORD"}
+    events = "INIT(QI PARAMS), REQ(QI{0}) -> INITO(QO STATUS), CNF(QO STATUS{1})"
+    data = "QI: BOOL; PARAMS: STRING{0} -> QO: BOOL; STATUS: STRING{1}"
+    blocks = {}
+    for letter, kind in sizes.items():
+        reading = events.format("", " IN") + ", IND(QO STATUS IN)", data.format("", f"; IN: {kind}")
+        writing = events.format(" OUT", ""), data.format(f"; OUT: {kind}", "")
+        blocks[f"I{letter}"] = _service(f"I{letter}", "Input of hardware", interface(*reading))
+        blocks[f"Q{letter}"] = _service(f"Q{letter}", "Output of hardware", interface(*writing))
+    return blocks
+
+
 _TIMER: Final = interface("START(DT), STOP -> EO", "DT: TIME ->")
-FIXED: Final = {
+FIXED: Final = _channels() | {
     block.header.name: block
     for block in (
         _service("E_RESTART", "Tells when the resource starts and stops", interface("-> COLD, WARM, STOP", "")),

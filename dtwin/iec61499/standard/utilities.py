@@ -91,7 +91,21 @@ def _service(name: str, events: str, data: str) -> model.ServiceInterfaceFBType:
     return model.ServiceInterfaceFBType(model.TypeHeader(name), interface(events, data))
 
 
+_RANDOM: Final = basic(
+    "FB_RANDOM",
+    "Numbers from 0 to below 1, the same ones for the same SEED",
+    "INIT(SEED), REQ -> INITO, CNF(VAL)",
+    "SEED: UINT -> VAL: REAL",
+    [
+        ("INIT", "STATE := SEED;", "INITO"),
+        # the linear congruential generator of Numerical Recipes, section 7.1, and its upper 24 bits
+        ("REQ", "STATE := STATE * 1664525 + 1013904223; VAL := UDINT_TO_REAL(STATE / 256) / 16777216.0;", "CNF"),
+    ],
+    "STATE: UDINT",
+)
+
 FIXED: Final[dict[str, model.FBType]] = {
+    "FB_RANDOM": _RANDOM,
     "GET_AT_INDEX": _service(
         "GET_AT_INDEX", "REQ(IN_ARRAY INDEX) -> CNF(QO OUT)", "IN_ARRAY: ANY; INDEX: UINT -> QO: BOOL; OUT: ANY"
     ),

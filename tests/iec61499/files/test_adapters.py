@@ -126,3 +126,12 @@ def test_time_outs_come_from_the_standard_blocks() -> None:
 def test_a_block_with_adapters_is_not_deployed(library: Library, kind: str) -> None:
     with pytest.raises(FunctionBlockError, match=f"block B: adapter .* of {kind} cannot be deployed"):
         plan_deployment("RES", network(f"START: E_RESTART; B: {kind}"), library)
+
+
+def test_connections_of_adapters_may_stand_among_those_of_data(tmp_path: Path) -> None:
+    for name, text in (("Valve.adp", ADAPTER), ("Master.fbt", MASTER), ("Servant.fbt", SERVANT)):
+        (tmp_path / name).write_text(text)
+    resource = Resource(network("M: Master; S: Servant", "", "M.valve -> S.S", {"M.X": "4"}), Library([tmp_path]))
+    resource.trigger("M.GO")
+    resource.run_until_idle()
+    assert (resource.read("S.S.HOW"), resource.read("M.Y")) == (5, 50)

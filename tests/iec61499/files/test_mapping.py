@@ -7,6 +7,8 @@ import re
 import pytest
 
 from dtwin.errors import FunctionBlockError
+from dtwin.iec61499.files.systems import read_system
+from dtwin.iec61499.inspection import inspect
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.resource import Resource
@@ -98,11 +100,27 @@ def test_systems_that_are_wrong(write: Write, old: str, new: str, message: str) 
         assert caught.value.line == line_of(new, path)
 
 
-def test_connections_to_blocks_without_a_place_are_refused(write: Write) -> None:
-    path = write("test.sys", SYSTEM, ('<Mapping From="APP.COUNT" To="FORTE_PC.RES"/>', ""))
+def test_connections_to_blocks_without_a_place_are_left_out_and_said(write: Write) -> None:
+    path = write("test.sys", SYSTEM, ('<Mapping From="APP.LATCH" To="FORTE_PC.RES.LATCH"/>', ""))
+    library = Library()
+    system = library.load_system(path)
+    assert system.left_out == (
+        f"{path}:{line_of('LATCH.CLK', path)}: COUNT.CUO -> LATCH.CLK, as LATCH is mapped to no resource",
+        f"{path}:{line_of('LATCH.D', path)}: COUNT.Q -> LATCH.D, as LATCH is mapped to no resource",
+    )
+    assert inspect(path, library).remarks == tuple(f"left out: {line}" for line in system.left_out)
+    resource = Resource(resource_network(system, "RES"), library)
+    resource.start()
+    resource.advance(20_000_000)
+    assert (resource.read("COUNT.Q"), resource.read("INNER.N.CV")) == (True, 2)
+    assert library.load_system(write("test.sys", SYSTEM)).left_out == ()
+
+
+def test_connections_between_resources_are_refused_without_communication_blocks(write: Write) -> None:
+    path = write("test.sys", SYSTEM, ('To="FORTE_PC.RES.LATCH"', 'To="FORTE_PC.OTHER"'))
     with pytest.raises(FunctionBlockError, match=r"of application APP leaves resource FORTE_PC\.RES") as caught:
-        resource_network(Library().load_system(path), "RES")
-    assert caught.value.line == line_of('"COUNT.CUO"', path)
+        resource_network(read_system(path), "RES")
+    assert caught.value.line == line_of("LATCH.CLK", path)
 
 
 def test_resources_are_named(write: Write) -> None:

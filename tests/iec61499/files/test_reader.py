@@ -224,3 +224,24 @@ def test_a_foreign_library_is_read_or_the_feature_named() -> None:
                 unexplained.append(str(error))
     assert unexplained == []
     assert read > 0
+
+
+def test_methods_that_nothing_calls_are_passed_over(write: Write) -> None:
+    method = '<Method Name="LEFT_OVER"><ST>nothing readable</ST></Method>'
+    path = write("SCALE.fbt", BASIC, ("</BasicFB>", f"{method}</BasicFB>"))
+    found = read_type(path)
+    assert isinstance(found, model.BasicFBType)
+    assert [algorithm.name for algorithm in found.algorithms] == ["SCALE"]
+    path = write(
+        "SCALE.fbt", BASIC, ("</BasicFB>", f"{method}</BasicFB>"), ('Text="Y := X', 'Text="Y := left_over (X)')
+    )
+    with pytest.raises(
+        FunctionBlockError, match="method LEFT_OVER is not supported: expected algorithms that call none"
+    ):
+        read_type(path)
+
+
+def test_one_literal_for_an_array_is_that_of_every_element(write: Write) -> None:
+    found = read_type(write("SCALE.fbt", BASIC, ('InitialValue="[1, 2, 3]"', 'InitialValue="7"')))
+    assert isinstance(found, model.BasicFBType)
+    assert [model.initial_value(variable) for variable in found.internals] == [[7, 7, 7]]

@@ -38,10 +38,39 @@ def test_a_missing_service_answers_no(tmp_path: Path) -> None:
 
 
 def test_one_that_cannot_answer_does_not_run(tmp_path: Path) -> None:
-    text = SENSOR.replace('Name="QO"', 'Name="Q"').replace('Var="QO"', 'Var="Q"')
+    text = SENSOR.replace("QO", "Q").replace("STATUS", "TEXT")
     (tmp_path / "Sensor.fbt").write_text(text)
     with pytest.raises(FunctionBlockError, match="has an interface but no behaviour"):
         Resource(network("S: Sensor"), Library([tmp_path]))
+
+
+def test_one_that_has_a_status_answers_with_it(tmp_path: Path) -> None:
+    (tmp_path / "Sensor.fbt").write_text(SENSOR.replace('Name="QO"', 'Name="Q"').replace('Var="QO"', 'Var="Q"'))
+    library = Library([tmp_path])
+    resource = Resource(network("S: Sensor; A: E_CTU", "S.CNF -> A.CU"), library)
+    resource.trigger("S.REQ")
+    resource.run_until_idle()
+    assert (resource.read("S.STATUS"), resource.read("S.Q"), resource.read("A.CV")) == ("NOT_SUPPORTED", False, 1)
+
+
+def test_hardware_of_a_system_is_in_the_remarks_of_its_check(tmp_path: Path) -> None:
+    (tmp_path / "io.sys").write_text(
+        '<System Name="io"><Device Name="D" Type="PC"><Resource Name="R" Type="EMB_RES"><FBNetwork>'
+        '<FB Name="LAMP" Type="QX"/></FBNetwork></Resource></Device></System>'
+    )
+    found = inspect(tmp_path / "io.sys", Library([tmp_path]))
+    assert found.problems == ()
+    (remark,) = found.remarks
+    assert "io.sys:1: LAMP is a QX, a service that this device does not have" in remark
+
+
+def test_data_of_a_service_may_be_named_that_it_does_not_have(tmp_path: Path) -> None:
+    text = SENSOR.replace('<Event Name="REQ"/>', '<Event Name="REQ"><With Var="NONE"/></Event>')
+    (tmp_path / "Sensor.fbt").write_text(text)
+    resource = Resource(network("S: Sensor"), Library([tmp_path]))
+    resource.trigger("S.REQ")
+    resource.run_until_idle()
+    assert resource.read("S.STATUS") == "NOT_SUPPORTED"
 
 
 def test_a_service_that_is_here_passes_the_check(tmp_path: Path) -> None:

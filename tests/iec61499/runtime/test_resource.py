@@ -8,10 +8,13 @@ from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
+from dtwin.iec61499.deploy.lua_export import export_type
 from dtwin.iec61499.library import Library
+from dtwin.iec61499.native.layout import network_layout
+from dtwin.iec61499.native.unit import unit_of
 from dtwin.iec61499.runtime import resource as runtime
 from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.standard.notation import interface
+from dtwin.iec61499.standard.notation import function, interface
 from tests.support.iec61499.networks import Types, chart, connections, network
 
 LOG = chart(
@@ -391,3 +394,39 @@ def test_resources_of_one_library_do_not_share_state() -> None:
     first.start()
     assert [first.read("D.Q"), first.read("N.CV")] == [8, 1]
     assert [second.read("D.Q"), second.read("N.CV")] == [0, 0]
+
+
+def test_texts_read_the_clock_of_their_resource() -> None:
+    now = function(
+        "NOW", "", "-> T: TIME; X: BOOL; D: DWORD", "T := NOW_MONOTONIC(); X := TIME() = T; D := T_PLC_US();"
+    )
+    made = network(
+        "START: E_RESTART; E: E_DELAY; N: NOW", "START.COLD -> E.START; E.EO -> N.REQ", "", {"E.DT": "T#3ms"}
+    )
+    resource = Resource(made, Types(now))
+    resource.start()
+    resource.advance(10_000_000)
+    assert [resource.read(f"N.{name}") for name in "TXD"] == [3_000_000, True, 3000]
+    with pytest.raises(FunctionBlockError, match="a number in Lua holds integers of 53 bit"):
+        export_type(now)
+    with pytest.raises(FunctionBlockError, match="C: NOW_MONOTONIC is not supported"):
+        unit_of(network_layout(network("N: NOW"), Types(now)), "unit")
+
+
+def test_random_numbers_follow_from_their_seed() -> None:
+    made = network("A: FB_RANDOM; B: FB_RANDOM", "", "", {"A.SEED": "7", "B.SEED": "8"})
+    resource = Resource(made, Library())
+    drawn: dict[str, list[float]] = {"A": [], "B": []}
+    for _ in range(2):
+        for name in drawn:
+            resource.trigger(f"{name}.INIT")
+            for _ in range(500):
+                resource.trigger(f"{name}.REQ")
+                resource.run_until_idle()
+                drawn[name].append(resource.read(f"{name}.VAL"))
+    assert drawn["A"][:500] == drawn["A"][500:]
+    assert drawn["A"] != drawn["B"]
+    for values in drawn.values():
+        assert 0 <= min(values) < 0.05
+        assert 0.95 < max(values) < 1
+        assert sum(values) / 1000 == pytest.approx(0.5, abs=0.05)

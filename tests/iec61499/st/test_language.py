@@ -40,6 +40,8 @@ IN_LUA = [
     ("VAR Q: STRING[3]; END_VAR Q := 'abcdef'; S := CONCAT(Q, 'x');", {"S": "abcx"}),
     ("R := TO_LREAL(INT#7); I := TO_INT(LREAL#2.5); J := TO_DINT(BYTE#16#FF);", {"R": 7.0, "I": 3, "J": 255}),
     ("IF X THEN I := 1; ELSE I := 2; END_IF", {"I": 2}),
+    ("R := J := I := 4 + 1; I := 2;", {"R": 5.0, "J": 5, "I": 2}),
+    ("D := 1; D := D - 2; W := 16#FFFF; W := W + 1;", {"D": 0xFFFFFFFF, "W": 0}),
 ]
 IN_PYTHON = [
     ("I := 7; J := 3; I := I ** 2; J := J ** 5;", {"I": 49, "J": 243}),

@@ -1,7 +1,7 @@
 """A service that this device does not have: a block that is known by its interface only, such as one of hardware.
 
-Where its ports are those of IEC 61499-1, 6.1.3 (INIT and INITO, or REQ and CNF, with QO), it answers with QO = FALSE
-and says so in STATUS; so an application around it runs as on a device whose hardware does not answer.
+Where its ports are those of IEC 61499-1, 6.1.3 (INIT and INITO, or REQ and CNF, with QO or STATUS), it answers with
+QO = FALSE and says so in STATUS; so an application around it runs as on a device whose hardware does not answer.
 """
 
 from __future__ import annotations
@@ -22,11 +22,9 @@ def behaviour(block: model.ServiceInterfaceFBType) -> ServiceBehaviour | None:
     if not says_absent(block):
         return None
     outputs = {event.name for event in block.interface.event_outputs}
-    texts = {
-        v.name for v in block.interface.outputs if v.name == "STATUS" and getattr(v.type, "kind", "") == "string"
-    }
+    answer = _answer(block)
     handlers = {
-        event.name: _refusal([a for a in _ANSWERS.get(event.name, ()) if a in outputs], bool(texts))
+        event.name: _refusal([a for a in _ANSWERS.get(event.name, ()) if a in outputs], answer)
         for event in block.interface.event_inputs
     }
     return ServiceBehaviour(handlers)
@@ -38,16 +36,22 @@ def says_absent(block: model.ServiceInterfaceFBType) -> bool:
     inputs = {event.name for event in interface.event_inputs}
     outputs = {event.name for event in interface.event_outputs}
     answers = any(event in inputs and outputs & set(answer) for event, answer in _ANSWERS.items())
-    return answers and any(variable.name == "QO" for variable in interface.outputs)
+    return answers and bool(_answer(block))
 
 
-def _refusal(answers: list[str], has_status: bool) -> Callable[[Any], None]:
+def _answer(block: model.ServiceInterfaceFBType) -> dict[str, Any]:
+    """The values of the outputs that say so."""
+    kinds = {variable.name: getattr(variable.type, "kind", "") for variable in block.interface.outputs}
+    said: dict[str, Any] = {"QO": False} if "QO" in kinds else {}
+    return said | ({"STATUS": STATUS} if kinds.get("STATUS") == "string" else {})
+
+
+def _refusal(answers: list[str], said: dict[str, Any]) -> Callable[[Any], None]:
     targets = [wiring_name(answer) for answer in answers]
 
     def refuse(s: Any) -> None:
-        s.QO = False
-        if has_status:
-            s.STATUS = STATUS
+        for name, value in said.items():
+            setattr(s, name, value)
         for target in targets:
             s.extend__(getattr(s, target))
 

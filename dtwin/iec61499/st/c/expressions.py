@@ -11,6 +11,7 @@ from dtwin.iec61499.st import typed
 from dtwin.iec61499.st.ast import Position
 from dtwin.iec61499.st.c.names import c_name, c_type, check_supported, number, quoted
 from dtwin.iec61499.st.fragment import Fragment
+from dtwin.iec61499.st.functions import CLOCK
 from dtwin.iec61499.st.typed import COMPARISONS
 from dtwin.iec61499.types import LREAL, Aggregate, ArrayType, ElementaryType, StructType
 
@@ -212,6 +213,8 @@ class CExpressions:
             refuse(node.at, f"{name} of {node.type}")
         check_supported(node.type, node.at)
         kind = c_type(node.type)
+        if name == CLOCK:
+            refuse(node.at, name)
         if name in _REAL_FUNCTIONS:
             call = f"fb_{name.lower()}({', '.join(self._double(argument) for argument in arguments)})"
             return call if node.type == LREAL else f"(float){call}"

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from dtwin.iec61499.st import typed
 from dtwin.iec61499.st.fragment import Fragment, bounds, combine, is_integral, quotient_bounds, remainder_bounds
+from dtwin.iec61499.st.functions import CLOCK
 from dtwin.iec61499.st.typed import COMPARISONS
 from dtwin.iec61499.types import LREAL, REAL, Aggregate, ArrayType, DataType, ElementaryType, StructType
 
@@ -63,8 +64,9 @@ class PythonExpressions:
         known: the bounds of variables (loop counters) that are narrower than those of their types.
     """
 
-    def __init__(self, variable: Callable[[str], str], exact: bool) -> None:
+    def __init__(self, variable: Callable[[str], str], exact: bool, instance: str) -> None:
         self._variable = variable
+        self._instance = instance
         self._exact = exact
         self._temporaries = 0
         self.raises = False
@@ -261,6 +263,8 @@ class PythonExpressions:
         values = [self.value(argument) for argument in arguments]
         listed = ", ".join(value.text for value in values)
         limits = bounds(data_type)
+        if name == CLOCK:
+            return Fragment(f"{self._instance}.resource__.time", ATOM, *limits)
         if name in _REAL_FUNCTIONS:
             self.raises = True
             result = Fragment(f"{self.helper('_' + name.lower())}({listed})", ATOM)

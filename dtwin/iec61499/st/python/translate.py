@@ -104,7 +104,8 @@ def compile_algorithm(
 
 def compile_condition(checked: typed.Expression, self_name: str = "s") -> str:
     """A Python expression over `s.NAME` and CONDITION_GLOBALS with the results of C."""
-    text = PythonExpressions(lambda name: f"{self_name}.{python_name(name)}", exact=True).text(checked)
+    expressions = PythonExpressions(lambda name: f"{self_name}.{python_name(name)}", exact=True, instance=self_name)
+    text = expressions.text(checked)
     try:
         compile(text, "<condition>", "eval")
     except (SyntaxError, RecursionError, MemoryError):
@@ -152,7 +153,7 @@ class _PythonGenerator:
         self._temporaries = checked.temporaries
         self._self = self_name
         self._direct = direct
-        self._expressions = PythonExpressions(self._name, exact)
+        self._expressions = PythonExpressions(self._name, exact, self_name)
         self._repeat_flags: list[bool] = []
 
     def _name(self, name: str) -> str:

@@ -1,0 +1,87 @@
+"""Projects of 4diac IDE: the libraries that they link to, and the constants that a file imports."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dtwin.errors import FunctionBlockError
+from dtwin.iec61499.files.project import linked_folders
+from dtwin.iec61499.library import Library
+from dtwin.iec61499.mapping import resource_network
+from dtwin.iec61499.runtime.resource import Resource
+
+PROJECT = """<projectDescription><linkedResources>
+<link><name>Lib</name><type>2</type><locationURI>virtual:/virtual</locationURI></link>
+<link><name>Lib/a</name><type>2</type><locationURI>WORKSPACE_LOC/.lib/a-1.0.0/typelib</locationURI></link>
+<link><name>Lib/b</name><type>2</type><locationURI>ECLIPSE_HOME/typelibrary/b%20c</locationURI></link>
+<link><name>Lib/d</name><type>2</type><locationURI>PARENT-2-PROJECT_LOC/d</locationURI></link>
+<link><name>Lib/up</name><type>2</type><locationURI>WORKSPACE_LOC/../outside</locationURI></link>
+<link><name>Lib/M</name><type>1</type><locationURI>WORKSPACE_LOC/.lib/a-1.0.0/MANIFEST.MF</locationURI></link>
+</linkedResources></projectDescription>"""
+LIMITS = """<GlobalConstants Name="LIMITS"><CompilerInfo packageName="plant"/>
+<GlobalConstants><VarDeclaration Name="HIGH" Type="INT" InitialValue="40"/></GlobalConstants></GlobalConstants>"""
+DOUBLE = """<FBType Name="DOUBLE"><CompilerInfo><Import declaration="plant::LIMITS::HIGH"/></CompilerInfo>
+<InterfaceList><EventInputs><Event Name="REQ"/></EventInputs><EventOutputs><Event Name="CNF"/></EventOutputs>
+<InputVars><VarDeclaration Name="X" Type="INT" InitialValue="HIGH"/></InputVars>
+<OutputVars><VarDeclaration Name="Y" Type="INT"/></OutputVars></InterfaceList>
+<SimpleFB><Algorithm Name="REQ"><ST>Y := X + high;</ST></Algorithm></SimpleFB></FBType>"""
+SYSTEM = """<System Name="my-plant"><CompilerInfo><Import declaration="plant::LIMITS::HIGH"/></CompilerInfo>
+<Application Name="APP"><SubAppNetwork><FB Name="D" Type="plant::DOUBLE"/>
+<FB Name="E" Type="DOUBLE"><Parameter Name="X" Value="HIGH"/></FB>
+<EventConnections><Connection Source="D.CNF" Destination="E.REQ"/></EventConnections></SubAppNetwork></Application>
+<Device Name="PC" Type="FORTE_PC"><Resource Name="RES" Type="EMB_RES"/></Device>
+<Mapping From="APP.D" To="PC.RES"/><Mapping From="APP.E" To="PC.RES"/></System>"""
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A project in a workspace, and the folders around it that it links to."""
+    made = tmp_path / "all" / "workspace" / "plant"
+    for folder in (
+        made,
+        tmp_path / "all" / "workspace" / ".lib" / "a-1.0.0" / "typelib",
+        tmp_path / "home" / "typelibrary" / "b c",
+        tmp_path / "all" / "d",
+        tmp_path / "all" / "outside",
+    ):
+        folder.mkdir(parents=True)
+    monkeypatch.setenv("ECLIPSE_HOME", str(tmp_path / "home"))
+    (made / ".project").write_text(PROJECT)
+    return made
+
+
+def test_links_lead_to_folders_that_are_there(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    around = project.parents[1]
+    library = around / "workspace" / ".lib" / "a-1.0.0" / "typelib"
+    assert linked_folders(project) == (library, around.parent / "home" / "typelibrary" / "b c", around / "d")
+    monkeypatch.delenv("ECLIPSE_HOME")
+    assert linked_folders(project) == (library, around / "d")
+    assert linked_folders(library) == ()
+    (project / ".project").write_text("<projectDescription>")
+    with pytest.raises(FunctionBlockError, match="not well-formed XML"):
+        Library([project])
+
+
+def test_types_and_constants_come_from_libraries_that_a_project_links_to(project: Path) -> None:
+    library = project.parent / ".lib" / "a-1.0.0" / "typelib"
+    (library / "LIMITS.gcf").write_text(LIMITS)
+    (library / "DOUBLE.fbt").write_text(DOUBLE)
+    (project / "plant.sys").write_text(SYSTEM)
+    found = Library([project])
+    system = found.load_system(project / "plant.sys")
+    assert system.header.name == "my-plant"
+    resource = Resource(resource_network(system), found)
+    resource.trigger("D.REQ")
+    resource.run_until_idle()
+    assert (resource.read("D.Y"), resource.read("E.X"), resource.read("E.Y")) == (80, 40, 80)
+
+
+def test_the_project_s_own_type_counts_and_a_constant_that_is_not_imported_does_not(project: Path) -> None:
+    library = project.parent / ".lib" / "a-1.0.0" / "typelib"
+    (library / "LIMITS.gcf").write_text(LIMITS)
+    (library / "DOUBLE.fbt").write_text(DOUBLE)
+    (project / "DOUBLE.fbt").write_text(DOUBLE.replace("<Import", "<Exclude"))
+    with pytest.raises(FunctionBlockError, match=r"plant/DOUBLE\.fbt.*'HIGH' is not a INT"):
+        Library([project]).find("DOUBLE")
