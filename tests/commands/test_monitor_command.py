@@ -186,9 +186,9 @@ def test_equal_trials_have_equal_outcomes() -> None:
 
 def test_a_fault_is_found_on_a_machine_that_was_identified() -> None:
     heavier = Machine("heavier", structure=Structure(inertia=(1.1, 1.1, 1.1), com=(1.01, 1.01, 1.01)))
-    seen = run_trial(FaultTrial(3, "cut1", noise=0.002, start=12.5, machine=heavier))
-    assert (seen.detected, seen.cause, seen.joint) == (True, *true_cause("cut1"))
-    assert seen != run_trial(FaultTrial(3, "cut1", noise=0.002, start=12.5))
+    seen = run_trial(FaultTrial(3, "K2*=0.5", noise=0.002, start=12.5, machine=heavier))
+    assert (seen.detected, seen.cause, seen.joint) == (True, *true_cause("K2*=0.5"))
+    assert seen != run_trial(FaultTrial(3, "K2*=0.5", noise=0.002, start=12.5))
 
 
 def test_the_thesis_monitor_watches_the_same_trials() -> None:

@@ -63,7 +63,7 @@ def test_optimise_saves_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[
     saved, picture = tmp_path / "best.json", tmp_path / "front.png"
     report = answer(
         capsys,
-        *("optimise", "--motion", "red:pickup", "--candidates", "120", "--processes", "1", "--noise", "0"),
+        *("optimise", "--motion", "red:pickup", "--candidates", "120", "--workers", "1", "--noise", "0"),
         *("--cost", "time=1", "--cost", "energy=0.5", "--save", str(saved), "--plot", str(picture)),
     )
     assert report["best"]["cost"] < 1.0

@@ -112,8 +112,8 @@ def test_grades_and_the_record(fitted: MachineFit, tmp_path: Path) -> None:
     content = json.loads((tmp_path / "arm.json").read_text())
     delay = content["numbers"]["delay"]
     for change, message in (
-        ({"schema": "2"}, "schema: expected 'dtwin machine record 5', got '2'; commission the machine anew"),
-        ({"schema": "2", "grade": "good", "older": 1}, "schema: expected 'dtwin machine record 5', got '2'"),
+        ({"schema": "2"}, "schema: expected 'dtwin machine record 6', got '2'; commission the machine anew"),
+        ({"schema": "2", "grade": "good", "older": 1}, "schema: expected 'dtwin machine record 6', got '2'"),
         ({"grade": "good"}, "expected the record of a machine: Invalid enum value 'good'"),
         ({"numbers": {}}, "numbers: K1 is missing"),
         ({"numbers": {**content["numbers"], "delay": {**delay, "value": -1.0}}}, "delay: expected"),
