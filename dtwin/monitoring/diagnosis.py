@@ -59,6 +59,8 @@ _STEPS: Final = 2
 _OF_ENCODER: Final = (BIAS, DRIFT)
 _TORQUES: Final = ("K", "D", "mu", BIAS, DRIFT)
 """kinds of what an unknown torque on a joint may be mistaken for"""
+SURE: Final = 0.95
+"""probability of the causes that a finding names together"""
 _HOPELESS: Final = 25.0
 """log-likelihood behind the best at which a candidate is given up"""
 
@@ -124,16 +126,33 @@ class Diagnosis:
 
     def best(self) -> tuple[Candidate, float]:
         """The most likely candidate, and the probability of its cause among all."""
+        (top, probability), *_ = self.ranked()
+        return top, probability
+
+    def others(self) -> tuple[str, ...]:
+        """The causes that with the most likely one have a probability of SURE together, most likely first."""
+        (_, total), *rest = self.ranked()
+        found = []
+        for candidate, probability in rest:
+            if total >= SURE:
+                break
+            found.append(str(candidate.fault))
+            total += probability
+        return tuple(found)
+
+    def ranked(self) -> list[tuple[Candidate, float]]:
+        """The best candidate of each cause and the probability of the cause among all, most likely first."""
         evidence = [self._evidence(candidate) for candidate in self.candidates]
         most = max(evidence)
-        top = self.candidates[evidence.index(most)]
         if not math.isfinite(most):
-            return top, 0.0
-        weights: dict[tuple[str, ...], float] = {}
+            return [(self.candidates[0], 0.0)]
+        causes: dict[tuple[str, ...], tuple[Candidate, float]] = {}
         for candidate, amount in zip(self.candidates, evidence, strict=True):
             weight = math.exp((amount - most) / self._temper)
-            weights[candidate.cause] = max(weights.get(candidate.cause, 0.0), weight)
-        return top, 1.0 / sum(weights.values())
+            if weight > causes.get(candidate.cause, (candidate, -1.0))[1]:
+                causes[candidate.cause] = candidate, weight
+        total = sum(weight for _, weight in causes.values())
+        return sorted(((c, weight / total) for c, weight in causes.values()), key=lambda each: -each[1])
 
     def winner(self) -> Candidate:
         """The candidate to believe.

@@ -91,16 +91,22 @@ class Findings:
         """Adds an event at a plant time (s)."""
         self.events.append(Event(time, kind, text))
 
-    def assess(self, candidate: Candidate, probability: float, detected: float) -> Finding:
-        """What a candidate amounts to so far, noticed at a plant time (s); of two changes, the larger one."""
+    def assess(
+        self, candidate: Candidate, probability: float, detected: float, others: tuple[str, ...] = ()
+    ) -> Finding:
+        """What a candidate amounts to so far, noticed at a plant time (s), and what else it may be.
+
+        Of two changes it is the larger one.
+        """
         changes = candidate.changes()
         state = max(changes, key=lambda name: self._relative(name, changes[name]), default="")
-        return self._told(candidate, state, probability, detected)
+        found = self._told(candidate, state, probability, detected)
+        return msgspec.structs.replace(found, others=tuple(name for name in others if name != found.parameter))
 
     def settle(self, time: float, candidate: Candidate, pending: Finding) -> Consequences:
         """Enters a diagnosis that is complete, or strikes out what it undoes; plant time in s."""
         if candidate.other is None:
-            settled = [self.assess(candidate, pending.confidence, pending.detected)]
+            settled = [self.assess(candidate, pending.confidence, pending.detected, pending.others)]
         else:
             states = sorted(changes := candidate.changes(), key=lambda name: -self._relative(name, changes[name]))
             sure = [name for name in states if _is_sure(changes[name])] or states[:1]

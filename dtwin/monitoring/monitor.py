@@ -66,7 +66,7 @@ class Monitor:
     def __init__(self, belief: Belief, settings: MonitorSettings | None = None) -> None:
         self.settings = settings or MonitorSettings()
         self._sizes = plausible_sizes(belief.arm)
-        self.threshold, self._warning, allowance, self._temper, self._charges = limits(self.settings, belief.tails)
+        self.threshold, self._warning, allowance, self._temper, self._charges = limits(self.settings, belief)
         self._belief = belief
         self.estimator = Estimator(belief, self.settings.tuning)
         self._readings, self._stopped, self.trend = Readings(belief.noise), Stopped(), Trend(self.estimator)
@@ -359,8 +359,9 @@ class Monitor:
         """Updates the finding under diagnosis, and adopts the winner once it is settled."""
         candidate, probability = diagnosis.best()
         settled = diagnosis.settled(self.sample)
-        if diagnosis.certain or candidate.gain > CERTAIN * self._temper:
-            found = self.findings.assess(candidate, probability, pending.detected if pending else self.time)
+        if diagnosis.certain or candidate.gain > CERTAIN:
+            detected = pending.detected if pending else self.time
+            found = self.findings.assess(candidate, probability, detected, diagnosis.others())
             if pending is None:
                 self.findings.note(self.time, "suspected", found.text())
             pending = found

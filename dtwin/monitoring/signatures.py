@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation import kernels
-from dtwin.monitoring.estimation.belief import Tail
+from dtwin.monitoring.estimation.belief import Belief, Tail
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import INDEX, PAYLOAD, SIZE
 from dtwin.monitoring.kinds import BIAS, JUMPS, FaultId, parse_fault_id
@@ -33,6 +33,8 @@ LATER: Final = 12
 """samples since a sudden change that is looked for whatever the best onset is"""
 INDEPENDENT: Final = 100.0
 """tests a second that would be independent; neighbouring samples, onsets and faults share most of their evidence"""
+ALIKE: Final = 16.0
+"""samples that count as one when causes are compared, because what a model lacks is alike in them"""
 LONGEST: Final = 1000
 """samples: older onsets are forgotten"""
 
@@ -78,12 +80,13 @@ class Limits(NamedTuple):
     charges: dict[str, float]
 
 
-def limits(settings: MonitorSettings, tails: Mapping[str, Tail]) -> Limits:
-    """What decides on alarms of an arm that passes what `tails` say while it is healthy."""
+def limits(settings: MonitorSettings, belief: Belief) -> Limits:
+    """What decides on alarms of an arm. Where a model lacks something, that is alike for as long as ALIKE."""
     alarm, warning = (threshold(rate, Tail()) for rate in (settings.alarms_per_hour, settings.warnings_per_hour))
-    allowance = allowances(settings.alarms_per_hour, tails)
+    allowance = allowances(settings.alarms_per_hour, belief.tails)
     charges = dict(zip(JUMPS, (0.5 * allowance).tolist(), strict=True))
-    return Limits(alarm, warning, allowance, 1.0 + float(np.median(allowance)) / alarm, charges)
+    alike = ALIKE if any(belief.error.slow) else 1.0
+    return Limits(alarm, warning, allowance, alike * (1.0 + float(np.median(allowance)) / alarm), charges)
 
 
 def quantile(share: float) -> float:

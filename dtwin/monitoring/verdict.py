@@ -24,6 +24,7 @@ class Finding(msgspec.Struct, frozen=True):
         since: plant time at which it began, s.
         detected: plant time at which it was noticed, s.
         settled: whether the diagnosis is complete; until then cause and size may still change.
+        others: what else it may be, in the same notation, most likely first: with these the probability is 95 %.
     """
 
     parameter: str
@@ -35,11 +36,17 @@ class Finding(msgspec.Struct, frozen=True):
     since: float
     detected: float
     settled: bool
+    others: tuple[str, ...] = ()
 
     @property
     def fault(self) -> FaultId:
         """What changed, as kind and joint."""
         return parse_fault_id(self.parameter)
+
+    @property
+    def failure(self) -> float:
+        """Probability that something has failed: of a complete diagnosis only the cause is in doubt."""
+        return 1.0 if self.settled and self.confidence else self.confidence
 
     def text(self) -> str:
         """One line for people."""
@@ -49,7 +56,9 @@ class Finding(msgspec.Struct, frozen=True):
         elif unit is not None:
             amount = f", {self.size:+.3g} +- {self.deviation:.1g} {unit}"
         where = f" of joint {self.joint}" if self.joint else ""
-        return f"{self.cause}{where}{amount}, confidence {100 * self.confidence:.0f} %, since {self.since:.2f} s"
+        instead = "".join(f" or {parse_fault_id(each).where}" for each in self.others)
+        sure = f"confidence {100 * self.confidence:.0f} %{instead and ','}{instead}"
+        return f"{self.cause}{where}{amount}, {sure}, since {self.since:.2f} s"
 
 
 def finding(
@@ -60,9 +69,12 @@ def finding(
     deviation: float = 0.0,
     confidence: float = 1.0,
     settled: bool = True,
+    others: tuple[str, ...] = (),
 ) -> Finding:
     """The finding of a fault, with the fields of `Finding`."""
-    return Finding(str(fault), fault.about.cause, fault.joint, size, deviation, confidence, since, detected, settled)
+    return Finding(
+        str(fault), fault.about.cause, fault.joint, size, deviation, confidence, since, detected, settled, others
+    )
 
 
 class Forecast(msgspec.Struct, frozen=True):

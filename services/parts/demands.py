@@ -54,7 +54,7 @@ class Demands:
 
     def _ask(self, finding: Finding) -> bool:
         """Whether the blocks have answered."""
-        confidence = min(max(finding.confidence, 0.0), 1.0)
+        confidence = min(max(finding.failure, 0.0), 1.0)
         request = StopRequest("monitoring", finding.text(), arm_state(finding.fault), confidence)
         try:
             answer = self._bus.ask(STOP, request, StopState)

@@ -22,7 +22,7 @@ def names_of(number: int) -> list[str]:
 
 
 LATER: dict[Method, Noticed] = {"momentum observer": Noticed(2.1, 0), "CUSUM": Noticed(None, 1)}
-RIGHT = [Outcome(number, 30.0, [], 1.0, names_of(number), 0.999, LATER) for number in range(len(SCENARIOS))]
+RIGHT = [Outcome(number, 30.0, [], 1.0, names_of(number), [], 0.999, LATER) for number in range(len(SCENARIOS))]
 FINE = WatchedMachine(7, "identified", "", 0.2, [], RIGHT, {"momentum observer": 2, "CUSUM": 0})
 
 
@@ -38,17 +38,17 @@ def test_the_faults_of_a_scenario_are_their_own_names() -> None:
 
 def test_viscous_and_dry_friction_are_one_cause_and_unknown_is_not_wrong() -> None:
     (damping,) = [number for number, scenario in enumerate(SCENARIOS) if scenario.changes == ("D1*=2",)]
-    assert Outcome(damping, 30.0, [], 1.0, ["mu1"], 1.0, LATER).right
+    assert Outcome(damping, 30.0, [], 1.0, ["mu1"], [], 1.0, LATER).right
     for name, wrong in (("D2", True), ("unknown1", False)):
-        outcome = Outcome(damping, 30.0, [], 1.0, [name], 1.0, LATER)
+        outcome = Outcome(damping, 30.0, [], 1.0, [name], [], 1.0, LATER)
         assert (outcome.right, outcome.wrong) == (False, wrong)
 
 
 def test_of_two_faults_both_have_to_be_named() -> None:
     (both,) = [number for number, scenario in enumerate(SCENARIOS) if len(scenario.changes) == 2]
-    assert Outcome(both, 30.0, [], 1.0, ["D3", "K2"], 1.0, LATER).right
+    assert Outcome(both, 30.0, [], 1.0, ["D3", "K2"], [], 1.0, LATER).right
     for names in (["K2"], ["K2", "D1", "D3"], ["K1", "D3"]):
-        assert not Outcome(both, 30.0, [], 1.0, names, 1.0, LATER).right
+        assert not Outcome(both, 30.0, [], 1.0, names, [], 1.0, LATER).right
 
 
 def test_what_counts_against_the_monitor() -> None:
@@ -99,7 +99,9 @@ def test_the_report_counts_every_fault_and_false_alarm() -> None:
 
 
 def test_a_confidence_of_nine_tenths_is_right_nine_times_of_ten() -> None:
-    told = [Outcome(0, 30.0, [], 1.0, ["K2"], 0.9, LATER)] * 9 + [Outcome(0, 30.0, [], 1.0, ["K1"], 0.9, LATER)]
+    told = [Outcome(0, 30.0, [], 1.0, ["K2"], [], 0.9, LATER)] * 9 + [
+        Outcome(0, 30.0, [], 1.0, ["K1"], [], 0.9, LATER)
+    ]
     classes, error = calibration(told)
     assert classes == [(pytest.approx(0.9), pytest.approx(0.9), 10)]
     assert error == pytest.approx(0.0, abs=1e-9)

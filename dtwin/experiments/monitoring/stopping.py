@@ -175,7 +175,7 @@ class _StopRun:
             )
             found = next((f for f in monitor.history if f.detected >= self._start), None)
             if found is not None:
-                self._verdicts.exchange((ARM_STATES.index(arm_state(found.fault)), found.confidence, False))
+                self._verdicts.exchange((ARM_STATES.index(arm_state(found.fault)), found.failure, False))
                 self._demanded, self._moving = truth.time, moving
         else:
             self._still = 0 if moving else self._still + 1

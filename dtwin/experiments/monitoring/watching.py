@@ -111,6 +111,7 @@ class Outcome(msgspec.Struct, frozen=True):
         after: motion from its onset until it was noticed, s, with a box in the gripper if it is about the box; None
             if it was not.
         named: names of the findings that were settled, in order.
+        instead: what the first of them may be instead, as the monitor says.
         confidence: probability that the monitor gave the first of them.
         others: what each of METHODS made of it.
     """
@@ -120,18 +121,20 @@ class Outcome(msgspec.Struct, frozen=True):
     early: list[str]
     after: float | None
     named: list[str]
+    instead: list[str]
     confidence: float
     others: dict[Method, Noticed]
 
     @property
     def right(self) -> bool:
-        """Whether the first findings name what happened."""
-        return SCENARIOS[self.scenario].right(self.named)
+        """Whether the first findings name what happened, or one of the causes that the first of them names."""
+        scenario = SCENARIOS[self.scenario]
+        return scenario.right(self.named) or any(scenario.right([name, *self.named[1:]]) for name in self.instead)
 
     @property
     def wrong(self) -> bool:
         """Whether the first finding names something that did not happen."""
-        return bool(self.named) and SCENARIOS[self.scenario].wrong(self.named[0])
+        return bool(self.named) and SCENARIOS[self.scenario].wrong(self.named[0]) and not self.right
 
 
 class WatchedMachine(msgspec.Struct, frozen=True):
@@ -245,4 +248,5 @@ def _outcome(belief: Belief, baselines: Sequence[Baseline], item: Work, number: 
     noticed = [event.time for event in monitor.events if event.kind in _NOTICED]
     settled = [finding for finding in monitor.history if finding.detected >= onset]
     names, confidence = [finding.parameter for finding in settled], settled[0].confidence if settled else 0.0
-    return Outcome(number, onset, _alarms(monitor, onset), after(noticed), names, confidence, others)
+    instead = list(settled[0].others) if settled else []
+    return Outcome(number, onset, _alarms(monitor, onset), after(noticed), names, instead, confidence, others)
