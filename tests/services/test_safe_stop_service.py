@@ -161,7 +161,7 @@ def test_a_demand_is_made_until_it_is_answered_once() -> None:
         demands.failed(FROZEN)
         until(lambda: len(events) == 2, "both answers are told")
     assert [(request.state, request.confidence) for request in asked if request] == [
-        ("failed", 0.9995),
+        ("failed", 1.0),
         ("angles unknown", 1.0),
     ]
     assert {(event.kind, event.time) for event in events} == {("monitor_stop", 45.3)}

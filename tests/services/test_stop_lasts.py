@@ -80,7 +80,7 @@ class Watch:
 
     def _keep(self, truth: Truth) -> None:
         tick = round(truth.time / PERIOD)
-        if tick < self.tick - 100:  # The cell has been reset.
+        if tick < self.tick:  # The cell has been reset: samples of one publisher come in their order.
             self.truths.clear()
             self.resets += 1
         self.truths[tick] = truth
