@@ -129,6 +129,11 @@ class Diagnosis:
         (top, probability), *_ = self.ranked()
         return top, probability
 
+    def earned(self) -> bool:
+        """Whether something has failed with a probability of SURE at least."""
+        odds = math.log(SURE / (1.0 - SURE))
+        return self.certain or self.best()[0].gain > odds * self._temper
+
     def others(self) -> tuple[str, ...]:
         """The causes that with the most likely one have a probability of SURE together, most likely first."""
         (_, total), *rest = self.ranked()

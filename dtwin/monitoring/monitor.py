@@ -370,7 +370,7 @@ class Monitor:
             return
         self._bank.clear()
         self._settle(PAUSE, begun=False)
-        if pending is None or not np.isfinite(candidate.estimator.x).all():
+        if pending is None or not diagnosis.earned() or not np.isfinite(candidate.estimator.x).all():
             self.findings.note(self.time, "dismissed", "a suspicion was not confirmed")
             return
         self._adopt(diagnosis.winner(), pending)
