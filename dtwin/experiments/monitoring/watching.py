@@ -134,7 +134,7 @@ class Outcome(msgspec.Struct, frozen=True):
     @property
     def wrong(self) -> bool:
         """Whether the first finding names something that did not happen."""
-        return bool(self.named) and SCENARIOS[self.scenario].wrong(self.named[0]) and not self.right
+        return bool(self.named) and SCENARIOS[self.scenario].wrong(self.named[0])
 
 
 class WatchedMachine(msgspec.Struct, frozen=True):
