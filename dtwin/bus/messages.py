@@ -296,6 +296,7 @@ class Topic(NamedTuple):
     """One line of the table: `message` is published, or sent with a query and answered by `reply`.
 
     What is urgent belongs to one tick: it goes out before all else, message by message, and is worth nothing later.
+    Who asks waits at most `patience` seconds for the answer.
     """
 
     name: str
@@ -304,6 +305,11 @@ class Topic(NamedTuple):
     reply: type | None
     sender: str
     urgent: bool = False
+    patience: float = 5.0
+
+
+CHECKED: Final = 60.0
+"""Patience for an answer that needs a check on the twin, which may have to be compiled first, s."""
 
 
 SENSORS: Final = Topic("sensors", "publication", Sensors, None, "emulator", urgent=True)
@@ -324,14 +330,26 @@ LATCH: Final = Topic("emulator/stop", "query", LatchRequest, LatchState, "emulat
 SUMMARY: Final = Topic("supervisor/summary", "query", SummaryRequest, Summary, "supervisor")
 IDENTIFICATION: Final = Topic("twin/identification", "publication", IdentificationState, None, "identification")
 IDENTIFY: Final = Topic(
-    "twin/identification/start", "query", IdentificationRequest, IdentificationState, "identification"
+    "twin/identification/start",
+    "query",
+    IdentificationRequest,
+    IdentificationState,
+    "identification",
+    patience=CHECKED,
 )
 DECIDE: Final = Topic(
-    "twin/identification/decide", "query", IdentificationDecision, IdentificationState, "identification"
+    "twin/identification/decide",
+    "query",
+    IdentificationDecision,
+    IdentificationState,
+    "identification",
+    patience=CHECKED,
 )
-UPLOAD: Final = Topic("twin/simulation/upload", "query", UploadRequest, Upload, "simulation")
-PREDICT: Final = Topic("twin/simulation/predict", "query", PredictionRequest, Predicted, "simulation")
-ROLL_BACK: Final = Topic("twin/simulation/rollback", "query", RollBackRequest, Upload, "simulation")
+UPLOAD: Final = Topic("twin/simulation/upload", "query", UploadRequest, Upload, "simulation", patience=CHECKED)
+PREDICT: Final = Topic(
+    "twin/simulation/predict", "query", PredictionRequest, Predicted, "simulation", patience=CHECKED
+)
+ROLL_BACK: Final = Topic("twin/simulation/rollback", "query", RollBackRequest, Upload, "simulation", patience=CHECKED)
 MONITORING: Final = Topic("twin/monitoring/verdict", "publication", MonitoringVerdict, None, "monitoring")
 ACKNOWLEDGE: Final = Topic(
     "twin/monitoring/acknowledge", "query", AcknowledgeRequest, MonitoringVerdict, "monitoring"

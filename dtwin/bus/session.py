@@ -22,7 +22,9 @@ from dtwin.terminal import printable
 log = logging.getLogger(__name__)
 
 TIMEOUT: Final = 5.0
-"""Longest wait for the answer to a query, s."""
+"""Longest wait for somebody who answers a query, s."""
+_ZENOH_TIMEOUT: Final = "Timeout"
+"""What Zenoh itself answers to a query whose time is over."""
 _JSON: Final = zenoh.Encoding.APPLICATION_JSON
 _SAID: Final = 3
 """Number of refusals for one reason that are logged one by one; further ones are only counted."""
@@ -284,22 +286,24 @@ class Bus:
         handler = Callback(take, lambda: None, indirect=True)
         self._declared.append(self._session.declare_queryable(key, handler))
 
-    def ask(self, topic: Topic, message: msgspec.Struct | None, reply: type[M], timeout: float = TIMEOUT) -> M:
+    def ask(self, topic: Topic, message: msgspec.Struct | None, reply: type[M], timeout: float | None = None) -> M:
         """Sends a query and returns its answer.
 
         Args:
             topic: topic of the query.
             message: message that the query carries, or None.
             reply: type of the answer.
-            timeout: longest wait for the answer, s.
+            timeout: longest wait for the answer, s; None for the patience of the topic.
 
         Raises:
             UnansweredError: no answer comes in time.
             CommunicationError: the answer is a refusal or no valid message.
         """
         key = self.key(topic)
+        timeout = topic.patience if timeout is None else timeout
+        joining = min(timeout, TIMEOUT)
         hint = f"is the service {topic.sender} there, and may this session ask it?"
-        nobody = f"{key}: nobody answered within {timeout:g} s; {hint}"
+        nobody = f"{key}: nobody answered within {joining:g} s; {hint}"
         there = threading.Event()
         querier = self._session.declare_querier(key, timeout=timeout)
 
@@ -310,13 +314,16 @@ class Bus:
         listener = querier.declare_matching_listener(Callback(note, lambda: None))
         try:
             # A session that has just joined does not know the others yet.
-            if not (_matching(querier.matching_status) or there.wait(timeout)):
+            if not (_matching(querier.matching_status) or there.wait(joining)):
                 raise UnansweredError(nobody)
             payload = b"" if message is None else encode(message)
             attachment = self._signed(key, payload)
             for answer in querier.get(payload=payload, encoding=_JSON, attachment=attachment):
                 if answer.err is not None:
-                    raise CommunicationError(f"{key}: {_bytes(answer.err.payload).decode(errors='replace')}")
+                    said = _bytes(answer.err.payload).decode(errors="replace")
+                    if said == _ZENOH_TIMEOUT:
+                        raise UnansweredError(f"{key}: {topic.sender} did not answer within {timeout:g} s")
+                    raise CommunicationError(f"{key}: {said}")
                 if answer.ok is not None:
                     return Reader(reply)(_bytes(answer.ok.payload))
             raise UnansweredError(nobody)

@@ -45,9 +45,6 @@ from dtwin.identification.store import STORE, ModelStore
 from dtwin.parameters import Gains
 from dtwin.signals import Count, Line, Seconds
 
-LONG: Final = 30.0
-"""Longest wait for an answer that needs a check on the twin, s."""
-
 
 class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A form without fields."""
@@ -129,7 +126,6 @@ class ConsoleCommand:
         message: makes the message of the query from the form, the user's name and the files.
         blocked: says why the command is not possible in a state of the cell, "" when it is.
         always: whether the command is given with stale values and without room for its audit, too: a stop is.
-        patience: longest wait for the answer, s.
     """
 
     name: str
@@ -139,7 +135,6 @@ class ConsoleCommand:
     message: Callable[[Any, str, Files], msgspec.Struct]
     blocked: Callable[[CellState], str]
     always: bool = False
-    patience: float = 5.0
 
     def read(self, content: bytes) -> Form:
         """The form in the body of a request.
@@ -296,9 +291,8 @@ COMMANDS: Final = {
                 form.free, form.box_mass, form.source, form.since, form.anew
             ),
             _identify_blocked,
-            patience=LONG,
         ),
-        ConsoleCommand("accept", "engineer", Decision, DECIDE, _acceptance, _decide_blocked, patience=LONG),
+        ConsoleCommand("accept", "engineer", Decision, DECIDE, _acceptance, _decide_blocked),
         ConsoleCommand(
             "reject",
             "operator",
@@ -307,7 +301,7 @@ COMMANDS: Final = {
             lambda form, user, files: IdentificationDecision(False),
             _decide_blocked,
         ),
-        ConsoleCommand("upload", "engineer", Settings, UPLOAD, _settings, _upload_blocked, patience=LONG),
+        ConsoleCommand("upload", "engineer", Settings, UPLOAD, _settings, _upload_blocked),
         ConsoleCommand(
             "rollback",
             "operator",

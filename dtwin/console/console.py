@@ -143,7 +143,7 @@ class Console:
         self.desk.touch(session.key, self.clocks.steady())
         try:
             assert command.topic.reply is not None
-            reply: Any = self._bus.ask(command.topic, message, command.topic.reply, command.patience)
+            reply: Any = self._bus.ask(command.topic, message, command.topic.reply)
             answer = Answer(True, _words(reply), msgspec.to_builtins(reply))
         except CommunicationError as error:
             answer = Answer(False, str(error).partition(": ")[2] or str(error))

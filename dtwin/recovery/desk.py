@@ -27,8 +27,6 @@ PAYLOAD: Final = "payload"
 """What a finding about the held box names."""
 NAME: Final = "operator"
 """Name of the operator in the history and among the events."""
-ANSWER: Final = 60.0
-"""s for which an answer of simulation is waited for, which at first loads what it checks with"""
 _LOOK: Final = 0.1
 """s"""
 Message = Event | MonitoringVerdict | IdentificationState
@@ -152,11 +150,11 @@ class Desk:
             payload=payload,
             encoder_offset=encoder_offset,
         )
-        return self.bus.ask(UPLOAD, request, Upload, ANSWER)
+        return self.bus.ask(UPLOAD, request, Upload)
 
     def settings(self) -> Upload:
         """The settings in force."""
-        return self.bus.ask(UPLOAD, None, Upload, ANSWER)
+        return self.bus.ask(UPLOAD, None, Upload)
 
     def confirm(self, upload: Upload) -> None:
         """Waits until the trial of an upload has ended.

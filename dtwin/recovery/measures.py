@@ -21,7 +21,7 @@ from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import ArmParameters, Gains, Triple, scaled
 from dtwin.recovery.answers import Measure
 from dtwin.recovery.delay import settings_for_late
-from dtwin.recovery.desk import ANSWER, Desk
+from dtwin.recovery.desk import Desk
 from dtwin.recovery.refit import refitted
 from dtwin.recovery.strength import beyond_strength
 from dtwin.recovery.tuning import BOUND, Ability, Expect, Tuned, search, worst_ratio
@@ -242,9 +242,7 @@ class Measures:
         return [
             motion
             for box in boxes
-            for motion in self._desk.bus.ask(
-                PREDICT, msgspec.structs.replace(request, box=box), Predicted, ANSWER
-            ).motions
+            for motion in self._desk.bus.ask(PREDICT, msgspec.structs.replace(request, box=box), Predicted).motions
         ]
 
 

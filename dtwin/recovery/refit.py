@@ -8,7 +8,7 @@ from dtwin.bus.messages import DECIDE, IDENTIFY
 from dtwin.bus.twin_messages import IdentificationDecision, IdentificationRequest, IdentificationState
 from dtwin.errors import CommunicationError
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, symbol_of
-from dtwin.recovery.desk import ANSWER, Desk
+from dtwin.recovery.desk import Desk
 
 MODEL_NAME = "recovery"
 """Name under which identification keeps the model."""
@@ -33,7 +33,7 @@ def refitted(desk: Desk, arm: ArmParameters, names: Sequence[str], since: float)
     symbols = sorted({symbol_of(name) for name in names})
     request = IdentificationRequest(",".join(symbols), source="motion", since=since, anew=",".join(names))
     desk.say(f"asks identification for {' and '.join(names)} from the motions since {since:.2f} s")
-    desk.bus.ask(IDENTIFY, request, IdentificationState, ANSWER)
+    desk.bus.ask(IDENTIFY, request, IdentificationState)
     state = _model(desk)
     desk.bus.ask(DECIDE, IdentificationDecision(True, MODEL_NAME), IdentificationState)
     found = {

@@ -330,6 +330,21 @@ def test_a_query_that_nobody_answers_says_who_is_missing(join: Join) -> None:
         join().ask(RESET, None, Done, 0.2)
 
 
+def test_a_service_that_takes_too_long_is_not_taken_for_a_refusal(join: Join) -> None:
+    answerer, asker, free = join(), join(), threading.Event()
+
+    def slow(message: ResetRequest) -> Done:
+        free.wait(WAIT)
+        return Done(0.0, "late")
+
+    answerer.answer(RESET, ResetRequest, slow)
+    try:
+        with pytest.raises(UnansweredError, match=r"reset: emulator did not answer within 0\.3 s$"):
+            asker.ask(RESET, ResetRequest(1), Done, 0.3)
+    finally:
+        free.set()
+
+
 def test_keys_of_all_topics_differ(join: Join) -> None:
     bus = join()
     keys = {bus.key(topic, "emulator") for topic in TOPICS}
