@@ -14,6 +14,7 @@ from dtwin.monitoring.candidate import Candidate, Moment
 from dtwin.monitoring.diagnosis import MOST, Diagnosis
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import Estimator
+from dtwin.monitoring.estimation.traces import LONGEST
 from dtwin.monitoring.findings import Consequences, Findings
 from dtwin.monitoring.kinds import JUMPS, PUSH, UNKNOWN, FaultId, parse_fault_id, plausible_sizes
 from dtwin.monitoring.modes import STARTING, Diagnosing, Lost, Mode, Probation, Settling, Turn, Turns, Unfit, Watching
@@ -22,7 +23,7 @@ from dtwin.monitoring.sensing.commands import commands_between, tells
 from dtwin.monitoring.sensing.listening import Listening, hear, replay
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.settings import MonitorSettings
-from dtwin.monitoring.signatures import LONGEST, SignatureBank, limits
+from dtwin.monitoring.signatures import SignatureBank, limits
 from dtwin.monitoring.stopped import Stopped
 from dtwin.monitoring.trend import WATCHED, Trend
 from dtwin.monitoring.verdict import Finding, Forecast, monitored_units, unfit_units, unit_states

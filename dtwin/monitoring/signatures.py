@@ -16,17 +16,16 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.estimation import kernels
 from dtwin.monitoring.estimation.belief import Belief, Tail
 from dtwin.monitoring.estimation.estimator import Estimator
-from dtwin.monitoring.estimation.layout import INDEX, PAYLOAD, SIZE
+from dtwin.monitoring.estimation.layout import PAYLOAD
+from dtwin.monitoring.estimation.traces import NONE, ONSETS, Traces, begin, largest, take
 from dtwin.monitoring.kinds import BIAS, JUMPS, FaultId, parse_fault_id
 from dtwin.monitoring.settings import MonitorSettings
-from dtwin.parameters import PERIOD
+from dtwin.twin.lanes import WIDTH
 
 Array = NDArray[np.float64]
 
-ONSETS: Final = 20
 EARLIER: Final = 4
 """samples by which another onset of a suspicion is earlier"""
 LATER: Final = 12
@@ -35,8 +34,6 @@ INDEPENDENT: Final = 100.0
 """tests a second that would be independent; neighbouring samples, onsets and faults share most of their evidence"""
 ALIKE: Final = 16.0
 """samples that count as one when causes are compared, because what a model lacks is alike in them"""
-LONGEST: Final = 1000
-"""samples: older onsets are forgotten"""
 
 
 def threshold(alarms_per_hour: float, tail: Tail) -> float:
@@ -98,7 +95,7 @@ def quantile(share: float) -> float:
     return x - (0.5 * math.erfc(-x / math.sqrt(2.0)) - share) * math.sqrt(2.0 * math.pi) * math.exp(0.5 * x * x)
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Onset:
     """The estimator as it was at a sample, if that was the onset still healthy; `gap` samples to the next."""
 
@@ -125,122 +122,110 @@ class SignatureBank:
     Args:
         sizes: plausible sizes, see `plausible_sizes`.
         allowance: (18,), what the statistics come to of what the model lacks, see `allowances`.
+
+    Attributes:
+        traces: the traces themselves.
     """
 
     def __init__(self, sizes: dict[str, float], allowance: Array | None = None) -> None:
-        count = len(JUMPS)
-        self._allowance = np.zeros(count) if allowance is None else allowance
-        self._precision = np.tile([sizes[fault] ** -2 for fault in JUMPS], ONSETS)
-        self._rows = np.array([INDEX[fault] for fault in JUMPS])
-        self._faults = np.arange(count)
-        self._E = np.zeros((SIZE, ONSETS * count))
-        self._h, self._J = np.zeros(ONSETS * count), np.zeros(ONSETS * count)
-        self._at_once = np.array([fault.startswith(BIAS) for fault in JUMPS])
-        self._least = np.full(ONSETS * count, -np.inf)
-        self._place: dict[int, Onset] = {}
-        self._payload = np.arange(ONSETS) * count + JUMPS.index("payload")
+        self.traces = Traces.of(sizes, np.zeros(len(JUMPS)) if allowance is None else allowance)
+        self._estimators: list[Estimator | None] = [None] * ONSETS
 
     def clear(self) -> None:
         """Forgets all onsets."""
-        self._place.clear()
-        self._h[:] = self._J[:] = 0.0
-        self._E[:] = 0.0
+        traces = self.traces
+        for each in (traces.E, traces.h, traces.J):
+            each[:] = 0.0
+        traces.samples[:] = NONE
+        self._estimators = [None] * ONSETS
 
     def regrip(self) -> None:
         """The estimator knows nothing of the mass held any more but its prior."""
-        self._E[PAYLOAD] = 0.0
-        self._E[PAYLOAD, self._payload[: len(self._place)]] = 1.0
+        traces = self.traces
+        traces.E[:, PAYLOAD] = 0.0
+        places = np.flatnonzero(traces.samples != NONE)
+        groups, lanes = np.divmod(places * len(JUMPS) + JUMPS.index("payload"), WIDTH)
+        traces.E[groups, PAYLOAD, lanes] = 1.0
 
     def update(self, estimator: Estimator, used: NDArray[np.bool_], sample: int, counts: bool = True) -> None:
-        """Takes in what the estimator made of a sample, as evidence if it counts; notes an onset when one is due."""
-        kernels.trace(
-            self._E,
-            self._h,
-            self._J,
-            estimator.F,
-            estimator.gains,
-            estimator.score,
-            estimator.information,
-            used,
-            counts,
-            estimator.moving,
-            self._at_once,
-            estimator.memory,
-            PERIOD,
-        )
-        self._least[:] = np.tile(np.where(estimator.lowest[self._rows], 0.0, -np.inf), ONSETS)
-        self.note(estimator, sample)
+        """Takes in what the estimator made of a sample, as evidence if it counts, and notes it as an onset."""
+        place = take(*self.traces, *estimator.evidence(), used, sample, counts)
+        self._estimators[place] = estimator.copy()
 
     def recall(self, estimator: Estimator, joint: int, sample: int) -> None:
         """Takes in a reading that `Estimator.weigh` has weighed as evidence of an encoder's offset since an onset."""
-        column = JUMPS.index(f"{BIAS}{joint + 1}")
-        for place, onset in self._place.items():
-            if onset.sample == sample:
-                index = place * len(JUMPS) + column
-                self._J[index] += estimator.information[joint]
-                self._h[index] += estimator.score[joint]
+        for place in np.flatnonzero(self.traces.samples == sample).tolist():
+            index = divmod(place * len(JUMPS) + JUMPS.index(f"{BIAS}{joint + 1}"), WIDTH)
+            self.traces.J[index] += estimator.information[joint]
+            self.traces.h[index] += estimator.score[joint]
 
     def note(self, estimator: Estimator, sample: int) -> None:
         """Takes this sample for an onset."""
-        onset = Onset(sample, 1, estimator.copy())
-        place = len(self._place)
-        if place == ONSETS:
-            place = self._redundant(onset.sample)
-        self._place[place] = onset
-        columns = slice(place * len(JUMPS), (place + 1) * len(JUMPS))
-        self._h[columns] = self._J[columns] = 0.0
-        block = self._E[:, columns]
-        block[:] = 0.0
-        block[self._rows, self._faults] = 1.0
+        traces = self.traces
+        place = begin(traces.E, traces.h, traces.J, traces.rows, traces.samples, traces.gaps, sample)
+        self._estimators[place] = estimator.copy()
 
     @property
     def began(self) -> bool:
         """Whether there is an onset since all were forgotten."""
-        return bool(self._place)
+        return bool(self.traces.samples[0] != NONE)
+
+    def onsets(self) -> list[Onset]:
+        """All onsets, in the order of their samples."""
+        found = [onset for onset in map(self._onset, range(ONSETS)) if onset is not None]
+        return sorted(found, key=lambda onset: onset.sample)
 
     def before(self, sample: int) -> Onset:
         """The last onset up to a sample, or the first one if all came later; there has to be one."""
-        onsets = sorted(self._place.values(), key=lambda onset: onset.sample)
+        onsets = self.onsets()
         return next((onset for onset in reversed(onsets) if onset.sample <= sample), onsets[0])
 
     def statistics(self) -> Array:
         """2 log likelihood ratio of every onset and fault, (20, 18); 0 where there is no onset yet."""
-        result: Array = (np.maximum(self._h, self._least) ** 2 / (self._J + self._precision)).reshape(ONSETS, -1)
+        traces = self.traces
+        result: Array = (np.maximum(traces.h, traces.least) ** 2 / (traces.J + traces.precision)).reshape(ONSETS, -1)
         return result
 
     def worst(self) -> float:
         """The largest of the statistics beyond what is allowed for."""
-        found: float = kernels.largest(self._h, self._J, self._precision, self._least, self._allowance)
+        traces = self.traces
+        found: float = largest(traces.h, traces.J, traces.precision, traces.least, traces.allowance)
         return found
 
     def suspicions(self, least: float = 0.0) -> list[Suspicion]:
         """For each fault of which a statistic is at least so much its best onset, most likely first."""
-        statistics = self.statistics()
-        found, newest = [], max((onset.sample for onset in self._place.values()), default=0)
+        traces, statistics = self.traces, self.statistics()
+        found, newest = [], max(int(traces.samples.max()), 0)
         for column, fault in enumerate(JUMPS):
             place = int(statistics[:, column].argmax())
-            onset = self._place.get(place)
+            onset = self._onset(place)
             if onset is None or not statistics[place, column] >= least:
                 continue
-            index = place * len(JUMPS) + column
-            information = self._J[index] + self._precision[index]
+            index = divmod(place * len(JUMPS) + column, WIDTH)
+            information = traces.J[index] + traces.precision[index]
             found.append(
                 Suspicion(
                     parse_fault_id(fault),
                     onset,
                     float(statistics[place, column]),
-                    float(self._h[index] / information),
+                    float(traces.h[index] / information),
                     float(information**-0.5),
                     tuple(self._others(onset, newest)),
                 )
             )
         return sorted(found, key=lambda suspicion: -suspicion.statistic)
 
+    def _onset(self, place: int) -> Onset | None:
+        estimator = self._estimators[place]
+        if estimator is None:
+            return None
+        return Onset(int(self.traces.samples[place]), int(self.traces.gaps[place]), estimator)
+
     def _others(self, onset: Onset, newest: int) -> Iterator[Onset]:
         """Onsets before and after another: the linear traces of large changes do not tell well when these came."""
         for latest, until in ((onset.sample - EARLIER, onset.sample + onset.gap), (newest - LATER, newest - EARLIER)):
             other = self.before(latest)
-            if other.sample <= latest and other is not onset:
+            if other.sample <= latest and other.sample != onset.sample:
                 yield Onset(other.sample, until - other.sample, other.estimator)
 
     def information(self, sample: int) -> Array:
@@ -248,28 +233,14 @@ class SignatureBank:
 
         These are reciprocal variances of its size, (18,), 1/unit^2; 0 where there is no onset yet.
         """
-        if not self._place:
-            return np.zeros(len(JUMPS))
-        place = min(self._place, key=lambda place: abs(self._place[place].sample - sample))
-        found: Array = self._J.reshape(ONSETS, -1)[place].copy()
+        away = np.where(self.traces.samples == NONE, np.inf, np.abs(self.traces.samples - sample))
+        found: Array = self.traces.J.reshape(ONSETS, -1)[int(away.argmin())].copy()
         return found
 
     def visible(self, sizes: dict[str, float], limit: float) -> dict[str, bool]:
         """Whether a fault of the given size, had it begun at the oldest onset, would be beyond the limit by now."""
-        information = self._J.reshape(ONSETS, -1).max(axis=0)
+        information = self.traces.J.reshape(ONSETS, -1).max(axis=0)
+        allowance = self.traces.allowance.reshape(ONSETS, -1)[0]
         return {
-            fault: bool(sizes[fault] ** 2 * information[k] > limit + self._allowance[k])
-            for k, fault in enumerate(JUMPS)
+            fault: bool(sizes[fault] ** 2 * information[k] > limit + allowance[k]) for k, fault in enumerate(JUMPS)
         }
-
-    def _redundant(self, now: int) -> int:
-        """The place of the onset whose neighbours are closest for its age; or of the oldest when it is too old."""
-        ordered = sorted(self._place, key=lambda place: self._place[place].sample)
-        times = [self._place[place].sample for place in ordered] + [now]
-        if now - times[0] > LONGEST:
-            return ordered[0]
-        gaps = [(times[i + 1] - times[i - 1]) / (now - times[i] + 1) for i in range(1, len(ordered))]
-        drop = 1 + gaps.index(min(gaps))
-        before = self._place[ordered[drop - 1]]
-        before.gap = times[drop + 1] - before.sample
-        return ordered[drop]

@@ -7,20 +7,20 @@ import numpy as np
 import pytest
 from scipy.special import chdtrc
 
-from dtwin.monitoring.estimation import kernels
+from dtwin.monitoring.estimation import traces
 from dtwin.monitoring.estimation.belief import Belief, Tail
 from dtwin.monitoring.estimation.estimator import Estimator, Tuning
 from dtwin.monitoring.estimation.layout import INDEX, SIZE
+from dtwin.monitoring.estimation.traces import LONGEST, ONSETS
 from dtwin.monitoring.kinds import JUMPS, plausible_sizes
 from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.signatures import (
     INDEPENDENT,
-    LONGEST,
-    ONSETS,
     SignatureBank,
     threshold,
 )
 from dtwin.run.recording import Log
+from dtwin.twin.lanes import WIDTH
 
 ALL = np.ones(3, dtype=bool)
 
@@ -46,18 +46,19 @@ def test_a_trace_is_the_difference_of_the_innovations(
     size = 1e-6
     jumped = estimator.copy()
     jumped.x[INDEX[fault]] -= size
-    E = np.zeros((SIZE, 1))
-    E[INDEX[fault]] = 1.0
-    h, J = np.zeros(1), np.zeros(1)
+    E = np.zeros((1, SIZE, WIDTH))
+    E[0, INDEX[fault], 3] = 1.0
+    h, J, at_once = np.zeros((3, 1, WIDTH))
     total = np.zeros(2)
     for k in range(first + 2, first + 60):
         for each in (estimator, jumped):
             each.predict(seen.volts[k - 1, :3], True)
             each.correct(seen.measured[k], ALL)
-        kernels.trace(
+        traces.carry(
             E,
             h,
             J,
+            at_once,
             estimator.F,
             estimator.gains,
             estimator.score,
@@ -65,7 +66,6 @@ def test_a_trace_is_the_difference_of_the_innovations(
             ALL,
             True,
             ALL,
-            np.array([False]),
             estimator.memory,
             0.01,
         )
@@ -73,9 +73,10 @@ def test_a_trace_is_the_difference_of_the_innovations(
         expected_h = float(np.sum(g * estimator.innovation / estimator.variance))
         expected_J = float(np.sum(g**2 / estimator.variance))
         total += np.array([expected_h, expected_J])
-    assert J[0] == pytest.approx(total[1], rel=0.02)
-    assert h[0] == pytest.approx(total[0], abs=0.02 * np.sqrt(total[1]) * (1.0 + np.sqrt(total[1])))
-    assert J[0] > 0.0
+    assert J[0, 3] == pytest.approx(total[1], rel=0.02)
+    assert h[0, 3] == pytest.approx(total[0], abs=0.02 * np.sqrt(total[1]) * (1.0 + np.sqrt(total[1])))
+    assert J[0, 3] > 0.0
+    assert not np.delete(J, 3).any()
 
 
 def follow(bank: SignatureBank, estimator: Estimator, seen: Stream, start: int, stop: int) -> None:
@@ -118,8 +119,8 @@ def test_onsets_reach_back_and_get_sparser(belief: Belief, run_cell: Callable[..
     estimator.begin(seen.measured[0], False)
     bank = SignatureBank(plausible_sizes(belief.arm))
     follow(bank, estimator, seen, 1, 3000)
-    onsets = sorted(onset.sample for onset in bank._place.values())
-    gaps = {onset.sample: onset.gap for onset in bank._place.values()}
+    onsets = [onset.sample for onset in bank.onsets()]
+    gaps = {onset.sample: onset.gap for onset in bank.onsets()}
     assert len(onsets) == ONSETS
     assert onsets[-1] > 2997
     assert 300 < 3000 - onsets[0] <= LONGEST + 1

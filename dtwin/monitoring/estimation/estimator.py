@@ -56,11 +56,7 @@ _JOLT: Final = 0.5
 _MARGIN: Final = {"D": 0.2, "mu": 0.02}
 """N m s/rad, N m: how far the estimates of friction may err beyond what friction can be while they are poor; cut off
 at once, they would keep the error that the cut makes"""
-_STANDSTILL: Final = 0.05
-"""rad/s: velocity below which nobody knows how much dry friction acts"""
-_SWING: Final = 0.1
-"""s: time after which a share of 1/e of a gear's swing is left: twice the rotor's inertia over the gear's damping"""
-_SETTLED: Final = math.exp(-2.0 * PERIOD / _SWING)
+_UNKNOWN: Final = np.full(3, np.nan)
 _FOREIGN: Final = 0.1
 """N m, standard deviation of a torque on a joint that no fault explains"""
 
@@ -96,6 +92,19 @@ class Change(NamedTuple):
     before: float
     value: float
     deviation: float
+
+
+class Evidence(NamedTuple):
+    """What `traces.take` needs to know of a sample: see there."""
+
+    x: Array
+    lowest: Array
+    friction: Array
+    F: Array
+    gains: Array
+    score: Array
+    information: Array
+    memory: float
 
 
 class Estimator:
@@ -135,10 +144,9 @@ class Estimator:
         self._walk[TORQUE:MOVING] = np.square(error.slow) * (1.0 - self.memory**2)
         self._torque = np.square(error.white)
         self._friction = _dry_friction(belief)
-        self._rubs = bool(self._friction.any())
         self._swing = np.zeros(3)
         self._compliance = np.array(error.compliance)
-        self._yields = bool(self._compliance.any())
+        self._grip, self._displacement = error.grip, error.displacement
         self._locked = 0
         self._least, self._most = _bounds(arm)
         self._lower, self._upper = self._least.copy(), self._most.copy()
@@ -158,7 +166,7 @@ class Estimator:
         self.innovation, self.variance = np.zeros(3), np.ones(3)
         self.score, self.information = np.zeros(3), np.zeros(3)
         self.gripped = False
-        self._command: Array | None = None
+        self._command = _UNKNOWN
         self._handling = 0
         self._cloned: tuple[str, ...] = ()
         self._clones, self._C, self._B = np.zeros(0), np.zeros((SIZE, 0)), np.zeros(0)
@@ -170,7 +178,7 @@ class Estimator:
         x[W:ARM] = 0.0
         P[:ARM], P[:, :ARM], self._C[:ARM] = 0.0, 0.0, 0.0
         self._motion.begin()
-        self._command = None
+        self._command = _UNKNOWN
         for i in range(3):
             P[i, i] = 1.0
             P[W + i, W + i] = self.tuning.speed**2
@@ -183,20 +191,27 @@ class Estimator:
         if gripped != self.gripped:
             self._hold(gripped)
         last, self._command = self._command, volts
-        x = self.x
         possible = np.empty(SIZE)
-        kernels.bound(x, self._least, self._most, gripped, possible)
+        kernels.bound(self.x, self._least, self._most, gripped, possible)
         end, self.F = self._motion.carry(possible, volts, gripped, self._locked)
-        kernels.carry(x, end, self.memory, PERIOD)
-        handling = self.belief.error.grip if self._handling else 0.0
+        kernels.carry(self.x, end, self.memory, PERIOD)
+        handling = self._grip if self._handling else 0.0
         self._handling = max(self._handling - 1, 0)
-        torque = self._torque + doubt**2 + handling**2
-        if self._rubs:
-            torque += self._friction**2 * np.exp(-np.square(x[W:ARM] / _STANDSTILL))
-        if self._yields and last is not None:
-            self._swing = swung(self._swing, self._compliance * x[ARM : ARM + 3] * (volts - last))
-        displacement = self.belief.error.displacement**2 + self._swing
-        kernels.predict(self.P, self.F, torque, displacement, self._walk, self.memory, PERIOD)
+        torque, displaced = np.empty(3), np.empty(3)
+        kernels.disturb(
+            self.x,
+            volts,
+            last,
+            doubt * doubt + handling * handling,
+            self._torque,
+            self._friction,
+            self._displacement,
+            self._compliance,
+            self._swing,
+            torque,
+            displaced,
+        )
+        kernels.predict(self.P, self.F, torque, displaced, self._walk, self.memory, PERIOD)
 
     def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:
         """Takes in a sample, (3,) rad; returns the logarithm of the likelihood of the readings used."""
@@ -327,17 +342,11 @@ class Estimator:
         variance = self.P[index, index] - 2.0 * self._C[index, place] + self._B[place]
         return Change(float(self._clones[place]), float(value), float(max(variance, 0.0) ** 0.5))
 
-    @property
-    def moving(self) -> NDArray[np.bool_]:
-        """Which joints move, (3,), so that their dry friction is not in doubt."""
-        found: NDArray[np.bool_] = (np.abs(self.x[W:ARM]) > _STANDSTILL) | (self._friction == 0.0)
-        return found
-
-    @property
-    def lowest(self) -> NDArray[np.bool_]:
-        """Which states are as low as they can be, (33,)."""
-        found: NDArray[np.bool_] = self.x <= self._least
-        return found
+    def evidence(self) -> Evidence:
+        """What the last sample tells of changes; the arrays are the estimator's own."""
+        return Evidence(
+            self.x, self._least, self._friction, self.F, self.gains, self.score, self.information, self.memory
+        )
 
     @property
     def locked(self) -> int:
@@ -359,12 +368,6 @@ class Estimator:
         self._make_certain(PAYLOAD, self.box_mass if gripped else 0.0)
         self.P[PAYLOAD, PAYLOAD] = self.payload_variance if gripped else 0.0
         self._handling = HANDLING
-
-
-def swung(swing: Array, jump: Array) -> Array:
-    """Mean squares of the swings of the gears after a sample at which they swing by so much more; all (3,)."""
-    swing_now: Array = _SETTLED * swing + np.square(jump)
-    return swing_now
 
 
 def _dry_friction(belief: Belief) -> Array:

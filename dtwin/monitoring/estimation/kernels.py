@@ -19,15 +19,21 @@ derivatives of q and w after a sample by the moving states before it.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.estimation.layout import BIAS, DRIFT, MOVING, PAYLOAD, SIZE, TORQUE
+from dtwin.monitoring.estimation.layout import ARM, BIAS, DRIFT, MOVING, PAYLOAD, SIZE, TORQUE, W
+from dtwin.monitoring.estimation.traces import STANDSTILL
+from dtwin.parameters import PERIOD
 from dtwin.twin.compiled import kernel
 
 Array = NDArray[np.float64]
+
+SWING: Final = 0.1
+"""s: time after which a share of 1/e of a gear's swing is left: twice the rotor's inertia over the gear's damping"""
+SETTLED: Final = math.exp(-2.0 * PERIOD / SWING)
 
 
 @kernel
@@ -83,21 +89,45 @@ def expect(x: Array, P: Array, eccentricity: Array, noise: Array, angles: Array,
 
 
 @kernel
-def largest(h: Array, J: Array, precision: Array, least: Array, allowance: Array) -> float:
-    """The largest of h^2 / (J + precision) beyond what is allowed for, at least 0; not a number if one is none.
+def disturb(
+    x: Array,
+    volts: Array,
+    last: Array,
+    extra: float,
+    white: Array,
+    friction: Array,
+    displacement: float,
+    compliance: Array,
+    swing: Array,
+    torque: Array,
+    displaced: Array,
+) -> None:
+    """Writes the variances of what disturbs the arm: torques (3,), (N m)^2, and displacements (3,), rad^2.
 
     Args:
-        h, J, precision: (n,), see above, a fault after the other for each onset.
-        least: (n,), least values of h.
-        allowance: (m,), what is allowed for each fault.
+        x: mean at the end of the sample.
+        volts: (3,), command that is held, V.
+        last: (3,), command before, V; not a number if nobody knows.
+        extra: variance of torques that are in doubt in this sample, (N m)^2.
+        white: (3,), variance of the torques that no model knows, (N m)^2.
+        friction: (3,), dry friction in doubt near standstill, N m.
+        displacement: standard deviation of what moves an angle without torque, rad.
+        compliance: (3,), angle by which the gears yield, rad/(N m).
+        swing: (3,), mean squares of the swings of the gears, rad^2; replaced.
+        torque, displaced: receive the variances.
     """
-    found = 0.0
-    for c in range(len(h)):
-        counted = max(h[c], least[c])
-        statistic = counted * counted / (J[c] + precision[c]) - allowance[c % len(allowance)]
-        if not statistic <= found:
-            found = statistic
-    return found
+    for i in range(3):
+        slow = x[W + i] / STANDSTILL
+        torque[i] = white[i] + extra + friction[i] * friction[i] * math.exp(-slow * slow)
+        if math.isfinite(last[i]):
+            swing[i] = swung(swing[i], compliance[i] * x[ARM + i] * (volts[i] - last[i]))
+        displaced[i] = displacement * displacement + swing[i]
+
+
+@kernel
+def swung(swing: float, jump: float) -> float:
+    """Mean square of the swing of a gear after a sample at which it swings by so much more."""
+    return SETTLED * swing + jump * jump
 
 
 @kernel
@@ -235,63 +265,6 @@ def correct(
     for j in range(SIZE):
         x[j] = min(max(x[j], lower[j]), upper[j])
     return likelihood
-
-
-@kernel
-def trace(
-    E: Array,
-    h: Array,
-    J: Array,
-    F: Array,
-    gains: Array,
-    score: Array,
-    information: Array,
-    used: Any,
-    counts: bool,
-    moving: Any,
-    at_once: Any,
-    memory: float,
-    period: float,
-) -> None:
-    """Carries the signatures of all hypothetical faults over one sample, in place.
-
-    Args:
-        E: (33, n), error of the estimate after a unit jump, a column a fault and onset.
-        h: (n,), see above.
-        J: (n,), see above.
-        F: derivatives over the sample.
-        gains: (3, 33), of the filter.
-        score: (3,), of the innovations, 1/rad.
-        information: (3,), variance of the scores, 1/rad^2.
-        used: (3,) bool, which readings the filter took in.
-        counts: whether the sample is evidence.
-        moving: (3,) bool, which joints move. What friction does to one that rests it does in the next sample as well:
-            of that only faults are evidence that show at once.
-        at_once: (m,) bool, whether each fault shows at once.
-        memory: as for `predict`.
-        period: s.
-    """
-    E[:6] = F @ E[:MOVING]
-    E[TORQUE:MOVING] *= memory
-    for i in range(3):
-        E[BIAS + i] += period * E[DRIFT + i]
-    n = E.shape[1]
-    g = np.empty(n)
-    for i in range(3):
-        if not used[i]:
-            continue
-        for c in range(n):
-            g[c] = E[i, c] + E[BIAS + i, c]
-        if counts:
-            for c in range(n):
-                if moving[i] or at_once[c % len(at_once)]:
-                    J[c] += g[c] * g[c] * information[i]
-                    h[c] += g[c] * score[i]
-        for j in range(SIZE):
-            k = gains[i, j]
-            if k != 0.0:
-                for c in range(n):
-                    E[j, c] -= k * g[c]
 
 
 @kernel

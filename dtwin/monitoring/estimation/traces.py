@@ -1,0 +1,270 @@
+"""The traces that faults would leave in the innovations, from many onsets at once, compiled; see `kernels`.
+
+Faults and onsets stand side by side in groups of as many as there are lanes: number place * 18 + fault is lane
+number % 8 of group number // 8.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.monitoring.estimation.layout import BIAS, DRIFT, INDEX, MOVING, SIZE, TORQUE, W
+from dtwin.monitoring.kinds import BIAS as OFFSET
+from dtwin.monitoring.kinds import JUMPS
+from dtwin.parameters import PERIOD
+from dtwin.twin import lanes
+from dtwin.twin.compiled import kernel
+from dtwin.twin.lanes import WIDTH, load, store
+
+Array = NDArray[np.float64]
+
+ONSETS: Final = 20
+LONGEST: Final = 1000
+"""samples: older onsets are forgotten"""
+NONE: Final = -1
+"""sample of a place that has no onset yet"""
+STANDSTILL: Final = 0.05
+"""rad/s: velocity below which nobody knows how much dry friction acts"""
+_FAULTS: Final = len(JUMPS)
+
+
+class Traces(NamedTuple):
+    """What is known of each fault and onset, all of which changes in place.
+
+    Attributes:
+        E: (45, 33, 8), error of the estimate after a unit jump.
+        h: (45, 8), sum of the scores, each times the trace.
+        J: (45, 8), information about the size of the jump.
+        precision: (45, 8), information about it beforehand.
+        least: (45, 8), least value of h.
+        allowance: (45, 8), what a statistic may come to of what the model lacks.
+        at_once: (45, 8), 1 of faults that show at once, 0 of others.
+        rows: (18,), index of the state that each fault changes.
+        samples: (20,), onset at each place; the places fill up in their order.
+        gaps: (20,), samples from each onset to the next.
+    """
+
+    E: Array
+    h: Array
+    J: Array
+    precision: Array
+    least: Array
+    allowance: Array
+    at_once: Array
+    rows: NDArray[np.int64]
+    samples: NDArray[np.int64]
+    gaps: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, sizes: dict[str, float], allowance: Array) -> Self:
+        """Traces without an onset.
+
+        Args:
+            sizes: plausible size of each fault.
+            allowance: (18,), what the statistic of each fault may come to of what the model lacks.
+        """
+
+        def everywhere(values: Any) -> Array:
+            return np.tile(np.array(values, dtype=float), ONSETS).reshape(-1, WIDTH)
+
+        return cls(
+            E=np.zeros((ONSETS * _FAULTS // WIDTH, SIZE, WIDTH)),
+            h=everywhere(np.zeros(_FAULTS)),
+            J=everywhere(np.zeros(_FAULTS)),
+            precision=everywhere([sizes[fault] ** -2 for fault in JUMPS]),
+            least=everywhere(np.full(_FAULTS, -np.inf)),
+            allowance=everywhere(allowance),
+            at_once=everywhere([fault.startswith(OFFSET) for fault in JUMPS]),
+            rows=np.array([INDEX[fault] for fault in JUMPS]),
+            samples=np.full(ONSETS, NONE),
+            gaps=np.ones(ONSETS, dtype=np.int64),
+        )
+
+
+@kernel
+def largest(h: Array, J: Array, precision: Array, least: Array, allowance: Array) -> float:
+    """The largest of h^2 / (J + precision) beyond what is allowed for, at least 0; not a number if one is none.
+
+    Args:
+        h, J, precision, least, allowance: as in `Traces`.
+    """
+    found = 0.0
+    for n in range(h.shape[0]):
+        for c in range(h.shape[1]):
+            counted = max(h[n, c], least[n, c])
+            statistic = counted * counted / (J[n, c] + precision[n, c]) - allowance[n, c]
+            if not statistic <= found:
+                found = statistic
+    return found
+
+
+@kernel(uses=(lanes,))
+def carry(
+    E: Array,
+    h: Array,
+    J: Array,
+    at_once: Array,
+    F: Array,
+    gains: Array,
+    score: Array,
+    information: Array,
+    used: Any,
+    counts: bool,
+    moving: Any,
+    memory: float,
+    period: float,
+) -> None:
+    """Carries the traces over one sample, in place.
+
+    Args:
+        E, h, J, at_once: as in `Traces`.
+        F: (6, 27), derivatives over the sample.
+        gains: (3, 33), of the filter, 0 of a reading that it did not take in.
+        score: (3,), of the innovations, 1/rad.
+        information: (3,), variance of the scores, 1/rad^2.
+        used: (3,) bool, which readings the filter took in.
+        counts: whether the sample is evidence.
+        moving: (3,) bool, which joints move. What friction does to one that rests it does in the next sample as well:
+            of that only faults are evidence that show at once.
+        memory: share that is left after a sample of a torque that the model does not explain.
+        period: s.
+    """
+    for n in range(len(E)):
+        block = E[n]
+        e = load(block, 0)
+        a1, a2, a3 = F[0, 0] * e, F[1, 0] * e, F[2, 0] * e
+        a4, a5, a6 = F[3, 0] * e, F[4, 0] * e, F[5, 0] * e
+        for j in range(1, MOVING):
+            e = load(block, j)
+            a1, a2, a3 = a1 + F[0, j] * e, a2 + F[1, j] * e, a3 + F[2, j] * e
+            a4, a5, a6 = a4 + F[3, j] * e, a5 + F[4, j] * e, a6 + F[5, j] * e
+        for j in range(TORQUE, MOVING):
+            store(block, j, memory * load(block, j))
+        b1 = load(block, BIAS) + period * load(block, DRIFT)
+        b2 = load(block, BIAS + 1) + period * load(block, DRIFT + 1)
+        b3 = load(block, BIAS + 2) + period * load(block, DRIFT + 2)
+        store(block, 0, a1)
+        store(block, 1, a2)
+        store(block, 2, a3)
+        store(block, 3, a4)
+        store(block, 4, a5)
+        store(block, 5, a6)
+        store(block, BIAS, b1)
+        store(block, BIAS + 1, b2)
+        store(block, BIAS + 2, b3)
+        # Readings are taken in one after another: the trace in each is what those before have left of it.
+        g1 = a1 + b1
+        g2 = a2 - gains[0, 1] * g1 + (b2 - gains[0, BIAS + 1] * g1)
+        g3 = a3 - gains[0, 2] * g1 - gains[1, 2] * g2 + (b3 - gains[0, BIAS + 2] * g1 - gains[1, BIAS + 2] * g2)
+        for j in range(SIZE):
+            store(block, j, load(block, j) - gains[0, j] * g1 - gains[1, j] * g2 - gains[2, j] * g3)
+        if counts:
+            Jn, hn, some = load(J, n), load(h, n), load(at_once, n)
+            if used[0]:
+                seen = g1 if moving[0] else some * g1
+                Jn, hn = Jn + seen * g1 * information[0], hn + seen * score[0]
+            if used[1]:
+                seen = g2 if moving[1] else some * g2
+                Jn, hn = Jn + seen * g2 * information[1], hn + seen * score[1]
+            if used[2]:
+                seen = g3 if moving[2] else some * g3
+                Jn, hn = Jn + seen * g3 * information[2], hn + seen * score[2]
+            store(J, n, Jn)
+            store(h, n, hn)
+
+
+@kernel
+def begin(
+    E: Array,
+    h: Array,
+    J: Array,
+    rows: NDArray[np.int64],
+    samples: NDArray[np.int64],
+    gaps: NDArray[np.int64],
+    sample: int,
+) -> int:
+    """Takes a sample for an onset and returns its place; arguments as in `Traces`.
+
+    Where there is none free it takes that of the onset whose neighbours are closest for its age, or of the oldest
+    when it is too old.
+    """
+    place = 0
+    while place < ONSETS and samples[place] != NONE:
+        place += 1
+    if place == ONSETS:
+        place = _redundant(samples, gaps, sample)
+    samples[place], gaps[place] = sample, 1
+    for fault in range(_FAULTS):
+        number = place * _FAULTS + fault
+        n, lane = number // WIDTH, number % WIDTH
+        h[n, lane] = J[n, lane] = 0.0
+        for j in range(SIZE):
+            E[n, j, lane] = 0.0
+        E[n, rows[fault], lane] = 1.0
+    return place
+
+
+@kernel
+def _redundant(samples: NDArray[np.int64], gaps: NDArray[np.int64], now: int) -> int:
+    order = np.argsort(samples)
+    if now - samples[order[0]] > LONGEST:
+        return order[0]
+    drop, closest = 1, np.inf
+    for i in range(1, ONSETS):
+        after = samples[order[i + 1]] if i + 1 < ONSETS else now
+        space = (after - samples[order[i - 1]]) / (now - samples[order[i]] + 1)
+        if space < closest:
+            drop, closest = i, space
+    after = samples[order[drop + 1]] if drop + 1 < ONSETS else now
+    gaps[order[drop - 1]] = after - samples[order[drop - 1]]
+    return order[drop]
+
+
+@kernel(uses=(lanes,))
+def take(
+    E: Array,
+    h: Array,
+    J: Array,
+    precision: Array,
+    least: Array,
+    allowance: Array,
+    at_once: Array,
+    rows: NDArray[np.int64],
+    samples: NDArray[np.int64],
+    gaps: NDArray[np.int64],
+    x: Array,
+    lowest: Array,
+    friction: Array,
+    F: Array,
+    gains: Array,
+    score: Array,
+    information: Array,
+    memory: float,
+    used: Any,
+    sample: int,
+    counts: bool,
+) -> int:
+    """Takes in what the filter made of a sample and notes it as an onset, whose place is returned.
+
+    Args:
+        E to gaps: as in `Traces`.
+        x: (33,), the filter's mean.
+        lowest: (33,), least values of the states.
+        friction: (3,), dry friction in doubt near standstill, N m.
+        F to counts: as for `carry`.
+        sample: number of the sample.
+    """
+    moving = np.empty(3, dtype=np.bool_)
+    for i in range(3):
+        moving[i] = abs(x[W + i]) > STANDSTILL or friction[i] == 0.0
+    carry(E, h, J, at_once, F, gains, score, information, used, counts, moving, memory, PERIOD)
+    for fault in range(_FAULTS):
+        row = rows[fault]
+        bound = 0.0 if x[row] <= lowest[row] else -np.inf
+        for place in range(ONSETS):
+            number = place * _FAULTS + fault
+            least[number // WIDTH, number % WIDTH] = bound
+    return begin(E, h, J, rows, samples, gaps, sample)
