@@ -59,7 +59,7 @@ WHAT_IFS: Final = 20
 FIRST_MACHINE: Final = 901
 """Number of the drawn machine whose work is watched."""
 UNKNOWN_NOISE: Final = 5e-4
-UNKNOWN_TORQUE: Final = 5e-3
+UNKNOWN_TORQUE: Final = 5e-2
 """What the monitor believes of its noise, rad, and of torques that no effect explains, N m: standard deviations."""
 DAY: Final = 86_400.0
 """s"""

@@ -18,6 +18,7 @@ from dtwin.monitoring.estimation.traces import LONGEST
 from dtwin.monitoring.findings import Consequences, Findings
 from dtwin.monitoring.kinds import JUMPS, PUSH, UNKNOWN, FaultId, parse_fault_id, plausible_sizes
 from dtwin.monitoring.modes import STARTING, Diagnosing, Lost, Mode, Probation, Settling, Turn, Turns, Unfit, Watching
+from dtwin.monitoring.quiet import LEAST_LIKELY, UNSETTLED, WINDOW, follow, quiet_rows
 from dtwin.monitoring.recall import Recall
 from dtwin.monitoring.sensing.commands import commands_between, tells
 from dtwin.monitoring.sensing.listening import Listening, hear, replay
@@ -40,10 +41,6 @@ SETTLING: Final = 50
 """samples after a start before anything is suspected"""
 PAUSE: Final = 4
 """samples after a diagnosis before anything is suspected again"""
-_UNSETTLED: Final = 10
-"""samples after one that did not arrive that are no evidence: how wrong the guess was is not known well"""
-_LEAST_LIKELY: Final = -1e4
-"""log-likelihood of a sample that cannot be: the arm as believed has nothing to do with it any more"""
 
 
 class Monitor:
@@ -114,6 +111,44 @@ class Monitor:
         if louder is not None:
             self._belief = replace(self._belief, noise=louder)
             self._start_over()
+
+    def follow(self, sample: NDArray[np.int64], measured: Array, volts: Array, gripped: NDArray[np.bool_]) -> int:
+        """Takes in the first of some samples as `update` does: one, or all up to the first at which there is more to
+        do than to watch; returns how many.
+
+        Args:
+            sample, measured, volts, gripped: (N,), (N, 3), (N, 4), (N,), as for `update`, a row a sample.
+        """
+        rows, quiet = min(WINDOW, len(sample), self.trend.left(self.time)), self._quiet()
+        if quiet and rows > 1:
+            told = np.hstack((measured[:rows], volts[:rows]))
+            rows = quiet_rows(self.sample, self._gripped, sample[:rows], told, gripped[:rows])
+        if not quiet or rows < 2:
+            self.update(int(sample[0]), measured[0], volts[0], bool(gripped[0]))
+            return 1
+        commands = np.vstack((self._command, volts[: rows - 1]))
+        how = (self.threshold, self.sample + 1, measured[:rows], commands, self._doubted)
+        stretch = follow(self.estimator, self._readings, self._bank, *how)
+        done, last = len(stretch.moments), stretch.moments[-1]
+        self.sample += done
+        self._command, self._gripped, self.used = volts[done - 1], bool(gripped[done - 1]), last.used
+        self._doubted = stretch.doubted
+        self._recall.take(self.sample, self._readings, self.estimator, self._bank, self._moments)
+        self._moments.extend(stretch.moments[:-1])
+        if stretch.concluded:
+            self._moments.append(last)
+            self.trend.enter(self.time, self.estimator)
+            self._look(Watching())
+        else:
+            self.findings.read(self.time, self._readings, True)
+            self._conclude(last, False)
+        return done
+
+    def _quiet(self) -> bool:
+        """Whether nothing is wrong or going on but watching."""
+        watching = isinstance(self._mode, Watching) and self._listening is None and self._probation.passed
+        calm = not self.findings.known and self._readings.settled and self.estimator.plain
+        return watching and calm and self._gripped == self.estimator.gripped
 
     @property
     def statistic(self) -> float:
@@ -248,17 +283,23 @@ class Monitor:
         self.used = used = self._judge() if arrived else np.zeros(3, dtype=bool)
         if arrived:
             self._recall.take(self.sample, self._readings, estimator, self._bank, self._moments)
-        likelihood = estimator.correct(measured, used)
-        if not likelihood > _LEAST_LIKELY:
-            likelihood = _LEAST_LIKELY
+        self._conclude(
+            Moment(command, gripped, doubt, measured, used, False, estimator.correct(measured, used)), regripped
+        )
+
+    def _conclude(self, moment: Moment, regripped: bool) -> None:
+        """Does what the mode asks for with a sample that the estimate has taken in."""
+        estimator, used, gripped, likelihood = self.estimator, moment.used, moment.gripped, moment.likelihood
+        if not likelihood > LEAST_LIKELY:
+            likelihood = LEAST_LIKELY
             if not isinstance(self._mode, Diagnosing) and not np.isfinite(estimator.x).all():
                 self._start_over()
                 self.restarts += 1
                 self.findings.note(self.time, "restart", "the estimate diverged and starts anew from the model")
                 return
-        self._doubted = _UNSETTLED if doubt else max(self._doubted - 1, 0)
+        self._doubted = UNSETTLED if moment.doubt else max(self._doubted - 1, 0)
         counts = not self._doubted
-        moment = Moment(command, gripped, doubt, measured, used, counts, likelihood)
+        moment = moment._replace(counts=counts, likelihood=likelihood)
         self._moments.append(moment)
         if regripped:
             self._bank.regrip()
@@ -308,6 +349,10 @@ class Monitor:
         self.trend.enter(self.time, self.estimator)
         self._apply(self.findings.examine(self.time, self.estimator))
         self._bank.update(self.estimator, used, self.sample, counts)
+        self._look(mode)
+
+    def _look(self, mode: Watching | Lost) -> None:
+        """Begins a diagnosis if the evidence asks for one."""
         if isinstance(mode, Lost) and not self.findings.unexplained:
             self._mode = mode = Watching()
         possible = self._probation.passed and self._bank.began

@@ -51,20 +51,20 @@ class Stream:
 
     def feed(self, monitor: Monitor | ThesisMonitor, start: int, stop: int) -> None:
         """Gives rows start to stop - 1 to a monitor."""
-        rows = zip(
-            self.sample[start:stop].tolist(),
-            self.measured[start:stop],
-            self.volts[start:stop],
-            self.gripped[start:stop].tolist(),
-            self.colour[start:stop].tolist(),
-            strict=True,
-        )
         if isinstance(monitor, ThesisMonitor):
-            for sample, measured, _, gripped, colour in rows:
-                monitor.update(sample, measured, gripped, colour)
-        else:
-            for sample, measured, volts, gripped, _ in rows:
-                monitor.update(sample, measured, volts, gripped)
+            for row in range(start, stop):
+                monitor.update(
+                    int(self.sample[row]), self.measured[row], bool(self.gripped[row]), str(self.colour[row])
+                )
+            return
+        while start < stop:
+            start += self.follow(monitor, start, stop)
+
+    def follow(self, monitor: Monitor, start: int, stop: int) -> int:
+        """Gives rows from start on, and before stop, to a monitor up to the first at which it notices something;
+        returns how many."""
+        rows = slice(start, stop)
+        return monitor.follow(self.sample[rows], self.measured[rows], self.volts[rows], self.gripped[rows])
 
 
 def stream(log: Log) -> Stream:

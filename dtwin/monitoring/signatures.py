@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation.belief import Belief, Tail
-from dtwin.monitoring.estimation.estimator import Estimator
+from dtwin.monitoring.estimation.estimator import Estimator, Past
 from dtwin.monitoring.estimation.layout import PAYLOAD
 from dtwin.monitoring.estimation.traces import NONE, ONSETS, Traces, begin, largest, take
 from dtwin.monitoring.kinds import BIAS, JUMPS, FaultId, parse_fault_id
@@ -164,6 +164,11 @@ class SignatureBank:
         traces = self.traces
         place = begin(traces.E, traces.h, traces.J, traces.rows, traces.samples, traces.gaps, sample)
         self._estimators[place] = estimator.copy()
+
+    def adopt(self, estimator: Estimator, past: Past) -> None:
+        """Takes what an estimator was at samples noted in `traces` for the estimators of their onsets, by place."""
+        for place in np.flatnonzero(past.known).tolist():
+            self._estimators[place] = estimator.at(past, place)
 
     @property
     def began(self) -> bool:

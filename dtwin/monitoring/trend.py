@@ -12,6 +12,7 @@ from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import INDEX
 from dtwin.monitoring.kinds import LIMITS, parse_fault_id
 from dtwin.monitoring.verdict import Forecast
+from dtwin.parameters import PERIOD
 
 Array = NDArray[np.float64]
 
@@ -60,6 +61,10 @@ class Trend:
         if len(self._times) > KEPT:
             del self._times[0], self._rows[0]
         self._forecasts = self._forecast_all()
+
+    def left(self, time: float) -> int:
+        """Samples from a plant time (s) to the next entry, at least 1."""
+        return max(int((self._times[-1] + INTERVAL - time) / PERIOD), 1) if self._times else 1
 
     def restart(self) -> None:
         """Forgets the course so far, after a sudden change."""

@@ -37,7 +37,7 @@ from dtwin.monitoring.estimation.layout import (
     TORQUE,
     W,
 )
-from dtwin.monitoring.estimation.motion import LATEST, motion_of
+from dtwin.monitoring.estimation.motion import LATEST, MachineMotion, MotionArrays, motion_of
 from dtwin.parameters import PERIOD, ArmParameters, symbol_of
 from dtwin.task import BoxStream
 from dtwin.twin.effects import NO_EFFECTS
@@ -46,7 +46,7 @@ Array = NDArray[np.float64]
 
 _OWN: Final = (
     *("x", "P", "gains", "innovation", "variance", "score", "information", "_walk", "_torque", "_swing"),
-    *("_clones", "_C", "_B", "_motion"),
+    *("_command", "_handling", "_clones", "_C", "_B", "_motion"),
 )
 """what changes in place, of which a copy needs its own"""
 HANDLING: Final = 10
@@ -56,7 +56,6 @@ _JOLT: Final = 0.5
 _MARGIN: Final = {"D": 0.2, "mu": 0.02}
 """N m s/rad, N m: how far the estimates of friction may err beyond what friction can be while they are poor; cut off
 at once, they would keep the error that the cut makes"""
-_UNKNOWN: Final = np.full(3, np.nan)
 _FOREIGN: Final = 0.1
 """N m, standard deviation of a torque on a joint that no fault explains"""
 
@@ -105,6 +104,57 @@ class Evidence(NamedTuple):
     score: Array
     information: Array
     memory: float
+
+
+class FilterArrays(NamedTuple):
+    """What the kernels of a sample work with; see `Estimator` and `kernels`."""
+
+    x: Array
+    P: Array
+    F: Array
+    gains: Array
+    innovation: Array
+    variance: Array
+    score: Array
+    information: Array
+    noise: Array
+    clip: Array
+    walk: Array
+    torque: Array
+    friction: Array
+    compliance: Array
+    swing: Array
+    command: Array
+    handling: NDArray[np.int64]
+    least: Array
+    most: Array
+    lower: Array
+    upper: Array
+    sine: Array
+    cosine: Array
+    memory: float
+    grip: float
+    displacement: float
+
+
+class Past(NamedTuple):
+    """Estimators as they were at some samples, one a row.
+
+    Attributes:
+        known: (n,), which rows are filled in.
+        x, P, swing, command, handling: of the estimator.
+        commands, acting, mean: of its motion.
+    """
+
+    known: NDArray[np.bool_]
+    x: Array
+    P: Array
+    swing: Array
+    command: Array
+    handling: NDArray[np.int64]
+    commands: Array
+    acting: Array
+    mean: Array
 
 
 class Estimator:
@@ -166,8 +216,8 @@ class Estimator:
         self.innovation, self.variance = np.zeros(3), np.ones(3)
         self.score, self.information = np.zeros(3), np.zeros(3)
         self.gripped = False
-        self._command = _UNKNOWN
-        self._handling = 0
+        self._command = np.full(3, np.nan)
+        self._handling = np.zeros(1, dtype=np.int64)
         self._cloned: tuple[str, ...] = ()
         self._clones, self._C, self._B = np.zeros(0), np.zeros((SIZE, 0)), np.zeros(0)
 
@@ -178,7 +228,7 @@ class Estimator:
         x[W:ARM] = 0.0
         P[:ARM], P[:, :ARM], self._C[:ARM] = 0.0, 0.0, 0.0
         self._motion.begin()
-        self._command = _UNKNOWN
+        self._command[:] = np.nan
         for i in range(3):
             P[i, i] = 1.0
             P[W + i, W + i] = self.tuning.speed**2
@@ -190,23 +240,22 @@ class Estimator:
         """Carries the estimate over one period with a command (3,) V held, its torques in doubt by so much (N m)."""
         if gripped != self.gripped:
             self._hold(gripped)
-        last, self._command = self._command, volts
         possible = np.empty(SIZE)
         kernels.bound(self.x, self._least, self._most, gripped, possible)
         end, self.F = self._motion.carry(possible, volts, gripped, self._locked)
         kernels.carry(self.x, end, self.memory, PERIOD)
-        handling = self._grip if self._handling else 0.0
-        self._handling = max(self._handling - 1, 0)
         torque, displaced = np.empty(3), np.empty(3)
         kernels.disturb(
             self.x,
             volts,
-            last,
-            doubt * doubt + handling * handling,
+            doubt,
             self._torque,
             self._friction,
+            self._grip,
             self._displacement,
             self._compliance,
+            self._command,
+            self._handling,
             self._swing,
             torque,
             displaced,
@@ -273,6 +322,62 @@ class Estimator:
         own.update(self.__dict__)
         for name in _OWN:
             own[name] = own[name].copy()
+        return other
+
+    @property
+    def plain(self) -> bool:
+        """Whether all that a sample changes is in `arrays` and `motion_arrays`: effects, no lock, nothing cloned."""
+        return isinstance(self._motion, MachineMotion) and not self._locked and not self._cloned
+
+    def arrays(self) -> FilterArrays:
+        """What the kernels of a sample work with, of a plain estimator; its own."""
+        assert isinstance(self._motion, MachineMotion)
+        return FilterArrays(
+            self.x,
+            self.P,
+            self.F,
+            self.gains,
+            self.innovation,
+            self.variance,
+            self.score,
+            self.information,
+            self._noise,
+            self._clip,
+            self._walk,
+            self._torque,
+            self._friction,
+            self._compliance,
+            self._swing,
+            self._command,
+            self._handling,
+            self._least,
+            self._most,
+            self._lower,
+            self._upper,
+            self._motion.sine,
+            self._motion.cosine,
+            self.memory,
+            self._grip,
+            self._displacement,
+        )
+
+    def motion_arrays(self) -> MotionArrays:
+        """What carries the motion of a plain estimator; its own."""
+        assert isinstance(self._motion, MachineMotion)
+        return self._motion.arrays(self.gripped)
+
+    def room(self, count: int) -> Past:
+        """Room for what a plain estimator is at some samples."""
+        changing = (self.x, self.P, self._swing, self._command, self._handling, *self.motion_arrays()[3:])
+        rows = (np.empty((count, *each.shape), dtype=each.dtype) for each in changing)
+        return Past(np.zeros(count, dtype=bool), *rows)
+
+    def at(self, past: Past, row: int) -> Estimator:
+        """The estimator as it was."""
+        other = self.copy()
+        mine = (other.x, other.P, other._swing, other._command, other._handling, *other.motion_arrays()[3:])
+        for each, was in zip(mine, past[1:], strict=True):
+            each[:] = was[row]
         return other
 
     def spread(self, deviations: Mapping[str, float]) -> None:
@@ -367,7 +472,7 @@ class Estimator:
         self.gripped = gripped
         self._make_certain(PAYLOAD, self.box_mass if gripped else 0.0)
         self.P[PAYLOAD, PAYLOAD] = self.payload_variance if gripped else 0.0
-        self._handling = HANDLING
+        self._handling[0] = HANDLING
 
 
 def _dry_friction(belief: Belief) -> Array:

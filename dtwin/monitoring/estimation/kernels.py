@@ -92,12 +92,14 @@ def expect(x: Array, P: Array, eccentricity: Array, noise: Array, angles: Array,
 def disturb(
     x: Array,
     volts: Array,
-    last: Array,
-    extra: float,
+    doubt: float,
     white: Array,
     friction: Array,
+    grip: float,
     displacement: float,
     compliance: Array,
+    last: Array,
+    handling: NDArray[np.int64],
     swing: Array,
     torque: Array,
     displaced: Array,
@@ -107,21 +109,28 @@ def disturb(
     Args:
         x: mean at the end of the sample.
         volts: (3,), command that is held, V.
-        last: (3,), command before, V; not a number if nobody knows.
-        extra: variance of torques that are in doubt in this sample, (N m)^2.
+        doubt: standard deviation of the torques that the command leaves in doubt, N m.
         white: (3,), variance of the torques that no model knows, (N m)^2.
         friction: (3,), dry friction in doubt near standstill, N m.
+        grip: standard deviation of the torques while a box is handled, N m.
         displacement: standard deviation of what moves an angle without torque, rad.
         compliance: (3,), angle by which the gears yield, rad/(N m).
+        last: (3,), command before, V, not a number if nobody knows; replaced.
+        handling: (1,), samples for which a box is still handled; counted down.
         swing: (3,), mean squares of the swings of the gears, rad^2; replaced.
         torque, displaced: receive the variances.
     """
+    extra = doubt * doubt
+    if handling[0] > 0:
+        extra += grip * grip
+        handling[0] -= 1
     for i in range(3):
         slow = x[W + i] / STANDSTILL
         torque[i] = white[i] + extra + friction[i] * friction[i] * math.exp(-slow * slow)
         if math.isfinite(last[i]):
             swing[i] = swung(swing[i], compliance[i] * x[ARM + i] * (volts[i] - last[i]))
         displaced[i] = displacement * displacement + swing[i]
+        last[i] = volts[i]
 
 
 @kernel

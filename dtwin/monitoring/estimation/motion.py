@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import math
-from typing import Final, Protocol, Self
+from typing import Final, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,6 +123,25 @@ class RigidMotion:
         return copy.copy(self)
 
 
+class MotionArrays(NamedTuple):
+    """What `carry_machine` works with; the last three change in place.
+
+    Attributes:
+        vector: (78,), the machine, whose estimated numbers are those of the state.
+        columns, steps: as for `linearise_machine`.
+        commands: (n, 3), commands up to the last sample, V.
+        acting: (3,), voltages that act, V; not a number if nobody knows.
+        mean: (3,), mean voltages of the sample before, V.
+    """
+
+    vector: Array
+    columns: NDArray[np.int64]
+    steps: Array
+    commands: Array
+    acting: Array
+    mean: Array
+
+
 class MachineMotion:
     """The motion of an arm with effects, which remembers late commands and voltages that lag.
 
@@ -134,7 +153,7 @@ class MachineMotion:
     def __init__(self, arm: ArmParameters, effects: Effects) -> None:
         self._vector = vector_of(arm, effects)
         self._commands = np.zeros((math.floor(effects.delay / PERIOD) + 2 + LATEST, 3))
-        self._sin, self._cos = np.array(effects.eccentric_sin), np.array(effects.eccentric_cos)
+        self.sine, self.cosine = np.array(effects.eccentric_sin), np.array(effects.eccentric_cos)
         self._acting, self._mean = np.full((2, 3), np.nan)
 
     def begin(self) -> None:
@@ -143,15 +162,8 @@ class MachineMotion:
 
     def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:
         """See `Motion.carry`."""
-        if not np.isfinite(self._acting).all():
-            self._commands[:] = volts
-        self._commands[:-1] = self._commands[1:]
-        self._commands[-1] = volts
-        columns, steps = (_COLUMNS, _STEPS) if gripped else (_COLUMNS[:-1], _STEPS[:-1])
-        end, F, slopes = np.empty(6), np.empty((6, MOVING)), np.empty((6, len(columns)))
-        _carry_machine(
-            x, self._vector, self._commands, columns, steps, locked, self._acting, self._mean, end, slopes, F
-        )
+        end, F = np.empty(6), np.empty((6, MOVING))
+        carry_machine(x, volts, locked, *self.arrays(gripped), end, F)
         if locked:
             _hold(x, end, F, locked - 1)
         return end, F
@@ -159,13 +171,18 @@ class MachineMotion:
     def eccentricity(self, angles: Array) -> Array:
         """See `Motion.eccentricity`."""
         found = np.empty(3)
-        _eccentricity(angles, self._sin, self._cos, found)
+        eccentricity(angles, self.sine, self.cosine, found)
         return found
+
+    def arrays(self, gripped: bool) -> MotionArrays:
+        """What `carry_machine` works with, while a box is held or not; the motion's own."""
+        columns, steps = (_COLUMNS, _STEPS) if gripped else (_COLUMNS[:-1], _STEPS[:-1])
+        return MotionArrays(self._vector, columns, steps, self._commands, self._acting, self._mean)
 
     def copy(self) -> MachineMotion:
         """See `Motion.copy`."""
         other = object.__new__(MachineMotion)
-        other._vector, other._sin, other._cos = self._vector, self._sin, self._cos
+        other._vector, other.sine, other.cosine = self._vector, self.sine, self.cosine
         other._commands, other._acting, other._mean = self._commands.copy(), self._acting.copy(), self._mean.copy()
         return other
 
@@ -238,38 +255,39 @@ def motion_of(belief: Belief) -> Motion:
 
 
 @kernel
-def _eccentricity(angles: Array, sine: Array, cosine: Array, found: Array) -> None:
+def eccentricity(angles: Array, sine: Array, cosine: Array, found: Array) -> None:
+    """Writes what eccentric encoders add to angles, (3,) each, rad."""
     for i in range(3):
         found[i] = sine[i] * math.sin(angles[i]) + cosine[i] * math.cos(angles[i])
 
 
 @kernel(uses=(dynamics, lanes, machine))
-def _carry_machine(
+def carry_machine(
     x: Array,
+    volts: Array,
+    locked: int,
     vector: Array,
-    commands: Array,
     columns: NDArray[np.int64],
     steps: Array,
-    locked: int,
+    commands: Array,
     acting: Array,
     mean: Array,
     end: Array,
-    slopes: Array,
     F: Array,
 ) -> None:
     """Writes what `MachineMotion.carry` gives, but for what a lock eliminates, to end (6,) and F (6, 27).
 
     Args:
         x: (33,), states before.
-        vector: (78,), the machine, whose estimated numbers are taken from x.
-        commands: (n, 3), commands up to this sample, V.
-        columns, steps: as for `linearise_machine`.
+        volts: (3,), command that is held over the sample, V.
         locked: joint that is held where it is, 1 to 3, or 0.
-        acting: (3,), voltages that act, V; replaced.
-        mean: (3,), mean voltages of the sample before, V; replaced.
-        slopes: (6, m), room for the derivatives by the columns.
+        vector to mean: as in `MotionArrays`.
     """
-    p, before = vector.copy(), acting.copy()
+    if not np.isfinite(acting).all():
+        commands[:] = volts
+    commands[:-1] = commands[1:]
+    commands[-1] = volts
+    p, before, slopes = vector.copy(), acting.copy(), np.empty((6, len(columns)))
     for k in range(len(_OF_ARM)):
         p[_OF_ARM[k]] = x[ARM + k]
     share = 1.0 + x[SUPPLY]
@@ -345,7 +363,8 @@ _OF_K: Final = np.array([MACHINE_NAMES.index(f"K{joint}") for joint in (1, 2, 3)
 _OF_DELAY: Final = MACHINE_NAMES.index("delay")
 _OF_ARM: Final = np.array([MACHINE_NAMES.index(name) for name in ARM_NAMES])
 _OF_TORQUE: Final = np.array([MACHINE_NAMES.index(f"torque{joint}") for joint in (1, 2, 3)])
-_COLUMNS: Final = np.array([*range(6), *(6 + _OF_TORQUE), -1])
+PAYLOAD_COLUMN: Final = -1
+_COLUMNS: Final = np.array([*range(6), *(6 + _OF_TORQUE), PAYLOAD_COLUMN])
 """What `linearise_machine` differentiates by: the state, torques on the joints, and the mass held."""
 _STEPS: Final = np.array([1e-6] * 6 + [1e-5] * 4)
 """Steps of these difference quotients, SI units."""

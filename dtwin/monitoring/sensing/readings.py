@@ -9,7 +9,7 @@ resolution none of this matters.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +57,28 @@ _NEAR: Final = 0.5
 _ALL: Final = np.ones(3, dtype=bool)
 
 
+class ReadingsArrays(NamedTuple):
+    """What `take` and `judge` work with, (3,) each; see there."""
+
+    last: Array
+    known: Flags
+    resolution: Array
+    deviation: Array
+    noisy: Flags
+    has_repeated: Flags
+    repeated: Counts
+    dithered: Flags
+    new: Flags
+    far: Array
+    since: Array
+    frozen: Flags
+    spikes: Flags
+    confirmed: Flags
+    left_out: Flags
+    missed: Array
+    was_near: Flags
+
+
 class Readings:
     """The readings of one arm.
 
@@ -98,6 +120,38 @@ class Readings:
         """Samples still to come until the noise is judged."""
         return LISTENING - len(self._heard)
 
+    @property
+    def settled(self) -> bool:
+        """Whether noise and resolution are known, and no reading is left out or repeats itself too long."""
+        known = not self._unweighed and not self.unheard and int(self._steps.min()) >= _JUDGED
+        return known and not self.left_out.any() and not self.frozen.any()
+
+    def arrays(self) -> ReadingsArrays:
+        """What is known of the encoders once it is settled; the arrays are this object's own."""
+        return ReadingsArrays(
+            self.last,
+            _ALL,
+            self.resolution,
+            self._deviation,
+            self._noisy,
+            self._has_repeated,
+            self.repeated,
+            self._dithered,
+            self._new,
+            self._far,
+            self._since,
+            self.frozen,
+            self.spikes,
+            self.confirmed,
+            self.left_out,
+            self._missed,
+            self._was_near,
+        )
+
+    def took(self, measured: Array, angles: Array) -> None:
+        """Notes the last sample and the angles that it measures, (3,) rad each, after `take` and `judge`."""
+        self.last, self._angles = measured, angles
+
     def take(self, measured: Array) -> Array:
         """Takes in a sample, (3,) rad; returns the angles that it measures, (3,) rad."""
         if self._steps.min() < _JUDGED:
@@ -106,7 +160,7 @@ class Readings:
         else:
             known = _ALL
         self._angles = angles = np.empty(3)
-        _take(
+        take(
             measured,
             self.last,
             known,
@@ -139,7 +193,7 @@ class Readings:
             which readings are measurements, (3,).
         """
         measurements = np.empty(3, dtype=bool)
-        _judge(
+        judge(
             predicted,
             deviation,
             trusted,
@@ -206,7 +260,7 @@ class Readings:
 
 
 @kernel
-def _take(
+def take(
     measured: Array,
     last: Array,
     known: Flags,
@@ -236,7 +290,7 @@ def _take(
 
 
 @kernel
-def _judge(
+def judge(
     predicted: Array,
     deviation: Array,
     trusted: bool,

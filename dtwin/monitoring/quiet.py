@@ -1,0 +1,256 @@
+"""Work at which nothing is noticed, many samples at once in machine code.
+
+What the monitor does with each sample while it watches and nothing is wrong is done here in one go for all samples up
+to the first at which it has to do more; the bits are those of one sample after the other.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.monitoring.candidate import Moment
+from dtwin.monitoring.estimation import kernels, motion, traces
+from dtwin.monitoring.estimation.estimator import Estimator, FilterArrays, Past
+from dtwin.monitoring.estimation.layout import SIZE
+from dtwin.monitoring.estimation.motion import PAYLOAD_COLUMN, MotionArrays
+from dtwin.monitoring.estimation.traces import ONSETS, Traces
+from dtwin.monitoring.sensing import readings as sensing
+from dtwin.monitoring.sensing.commands import closes
+from dtwin.monitoring.sensing.readings import Readings, ReadingsArrays
+from dtwin.monitoring.signatures import SignatureBank
+from dtwin.parameters import PERIOD
+from dtwin.twin.compiled import kernel
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+LEAST_LIKELY: Final = -1e4
+"""log-likelihood of a sample that cannot be: the arm as believed has nothing to do with it any more"""
+UNSETTLED: Final = 10
+"""samples after one that did not arrive that are no evidence: how wrong the guess was is not known well"""
+WINDOW: Final = 256
+"""samples that are looked at in one go at most"""
+
+
+class Stretch(NamedTuple):
+    """What became of some samples in a row.
+
+    Attributes:
+        moments: the samples that were taken in.
+        doubted: samples from the last one on that are no evidence.
+        concluded: whether the evidence of the last one was taken in; where it was not, there is more to do.
+    """
+
+    moments: list[Moment]
+    doubted: int
+    concluded: bool
+
+
+def quiet_rows(last: int, gripped: bool, sample: NDArray[np.int64], told: Array, held: Flags) -> int:
+    """The number of samples that have come one after the other up to a change of the gripper.
+
+    Args:
+        last: number of the sample before.
+        gripped: whether a box was held then.
+        sample: (N,), numbers of samples.
+        told: (N, m), what they tell.
+        held: (N,), whether the commands that answered them hold a box.
+    """
+    quiet = (sample == last + 1 + np.arange(len(sample))) & np.isfinite(told).all(axis=1)
+    quiet[1:] &= held[:-1] == gripped
+    return len(sample) if quiet.all() else int(quiet.argmin())
+
+
+def follow(
+    estimator: Estimator,
+    readings: Readings,
+    bank: SignatureBank,
+    threshold: float,
+    first: int,
+    measured: Array,
+    commands: Array,
+    doubted: int,
+) -> Stretch:
+    """Takes in samples in a row, the gripper unchanged, until there is more to do.
+
+    Args:
+        estimator: of an arm with effects, without a locked joint or clones.
+        readings: settled, with no reading left out.
+        bank: evidence so far.
+        threshold: value of the largest statistic above which there is more to do.
+        first: number of the first sample.
+        measured: (N, 3), readings, rad.
+        commands: (N, 4), command that led to each, V; that of the gripper last.
+        doubted: samples still to come that are no evidence.
+    """
+    count, grip = len(measured), estimator.belief.error.grip
+    doubts = np.array([grip if closes(command, estimator.gripped) else 0.0 for command in commands])
+    volts = np.ascontiguousarray(commands[:, :3])
+    angles, used = np.empty((count, 3)), np.empty((count, 3), dtype=bool)
+    likelihoods, counted = np.empty(count), np.empty(count, dtype=bool)
+    past = estimator.room(ONSETS)
+    done, doubted, concluded = _work(
+        np.ascontiguousarray(measured),
+        volts,
+        doubts,
+        first,
+        threshold,
+        doubted,
+        estimator.arrays(),
+        estimator.motion_arrays(),
+        readings.arrays(),
+        bank.traces,
+        past,
+        angles,
+        used,
+        likelihoods,
+        counted,
+    )
+    readings.took(measured[done - 1], angles[done - 1])
+    bank.adopt(estimator, past)
+    rows = zip(volts, doubts.tolist(), angles, used, counted.tolist(), likelihoods.tolist(), strict=True)
+    moments = [
+        Moment(volt, estimator.gripped, doubt, angle, use, counts, likelihood)
+        for (volt, doubt, angle, use, counts, likelihood), _ in zip(rows, range(done), strict=False)
+    ]
+    return Stretch(moments, doubted, concluded)
+
+
+@kernel(uses=(kernels, motion, traces, sensing))
+def _work(
+    measured: Array,
+    volts: Array,
+    doubts: Array,
+    first: int,
+    threshold: float,
+    doubted: int,
+    f: FilterArrays,
+    m: MotionArrays,
+    r: ReadingsArrays,
+    t: Traces,
+    past: Past,
+    angles: Array,
+    used: Flags,
+    likelihoods: Array,
+    counted: Flags,
+) -> tuple[int, int, bool]:
+    """What `follow` does; returns the samples taken in, those still to come that are no evidence, and whether the
+    last one was concluded."""
+    gripped = m.columns[-1] == PAYLOAD_COLUMN
+    possible, end = np.empty(SIZE), np.empty(6)
+    torque, displaced, eccentric = np.empty(3), np.empty(3), np.empty(3)
+    expected, deviations = np.empty(3), np.empty(3)
+    last = r.last.copy()
+    for k in range(len(measured)):
+        sensing.take(
+            measured[k],
+            last,
+            r.known,
+            r.resolution,
+            r.deviation,
+            r.noisy,
+            r.has_repeated,
+            r.repeated,
+            r.dithered,
+            r.new,
+            angles[k],
+        )
+        last[:] = measured[k]
+        kernels.bound(f.x, f.least, f.most, gripped, possible)
+        motion.carry_machine(
+            possible, volts[k], 0, m.vector, m.columns, m.steps, m.commands, m.acting, m.mean, end, f.F
+        )
+        kernels.carry(f.x, end, f.memory, PERIOD)
+        kernels.disturb(
+            f.x,
+            volts[k],
+            doubts[k],
+            f.torque,
+            f.friction,
+            f.grip,
+            f.displacement,
+            f.compliance,
+            f.command,
+            f.handling,
+            f.swing,
+            torque,
+            displaced,
+        )
+        kernels.predict(f.P, f.F, torque, displaced, f.walk, f.memory, PERIOD)
+        motion.eccentricity(f.x[:3], f.sine, f.cosine, eccentric)
+        kernels.expect(f.x, f.P, eccentric, f.noise, expected, deviations)
+        sensing.judge(
+            expected,
+            deviations,
+            True,
+            last,
+            angles[k],
+            r.new,
+            r.repeated,
+            r.resolution,
+            r.dithered,
+            r.far,
+            r.since,
+            r.frozen,
+            r.spikes,
+            r.confirmed,
+            r.left_out,
+            r.missed,
+            r.was_near,
+            used[k],
+        )
+        likelihoods[k] = kernels.correct(
+            f.x,
+            f.P,
+            angles[k] - eccentric,
+            f.noise,
+            f.clip,
+            used[k],
+            f.lower,
+            f.upper,
+            f.gains,
+            f.innovation,
+            f.variance,
+            f.score,
+            f.information,
+        )
+        odd = False
+        for i in range(3):
+            odd = odd or r.frozen[i] or r.left_out[i]
+        if odd or not likelihoods[k] > LEAST_LIKELY:
+            return k + 1, doubted, False
+        doubted = UNSETTLED if doubts[k] else max(doubted - 1, 0)
+        counted[k] = not doubted
+        place = traces.take(
+            t.E,
+            t.h,
+            t.J,
+            t.precision,
+            t.least,
+            t.allowance,
+            t.at_once,
+            t.rows,
+            t.samples,
+            t.gaps,
+            f.x,
+            f.least,
+            f.friction,
+            f.F,
+            f.gains,
+            f.score,
+            f.information,
+            f.memory,
+            used[k],
+            first + k,
+            counted[k],
+        )
+        past.known[place] = True
+        past.x[place], past.P[place], past.swing[place] = f.x, f.P, f.swing
+        past.command[place], past.handling[place] = f.command, f.handling
+        past.commands[place], past.acting[place], past.mean[place] = m.commands, m.acting, m.mean
+        if traces.largest(t.h, t.J, t.precision, t.least, t.allowance) > threshold:
+            return k + 1, doubted, True
+    return len(measured), doubted, True

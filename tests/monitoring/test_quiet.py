@@ -1,0 +1,122 @@
+"""Many samples at once: the same bits as one sample after the other, whatever happens."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dtwin.experiments.monitoring.twin_cell import TwinCell
+from dtwin.monitoring.estimation.belief import Unmodelled, assumed
+from dtwin.monitoring.monitor import Monitor
+from dtwin.monitoring.offline import Stream, stream
+from dtwin.monitoring.quiet import quiet_rows
+from dtwin.run.options import ControlOptions
+
+STRANGE = 3000
+"""row at which something befalls the samples"""
+
+
+def one_by_one(monitor: Monitor, seen: Stream) -> None:
+    for row in range(len(seen)):
+        monitor.update(int(seen.sample[row]), seen.measured[row], seen.volts[row], bool(seen.gripped[row]))
+
+
+def at_once(monitor: Monitor, seen: Stream) -> list[int]:
+    taken = [0]
+    while sum(taken) < len(seen):
+        taken.append(seen.follow(monitor, sum(taken), len(seen)))
+    return taken[1:]
+
+
+def spiked(seen: Stream) -> Stream:
+    measured = seen.measured.copy()
+    measured[STRANGE, 1] += 0.2
+    return replace(seen, measured=measured)
+
+
+def shortened(seen: Stream) -> Stream:
+    kept = np.delete(np.arange(len(seen)), slice(STRANGE, STRANGE + 3))
+    return Stream(*(getattr(seen, name)[kept] for name in ("sample", "measured", "volts", "gripped", "colour")))
+
+
+def wild(seen: Stream) -> Stream:
+    measured = seen.measured.copy()
+    measured[STRANGE:, 2] += 50.0
+    return replace(seen, measured=measured)
+
+
+def moved(seen: Stream) -> Stream:
+    measured = seen.measured.copy()
+    measured[STRANGE:, 0] += 0.05
+    return replace(seen, measured=measured)
+
+
+def frozen(seen: Stream) -> Stream:
+    measured = seen.measured.copy()
+    measured[STRANGE:, 1] = measured[STRANGE, 1]
+    return replace(seen, measured=measured)
+
+
+def weakened(seen: Stream) -> Stream:
+    volts = seen.volts.copy()
+    volts[STRANGE:, 0] *= 1.5
+    return replace(seen, volts=volts)
+
+
+@pytest.fixture(scope="module")
+def cell() -> TwinCell:
+    return TwinCell(901, 1, ControlOptions().control())
+
+
+@pytest.fixture(scope="module")
+def work(cell: TwinCell) -> Stream:
+    return stream(cell.run(40.0))
+
+
+@pytest.mark.parametrize(
+    ("befalls", "kinds"),
+    [
+        (spiked, {"spike"}),
+        (shortened, set()),
+        (wild, {"failed"}),
+        (moved, {"failed"}),
+        (frozen, {"failed"}),
+        (weakened, {"failed"}),
+    ],
+)
+def test_the_bits_are_those_of_one_sample_after_the_other(
+    cell: TwinCell, work: Stream, befalls: Callable[[Stream], Stream], kinds: set[str]
+) -> None:
+    seen = befalls(work)
+    belief = replace(
+        assumed(cell.arm, (5e-4,) * 3),
+        effects=cell.effects,
+        error=Unmodelled(slow=(0.05,) * 3, compliance=(1e-4,) * 3),
+    )
+    slow, fast = Monitor(belief), Monitor(belief)
+    one_by_one(slow, seen)
+    taken = at_once(fast, seen)
+    assert max(taken) > 100
+    assert sum(1 for rows in taken if rows == 1) < len(seen) - 600
+    assert fast.events == slow.events
+    assert kinds <= {event.kind for event in fast.events}
+    assert fast.history == slow.history
+    assert (fast.sample, fast.missed, fast.restarts) == (slow.sample, slow.missed, slow.restarts)
+    assert fast.statistic == slow.statistic
+    for name in ("x", "P", "F", "gains", "innovation", "variance"):
+        np.testing.assert_array_equal(getattr(fast.estimator, name), getattr(slow.estimator, name), name)
+    np.testing.assert_array_equal(fast.statistics, slow.statistics)
+    for ours, theirs in zip(fast.trend.changes(), slow.trend.changes(), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_a_row_ends_where_samples_are_missing_say_nothing_or_the_gripper_has_changed() -> None:
+    sample, told, held = np.arange(5, 15), np.zeros((10, 7)), np.zeros(10, dtype=bool)
+    assert quiet_rows(4, False, sample, told, held) == 10
+    assert quiet_rows(3, False, sample, told, held) == 0
+    assert quiet_rows(4, False, np.delete(sample, 4), told[:9], held[:9]) == 4
+    told[6, 2], held[3:] = np.nan, True
+    assert quiet_rows(4, False, sample, told, held) == 4
+    assert quiet_rows(4, True, sample[3:], told[3:], held[3:]) == 0
+    assert quiet_rows(7, True, sample[3:], told[3:], held[3:]) == 3
