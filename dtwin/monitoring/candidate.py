@@ -16,7 +16,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.estimation.estimator import Change, Estimator
+from dtwin.monitoring.estimation.arrays import Change
+from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import INDEX
 from dtwin.monitoring.kinds import FaultId
 from dtwin.monitoring.signatures import Onset

@@ -48,6 +48,10 @@ LEAST: Final = 20
 """samples after the alarm before anything is settled"""
 ENOUGH: Final = 150
 """samples after the alarm at which a decided cause is settled though its size is not precise"""
+CERTAIN: Final = 8.0
+"""log odds of a fault against the arm as believed at which it counts as failed"""
+PAUSE: Final = 4
+"""samples after a diagnosis before anything is suspected again"""
 MOST: Final = 500
 """samples after the alarm at which the most likely cause is taken"""
 _PRECISE: Final = 0.02

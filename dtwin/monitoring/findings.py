@@ -16,7 +16,8 @@ import msgspec
 
 from dtwin.errors import ParameterError, choices
 from dtwin.monitoring.candidate import Candidate
-from dtwin.monitoring.estimation.estimator import Change, Estimator
+from dtwin.monitoring.estimation.arrays import Change
+from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import W
 from dtwin.monitoring.kinds import (
     FREE,
@@ -31,6 +32,7 @@ from dtwin.monitoring.kinds import (
     reference,
 )
 from dtwin.monitoring.sensing.readings import Readings
+from dtwin.monitoring.trend import WATCHED, Trend
 from dtwin.monitoring.verdict import Finding, finding
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event
@@ -60,6 +62,15 @@ class Consequences(NamedTuple):
     forget: tuple[str, ...] = ()
     boxes: bool = False
     jumped: str = ""
+
+    def apply(self, estimator: Estimator, trend: Trend) -> None:
+        """Does it."""
+        for state in self.forget:
+            estimator.forget(state)
+        if self.boxes:
+            estimator.expect_boxes()
+        if self.jumped in WATCHED:
+            trend.restart()
 
 
 PUT_DOWN: Final = Consequences(("payload",), boxes=True)

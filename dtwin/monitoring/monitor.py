@@ -2,45 +2,33 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.monitoring.candidate import Candidate, Moment
-from dtwin.monitoring.diagnosis import MOST, Diagnosis
+from dtwin.monitoring.diagnosis import CERTAIN, PAUSE, Diagnosis
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import Estimator
-from dtwin.monitoring.estimation.traces import LONGEST
-from dtwin.monitoring.findings import Consequences, Findings
-from dtwin.monitoring.kinds import JUMPS, PUSH, UNKNOWN, FaultId, parse_fault_id, plausible_sizes
+from dtwin.monitoring.findings import Findings
+from dtwin.monitoring.kinds import JUMPS, PUSH, UNKNOWN, FaultId, plausible_sizes
 from dtwin.monitoring.modes import STARTING, Diagnosing, Lost, Mode, Probation, Settling, Turn, Turns, Unfit, Watching
-from dtwin.monitoring.quiet import LEAST_LIKELY, UNSETTLED, WINDOW, follow, quiet_rows
-from dtwin.monitoring.recall import Recall
 from dtwin.monitoring.sensing.commands import commands_between, tells
 from dtwin.monitoring.sensing.listening import Listening, hear, replay
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.settings import MonitorSettings
 from dtwin.monitoring.signatures import SignatureBank, limits
 from dtwin.monitoring.stopped import Stopped
-from dtwin.monitoring.trend import WATCHED, Trend
+from dtwin.monitoring.tracking.quiet import LEAST_LIKELY
+from dtwin.monitoring.tracking.tracking import BRIDGED, SETTLING, Tracking
+from dtwin.monitoring.trend import Trend
 from dtwin.monitoring.verdict import Finding, Forecast, monitored_units, unfit_units, unit_states
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event
 
 Array = NDArray[np.float64]
-
-CERTAIN: Final = 8.0
-"""log odds of a fault against the arm as believed at which it counts as failed"""
-BRIDGED: Final = 10
-"""samples that may be missing in a row, with the gripper unchanged, before the motion is estimated anew"""
-SETTLING: Final = 50
-"""samples after a start before anything is suspected"""
-PAUSE: Final = 4
-"""samples after a diagnosis before anything is suspected again"""
 
 
 class Monitor:
@@ -56,9 +44,7 @@ class Monitor:
         missed: samples that did not arrive.
         trend: course of the parameters over hours.
         restarts: how often the estimate of the motion had to start anew.
-        sample: number of the last sample, -1 before the first.
         threshold: value of a statistic, beyond what is allowed for it, from which on a change is diagnosed.
-        used: (3,), which readings of the last sample were taken in.
     """
 
     def __init__(self, belief: Belief, settings: MonitorSettings | None = None) -> None:
@@ -70,14 +56,22 @@ class Monitor:
         self._readings, self._stopped, self.trend = Readings(belief.noise), Stopped(), Trend(self.estimator)
         self._listening: Listening | None = Listening()
         self._bank = SignatureBank(self._sizes, allowance)
-        self._moments: deque[Moment] = deque(maxlen=LONGEST + MOST + 2)
+        self._track = Tracking(self._readings, self._bank)
         self._mode: Mode = Watching()
         self._turns, self._probation = Turns(), Probation()
         self._misfit: dict[int, str] = {}
         self.findings = Findings(self._sizes)
-        self.missed, self.restarts, self.sample = 0, 0, -1
-        self._command, self._gripped, self._doubted = np.zeros(4), False, 0
-        self.used, self._recall = np.zeros(3, dtype=bool), Recall()
+        self.missed, self.restarts = 0, 0
+
+    @property
+    def sample(self) -> int:
+        """Number of the last sample, -1 before the first."""
+        return self._track.sample
+
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        """Which readings of the last sample were taken in, (3,)."""
+        return self._track.used
 
     @property
     def time(self) -> float:
@@ -95,18 +89,18 @@ class Monitor:
         """
         if not (tells(measured) and tells(volts)):
             return  # what says nothing has not arrived; the next sample counts it as missing
-        gap = sample - self.sample
+        track, gap = self._track, sample - self.sample
         angles = self._readings.take(measured)
-        bridged = gap == 1 or (1 < gap <= BRIDGED + 1 and gripped == self._gripped)
+        bridged = gap == 1 or (1 < gap <= BRIDGED + 1 and gripped == track.gripped)
         if self.sample < 0 or not bridged:
             self._restart(sample, measured, gripped, gap)
         else:
             self.missed += gap - 1
-            commands = commands_between(self._command, volts, gap, self._gripped, self._belief.error.grip)
+            commands = commands_between(track.command, volts, gap, track.gripped, self._belief.error.grip)
             for step, (command, doubt) in enumerate(commands, 1):
-                self.sample += 1
+                track.sample += 1
                 self._step(angles, step == gap, command, doubt)
-        self._command, self._gripped = volts, gripped
+        track.command, track.gripped = volts, gripped
         louder = self._readings.listen(measured)
         if louder is not None:
             self._belief = replace(self._belief, noise=louder)
@@ -119,36 +113,22 @@ class Monitor:
         Args:
             sample, measured, volts, gripped: (N,), (N, 3), (N, 4), (N,), as for `update`, a row a sample.
         """
-        rows, quiet = min(WINDOW, len(sample), self.trend.left(self.time)), self._quiet()
-        if quiet and rows > 1:
-            told = np.hstack((measured[:rows], volts[:rows]))
-            rows = quiet_rows(self.sample, self._gripped, sample[:rows], told, gripped[:rows])
-        if not quiet or rows < 2:
+        rows = slice(min(len(sample), self.trend.left(self.time)))
+        watching = isinstance(self._mode, Watching) and self._listening is None and self._probation.passed
+        quiet = watching and not self.findings.known and self._track.settled(self.estimator)
+        stretch = quiet and self._track.follow(
+            self.estimator, self.threshold, sample[rows], measured[rows], volts[rows], gripped[rows]
+        )
+        if not stretch or not stretch.moments:
             self.update(int(sample[0]), measured[0], volts[0], bool(gripped[0]))
             return 1
-        commands = np.vstack((self._command, volts[: rows - 1]))
-        how = (self.threshold, self.sample + 1, measured[:rows], commands, self._doubted)
-        stretch = follow(self.estimator, self._readings, self._bank, *how)
-        done, last = len(stretch.moments), stretch.moments[-1]
-        self.sample += done
-        self._command, self._gripped, self.used = volts[done - 1], bool(gripped[done - 1]), last.used
-        self._doubted = stretch.doubted
-        self._recall.take(self.sample, self._readings, self.estimator, self._bank, self._moments)
-        self._moments.extend(stretch.moments[:-1])
         if stretch.concluded:
-            self._moments.append(last)
             self.trend.enter(self.time, self.estimator)
             self._look(Watching())
         else:
-            self.findings.read(self.time, self._readings, True)
-            self._conclude(last, False)
-        return done
-
-    def _quiet(self) -> bool:
-        """Whether nothing is wrong or going on but watching."""
-        watching = isinstance(self._mode, Watching) and self._listening is None and self._probation.passed
-        calm = not self.findings.known and self._readings.settled and self.estimator.plain
-        return watching and calm and self._gripped == self.estimator.gripped
+            self.findings.read(self.time, self._track.readings, True)
+            self._conclude(stretch.moments[-1], False)
+        return len(stretch.moments)
 
     @property
     def statistic(self) -> float:
@@ -226,9 +206,7 @@ class Monitor:
 
     def unobservable(self) -> tuple[str, ...]:
         """Causes that, had they come about in their plausible size, the last seconds would not have shown."""
-        visible = self._bank.visible({name: 0.5 * size for name, size in self._sizes.items()}, self.threshold)
-        jumps = [parse_fault_id(name) for name, seen in visible.items() if not seen]
-        return tuple(dict.fromkeys(fault.where for fault in jumps if not visible[fault.states[-1]]))
+        return self._bank.hidden({name: 0.5 * size for name, size in self._sizes.items()}, self.threshold)
 
     def _suspected(self) -> FaultId | None:
         """What may be wrong."""
@@ -244,10 +222,10 @@ class Monitor:
             self.restarts += 1
             reason = f"{gap - 1} samples did not arrive" if gap > 0 else "time went back"
             self.findings.note(sample * PERIOD, "restart", f"{reason}: the estimate of the motion starts anew")
-        self.sample = sample
-        self._moments.clear()
+        self._track.sample = sample
+        self._track.moments.clear()
         if self.estimator.gripped and not gripped:
-            self._apply(self.findings.put_down(self.time))
+            self.findings.put_down(self.time).apply(self.estimator, self.trend)
         self._begin(measured, gripped)
 
     def _begin(self, measured: Array, gripped: bool) -> None:
@@ -266,47 +244,34 @@ class Monitor:
             case Watching() | Diagnosing():
                 self._mode = Settling(left, left - STARTING, begun, Watching())
 
-    def _apply(self, after: Consequences) -> None:
-        """Does what the findings ask for."""
-        for state in after.forget:
-            self.estimator.forget(state)
-        if after.boxes:
-            self.estimator.expect_boxes()
-        if after.jumped in WATCHED:
-            self.trend.restart()
-
     def _step(self, measured: Array, arrived: bool, command: Array, doubt: float) -> None:
         """Carries the estimate over one period and does what the mode asks for."""
-        estimator, gripped = self.estimator, self._gripped
-        regripped = gripped != estimator.gripped
-        estimator.predict(command, gripped, doubt)
-        self.used = used = self._judge() if arrived else np.zeros(3, dtype=bool)
+        track, estimator = self._track, self.estimator
+        regripped = track.gripped != estimator.gripped
+        trusted = isinstance(self._mode, Watching | Settling) and not track.readings.unheard
+        moment = track.take(estimator, measured, arrived, command, doubt, trusted)
         if arrived:
-            self._recall.take(self.sample, self._readings, estimator, self._bank, self._moments)
-        self._conclude(
-            Moment(command, gripped, doubt, measured, used, False, estimator.correct(measured, used)), regripped
-        )
+            known = self._listening is None and self._probation.passed and not self._misfit
+            self.findings.read(self.time, track.readings, known)
+        self._conclude(moment, regripped)
 
     def _conclude(self, moment: Moment, regripped: bool) -> None:
         """Does what the mode asks for with a sample that the estimate has taken in."""
-        estimator, used, gripped, likelihood = self.estimator, moment.used, moment.gripped, moment.likelihood
-        if not likelihood > LEAST_LIKELY:
-            likelihood = LEAST_LIKELY
-            if not isinstance(self._mode, Diagnosing) and not np.isfinite(estimator.x).all():
-                self._start_over()
-                self.restarts += 1
-                self.findings.note(self.time, "restart", "the estimate diverged and starts anew from the model")
-                return
-        self._doubted = UNSETTLED if moment.doubt else max(self._doubted - 1, 0)
-        counts = not self._doubted
-        moment = moment._replace(counts=counts, likelihood=likelihood)
-        self._moments.append(moment)
+        estimator, used = self.estimator, moment.used
+        unlikely = not moment.likelihood > LEAST_LIKELY
+        if unlikely and not isinstance(self._mode, Diagnosing) and not np.isfinite(estimator.x).all():
+            self._start_over()
+            self.restarts += 1
+            self.findings.note(self.time, "restart", "the estimate diverged and starts anew from the model")
+            return
+        moment = self._track.count(moment)
+        counts = moment.counts
         if regripped:
             self._bank.regrip()
-            if gripped:
+            if moment.gripped:
                 self.findings.pick_up(self.time)
             else:
-                self._apply(self.findings.put_down(self.time))
+                self.findings.put_down(self.time).apply(estimator, self.trend)
         if not self._probation.passed:
             self._probation.take(estimator, used, counts)
         match self._mode:
@@ -326,7 +291,10 @@ class Monitor:
                 self._bank.update(estimator, used, self.sample, counts)
                 self._doubt_model(mode.after(estimator))
             case Watching() | Lost() as mode:
-                self._watch(mode, used, counts)
+                self.trend.enter(self.time, estimator)
+                self.findings.examine(self.time, estimator).apply(estimator, self.trend)
+                self._bank.update(estimator, used, self.sample, counts)
+                self._look(mode)
 
     def _listen(self, used: NDArray[np.bool_]) -> None:
         """Judges the noise by the first samples at rest; if it is not as believed, all since is looked at again."""
@@ -335,21 +303,14 @@ class Monitor:
         match self._mode:
             case Settling(then=then):
                 self._mode = then
-        belief = hear(self._belief, self.settings.tuning, self._moments, self._listening)
+        belief = hear(self._belief, self.settings.tuning, self._track.moments, self._listening)
         self._listening = None
         if belief is not self._belief:
             self._belief, self.estimator = belief, Estimator(belief, self.settings.tuning)
             self._readings.expect_tails(belief.clip)
-            self._moments.extend(replay(self.estimator, self._moments, self._bank, self.sample))
+            self._track.moments.extend(replay(self.estimator, self._track.moments, self._bank, self.sample))
         if self._bank.worst() > self.threshold:
             self._probation.moved = 0
-
-    def _watch(self, mode: Watching | Lost, used: NDArray[np.bool_], counts: bool) -> None:
-        """Looks for a sudden change in a sample at which nothing is being diagnosed."""
-        self.trend.enter(self.time, self.estimator)
-        self._apply(self.findings.examine(self.time, self.estimator))
-        self._bank.update(self.estimator, used, self.sample, counts)
-        self._look(mode)
 
     def _look(self, mode: Watching | Lost) -> None:
         """Begins a diagnosis if the evidence asks for one."""
@@ -376,7 +337,7 @@ class Monitor:
         how = (self._sizes, bool(self.estimator.locked), since, self._temper, self._belief.misfit, self._charges)
         # Of a joint that stands still only what its motion has told before is a cause beside those of standing still.
         suspicions = self._bank.suspicions(self.threshold if stopped else 0.0)
-        self._decide(Diagnosis(suspicions, self._moments, self.sample, *how), pending)
+        self._decide(Diagnosis(suspicions, self._track.moments, self.sample, *how), pending)
 
     def _doubt_model(self, unfit: Unfit) -> None:
         """Starts anew from a model that does not fit when it fails again, and believes it after a while."""
@@ -393,13 +354,13 @@ class Monitor:
         self.findings.doubt()
         self.estimator = lost.sound.copy()
         self._mode = lost
-        self._begin(self._readings.last, self._gripped)
+        self._begin(self._readings.last, self._track.gripped)
 
     def _start_over(self) -> None:
         """Knows nothing but the model again."""
         self.estimator = Estimator(self._belief, self.settings.tuning)
-        self._moments.clear()
-        self._begin(self._readings.last, self._gripped)
+        self._track.moments.clear()
+        self._begin(self._readings.last, self._track.gripped)
 
     def _decide(self, diagnosis: Diagnosis, pending: Finding | None) -> None:
         """Updates the finding under diagnosis, and adopts the winner once it is settled."""
@@ -427,20 +388,12 @@ class Monitor:
         self.estimator = candidate.estimator
         if candidate.fault.kind == PUSH:
             self.estimator = before.copy()
-            self._begin(self._readings.last, self._gripped)
+            self._begin(self._readings.last, self._track.gripped)
         self._turns.enter(Turn(self.sample, pending.detected, before, dict(self.findings.current)))
-        self._apply(self.findings.settle(self.time, candidate, pending))
+        self.findings.settle(self.time, candidate, pending).apply(self.estimator, self.trend)
         first = self._turns.astray(self.sample)
         if first is not None:
             self.findings.give_up(self.time, first.detected, pending, first.findings)
             self._try_again(Lost(first.estimator))
         elif candidate.fault.kind == UNKNOWN:
             self._try_again(Lost(before))
-
-    def _judge(self) -> NDArray[np.bool_]:
-        """Which readings of the sample that has arrived are measurements."""
-        trusted = isinstance(self._mode, Watching | Settling) and not self._readings.unheard
-        used = self._readings.judge(*self.estimator.expected(), trusted)
-        known = self._listening is None and self._probation.passed and not self._misfit
-        self.findings.read(self.time, self._readings, known)
-        return used

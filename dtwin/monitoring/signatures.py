@@ -249,3 +249,9 @@ class SignatureBank:
         return {
             fault: bool(sizes[fault] ** 2 * information[k] > limit + allowance[k]) for k, fault in enumerate(JUMPS)
         }
+
+    def hidden(self, sizes: dict[str, float], limit: float) -> tuple[str, ...]:
+        """Where faults of the given sizes would not be beyond the limit by now, see `visible`."""
+        visible = self.visible(sizes, limit)
+        jumps = [parse_fault_id(name) for name, seen in visible.items() if not seen]
+        return tuple(dict.fromkeys(fault.where for fault in jumps if not visible[fault.states[-1]]))

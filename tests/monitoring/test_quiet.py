@@ -10,7 +10,7 @@ from dtwin.experiments.monitoring.twin_cell import TwinCell
 from dtwin.monitoring.estimation.belief import Unmodelled, assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream, stream
-from dtwin.monitoring.quiet import quiet_rows
+from dtwin.monitoring.tracking.quiet import quiet_rows
 from dtwin.run.options import ControlOptions
 
 STRANGE = 3000

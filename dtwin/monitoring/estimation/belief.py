@@ -132,6 +132,13 @@ class Belief:
         if not min(self.clip) > 0:
             raise ParameterError(f"clip: expected numbers above 0, got {self.clip}")
 
+    @property
+    def dry_friction(self) -> Array:
+        """Dry friction in doubt near standstill, (3,), N m; 0 of an arm that is not known with its effects."""
+        if self.effects == NO_EFFECTS:
+            return np.zeros(3)
+        return self.error.stick * (np.array(self.arm.coulomb) + np.array(self.effects.stiction))
+
 
 def assumed(arm: ArmParameters, noise: Triple) -> Belief:
     """A belief in parameters whose covariance is not known."""

@@ -16,31 +16,30 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation import kernels
+from dtwin.monitoring.estimation.arrays import Change, Evidence, FilterArrays, Past
 from dtwin.monitoring.estimation.belief import NOISE_FLOOR, Belief
+from dtwin.monitoring.estimation.bounds import bounds, widened
 from dtwin.monitoring.estimation.layout import (
     ARM,
     ARM_NAMES,
     BIAS,
     DRIFT,
     INDEX,
-    LATE,
     MOVING,
     PAYLOAD,
     SIZE,
-    SUPPLY,
     TORQUE,
     W,
 )
-from dtwin.monitoring.estimation.motion import LATEST, MachineMotion, MotionArrays, motion_of
-from dtwin.parameters import PERIOD, ArmParameters, symbol_of
+from dtwin.monitoring.estimation.motion import MachineMotion, MotionArrays, motion_of
+from dtwin.parameters import PERIOD
 from dtwin.task import BoxStream
-from dtwin.twin.effects import NO_EFFECTS
 
 Array = NDArray[np.float64]
 
@@ -53,9 +52,6 @@ HANDLING: Final = 10
 """samples in which the jaws push the arm and the weight of a box comes or goes, after the gripper has changed"""
 _JOLT: Final = 0.5
 """standard deviation of the joints' speeds after one of them was locked, relative to the speed it had"""
-_MARGIN: Final = {"D": 0.2, "mu": 0.02}
-"""N m s/rad, N m: how far the estimates of friction may err beyond what friction can be while they are poor; cut off
-at once, they would keep the error that the cut makes"""
 _FOREIGN: Final = 0.1
 """N m, standard deviation of a torque on a joint that no fault explains"""
 
@@ -83,78 +79,6 @@ class Tuning:
 def tuning_for(boxes: BoxStream) -> Tuning:
     """The tuning for an arm that handles boxes of given masses."""
     return Tuning(box_mass=boxes.middle, box_deviation=round(boxes.spread / 5, 12))
-
-
-class Change(NamedTuple):
-    """A state's value before and now, and the standard deviation of their difference."""
-
-    before: float
-    value: float
-    deviation: float
-
-
-class Evidence(NamedTuple):
-    """What `traces.take` needs to know of a sample: see there."""
-
-    x: Array
-    lowest: Array
-    friction: Array
-    F: Array
-    gains: Array
-    score: Array
-    information: Array
-    memory: float
-
-
-class FilterArrays(NamedTuple):
-    """What the kernels of a sample work with; see `Estimator` and `kernels`."""
-
-    x: Array
-    P: Array
-    F: Array
-    gains: Array
-    innovation: Array
-    variance: Array
-    score: Array
-    information: Array
-    noise: Array
-    clip: Array
-    walk: Array
-    torque: Array
-    friction: Array
-    compliance: Array
-    swing: Array
-    command: Array
-    handling: NDArray[np.int64]
-    least: Array
-    most: Array
-    lower: Array
-    upper: Array
-    sine: Array
-    cosine: Array
-    memory: float
-    grip: float
-    displacement: float
-
-
-class Past(NamedTuple):
-    """Estimators as they were at some samples, one a row.
-
-    Attributes:
-        known: (n,), which rows are filled in.
-        x, P, swing, command, handling: of the estimator.
-        commands, acting, mean: of its motion.
-    """
-
-    known: NDArray[np.bool_]
-    x: Array
-    P: Array
-    swing: Array
-    command: Array
-    handling: NDArray[np.int64]
-    commands: Array
-    acting: Array
-    mean: Array
 
 
 class Estimator:
@@ -193,17 +117,13 @@ class Estimator:
         self.memory = math.exp(-PERIOD / error.memory)
         self._walk[TORQUE:MOVING] = np.square(error.slow) * (1.0 - self.memory**2)
         self._torque = np.square(error.white)
-        self._friction = _dry_friction(belief)
+        self._friction = belief.dry_friction
         self._swing = np.zeros(3)
         self._compliance = np.array(error.compliance)
         self._grip, self._displacement = error.grip, error.displacement
         self._locked = 0
-        self._least, self._most = _bounds(arm)
-        self._lower, self._upper = self._least.copy(), self._most.copy()
-        for name, margin in _MARGIN.items():
-            for joint in (1, 2, 3):
-                self._lower[INDEX[f"{name}{joint}"]] -= margin
-                self._upper[INDEX[f"{name}{joint}"]] += margin
+        self._least, self._most = bounds(arm)
+        self._lower, self._upper = widened(self._least, self._most)
         self.box_mass, self.payload_variance = tuning.box_mass, tuning.box_deviation**2
         self.x, self.P = np.zeros(SIZE), np.zeros((SIZE, SIZE))
         self.x[ARM:PAYLOAD] = [arm.get(name) for name in ARM_NAMES]
@@ -473,28 +393,3 @@ class Estimator:
         self._make_certain(PAYLOAD, self.box_mass if gripped else 0.0)
         self.P[PAYLOAD, PAYLOAD] = self.payload_variance if gripped else 0.0
         self._handling[0] = HANDLING
-
-
-def _dry_friction(belief: Belief) -> Array:
-    """Dry friction in doubt near standstill, (3,), N m; 0 of an arm that is not known with its effects."""
-    if belief.effects == NO_EFFECTS:
-        return np.zeros(3)
-    return belief.error.stick * (np.array(belief.arm.coulomb) + np.array(belief.effects.stiction))
-
-
-def _bounds(arm: ArmParameters) -> tuple[Array, Array]:
-    """(33,) each: what the states cannot be below and above.
-
-    More friction than this would make RK4 at 2.5 ms unstable; a joint that turns so heavily is as good as locked.
-    """
-    lower, upper = np.full(SIZE, -np.inf), np.full(SIZE, np.inf)
-    for name in ARM_NAMES:
-        value, index = arm.get(name), INDEX[name]
-        least, most = {"K": (0.0, 3.0 * value), "D": (0.0, 0.23), "mu": (0.0, 0.015)}.get(
-            symbol_of(name), (0.5 * value, 2.0 * value)
-        )
-        lower[index], upper[index] = min(least, value), max(most, value)
-    lower[PAYLOAD], upper[PAYLOAD] = 0.0, 1.0
-    lower[LATE], upper[LATE] = 0.0, LATEST
-    lower[SUPPLY], upper[SUPPLY] = -1.0, 1.0
-    return lower, upper

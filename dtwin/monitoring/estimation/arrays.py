@@ -1,0 +1,82 @@
+"""The numbers that the kernels of the estimator work with, by name."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Evidence(NamedTuple):
+    """What `traces.take` needs to know of a sample: see there."""
+
+    x: Array
+    lowest: Array
+    friction: Array
+    F: Array
+    gains: Array
+    score: Array
+    information: Array
+    memory: float
+
+
+class FilterArrays(NamedTuple):
+    """What the kernels of a sample work with; see `Estimator` and `kernels`."""
+
+    x: Array
+    P: Array
+    F: Array
+    gains: Array
+    innovation: Array
+    variance: Array
+    score: Array
+    information: Array
+    noise: Array
+    clip: Array
+    walk: Array
+    torque: Array
+    friction: Array
+    compliance: Array
+    swing: Array
+    command: Array
+    handling: NDArray[np.int64]
+    least: Array
+    most: Array
+    lower: Array
+    upper: Array
+    sine: Array
+    cosine: Array
+    memory: float
+    grip: float
+    displacement: float
+
+
+class Past(NamedTuple):
+    """Estimators as they were at some samples, one a row.
+
+    Attributes:
+        known: (n,), which rows are filled in.
+        x, P, swing, command, handling: of the estimator.
+        commands, acting, mean: of its motion.
+    """
+
+    known: NDArray[np.bool_]
+    x: Array
+    P: Array
+    swing: Array
+    command: Array
+    handling: NDArray[np.int64]
+    commands: Array
+    acting: Array
+    mean: Array
+
+
+class Change(NamedTuple):
+    """A state's value before and now, and the standard deviation of their difference."""
+
+    before: float
+    value: float
+    deviation: float

@@ -1,0 +1,114 @@
+"""The samples of one arm as they come: readings are judged, the estimate is carried on, and evidence gathers."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.monitoring.candidate import Moment
+from dtwin.monitoring.diagnosis import MOST
+from dtwin.monitoring.estimation.estimator import Estimator
+from dtwin.monitoring.estimation.traces import LONGEST
+from dtwin.monitoring.sensing.readings import Readings
+from dtwin.monitoring.signatures import SignatureBank
+from dtwin.monitoring.tracking.quiet import LEAST_LIKELY, UNSETTLED, WINDOW, Stretch, follow, quiet_rows
+from dtwin.monitoring.tracking.recall import Recall
+
+Array = NDArray[np.float64]
+SETTLING: Final = 50
+"""samples after a start before anything is suspected"""
+BRIDGED: Final = 10
+"""samples that may be missing in a row, with the gripper unchanged, before the motion is estimated anew"""
+_NONE: Final = np.zeros(3, dtype=bool)
+
+
+class Tracking:
+    """Follows the samples of an arm.
+
+    Args:
+        readings: judges what the encoders say.
+        bank: gathers the evidence of sudden changes.
+
+    Attributes:
+        moments: the last samples.
+        sample: number of the last one, -1 before the first.
+        command: (4,), command that answered it, V; that of the gripper last.
+        gripped: whether that command holds a box.
+        used: (3,), which of its readings were taken in.
+        counts: whether it is evidence.
+    """
+
+    def __init__(self, readings: Readings, bank: SignatureBank) -> None:
+        self.readings, self.bank, self._recall = readings, bank, Recall()
+        self.moments: deque[Moment] = deque(maxlen=LONGEST + MOST + 2)
+        self.sample, self.command, self.gripped, self.used = -1, np.zeros(4), False, _NONE
+        self._doubted = 0
+
+    def take(
+        self, estimator: Estimator, angles: Array, arrived: bool, command: Array, doubt: float, trusted: bool
+    ) -> Moment:
+        """Takes in the next sample.
+
+        Args:
+            estimator: the arm as believed, carried over the sample here and corrected by it.
+            angles: (3,), angles that it measures, rad.
+            arrived: whether it did arrive.
+            command: (3,), command that led to it, V.
+            doubt: standard deviation of the torques that the command leaves in doubt, N m.
+            trusted: whether the prediction is believed more than a single reading.
+        """
+        estimator.predict(command, self.gripped, doubt)
+        self.used = self.readings.judge(*estimator.expected(), trusted) if arrived else _NONE
+        if arrived:
+            self._recall.take(self.sample, self.readings, estimator, self.bank, self.moments)
+        likelihood = estimator.correct(angles, self.used)
+        return Moment(command, self.gripped, doubt, angles, self.used, False, likelihood)
+
+    def count(self, moment: Moment) -> Moment:
+        """Notes the last sample, which is no evidence for a while after a doubtful command."""
+        self._doubted = UNSETTLED if moment.doubt else max(self._doubted - 1, 0)
+        likelihood = moment.likelihood if moment.likelihood > LEAST_LIKELY else LEAST_LIKELY
+        self.moments.append(moment._replace(counts=not self._doubted, likelihood=likelihood))
+        return self.moments[-1]
+
+    def settled(self, estimator: Estimator) -> bool:
+        """Whether the next samples can be taken in many at once."""
+        return self.gripped == estimator.gripped and self.readings.settled and estimator.plain
+
+    def follow(
+        self,
+        estimator: Estimator,
+        threshold: float,
+        sample: NDArray[np.int64],
+        measured: Array,
+        volts: Array,
+        gripped: NDArray[np.bool_],
+    ) -> Stretch:
+        """Takes in as many of some samples as come in a row, up to the first at which there is more to do.
+
+        The last one is noted only if it is concluded.
+
+        Args:
+            estimator: the arm as believed.
+            threshold: value of the largest statistic above which there is more to do.
+            sample, measured, volts, gripped: (N,), (N, 3), (N, 4), (N,): number, readings (rad) and the command that
+                answered each.
+        """
+        rows = min(WINDOW, len(sample))
+        told = np.hstack((measured[:rows], volts[:rows]))
+        rows = quiet_rows(self.sample, self.gripped, sample[:rows], told, gripped[:rows])
+        if not rows:
+            return Stretch([], self._doubted, True)
+        commands = np.vstack((self.command, volts[: rows - 1]))
+        how = (threshold, self.sample + 1, measured[:rows], commands, self._doubted)
+        stretch = follow(estimator, self.readings, self.bank, *how)
+        done, last = len(stretch.moments), stretch.moments[-1]
+        self.sample += done
+        self.command, self.gripped, self.used = volts[done - 1], bool(gripped[done - 1]), last.used
+        self._doubted = stretch.doubted
+        self._recall.take(self.sample, self.readings, estimator, self.bank, self.moments)
+        self.moments.extend(stretch.moments if stretch.concluded else stretch.moments[:-1])
+        return stretch
