@@ -28,11 +28,12 @@ from dtwin.monitoring.estimation.layout import (
     W,
 )
 from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters
-from dtwin.twin import dynamics, lanes, machine, sensitivity
+from dtwin.twin import dynamics, elementary, lanes, machine, machine_side_by_side, sensitivity
 from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import coefficients
 from dtwin.twin.effects import NO_EFFECTS, Effects
-from dtwin.twin.machine import MACHINE_NAMES, WIDTH, linearise_machine, vector_of
+from dtwin.twin.machine import MACHINE_NAMES, WIDTH, vector_of
+from dtwin.twin.machine_side_by_side import linearise_machine
 from dtwin.twin.sensitivity import integrate_linearised
 
 Array = NDArray[np.float64]
@@ -147,11 +148,9 @@ class MachineMotion:
             self._commands[:] = volts
         self._commands[:-1] = self._commands[1:]
         self._commands[-1] = volts
-        columns, steps = (_COLUMNS, _STEPS) if gripped else (_COLUMNS[:-1], _STEPS[:-1])
-        end, F, slopes = np.empty(6), np.empty((6, MOVING)), np.empty((6, len(columns)))
-        _carry_machine(
-            x, self._vector, self._commands, columns, steps, locked, self._acting, self._mean, end, slopes, F
-        )
+        steps = _STEPS if gripped else _STEPS[:-1]
+        end, F, slopes = np.empty(6), np.empty((6, MOVING)), np.empty((6, len(steps)))
+        _carry_machine(x, self._vector, self._commands, steps, locked, self._acting, self._mean, end, slopes, F)
         if locked:
             _hold(x, end, F, locked - 1)
         return end, F
@@ -243,12 +242,11 @@ def _eccentricity(angles: Array, sine: Array, cosine: Array, found: Array) -> No
         found[i] = sine[i] * math.sin(angles[i]) + cosine[i] * math.cos(angles[i])
 
 
-@kernel(uses=(dynamics, lanes, machine))
+@kernel(uses=(dynamics, elementary, lanes, machine, machine_side_by_side))
 def _carry_machine(
     x: Array,
     vector: Array,
     commands: Array,
-    columns: NDArray[np.int64],
     steps: Array,
     locked: int,
     acting: Array,
@@ -263,11 +261,11 @@ def _carry_machine(
         x: (33,), states before.
         vector: (78,), the machine, whose estimated numbers are taken from x.
         commands: (n, 3), commands up to this sample, V.
-        columns, steps: as for `linearise_machine`.
+        steps: (m,), as for `linearise_machine`.
         locked: joint that is held where it is, 1 to 3, or 0.
         acting: (3,), voltages that act, V; replaced.
         mean: (3,), mean voltages of the sample before, V; replaced.
-        slopes: (6, m), room for the derivatives by the columns.
+        slopes: (6, m), room for what `linearise_machine` gives.
     """
     p, before = vector.copy(), acting.copy()
     for k in range(len(_OF_ARM)):
@@ -279,14 +277,14 @@ def _carry_machine(
         p[_OF_TORQUE[i]] += x[TORQUE + i]
     for turn in range(_TURNS if locked else 1):
         end[:], acting[:] = x[:6], before
-        linearise_machine(p, commands, x[PAYLOAD], columns, steps, acting, end, slopes)
+        linearise_machine(p, commands, x[PAYLOAD], steps, acting, end, slopes)
         if locked and turn < _TURNS - 1:
             slope = slopes[W + locked - 1, 6 + locked - 1]
             if slope != 0.0:
                 p[_OF_TORQUE[locked - 1]] -= end[W + locked - 1] / slope
     F[:] = 0.0
     F[:, :6], F[:, TORQUE:MOVING] = slopes[:, :6], slopes[:, 6:9]
-    if len(columns) > 9:
+    if len(steps) > 9:
         F[:, PAYLOAD] = slopes[:, 9]
     later = np.zeros(3)
     for i in range(3):
@@ -345,7 +343,5 @@ _OF_K: Final = np.array([MACHINE_NAMES.index(f"K{joint}") for joint in (1, 2, 3)
 _OF_DELAY: Final = MACHINE_NAMES.index("delay")
 _OF_ARM: Final = np.array([MACHINE_NAMES.index(name) for name in ARM_NAMES])
 _OF_TORQUE: Final = np.array([MACHINE_NAMES.index(f"torque{joint}") for joint in (1, 2, 3)])
-_COLUMNS: Final = np.array([*range(6), *(6 + _OF_TORQUE), -1])
-"""What `linearise_machine` differentiates by: the state, torques on the joints, and the mass held."""
 _STEPS: Final = np.array([1e-6] * 6 + [1e-5] * 4)
-"""Steps of these difference quotients, SI units."""
+"""Steps of the difference quotients by the state, by torques on the joints, and by the mass held, SI units."""
