@@ -249,7 +249,7 @@ def _derivative(x: Sextuple, torque: Triple, arm: Coefficients, width: float, ru
 
 
 @kernel(inlined=True)
-def _along(x: Sextuple, step: float, slope: Sextuple) -> Sextuple:
+def along(x: Sextuple, step: float, slope: Sextuple) -> Sextuple:
     return (
         x[0] + step * slope[0],
         x[1] + step * slope[1],
@@ -264,10 +264,10 @@ def _along(x: Sextuple, step: float, slope: Sextuple) -> Sextuple:
 def runge_kutta(x: Sextuple, torque: Triple, arm: Coefficients, width: float, step: float, rubs: bool) -> Sextuple:
     """One step of the classical Runge-Kutta method with the torque held; `rubs` says whether there may be a mu."""
     k1 = _derivative(x, torque, arm, width, rubs)
-    k2 = _derivative(_along(x, 0.5 * step, k1), torque, arm, width, rubs)
-    k3 = _derivative(_along(x, 0.5 * step, k2), torque, arm, width, rubs)
-    k4 = _derivative(_along(x, step, k3), torque, arm, width, rubs)
-    return _along(_along(_along(_along(x, step / 6.0, k1), step / 3.0, k2), step / 3.0, k3), step / 6.0, k4)
+    k2 = _derivative(along(x, 0.5 * step, k1), torque, arm, width, rubs)
+    k3 = _derivative(along(x, 0.5 * step, k2), torque, arm, width, rubs)
+    k4 = _derivative(along(x, step, k3), torque, arm, width, rubs)
+    return along(along(along(along(x, step / 6.0, k1), step / 3.0, k2), step / 3.0, k3), step / 6.0, k4)
 
 
 @kernel

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.core.typing import signature
 from numba.core.typing.templates import AbstractTemplate, infer_global
 from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
@@ -28,9 +29,6 @@ class _Lanes(types.Type):
     def __init__(self, width: int) -> None:
         self.width = width
         super().__init__(name=f"Lanes{width}")
-
-
-LANES: Final = _Lanes(WIDTH)
 
 
 @register_model(_Lanes)
@@ -116,6 +114,18 @@ def _instruction(name: str) -> Callable[..., Any]:
     return lambda context, builder, signature, arguments: getattr(builder, name)(*arguments)
 
 
+def _function(name: str) -> Callable[..., Any]:
+    """A function of LLVM that has vectors of any width."""
+
+    def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
+        vector = arguments[0].type
+        declared = ir.FunctionType(vector, [vector] * len(arguments))
+        function = cgutils.get_or_insert_function(builder.module, declared, f"{name}.v{vector.count}f64")
+        return builder.call(function, arguments)
+
+    return generate
+
+
 def _tanh(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
     """Lane by lane, by the function that one number has."""
     one = signature(types.float64, types.float64)
@@ -124,44 +134,96 @@ def _tanh(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
     return _gathered(builder, [tanh(builder, [value]) for value in given])
 
 
-for _function, _name in (
+for _operator, _name in (
     (operator.add, "fadd"),
+    (operator.iadd, "fadd"),
     (operator.sub, "fsub"),
     (operator.isub, "fsub"),
     (operator.mul, "fmul"),
     (operator.truediv, "fdiv"),
 ):
-    _define(_function, 2, _instruction(_name))
+    _define(_operator, 2, _instruction(_name))
 _define(operator.neg, 1, _instruction("fneg"))
+_define(abs, 1, _function("llvm.fabs"))
+_define(math.copysign, 2, _function("llvm.copysign"))
 _define(math.tanh, 1, _tanh)
 
 
-def _row(context: Any, builder: Any, kind: Any, array: Any, row: Any) -> Any:
-    """The address of a row of an array of shape (n, WIDTH)."""
-    data = context.make_array(kind)(context, builder, array).data
-    first = builder.mul(row, ir.IntType(64)(WIDTH))
-    return builder.bitcast(builder.gep(data, [first]), _vector(WIDTH).as_pointer())
+def memory(width: int) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Functions for kernels that read and write Lanes: `load` and `store` for arrays, (n, width)."""
+    kind = _Lanes(width)
+
+    def place(context: Any, builder: Any, kind: Any, array: Any, row: Any) -> Any:
+        data = context.make_array(kind)(context, builder, array).data
+        first = builder.mul(row, ir.IntType(64)(width))
+        return builder.bitcast(builder.gep(data, [first]), _vector(width).as_pointer())
+
+    @intrinsic
+    def load(typing: Any, array: Any, row: Any) -> Any:
+        """A row of a contiguous array, (n, width), as Lanes."""
+
+        def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
+            return builder.load(place(context, builder, kind.args[0], *arguments), align=8)
+
+        return kind(array, types.int64), generate
+
+    @intrinsic
+    def store(typing: Any, array: Any, row: Any, lanes: Any) -> Any:
+        """Writes Lanes to a row of a contiguous array, (n, width)."""
+
+        def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
+            builder.store(arguments[2], place(context, builder, kind.args[0], *arguments[:2]), align=8)
+            return context.get_dummy_value()
+
+        return types.void(array, types.int64, kind), generate
+
+    return load, store
+
+
+load, store = memory(WIDTH)
 
 
 @intrinsic
-def load(typing: Any, array: Any, row: Any) -> Any:
-    """A row of a contiguous array, (n, WIDTH), as Lanes."""
+def choose(typing: Any, left: Any, right: Any, yes: Any, no: Any) -> Any:
+    """`yes` where left <= right, `no` elsewhere: of floats, or lane by lane."""
 
     def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
-        return builder.load(_row(context, builder, kind.args[0], *arguments), align=8)
+        left, right, yes, no = arguments
+        return builder.select(builder.fcmp_ordered("<=", left, right), yes, no)
 
-    return LANES(array, types.int64), generate
+    lanes = [each for each in (left, right, yes, no) if isinstance(each, _Lanes)]
+    kind = lanes[0] if lanes else types.float64
+    return kind(kind, kind, kind, kind), generate
 
 
 @intrinsic
-def store(typing: Any, array: Any, row: Any, lanes: Any) -> Any:
-    """Writes Lanes to a row of a contiguous array, (n, WIDTH)."""
+def all_at_most(typing: Any, value: Any, limit: Any) -> Any:
+    """Whether a float, or each of some Lanes, is at most a limit."""
 
     def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
-        builder.store(arguments[2], _row(context, builder, kind.args[0], *arguments[:2]), align=8)
-        return context.get_dummy_value()
+        small = builder.fcmp_ordered("<=", *arguments)
+        if isinstance(small.type, ir.VectorType):
+            bits = ir.IntType(small.type.count)
+            return builder.icmp_unsigned("==", builder.bitcast(small, bits), bits((1 << bits.width) - 1))
+        return small
 
-    return types.void(array, types.int64, LANES), generate
+    return types.boolean(value, value), generate
+
+
+@intrinsic
+def doubled(typing: Any, value: Any, times: Any) -> Any:
+    """A number times two to the power of a whole one, which `times` holds as `turned` is told its quarters: of Lanes.
+
+    Exact as long as no exponent leaves its range; 0 is none that may be given.
+    """
+
+    def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
+        whole = ir.VectorType(ir.IntType(64), kind.return_type.width)
+        number, exponent = (builder.bitcast(each, whole) for each in arguments)
+        shifted = builder.shl(exponent, ir.Constant(whole, [52] * whole.count))
+        return builder.bitcast(builder.add(number, shifted), arguments[0].type)
+
+    return times(times, times), generate
 
 
 @intrinsic

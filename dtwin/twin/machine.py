@@ -23,18 +23,19 @@ in the modules that they say they use.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dtwin.errors import DivergenceError
 from dtwin.parameters import GRAVITY, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters, Triple
-from dtwin.twin import dynamics, lanes
+from dtwin.twin import dynamics, elementary, lanes
 from dtwin.twin.compiled import kernel
-from dtwin.twin.dynamics import Directions, directions, sine_cosine
+from dtwin.twin.dynamics import Directions, Sextuple, along, directions, sine_cosine
 from dtwin.twin.effects import EFFECT_NAMES, Effects
-from dtwin.twin.lanes import abreast, apart
+from dtwin.twin.elementary import exp, ratio, tanh
+from dtwin.twin.lanes import abreast, all_at_most, apart, choose
 
 Array = NDArray[np.float64]
 
@@ -116,7 +117,7 @@ def machine_rollout(vector: Array, state0: ArrayLike, volts: Array, payload: Arr
 
 
 @kernel
-def _constants(p: Array, payload: float, c: Array) -> None:
+def constants(p: Array, payload: float, c: Array) -> None:
     """Writes J1..J3, A, B, E, the moments of weight along (3) and across (3) the links, and the rotors' inertias."""
     m1, m2, m3, l1, l2, l3 = p[3], p[4], p[5], p[9], p[10], p[11]
     z1 = m1 * p[12] + (m2 + m3 + payload) * l1
@@ -136,7 +137,12 @@ def _constants(p: Array, payload: float, c: Array) -> None:
 
 
 @kernel(inlined=True)
-def _inverse(d: Directions, c: Array) -> tuple[float, float, float, float, float, float]:
+def _constant_torque(p: Array) -> Triple:
+    return p[_TORQUE], p[_TORQUE + 1], p[_TORQUE + 2]
+
+
+@kernel(inlined=True)
+def _inverse(d: Directions, c: Array) -> Sextuple:
     """The entries 11, 21, 31, 22, 32, 33 of the inverse of M(q) + diag(J), 1/(kg m^2)."""
     A, B, E = c[3] * d.c2, c[4] * d.c23, c[5] * d.c3
     M32 = c[2] + E
@@ -155,7 +161,7 @@ def _extra(p: Array, i: int, sine: float, cosine: float, w: float, v: float) -> 
     return (
         p[_EXTRA + i] * sine
         + p[_EXTRA + 3 + i] * cosine
-        + p[_EXTRA + 6 + i] * math.tanh(w / _DIRECTION_WIDTH)
+        + p[_EXTRA + 6 + i] * tanh(w / _DIRECTION_WIDTH)
         + p[_EXTRA + 9 + i] * w * abs(w)
         + p[_EXTRA + 12 + i] * v * abs(v)
     )
@@ -174,9 +180,9 @@ def _ripple(p: Array, q1: float, q2: float, q3: float) -> Triple:
 
 
 @kernel(inlined=True)
-def _accelerate(x: Array, v: Triple, p: Array, c: Array, ripple: bool, extra: bool, slope: Array) -> None:
-    """Writes the derivative (6,) of a state (6,) under the voltages that act, without dry friction."""
-    q1, q2, q3, w1, w2, w3 = x[0], x[1], x[2], x[3], x[4], x[5]
+def _derivative(x: Sextuple, v: Triple, torque: Triple, p: Array, c: Array, ripple: bool, extra: bool) -> Sextuple:
+    """The derivative of a state under the voltages that act and constant torques, without dry friction."""
+    q1, q2, q3, w1, w2, w3 = x
     d = directions(q1, q2, q3)
     A, B, E = c[3] * d.s2, c[4] * d.s23, c[5] * d.s3
     a, b = A + B, B + E
@@ -187,9 +193,9 @@ def _accelerate(x: Array, v: Triple, p: Array, c: Array, ripple: bool, extra: bo
     g3 = c[8] * d.c123 - c[11] * d.s123
     g2 = g3 + c[7] * d.c12 - c[10] * d.s12
     g1 = g2 + c[6] * d.c1 - c[9] * d.s1
-    r1 = p[0] * v[0] - h1 - g1 - p[15] * w1 - p[_CABLE] * q1 + p[_TORQUE]
-    r2 = p[1] * v[1] - h2 - g2 - p[16] * w2 - p[_CABLE + 1] * q2 + p[_TORQUE + 1]
-    r3 = p[2] * v[2] - h3 - g3 - p[17] * w3 - p[_CABLE + 2] * q3 + p[_TORQUE + 2]
+    r1 = p[0] * v[0] - h1 - g1 - p[15] * w1 - p[_CABLE] * q1 + torque[0]
+    r2 = p[1] * v[1] - h2 - g2 - p[16] * w2 - p[_CABLE + 1] * q2 + torque[1]
+    r3 = p[2] * v[2] - h3 - g3 - p[17] * w3 - p[_CABLE + 2] * q3 + torque[2]
     if ripple:
         e1, e2, e3 = _ripple(p, q1, q2, q3)
         r1, r2, r3 = r1 + e1, r2 + e2, r3 + e3
@@ -198,15 +204,14 @@ def _accelerate(x: Array, v: Triple, p: Array, c: Array, ripple: bool, extra: bo
         r2 += _extra(p, 1, d.s2, d.c2, w2, v[1])
         r3 += _extra(p, 2, d.s3, d.c3, w3, v[2])
     n11, n21, n31, n22, n32, n33 = _inverse(d, c)
-    slope[0], slope[1], slope[2] = w1, w2, w3
-    slope[3] = n11 * r1 + n21 * r2 + n31 * r3
-    slope[4] = n21 * r1 + n22 * r2 + n32 * r3
-    slope[5] = n31 * r1 + n32 * r2 + n33 * r3
+    a1, a2, a3 = n11 * r1 + n21 * r2 + n31 * r3, n21 * r1 + n22 * r2 + n32 * r3, n31 * r1 + n32 * r2 + n33 * r3
+    return w1, w2, w3, a1, a2, a3
 
 
-@kernel(uses=(dynamics, lanes))
-def _acceleration(x: Array, v: Triple, p: Array, c: Array, slope: Array) -> None:
-    _accelerate(x, v, p, c, True, True, slope)
+@kernel(uses=(dynamics, elementary, lanes))
+def _acceleration(x: Array, v: Array, p: Array, c: Array) -> Triple:
+    state = (x[0], x[1], x[2], x[3], x[4], x[5])
+    return _derivative(state, (v[0], v[1], v[2]), _constant_torque(p), p, c, True, True)[3:]
 
 
 def machine_acceleration(vector: Array, state: Array, volts: Array, payload: float) -> Array:
@@ -218,38 +223,35 @@ def machine_acceleration(vector: Array, state: Array, volts: Array, payload: flo
         volts: (3,), voltages that act on the motors, V.
         payload: point mass at the tip, kg.
     """
-    constants, slope = np.empty(15), np.empty(6)
-    _constants(vector, payload, constants)
-    first, second, third = volts.tolist()
-    _acceleration(state, (first, second, third), vector, constants, slope)
-    return slope[3:]
+    c = np.empty(15)
+    constants(vector, payload, c)
+    return np.array(_acceleration(state, volts, vector, c))
 
 
 @kernel(inlined=True)
-def _saturated(x: float) -> float:
-    """tanh(x), which is 1 to the last bit from 22 on."""
-    return math.copysign(1.0, x) if abs(x) >= 22.0 else math.tanh(x)
+def _dry(w: float, i: int, h: float, p: Array, width: float) -> tuple[float, float]:
+    """Dry friction F of a joint times a time, and its slope while the level of the friction stays."""
+    slow, t = ratio(w, p[_STRIBECK + i]), tanh(ratio(w, width))
+    level = h * (p[18 + i] + p[_STICTION + i] * exp(-(slow * slow)))
+    return level * t, ratio(level * (1.0 - t * t), width)
 
 
-@kernel
-def _rub(x: Array, h: float, p: Array, c: Array, width: float) -> None:
-    """Lets dry friction act on the velocities of a state for h seconds, by Newton's method.
+@kernel(uses=(dynamics, elementary, lanes))
+def _rubbed(x: Sextuple, h: float, p: Array, c: Array, width: float) -> Sextuple:
+    """A state on whose velocities dry friction has acted for h seconds, by Newton's method.
 
-    A joint that a step of the search would turn around stops first: friction is steepest at rest.
+    A joint that a step of the search would turn around stops first: friction is steepest at rest. Of motions side by
+    side each stays as its own search leaves it, while others go on.
     """
-    n11, n21, n31, n22, n32, n33 = _inverse(directions(x[0], x[1], x[2]), c)
-    w = (x[3], x[4], x[5])
-    a1, a2, a3 = w
+    q1, q2, q3, w1, w2, w3 = x
+    n11, n21, n31, n22, n32, n33 = _inverse(directions(q1, q2, q3), c)
+    a1, a2, a3 = w1, w2, w3
+    change = abs(w1) + math.inf
     for _ in range(_TURNS):
-        t1, t2, t3 = _saturated(a1 / width), _saturated(a2 / width), _saturated(a3 / width)
-        F1 = p[18] + p[_STICTION] * math.exp(-((a1 / p[_STRIBECK]) ** 2))
-        F2 = p[19] + p[_STICTION + 1] * math.exp(-((a2 / p[_STRIBECK + 1]) ** 2))
-        F3 = p[20] + p[_STICTION + 2] * math.exp(-((a3 / p[_STRIBECK + 2]) ** 2))
-        s1, s2, s3 = h * F1 * (1 - t1 * t1) / width, h * F2 * (1 - t2 * t2) / width, h * F3 * (1 - t3 * t3) / width
-        f1, f2, f3 = h * F1 * t1, h * F2 * t2, h * F3 * t3
-        r1 = a1 - w[0] + n11 * f1 + n21 * f2 + n31 * f3
-        r2 = a2 - w[1] + n21 * f1 + n22 * f2 + n32 * f3
-        r3 = a3 - w[2] + n31 * f1 + n32 * f2 + n33 * f3
+        (f1, s1), (f2, s2), (f3, s3) = _dry(a1, 0, h, p, width), _dry(a2, 1, h, p, width), _dry(a3, 2, h, p, width)
+        r1 = a1 - w1 + n11 * f1 + n21 * f2 + n31 * f3
+        r2 = a2 - w2 + n21 * f1 + n22 * f2 + n32 * f3
+        r3 = a3 - w3 + n31 * f1 + n32 * f2 + n33 * f3
         j11, j12, j13 = 1.0 + n11 * s1, n21 * s2, n31 * s3
         j21, j22, j23 = n21 * s1, 1.0 + n22 * s2, n32 * s3
         j31, j32, j33 = n31 * s1, n32 * s2, 1.0 + n33 * s3
@@ -259,12 +261,13 @@ def _rub(x: Array, h: float, p: Array, c: Array, width: float) -> None:
         x2 = scale * (r1 * k2 + r2 * (j11 * j33 - j13 * j31) + r3 * (j13 * j21 - j11 * j23))
         x3 = scale * (r1 * k3 + r2 * (j12 * j31 - j11 * j32) + r3 * (j11 * j22 - j12 * j21))
         b1, b2, b3 = a1 - x1, a2 - x2, a3 - x3
-        a1 = b1 if a1 * b1 >= 0.0 else 0.0
-        a2 = b2 if a2 * b2 >= 0.0 else 0.0
-        a3 = b3 if a3 * b3 >= 0.0 else 0.0
-        if abs(x1) + abs(x2) + abs(x3) < _STOPPED:
+        a1 = choose(change, _STOPPED, a1, choose(0.0, a1 * b1, b1, 0.0))
+        a2 = choose(change, _STOPPED, a2, choose(0.0, a2 * b2, b2, 0.0))
+        a3 = choose(change, _STOPPED, a3, choose(0.0, a3 * b3, b3, 0.0))
+        change = choose(change, _STOPPED, change, abs(x1) + abs(x2) + abs(x3))
+        if all_at_most(change, _STOPPED):
             break
-    x[3], x[4], x[5] = a1, a2, a3
+    return q1, q2, q3, a1, a2, a3
 
 
 @kernel(inlined=True)
@@ -273,7 +276,86 @@ def _dead(u: float, zone: float) -> float:
     return math.copysign(max(abs(u) - zone, 0.0), u)
 
 
-@kernel(uses=(dynamics, lanes))
+class Regime(NamedTuple):
+    """What a machine has, and how its commands come late: by a number of whole samples, and by a time."""
+
+    dry: bool
+    ripple: bool
+    extra: bool
+    late: int
+    later: float
+
+
+@kernel(inlined=True)
+def regime(p: Array, period: float) -> Regime:
+    late = math.floor(p[_DELAY] / period)
+    return Regime(
+        p[18] + p[19] + p[20] + p[_STICTION] + p[_STICTION + 1] + p[_STICTION + 2] != 0.0,
+        bool(np.any(p[_RIPPLE_SIN:_PERIODS] != 0.0)),
+        bool(np.any(p[_EXTRA:] != 0.0)),
+        late,
+        p[_DELAY] - late * period,
+    )
+
+
+@kernel(inlined=True)
+def over_sample(
+    x: Sextuple,
+    v: Triple,
+    volts: Array,
+    k: int,
+    torque: Triple,
+    p: Array,
+    c: Array,
+    has: Regime,
+    period: float,
+    substep: float,
+    width: float,
+) -> tuple[Sextuple, Triple]:
+    """The state and the voltages that act after a sample, of one motion, or of motions in `Lanes` side by side.
+
+    Args:
+        x: state before.
+        v: voltages that act before, as for `integrate_machine`.
+        volts: (N, 3), commands, V.
+        k: number of the sample, a row of volts.
+        torque: constant torques on the joints, N m.
+        c: (15,), see `constants`.
+        has: see `regime`.
+        p, period, substep, width: as for `integrate_machine`.
+    """
+    v1, v2, v3 = v
+    for part in range(2):
+        span = period - has.later if part else has.later
+        if span <= 0.0:
+            continue
+        u = volts[max(k - has.late - 1 + part, 0)]
+        sag = 1.0 + p[_SAG] * (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]) / (VOLTAGE_LIMIT * VOLTAGE_LIMIT)
+        u1, u2, u3 = _dead(u[0], p[_DEAD]) / sag, _dead(u[1], p[_DEAD + 1]) / sag, _dead(u[2], p[_DEAD + 2]) / sag
+        if not math.isfinite(v1):
+            v1, v2, v3 = u1, u2, u3
+        steps = math.ceil(span / substep - 1e-9)
+        h = span / steps
+        e1 = math.exp(-0.5 * h / p[_LAG]) if p[_LAG] > 0.0 else 0.0
+        e2 = math.exp(-0.5 * h / p[_LAG + 1]) if p[_LAG + 1] > 0.0 else 0.0
+        e3 = math.exp(-0.5 * h / p[_LAG + 2]) if p[_LAG + 2] > 0.0 else 0.0
+        for step in range(steps):
+            if has.dry:
+                x = _rubbed(x, h if step else 0.5 * h, p, c, width)
+            start = (v1 if e1 else u1, v2 if e2 else u2, v3 if e3 else u3)
+            middle = (u1 + (v1 - u1) * e1, u2 + (v2 - u2) * e2, u3 + (v3 - u3) * e3)
+            v1, v2, v3 = u1 + (middle[0] - u1) * e1, u2 + (middle[1] - u2) * e2, u3 + (middle[2] - u3) * e3
+            k1 = _derivative(x, start, torque, p, c, has.ripple, has.extra)
+            k2 = _derivative(along(x, 0.5 * h, k1), middle, torque, p, c, has.ripple, has.extra)
+            k3 = _derivative(along(x, 0.5 * h, k2), middle, torque, p, c, has.ripple, has.extra)
+            k4 = _derivative(along(x, h, k3), (v1, v2, v3), torque, p, c, has.ripple, has.extra)
+            x = along(x, h / 6.0, along(along(k1, 2.0, along(k2, 1.0, k3)), 1.0, k4))
+        if has.dry:
+            x = _rubbed(x, 0.5 * h, p, c, width)
+    return x, (v1, v2, v3)
+
+
+@kernel(uses=(dynamics, elementary, lanes))
 def integrate_machine(
     p: Array,
     volts: Array,
@@ -302,90 +384,15 @@ def integrate_machine(
     Returns:
         N, or the number of the last finite row when the next one is not finite.
     """
-    dry = p[18] + p[19] + p[20] + p[_STICTION] + p[_STICTION + 1] + p[_STICTION + 2] != 0.0
-    ripple = bool(np.any(p[_RIPPLE_SIN:_PERIODS] != 0.0))
-    extra = bool(np.any(p[_EXTRA:] != 0.0))
-    late = math.floor(p[_DELAY] / period)
-    first_part = p[_DELAY] - late * period
-    c, x, y = np.empty(15), states[0].copy(), np.empty(6)
-    k1, k2, k3, k4 = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
-    v1, v2, v3 = acting[0], acting[1], acting[2]
+    has, torque, c, x = regime(p, period), _constant_torque(p), np.empty(15), states[0]
+    state, v = (x[0], x[1], x[2], x[3], x[4], x[5]), (acting[0], acting[1], acting[2])
     for k in range(first, volts.shape[0]):
         if k == first or payload[k] != payload[k - 1]:
-            _constants(p, payload[k], c)
-        for part in range(2):
-            span = period - first_part if part else first_part
-            if span <= 0.0:
-                continue
-            u = volts[max(k - late - 1 + part, 0)]
-            sag = 1.0 + p[_SAG] * (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]) / (VOLTAGE_LIMIT * VOLTAGE_LIMIT)
-            u1, u2, u3 = _dead(u[0], p[_DEAD]) / sag, _dead(u[1], p[_DEAD + 1]) / sag, _dead(u[2], p[_DEAD + 2]) / sag
-            if not math.isfinite(v1):
-                v1, v2, v3 = u1, u2, u3
-            steps = math.ceil(span / substep - 1e-9)
-            h = span / steps
-            e1 = math.exp(-0.5 * h / p[_LAG]) if p[_LAG] > 0.0 else 0.0
-            e2 = math.exp(-0.5 * h / p[_LAG + 1]) if p[_LAG + 1] > 0.0 else 0.0
-            e3 = math.exp(-0.5 * h / p[_LAG + 2]) if p[_LAG + 2] > 0.0 else 0.0
-            for step in range(steps):
-                if dry:
-                    _rub(x, h if step else 0.5 * h, p, c, width)
-                start = (v1 if e1 else u1, v2 if e2 else u2, v3 if e3 else u3)
-                middle = (u1 + (v1 - u1) * e1, u2 + (v2 - u2) * e2, u3 + (v3 - u3) * e3)
-                v1, v2, v3 = u1 + (middle[0] - u1) * e1, u2 + (middle[1] - u2) * e2, u3 + (middle[2] - u3) * e3
-                _accelerate(x, start, p, c, ripple, extra, k1)
-                for i in range(6):
-                    y[i] = x[i] + 0.5 * h * k1[i]
-                _accelerate(y, middle, p, c, ripple, extra, k2)
-                for i in range(6):
-                    y[i] = x[i] + 0.5 * h * k2[i]
-                _accelerate(y, middle, p, c, ripple, extra, k3)
-                for i in range(6):
-                    y[i] = x[i] + h * k3[i]
-                _accelerate(y, (v1, v2, v3), p, c, ripple, extra, k4)
-                for i in range(6):
-                    x[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
-            if dry:
-                _rub(x, 0.5 * h, p, c, width)
-        states[k + 1 - first] = x
-        if not np.isfinite(x).all():
-            return k - first
-    acting[0], acting[1], acting[2] = v1, v2, v3
-    return volts.shape[0] - first
-
-
-@kernel(uses=(dynamics, lanes))
-def linearise_machine(
-    p: Array, volts: Array, payload: float, columns: Array, steps: Array, acting: Array, state: Array, slopes: Array
-) -> None:
-    """Carries a state over the last of some samples, and tells how what it comes to depends on where it started.
-
-    Args:
-        p: (78,), see MACHINE_NAMES.
-        volts: (n, 3), commands up to this sample, V.
-        payload: mass at the tip, kg.
-        columns: (m,), what to differentiate by: a number of the state, 6 and more a number of p, -1 the payload.
-        steps: (m,), steps of the difference quotients, in the unit of that number.
-        acting: (3,), as for `integrate_machine`.
-        state: (6,), state at the start, rad and rad/s; replaced by that at the end.
-        slopes: (6, m), receives the derivatives.
-    """
-    first, masses = volts.shape[0] - 1, np.full(volts.shape[0], payload)
-    states, other, moved, begun = np.empty((2, 6)), np.empty(3), p.copy(), acting.copy()
-    # The undisturbed motion comes last, so that what it leaves in `states` and `other` is what is handed back.
-    for m in range(len(columns) - 1, -2, -1):
-        states[0], moved[:], masses[first], other[:] = state, p, payload, begun
-        if m >= 0:
-            if columns[m] < 0:
-                masses[first] += steps[m]
-            elif columns[m] < 6:
-                states[0, columns[m]] += steps[m]
-            else:
-                moved[columns[m] - 6] += steps[m]
-        integrate_machine(moved, volts, masses, PERIOD, SUBSTEP, WIDTH, first, other, states)
-        if m >= 0:
-            slopes[:, m] = states[1]
-    for m in range(len(columns)):
+            constants(p, payload[k], c)
+        state, v = over_sample(state, v, volts, k, torque, p, c, has, period, substep, width)
         for i in range(6):
-            slopes[i, m] = (slopes[i, m] - states[1, i]) / steps[m]
-    state[:], acting[:] = states[1], other
+            states[k + 1 - first, i] = state[i]
+        if not np.isfinite(states[k + 1 - first]).all():
+            return k - first
+    acting[0], acting[1], acting[2] = v
+    return volts.shape[0] - first

@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 
 from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import sine_cosine
-from dtwin.twin.lanes import WIDTH, abreast, apart, load, store
+from dtwin.twin.lanes import WIDTH, abreast, all_at_most, apart, choose, doubled, load, memory, store
 from tests.support.arms import Array
 
 NUMBERS = arrays(np.float64, (3, WIDTH), elements=st.floats(allow_subnormal=True))
@@ -25,6 +25,32 @@ def _mixed(a: float, b: float, c: float, factor: float) -> tuple[float, float, f
     total -= b * c
     first, second, third = apart(abreast(a, b, c) * factor)
     return -(total + first) / 3.0, 1.0 - second, math.tanh(third / 0.5)
+
+
+@kernel
+def _chosen(a: float, b: float, c: float, factor: float) -> tuple[float, float, float]:
+    total = a
+    total += b
+    return choose(a, b, c, factor), choose(a, 0.0, abs(total), factor), math.copysign(factor, c)
+
+
+@kernel
+def _chosen_in_lanes(rows: Array, factor: float, found: Array) -> None:
+    for k, value in enumerate(_chosen(load(rows, 0), load(rows, 1), load(rows, 2), factor)):
+        store(found, k, value)
+
+
+@kernel
+def _are_at_most(rows: Array, limit: float) -> tuple[bool, bool]:
+    return all_at_most(load(rows, 0), limit), all_at_most(rows[0, 0], limit)
+
+
+_load_two, _store_two = memory(2)
+
+
+@kernel
+def _doubled(rows: Array, times: Array) -> None:
+    _store_two(rows, 1, doubled(_load_two(rows, 1), _load_two(times, 1)))
 
 
 @kernel
@@ -54,6 +80,40 @@ def test_lanes_compute_what_floats_compute(rows: Array, factor: float) -> None:
     _in_lanes(rows, factor, found)
     expected = np.array([_mixed(*rows[:, lane].tolist(), factor) for lane in range(WIDTH)]).T
     assert _same(found, expected)
+
+
+@settings(max_examples=100, deadline=None)
+@given(NUMBERS, st.floats())
+def test_lanes_choose_what_floats_choose(rows: Array, factor: float) -> None:
+    found = np.empty((3, WIDTH))
+    _chosen_in_lanes(rows, factor, found)
+    expected = np.array([_chosen(*rows[:, lane].tolist(), factor) for lane in range(WIDTH)]).T
+    assert _same(found, expected)
+    a, b, c = rows
+    assert _same(found[0], np.where(a <= b, c, factor))
+
+
+@settings(max_examples=100, deadline=None)
+@given(NUMBERS, st.floats())
+def test_all_are_at_most_what_each_is(rows: Array, limit: float) -> None:
+    assert _are_at_most(rows, limit) == (np.all(rows[0] <= limit), rows[0, 0] <= limit)
+    rows[0] = 0.0
+    assert _are_at_most(rows, 1.0) == (True, True)
+
+
+@pytest.mark.parametrize("lane", range(WIDTH))
+def test_one_that_is_more_is_enough(lane: int) -> None:
+    rows = np.zeros((1, WIDTH))
+    rows[0, lane] = 1.5
+    assert _are_at_most(rows, 1.0) == (False, lane > 0)
+
+
+@given(st.floats(1e-100, 1e100), st.integers(-600, 600), st.integers(-600, 600))
+@settings(max_examples=100, deadline=None)
+def test_doubling_is_exact_and_rows_may_be_of_any_width(number: float, first: int, second: int) -> None:
+    rows, times = np.array([[7.0, 7.0], [number, -number]]), 1.5 * 2.0**52 + np.array([[0, 0], [first, second]])
+    _doubled(rows, times)
+    assert rows.tolist() == [[7.0, 7.0], [math.ldexp(number, first), -math.ldexp(number, second)]]
 
 
 @settings(max_examples=300, deadline=None)

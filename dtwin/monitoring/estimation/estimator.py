@@ -288,14 +288,14 @@ class Estimator:
 
     def room(self, count: int) -> Past:
         """Room for what a plain estimator is at some samples."""
-        changing = (self.x, self.P, self._swing, self._command, self._handling, *self.motion_arrays()[3:])
+        changing = (self.x, self.P, self._swing, self._command, self._handling, *self.motion_arrays()[2:])
         rows = (np.empty((count, *each.shape), dtype=each.dtype) for each in changing)
         return Past(np.zeros(count, dtype=bool), *rows)
 
     def at(self, past: Past, row: int) -> Estimator:
         """The estimator as it was."""
         other = self.copy()
-        mine = (other.x, other.P, other._swing, other._command, other._handling, *other.motion_arrays()[3:])
+        mine = (other.x, other.P, other._swing, other._command, other._handling, *other.motion_arrays()[2:])
         for each, was in zip(mine, past[1:], strict=True):
             each[:] = was[row]
         return other

@@ -28,11 +28,12 @@ from dtwin.monitoring.estimation.layout import (
     W,
 )
 from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters
-from dtwin.twin import dynamics, lanes, machine, sensitivity
+from dtwin.twin import dynamics, elementary, lanes, machine, machine_side_by_side, sensitivity
 from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import coefficients
 from dtwin.twin.effects import NO_EFFECTS, Effects
-from dtwin.twin.machine import MACHINE_NAMES, WIDTH, linearise_machine, vector_of
+from dtwin.twin.machine import MACHINE_NAMES, WIDTH, vector_of
+from dtwin.twin.machine_side_by_side import linearise_machine
 from dtwin.twin.sensitivity import integrate_linearised
 
 Array = NDArray[np.float64]
@@ -128,14 +129,13 @@ class MotionArrays(NamedTuple):
 
     Attributes:
         vector: (78,), the machine, whose estimated numbers are those of the state.
-        columns, steps: as for `linearise_machine`.
+        steps: as for `linearise_machine`; without that of the payload where nothing is held.
         commands: (n, 3), commands up to the last sample, V.
         acting: (3,), voltages that act, V; not a number if nobody knows.
         mean: (3,), mean voltages of the sample before, V.
     """
 
     vector: Array
-    columns: NDArray[np.int64]
     steps: Array
     commands: Array
     acting: Array
@@ -176,8 +176,8 @@ class MachineMotion:
 
     def arrays(self, gripped: bool) -> MotionArrays:
         """What `carry_machine` works with, while a box is held or not; the motion's own."""
-        columns, steps = (_COLUMNS, _STEPS) if gripped else (_COLUMNS[:-1], _STEPS[:-1])
-        return MotionArrays(self._vector, columns, steps, self._commands, self._acting, self._mean)
+        steps = _STEPS if gripped else _STEPS[:-1]
+        return MotionArrays(self._vector, steps, self._commands, self._acting, self._mean)
 
     def copy(self) -> MachineMotion:
         """See `Motion.copy`."""
@@ -261,13 +261,12 @@ def eccentricity(angles: Array, sine: Array, cosine: Array, found: Array) -> Non
         found[i] = sine[i] * math.sin(angles[i]) + cosine[i] * math.cos(angles[i])
 
 
-@kernel(uses=(dynamics, lanes, machine))
+@kernel(uses=(dynamics, elementary, lanes, machine, machine_side_by_side))
 def carry_machine(
     x: Array,
     volts: Array,
     locked: int,
     vector: Array,
-    columns: NDArray[np.int64],
     steps: Array,
     commands: Array,
     acting: Array,
@@ -287,7 +286,7 @@ def carry_machine(
         commands[:] = volts
     commands[:-1] = commands[1:]
     commands[-1] = volts
-    p, before, slopes = vector.copy(), acting.copy(), np.empty((6, len(columns)))
+    p, before, slopes = vector.copy(), acting.copy(), np.empty((6, len(steps)))
     for k in range(len(_OF_ARM)):
         p[_OF_ARM[k]] = x[ARM + k]
     share = 1.0 + x[SUPPLY]
@@ -297,14 +296,14 @@ def carry_machine(
         p[_OF_TORQUE[i]] += x[TORQUE + i]
     for turn in range(_TURNS if locked else 1):
         end[:], acting[:] = x[:6], before
-        linearise_machine(p, commands, x[PAYLOAD], columns, steps, acting, end, slopes)
+        linearise_machine(p, commands, x[PAYLOAD], steps, acting, end, slopes)
         if locked and turn < _TURNS - 1:
             slope = slopes[W + locked - 1, 6 + locked - 1]
             if slope != 0.0:
                 p[_OF_TORQUE[locked - 1]] -= end[W + locked - 1] / slope
     F[:] = 0.0
     F[:, :6], F[:, TORQUE:MOVING] = slopes[:, :6], slopes[:, 6:9]
-    if len(columns) > 9:
+    if len(steps) > 9:
         F[:, PAYLOAD] = slopes[:, 9]
     later = np.zeros(3)
     for i in range(3):
@@ -363,8 +362,5 @@ _OF_K: Final = np.array([MACHINE_NAMES.index(f"K{joint}") for joint in (1, 2, 3)
 _OF_DELAY: Final = MACHINE_NAMES.index("delay")
 _OF_ARM: Final = np.array([MACHINE_NAMES.index(name) for name in ARM_NAMES])
 _OF_TORQUE: Final = np.array([MACHINE_NAMES.index(f"torque{joint}") for joint in (1, 2, 3)])
-PAYLOAD_COLUMN: Final = -1
-_COLUMNS: Final = np.array([*range(6), *(6 + _OF_TORQUE), PAYLOAD_COLUMN])
-"""What `linearise_machine` differentiates by: the state, torques on the joints, and the mass held."""
 _STEPS: Final = np.array([1e-6] * 6 + [1e-5] * 4)
-"""Steps of these difference quotients, SI units."""
+"""Steps of the difference quotients by the state, by torques on the joints, and by the mass held, SI units."""

@@ -15,7 +15,7 @@ from dtwin.monitoring.candidate import Moment
 from dtwin.monitoring.estimation import kernels, motion, traces
 from dtwin.monitoring.estimation.estimator import Estimator, FilterArrays, Past
 from dtwin.monitoring.estimation.layout import SIZE
-from dtwin.monitoring.estimation.motion import PAYLOAD_COLUMN, MotionArrays
+from dtwin.monitoring.estimation.motion import MotionArrays
 from dtwin.monitoring.estimation.traces import ONSETS, Traces
 from dtwin.monitoring.sensing import readings as sensing
 from dtwin.monitoring.sensing.commands import closes
@@ -99,6 +99,7 @@ def follow(
         first,
         threshold,
         doubted,
+        estimator.gripped,
         estimator.arrays(),
         estimator.motion_arrays(),
         readings.arrays(),
@@ -127,6 +128,7 @@ def _work(
     first: int,
     threshold: float,
     doubted: int,
+    gripped: bool,
     f: FilterArrays,
     m: MotionArrays,
     r: ReadingsArrays,
@@ -139,7 +141,6 @@ def _work(
 ) -> tuple[int, int, bool]:
     """What `follow` does; returns the samples taken in, those still to come that are no evidence, and whether the
     last one was concluded."""
-    gripped = m.columns[-1] == PAYLOAD_COLUMN
     possible, end = np.empty(SIZE), np.empty(6)
     torque, displaced, eccentric = np.empty(3), np.empty(3), np.empty(3)
     expected, deviations = np.empty(3), np.empty(3)
@@ -160,9 +161,7 @@ def _work(
         )
         last[:] = measured[k]
         kernels.bound(f.x, f.least, f.most, gripped, possible)
-        motion.carry_machine(
-            possible, volts[k], 0, m.vector, m.columns, m.steps, m.commands, m.acting, m.mean, end, f.F
-        )
+        motion.carry_machine(possible, volts[k], 0, m.vector, m.steps, m.commands, m.acting, m.mean, end, f.F)
         kernels.carry(f.x, end, f.memory, PERIOD)
         kernels.disturb(
             f.x,
