@@ -21,6 +21,7 @@ from dtwin.controller.runtime import Runtime, chosen
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.raw import raw_file_ticks, raw_plant_ticks
+from dtwin.errors import ParameterError
 from dtwin.experiments.blocks_benchmark import online_change, trace_cost
 from dtwin.experiments.monitoring.twin_cell import TwinCell
 from dtwin.iec61499.native.resource import NativeResource
@@ -63,8 +64,10 @@ UNKNOWN_TORQUE: Final = 5e-2
 """What the monitor believes of its noise, rad, and of torques that no effect explains, N m: standard deviations."""
 DAY: Final = 86_400.0
 """s"""
-WATCHED: Final = 30.0
+WATCHED: Final = 60.0
 """s of plant time that each core works and watches in one round"""
+GETTING_TO_KNOW: Final = 40.0
+"""s of plant time until the monitor has listened to the encoders and has seen enough motion"""
 MESSAGES: Final = 2000
 """Messages that are written and read, and exchanges over a stream, in one round."""
 
@@ -277,22 +280,28 @@ def _monitored_work() -> float:
     Each core has a cell of its own: plant, controller, and the monitor of an arm with effects on every sample.
     """
     with Workers() as pool:
-        cores = list(range(pool.count))
-        pool.map(watch_work, [(core, 1.0) for core in cores])
-        return _timed(lambda: pool.map(watch_work, [(core, WATCHED) for core in cores])) / (len(cores) * WATCHED)
+        return max(pool.map(watch_work, range(pool.count))) / (pool.count * WATCHED)
 
 
-def watch_work(item: tuple[int, float]) -> int:
-    """Lets a machine of the twin, given by the seed of its work, work for a time (s) while a monitor watches.
+def watch_work(seed: int) -> float:
+    """Lets a machine of the twin, given by the seed of its work, work while a monitor watches.
 
     Returns:
-        how often it alarmed.
+        the time that WATCHED seconds of work take once the monitor knows the arm, s.
+
+    Raises:
+        ParameterError: the monitor does not watch, because the model does not fit or has failed.
     """
-    seed, seconds = item
     cell = TwinCell(FIRST_MACHINE, seed, ControlOptions().control())
     belief = assumed(cell.arm, (UNKNOWN_NOISE,) * 3)
-    error = Unmodelled(slow=(UNKNOWN_TORQUE,) * 3)
-    monitor = Monitor(replace(belief, effects=cell.effects, error=error))
-    seen = stream(cell.run(seconds))
-    seen.feed(monitor, 0, len(seen))
-    return len(monitor.history)
+    monitor = Monitor(replace(belief, effects=cell.effects, error=Unmodelled(slow=(UNKNOWN_TORQUE,) * 3)))
+
+    def work(seconds: float) -> None:
+        seen = stream(cell.run(seconds))
+        seen.feed(monitor, 0, len(seen))
+
+    work(GETTING_TO_KNOW)
+    elapsed = _timed(partial(work, WATCHED))
+    if monitor.events:
+        raise ParameterError(f"monitored work: expected nothing to be noticed, got {monitor.events[0].text!r}")
+    return elapsed

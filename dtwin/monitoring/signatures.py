@@ -8,8 +8,9 @@ each fault the bank carries the trace that the fault would leave and the likelih
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from statistics import NormalDist
 from typing import Final, NamedTuple
 
@@ -116,6 +117,10 @@ class Suspicion(NamedTuple):
     others: tuple[Onset, ...]
 
 
+def _itself(estimator: Estimator) -> Estimator:
+    return estimator
+
+
 class SignatureBank:
     """Traces of all faults from all onsets. A state that is as low as it can be can only rise.
 
@@ -129,7 +134,7 @@ class SignatureBank:
 
     def __init__(self, sizes: dict[str, float], allowance: Array | None = None) -> None:
         self.traces = Traces.of(sizes, np.zeros(len(JUMPS)) if allowance is None else allowance)
-        self._estimators: list[Estimator | None] = [None] * ONSETS
+        self._estimators: list[Callable[[], Estimator] | None] = [None] * ONSETS
 
     def clear(self) -> None:
         """Forgets all onsets."""
@@ -150,7 +155,7 @@ class SignatureBank:
     def update(self, estimator: Estimator, used: NDArray[np.bool_], sample: int, counts: bool = True) -> None:
         """Takes in what the estimator made of a sample, as evidence if it counts, and notes it as an onset."""
         place = take(*self.traces, *estimator.evidence(), used, sample, counts)
-        self._estimators[place] = estimator.copy()
+        self._estimators[place] = partial(_itself, estimator.copy())
 
     def recall(self, estimator: Estimator, joint: int, sample: int) -> None:
         """Takes in a reading that `Estimator.weigh` has weighed as evidence of an encoder's offset since an onset."""
@@ -163,12 +168,13 @@ class SignatureBank:
         """Takes this sample for an onset."""
         traces = self.traces
         place = begin(traces.E, traces.h, traces.J, traces.rows, traces.samples, traces.gaps, sample)
-        self._estimators[place] = estimator.copy()
+        self._estimators[place] = partial(_itself, estimator.copy())
 
     def adopt(self, estimator: Estimator, past: Past) -> None:
         """Takes what an estimator was at samples noted in `traces` for the estimators of their onsets, by place."""
+        then = estimator.copy()
         for place in np.flatnonzero(past.known).tolist():
-            self._estimators[place] = estimator.at(past, place)
+            self._estimators[place] = partial(then.at, past, place)
 
     @property
     def began(self) -> bool:
@@ -177,13 +183,12 @@ class SignatureBank:
 
     def onsets(self) -> list[Onset]:
         """All onsets, in the order of their samples."""
-        found = [onset for onset in map(self._onset, range(ONSETS)) if onset is not None]
-        return sorted(found, key=lambda onset: onset.sample)
+        return [self._onset(place) for place in self._places()]
 
     def before(self, sample: int) -> Onset:
         """The last onset up to a sample, or the first one if all came later; there has to be one."""
-        onsets = self.onsets()
-        return next((onset for onset in reversed(onsets) if onset.sample <= sample), onsets[0])
+        places, samples = self._places(), self.traces.samples
+        return self._onset(next((place for place in reversed(places) if samples[place] <= sample), places[0]))
 
     def statistics(self) -> Array:
         """2 log likelihood ratio of every onset and fault, (20, 18); 0 where there is no onset yet."""
@@ -203,9 +208,9 @@ class SignatureBank:
         found, newest = [], max(int(traces.samples.max()), 0)
         for column, fault in enumerate(JUMPS):
             place = int(statistics[:, column].argmax())
-            onset = self._onset(place)
-            if onset is None or not statistics[place, column] >= least:
+            if traces.samples[place] == NONE or not statistics[place, column] >= least:
                 continue
+            onset = self._onset(place)
             index = divmod(place * len(JUMPS) + column, WIDTH)
             information = traces.J[index] + traces.precision[index]
             found.append(
@@ -220,11 +225,15 @@ class SignatureBank:
             )
         return sorted(found, key=lambda suspicion: -suspicion.statistic)
 
-    def _onset(self, place: int) -> Onset | None:
-        estimator = self._estimators[place]
-        if estimator is None:
-            return None
-        return Onset(int(self.traces.samples[place]), int(self.traces.gaps[place]), estimator)
+    def _places(self) -> list[int]:
+        """The places that have an onset, in the order of their samples."""
+        samples = self.traces.samples
+        return [place for place in np.argsort(samples).tolist() if samples[place] != NONE]
+
+    def _onset(self, place: int) -> Onset:
+        remembered = self._estimators[place]
+        assert remembered is not None
+        return Onset(int(self.traces.samples[place]), int(self.traces.gaps[place]), remembered())
 
     def _others(self, onset: Onset, newest: int) -> Iterator[Onset]:
         """Onsets before and after another: the linear traces of large changes do not tell well when these came."""

@@ -47,6 +47,8 @@ def huber(clip: float) -> tuple[float, float]:
     Returns:
         the information, which is 1 for a normal distribution, and the logarithm of c.
     """
+    if clip == math.inf:
+        return 1.0, 0.0
     core = math.erf(clip / math.sqrt(2.0))
     whole = core + 2.0 * math.exp(-0.5 * clip * clip) / (math.sqrt(2.0 * math.pi) * clip)
     return core / whole, math.log(whole)

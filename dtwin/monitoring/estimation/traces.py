@@ -261,10 +261,9 @@ def take(
     for i in range(3):
         moving[i] = abs(x[W + i]) > STANDSTILL or friction[i] == 0.0
     carry(E, h, J, at_once, F, gains, score, information, used, counts, moving, memory, PERIOD)
+    bounds, everywhere = np.empty(_FAULTS), least.reshape(-1)
     for fault in range(_FAULTS):
-        row = rows[fault]
-        bound = 0.0 if x[row] <= lowest[row] else -np.inf
-        for place in range(ONSETS):
-            number = place * _FAULTS + fault
-            least[number // WIDTH, number % WIDTH] = bound
+        bounds[fault] = 0.0 if x[rows[fault]] <= lowest[rows[fault]] else -np.inf
+    for place in range(ONSETS):
+        everywhere[place * _FAULTS : (place + 1) * _FAULTS] = bounds
     return begin(E, h, J, rows, samples, gaps, sample)

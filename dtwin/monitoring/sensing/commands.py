@@ -35,9 +35,10 @@ def commands_between(
         yield command[:3], guessed + (grip if closes(command, gripped) else 0.0)
 
 
-def closes(command: Array, gripped: bool) -> bool:
-    """Whether the jaws close under a command, (4,) V, that holds no box yet: what they close on pushes the arm."""
-    return bool(command[3] < 0.0) and not gripped
+def closes(command: Array, gripped: bool) -> NDArray[np.bool_]:
+    """Whether the jaws close under commands, (..., 4) V, that hold no box yet: what they close on pushes the arm."""
+    found: NDArray[np.bool_] = (command[..., 3] < 0.0) & (not gripped)
+    return found
 
 
 def tells(values: Array) -> bool:

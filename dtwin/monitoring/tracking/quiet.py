@@ -6,6 +6,7 @@ to the first at which it has to do more; the bits are those of one sample after 
 
 from __future__ import annotations
 
+from itertools import islice, repeat
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -87,7 +88,7 @@ def follow(
         doubted: samples still to come that are no evidence.
     """
     count, grip = len(measured), estimator.belief.error.grip
-    doubts = np.array([grip if closes(command, estimator.gripped) else 0.0 for command in commands])
+    doubts = np.where(closes(commands, estimator.gripped), grip, 0.0)
     volts = np.ascontiguousarray(commands[:, :3])
     angles, used = np.empty((count, 3)), np.empty((count, 3), dtype=bool)
     likelihoods, counted = np.empty(count), np.empty(count, dtype=bool)
@@ -112,12 +113,9 @@ def follow(
     )
     readings.took(measured[done - 1], angles[done - 1])
     bank.adopt(estimator, past)
-    rows = zip(volts, doubts.tolist(), angles, used, counted.tolist(), likelihoods.tolist(), strict=True)
-    moments = [
-        Moment(volt, estimator.gripped, doubt, angle, use, counts, likelihood)
-        for (volt, doubt, angle, use, counts, likelihood), _ in zip(rows, range(done), strict=False)
-    ]
-    return Stretch(moments, doubted, concluded)
+    told = (doubts.tolist(), angles, used, counted.tolist(), likelihoods.tolist())
+    moments = map(Moment._make, zip(volts, repeat(estimator.gripped), *told, strict=False))
+    return Stretch(list(islice(moments, done)), doubted, concluded)
 
 
 @kernel(uses=(kernels, motion, traces, sensing))
