@@ -103,8 +103,9 @@ def watch_shift(item: Shift) -> WatchedShift:
     while left > PERIOD / 2:
         seen = stream(cell.run(min(left, _CHUNK)))
         left -= _CHUNK
-        for row in range(len(seen)):
-            seen.feed(monitor, row, row + 1)
+        done = 0
+        while done < len(seen):
+            done += seen.follow(monitor, done, len(seen))
             if len(monitor.events) == heard:
                 continue
             raised = [event for event in monitor.events[heard:] if event.kind in FALSE]
