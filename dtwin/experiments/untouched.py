@@ -6,7 +6,7 @@ from typing import Final
 
 from dtwin.errors import ParameterError
 
-TUNED: Final = (*range(501, 507), *range(620, 626), 815)
+TUNED: Final = (*range(501, 507), *range(620, 626), 815, *range(961, 967))
 """Numbers of the machines that identification and monitoring were tuned on."""
 
 
