@@ -121,7 +121,10 @@ class Findings:
         else:
             states = sorted(changes := candidate.changes(), key=lambda name: -self._relative(name, changes[name]))
             sure = [name for name in states if _is_sure(changes[name])] or states[:1]
-            settled = [self._told(candidate, name, pending.confidence, pending.detected) for name in sure]
+            told = [self._told(candidate, name, pending.confidence, pending.detected) for name in sure]
+            named = {found.parameter for found in told}
+            instead = tuple(name for name in pending.others if name not in named)
+            settled = [msgspec.structs.replace(found, others=instead) for found in told]
         after = [self._settle(time, candidate, found) for found in settled]
         jumped = [each.jumped for each in after if each.jumped]
         forget = tuple(name for each in after for name in each.forget)
