@@ -46,25 +46,26 @@ AREA = model.SubApplicationType(
 LIBRARY = Types(ADDER, PAIR, AREA)
 EVENTS = {"ADDER": ("REQ", "CNF"), "PAIR": ("REQ", "CNF"), "AREA": ("REQ", "CNF"), "F_MOVE": ("REQ", "CNF")}
 DATA = {"ADDER": ("X", "Y"), "PAIR": ("X", "Y"), "AREA": ("X", "Y"), "F_MOVE": ("IN", "OUT")}
-NAMES = ("N0", "N1", "N2", "N3", "N4")
+USUAL = {"N0": "ADDER", "N1": "F_MOVE", "N2": "AREA", "N3": "PAIR", "N4": "ADDER", "N5": "PAIR"}
+NAMES = tuple(USUAL)
 PAIRS = [(a, b) for a in NAMES for b in NAMES if a < b]
 
 
 @st.composite
 def networks(draw: st.DrawFn) -> model.FBNetwork:
-    """Up to five blocks in any order, connected without a loop."""
-    names = draw(st.lists(st.sampled_from(NAMES), unique=True, min_size=1))
-    kinds = {name: draw(st.sampled_from(list(EVENTS))) for name in names}
+    """Up to six blocks in any order, connected without a loop; most are of the type that they are in others."""
+    names = draw(st.permutations(NAMES))[: draw(st.integers(3, 6))]
+    kinds = {name: USUAL[name] for name in names}
+    constants = {}
+    if draw(st.integers(0, 3)) == 0:
+        kinds[names[0]] = draw(st.sampled_from(list(EVENTS)))
+    if kinds[names[1]] == "ADDER" and draw(st.booleans()):
+        constants[f"{names[1]}.K"] = "10"
     pairs = [pair for pair in PAIRS if set(pair) <= set(names)]
-    events = draw(st.lists(st.sampled_from(pairs), unique=True)) if pairs else []
-    data = draw(st.lists(st.sampled_from(pairs), unique_by=lambda pair: pair[1])) if pairs else []
-    constants = (
-        draw(st.lists(st.sampled_from([n for n in names if kinds[n] == "ADDER"]), unique=True))
-        if ("ADDER" in kinds.values())
-        else []
-    )
+    events = draw(st.lists(st.sampled_from(pairs), unique=True))
+    data = draw(st.lists(st.sampled_from(pairs), unique_by=lambda pair: pair[1], min_size=1))
     return replace(
-        network("; ".join(f"{n}: {kinds[n]}" for n in names), parameters={f"{n}.K": "10" for n in constants}),
+        network("; ".join(f"{n}: {kinds[n]}" for n in names), parameters=constants),
         events=tuple(model.Connection(f"{a}.{EVENTS[kinds[a]][1]}", f"{b}.{EVENTS[kinds[b]][0]}") for a, b in events),
         data=tuple(model.Connection(f"{a}.{DATA[kinds[a]][1]}", f"{b}.{DATA[kinds[b]][0]}") for a, b in data),
     )
