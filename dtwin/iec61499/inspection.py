@@ -23,7 +23,7 @@ from dtwin.iec61499.runtime.linking.linker import link
 from dtwin.iec61499.runtime.linking.netlist import Finder
 
 _ABSENT: Final = "it cannot run, or answers with QO = FALSE"
-SUFFIXES: Final = (".fbt", ".sub", ".sys", ".fboot")
+SUFFIXES: Final = (".fbt", ".fct", ".sub", ".sys", ".fboot")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ def inspect(file: Path, library: Library) -> Findings:
     """
     problems = _Problems()
     with problems.noted():
-        if file.suffix in (".fbt", ".sub"):
+        if file.suffix in (".fbt", ".fct", ".sub"):
             _inspect_type(file, library, problems)
         elif file.suffix == ".sys":
             system = library.load_system(file)

@@ -32,6 +32,7 @@ from dtwin.iec61499.management.protocol import (
 from dtwin.iec61499.runtime.linking.flattening import flatten
 from dtwin.iec61499.runtime.linking.generic_ports import check_types, resolve, variable_at
 from dtwin.iec61499.runtime.linking.netlist import Node, Terminal, Wire
+from dtwin.iec61499.standard.assembling import assembling
 from dtwin.iec61499.standard.catalogue import find_standard
 from dtwin.iec61499.standard.services import COMMUNICATION
 from dtwin.iec61499.types import BOOL, LREAL, REAL, DataType, ElementaryType
@@ -151,7 +152,9 @@ class _Plan:
             )
         if isinstance(block, model.ServiceInterfaceFBType):
             return None
-        if find_standard(block.header.name) is not None and not block.header.file:
+        name = block.header.name
+        # a FORTE 2 has no functions that assemble, and in newer ones their results have no name
+        if find_standard(name) is not None and not block.header.file and assembling(name) is None:
             return None
         if block not in self._types:
             flat = border_type(block) if isinstance(block, model.CompositeFBType) else block

@@ -251,7 +251,7 @@ class _Junctions:
                 parameter = self._nodes[source.node].parameters.get(source.name)
                 if parameter is not None and not destination.inner:
                     given = copy(self._kept[destination.node])
-                    given.parameters = {**given.parameters, destination.name: parameter}
+                    given.parameters = given.literals = {**given.literals, destination.name: parameter}
                     self._kept[destination.node] = given
                 return None
             passed.add(source)

@@ -41,7 +41,18 @@ def resolve(netlist: Netlist) -> None:
             pass
     for number, node in generic_nodes(netlist).items():
         assert node.declared is not None
-        node.take(_concrete(node.declared, tuple(groups.types_of(number).items())))
+        types = groups.types_of(number)
+        node.take(_concrete(node.declared, tuple(types.items())))
+        node.parameters = {name: _fitted(node, given, types.get(name)) for name, given in node.literals.items()}
+
+
+def _fitted(node: Node, given: model.Parameter, kind: DataType | None) -> model.Parameter:
+    """A literal at a generic port that took the type `kind`: a typed integer may be of another type that it fits."""
+    own = ELEMENTARY.get(given.value.partition("#")[0].upper())
+    if own is None or own == kind or not (own.is_integer and isinstance(kind, ElementaryType) and kind.is_integer):
+        return given
+    value = model.literal(given.value, own, node.file, given.line)
+    return replace(given, value=str(value)) if kind.minimum <= value <= kind.maximum else given
 
 
 def generic_nodes(netlist: Netlist) -> dict[int, Node]:
@@ -172,7 +183,7 @@ class _Groups:
                 if not isinstance(variable.type, model.GenericType):
                     continue
                 group = self._group(number, variable)
-                parameter = node.parameters.get(variable.name)
+                parameter = node.literals.get(variable.name)
                 if parameter is not None and group not in self._known:
                     self._known[group] = literal_type(parameter.value, variable.type)
 

@@ -20,6 +20,7 @@ class Node:
     Attributes:
         declared: the type, which may have generic ports; None for a subapplication.
         type: the same, with the types that its generic ports have been given.
+        literals: the parameters as they are declared; those of generic ports are in `parameters` as their types ask.
         generics: the variables of the declared type whose type is generic.
         variables: the data ports of the interface, by name.
     """
@@ -31,12 +32,13 @@ class Node:
     line: int
     parameters: dict[str, model.Parameter] = field(default_factory=dict)
     types: dict[str, DataType] = field(default_factory=dict)
+    literals: dict[str, model.Parameter] = field(init=False)
     type: model.FBType | None = field(init=False)
     generics: tuple[model.Variable, ...] = field(init=False)
     variables: dict[str, model.Variable] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.type = self.declared
+        self.type, self.literals = self.declared, self.parameters
         self.variables = {v.name: v for v in (*self.interface.inputs, *self.interface.outputs)}
         self.generics = tuple(v for v in self.variables.values() if isinstance(v.type, model.GenericType))
 
