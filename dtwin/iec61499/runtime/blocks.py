@@ -132,15 +132,17 @@ class Blocks:
         """The compiled type of a node: the one before if it is of the same type."""
         assert node.type is not None
         before = self._index.get(node.name)
-        if before is not None and self._types[before].block == node.type:
+        if before is not None and (self._types[before].block is node.type or self._types[before].block == node.type):
             return self._types[before]
         return compile_type(node.type)
 
     def _initial_state(self, node: Node, kind: CompiledType) -> tuple[Any, ...]:
         """The initial state of a node: the one before if neither type nor parameters have changed."""
         before = self._index.get(node.name)
-        if before is not None and self._types[before] is kind and self._parameters[before] == node.parameters:
-            return self._initial[before]
+        if before is not None and self._types[before] is kind:
+            given = self._parameters[before]
+            if given is node.parameters or given == node.parameters:
+                return self._initial[before]
         return initial_state(node, kind)
 
     def _find(self, name: str) -> int:

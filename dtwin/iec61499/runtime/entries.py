@@ -20,7 +20,7 @@ from dtwin.iec61499.runtime.compile import CompiledType
 from dtwin.iec61499.runtime.linking.generic_ports import variable_at
 from dtwin.iec61499.runtime.linking.netlist import Netlist, Node, Terminal
 from dtwin.iec61499.runtime.operation import Operation, QueueEntry
-from dtwin.iec61499.st.python.expressions import python_name
+from dtwin.iec61499.st.python.expressions import python_name, wiring_name
 from dtwin.iec61499.types import ElementaryType
 
 
@@ -42,6 +42,8 @@ class Entries:
         code: what it was compiled to.
         space: the global names of the code; beside instances and handlers the entries that a composite queues.
         entries: the queue entries by the port that they deliver an event to, of a composite also from inside.
+        names: the events that they deliver, `BLOCK.EVENT`, in their order.
+        outputs: the ports that an event leaves by, and the name under which the block has the entries that it queues.
     """
 
     member: Member
@@ -49,6 +51,17 @@ class Entries:
     code: CodeType
     space: dict[str, Any]
     entries: dict[Terminal, QueueEntry]
+    names: tuple[str, ...]
+    outputs: dict[Terminal, str]
+
+    def lead(self, targets: Mapping[Terminal, Sequence[QueueEntry]]) -> None:
+        """Lets the events that leave the block queue entries."""
+        if isinstance(self.member.kind.block, model.CompositeFBType):
+            for port, name in self.outputs.items():
+                self.space[name] = tuple(targets.get(port, ()))
+        else:
+            for port, name in self.outputs.items():
+                setattr(self.member.instance, name, tuple(targets.get(port, ())))
 
 
 class EntryGenerator:
@@ -91,7 +104,8 @@ class EntryGenerator:
         code = known.code if known is not None and known.text == text else compile(text, "<wiring>", "exec")
         exec(code, self._space)
         entries = self._entries | {port: self._space[function] for port, function in self._functions.items()}
-        return Entries(self._members[number], text, code, self._space, entries)
+        names = tuple(f"{node.name}.{port.name}" for port in entries)
+        return Entries(self._members[number], text, code, self._space, entries, names, _outputs(number, node))
 
     def _block(self, number: int) -> str:
         """The global name of the instance of a number."""
@@ -102,7 +116,7 @@ class EntryGenerator:
     def _input_entry(self, port: Terminal, node: Node, event: model.EventPort) -> None:
         samples = self._copies(event.with_variables, lambda name: Terminal(port.node, name))
         if isinstance(node.type, model.CompositeFBType):
-            self._function(port, [*samples, f"extend({targets_name(Terminal(port.node, port.name, inner=True))})"])
+            self._function(port, [*samples, f"extend({_targets_name(Terminal(port.node, port.name, inner=True))})"])
             return
         shared = self._shared(port.node, node)
         handler = self._members[port.node].kind.handlers[event.name]
@@ -140,7 +154,7 @@ class EntryGenerator:
 
     def _composite_output(self, port: Terminal, event: model.EventPort) -> None:
         publications = self._copies(event.with_variables, lambda name: Terminal(port.node, name, inner=True))
-        self._function(port, [*publications, f"extend({targets_name(Terminal(port.node, port.name))})"])
+        self._function(port, [*publications, f"extend({_targets_name(Terminal(port.node, port.name))})"])
 
     def _function(self, port: Terminal, lines: list[str]) -> None:
         name = f"deliver{_suffix(port)}"
@@ -194,6 +208,14 @@ class EntryGenerator:
         return f"{value} + 0" if source.kind == "bool" else value
 
 
+def _outputs(number: int, node: Node) -> dict[Terminal, str]:
+    leaving = [Terminal(number, event.name) for event in node.interface.event_outputs]
+    if not isinstance(node.type, model.CompositeFBType):
+        return {port: wiring_name(port.name) for port in leaving}
+    leaving += [Terminal(number, event.name, inner=True) for event in node.interface.event_inputs]
+    return {port: _targets_name(port) for port in leaving}
+
+
 def port_name(netlist: Netlist, port: Terminal) -> str:
     """`BLOCK.PORT`."""
     return f"{netlist.nodes[port.node].name}.{port.name}"
@@ -204,7 +226,7 @@ def is_forced(netlist: Netlist, port: Terminal, operation: Operation) -> bool:
     return bool(operation.forced) and port_name(netlist, port) in operation.forced
 
 
-def targets_name(source: Terminal) -> str:
+def _targets_name(source: Terminal) -> str:
     """The global name, in the space of a composite, of the entries that an event of it queues."""
     return f"to{_suffix(source)}"
 

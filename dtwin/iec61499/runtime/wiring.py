@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
-from dtwin.iec61499 import model
-from dtwin.iec61499.runtime.entries import Entries, EntryGenerator, Member, is_forced, port_name, targets_name
+from dtwin.iec61499.runtime.entries import Entries, EntryGenerator, Member, is_forced, port_name
 from dtwin.iec61499.runtime.linking.netlist import Netlist, Terminal
 from dtwin.iec61499.runtime.operation import ObservedEvent, Operation, QueueEntry
-from dtwin.iec61499.st.python.expressions import wiring_name
 
 
 class Wiring:
@@ -53,9 +52,10 @@ class Wiring:
         stale = {number for number, member in members.items() if self._is_other(number, member)}
         stale |= {port.node for port in before.data.keys() - netlist.data.keys()}
         others = frozenset(stale)
-        for port, wire in netlist.data.items():
-            if wire.source.node in others or before.data.get(port) != wire:
-                stale.add(port.node)
+        if before.data != netlist.data or not others.isdisjoint(before.nodes):
+            for port, wire in netlist.data.items():
+                if wire.source.node in others or before.data.get(port) != wire:
+                    stale.add(port.node)
         return stale & netlist.nodes.keys()
 
     def _is_other(self, number: int, member: Member) -> bool:
@@ -77,7 +77,7 @@ class _Connections:
         self._blocks = blocks
         self._operation = operation
         self._observers = operation.all_observers()
-        self._entries = {port: entry for block in blocks.values() for port, entry in block.entries.items()}
+        self._entries = dict(chain.from_iterable(block.entries.items() for block in blocks.values()))
 
     def connect(self) -> dict[QueueEntry, str]:
         """Connects them; returns all entries, with the events that they deliver."""
@@ -85,7 +85,8 @@ class _Connections:
             for port, entry in self._entries.items():
                 if not port.inner:
                     self._entries[port] = observer.delivering(self._observed(port), entry)
-        names = {entry: port_name(self._netlist, port) for port, entry in self._entries.items()}
+        events = chain.from_iterable(block.names for block in self._blocks.values())
+        names = dict(zip(self._entries.values(), events, strict=True))
         targets: dict[Terminal, list[QueueEntry]] = {}
         stopped = self._stopped()
         for wire in self._netlist.events:
@@ -93,18 +94,8 @@ class _Connections:
                 targets.setdefault(wire.source, []).append(self._entries[wire.destination])
         if self._observers:
             names |= self._observe_outputs(targets)
-        for number, block in self._blocks.items():
-            interface = self._netlist.nodes[number].interface
-            composite = isinstance(block.member.kind.block, model.CompositeFBType)
-            for event in interface.event_outputs:
-                port = Terminal(number, event.name)
-                if composite:
-                    block.space[targets_name(port)] = tuple(targets.get(port, ()))
-                else:
-                    setattr(block.member.instance, wiring_name(event.name), tuple(targets.get(port, ())))
-            for event in interface.event_inputs if composite else ():
-                port = Terminal(number, event.name, inner=True)
-                block.space[targets_name(port)] = tuple(targets.get(port, ()))
+        for block in self._blocks.values():
+            block.lead(targets)
         return names
 
     def _observe_outputs(self, targets: dict[Terminal, list[QueueEntry]]) -> dict[QueueEntry, str]:

@@ -20,7 +20,7 @@ from dtwin.iec61499.runtime.linking.netlist import Finder, Netlist, Node, Termin
 MAXIMUM_DEPTH: Final = 32
 """Most levels of composites and subapplications inside one another."""
 _Element = model.Block | model.SubApplication
-_Wires = dict[model.Connection, Wire]
+_Wires = dict[tuple[str, str], Wire]
 
 
 def flatten(network: model.FBNetwork, find: Finder) -> Netlist:
@@ -147,10 +147,16 @@ class Flattener:
             known = _Level()
 
         def wired(connection: model.Connection, before: _Wires, after: _Wires, is_event: bool) -> Wire:
-            wire = before.get(connection)
-            if wire is None or wire.source.node not in heads or wire.destination.node not in heads:
+            names = connection.source, connection.destination
+            wire = before.get(names)
+            if (
+                wire is None
+                or wire.line != connection.line
+                or wire.source.node not in heads
+                or wire.destination.node not in heads
+            ):
                 wire = ends.wire(connection, is_event)
-            after[connection] = wire
+            after[names] = wire
             return wire
 
         has_adapters = any(node.interface.adapters for node in own.values())
