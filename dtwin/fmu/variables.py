@@ -11,7 +11,7 @@ from dtwin.controller.sequence import HELP, STRAIGHT
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.native.layout import Layout
-from dtwin.iec61499.runtime.generic_ports import variable_at
+from dtwin.iec61499.runtime.linking.generic_ports import variable_at
 from dtwin.iec61499.types import BOOL, DINT, LREAL
 from dtwin.parameters import (
     COULOMB_WIDTH,
@@ -212,7 +212,7 @@ def _of_block(layout: Layout, name: str) -> tuple[Kind, str, str]:
     """The type, the member and the comment of a block's variable."""
     places = {place.name: place for place in layout.variables}
     block, _, variable = name.rpartition(".")
-    node = next((node for node in layout.netlist.nodes if node.name == block), None)
+    node = next((node for node in layout.netlist.nodes.values() if node.name == block), None)
     if node is None or name not in places or places[name].type not in _KINDS:
         raise FunctionBlockError(f"{name}: expected a variable of type LREAL, DINT or BOOL in {SYSTEM}")
     place = places[name]

@@ -17,13 +17,13 @@ from dtwin.iec61499.management.bootfile import load_boot_file
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.checker import BlockChecker
 from dtwin.iec61499.runtime.compile import has_no_service
-from dtwin.iec61499.runtime.generic_ports import check_types, resolve, unconnected
 from dtwin.iec61499.runtime.inner_blocks import add_reactions
-from dtwin.iec61499.runtime.netlist import Finder, flatten
-from dtwin.iec61499.runtime.typed_events import connect_triggers
+from dtwin.iec61499.runtime.linking.generic_ports import unconnected
+from dtwin.iec61499.runtime.linking.linker import link
+from dtwin.iec61499.runtime.linking.netlist import Finder
 
 _ABSENT: Final = "it cannot run, or answers with QO = FALSE"
-SUFFIXES: Final = (".fbt", ".sub", ".sys", ".fboot")
+SUFFIXES: Final = (".fbt", ".fct", ".sub", ".sys", ".fboot")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ def inspect(file: Path, library: Library) -> Findings:
     """
     problems = _Problems()
     with problems.noted():
-        if file.suffix in (".fbt", ".sub"):
+        if file.suffix in (".fbt", ".fct", ".sub"):
             _inspect_type(file, library, problems)
         elif file.suffix == ".sys":
             system = library.load_system(file)
@@ -138,13 +138,10 @@ def _inspect_system(system: model.System, library: Library, problems: _Problems)
 
 def _inspect_network(network: model.FBNetwork, find: Finder, problems: _Problems) -> None:
     """The connections and parameters of a network and of those inside it, and the text of all their blocks."""
-    netlist = flatten(network, find)
-    connect_triggers(netlist)
-    resolve(netlist)
-    check_types(netlist)
+    netlist = link(network, find)
     problems.departures |= {str(warning): warning for warning in departures(netlist)}
     inspected: set[model.FBType] = set()
-    for node in netlist.nodes:
+    for node in netlist.nodes.values():
         if isinstance(node.type, model.ServiceInterfaceFBType) and has_no_service(node.type):
             remark = f"{node.file}:{node.line}: {node.name} is a {node.type.header.name}, a service that this device"
             problems.remarks[f"{remark} does not have: {_ABSENT}"] = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, Literal
@@ -14,7 +14,7 @@ from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
 from dtwin.iec61499.distribution import distributed
 from dtwin.iec61499.files.block_types import ForeignLanguageError, read_adapter, read_type
-from dtwin.iec61499.files.data_types import read_constants, read_data_type
+from dtwin.iec61499.files.data_types import package_of, read_constants, read_data_type
 from dtwin.iec61499.files.project import linked_folders
 from dtwin.iec61499.files.systems import read_system
 from dtwin.iec61499.mapping import unplaced_connections
@@ -26,6 +26,7 @@ Kind = Literal["block", "adapter", "data type", "constants"]
 KINDS: Final[dict[str, Kind]] = {
     ".fbt": "block",
     ".sub": "block",
+    ".fct": "block",
     ".adp": "adapter",
     ".dtp": "data type",
     ".gcf": "constants",
@@ -55,6 +56,7 @@ class Library:
         self._adapters: dict[str, model.AdapterType] = {}
         self._data_types: dict[str, DataType] = {}
         self._constants: dict[str, dict[str, model.Variable]] = {}
+        self._packages: dict[str, list[str]] | None = None
         self._reading: list[str] = []
         self._lock = threading.RLock()
         for folder in self._paths:
@@ -182,6 +184,21 @@ class Library:
             with self._no_circle(namespace):
                 self._constants[namespace] = {found.name.upper(): found for found in read_constants(path, self)}
         return self._constants.get(namespace, {}).get(plain.upper())
+
+    def package_constant(self, package: str, name: str) -> model.Variable | None:
+        """The constant NAME of the files of a package, "" for those of none; None when there is none."""
+        if self._packages is None:
+            self._packages = {}
+            for namespace, paths in self._files["constants"].items():
+                # what is wrong with a file is told where one of its constants is named in full
+                with suppress(FunctionBlockError):
+                    self._packages.setdefault(package_of(paths[0]), []).append(namespace)
+        for namespace in self._packages.get(package, ()):
+            with suppress(FunctionBlockError):
+                found = self.constant(f"{namespace}::{name}")
+                if found is not None:
+                    return found
+        return None
 
     def block(self, name: str, file: str = "", line: int = 0) -> model.LibraryElement:
         """The type of a block inside another one, as `find`; it must not contain that one."""

@@ -26,7 +26,7 @@ from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.mapping import management_address, resource_network
 from dtwin.iec61499.native.export import c_files
 from dtwin.iec61499.net.address import parse_stream_address
-from dtwin.iec61499.runtime.generic_ports import unconnected
+from dtwin.iec61499.runtime.linking.generic_ports import unconnected
 from dtwin.iec61499.st.c.names import c_name
 from dtwin.parameters import ROOT
 from dtwin.run.cell_file import task_named

@@ -15,8 +15,8 @@ from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.departures import uses
 from dtwin.iec61499.departures.uses import Use
-from dtwin.iec61499.runtime.generic_ports import variable_at
-from dtwin.iec61499.runtime.netlist import Netlist, Terminal
+from dtwin.iec61499.runtime.linking.generic_ports import variable_at
+from dtwin.iec61499.runtime.linking.netlist import Netlist, Terminal
 from dtwin.iec61499.types import DataType
 
 
@@ -264,7 +264,7 @@ def departures(netlist: Netlist) -> Iterator[FunctionBlockError]:
     Args:
         netlist: a network that lies flat, with types at its generic ports.
     """
-    for number, node in enumerate(netlist.nodes):
+    for number, node in netlist.nodes.items():
         if node.type is None or not node.file:
             continue
         types: dict[str, DataType | model.GenericType] = {}

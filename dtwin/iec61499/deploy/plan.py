@@ -29,8 +29,10 @@ from dtwin.iec61499.management.protocol import (
     RequestAction,
     Subject,
 )
-from dtwin.iec61499.runtime.generic_ports import check_types, resolve, variable_at
-from dtwin.iec61499.runtime.netlist import Node, Terminal, Wire, flatten
+from dtwin.iec61499.runtime.linking.flattening import flatten
+from dtwin.iec61499.runtime.linking.generic_ports import check_types, resolve, variable_at
+from dtwin.iec61499.runtime.linking.netlist import Node, Terminal, Wire
+from dtwin.iec61499.standard.assembling import assembling
 from dtwin.iec61499.standard.catalogue import find_standard
 from dtwin.iec61499.standard.services import COMMUNICATION
 from dtwin.iec61499.types import BOOL, LREAL, REAL, DataType, ElementaryType
@@ -90,7 +92,7 @@ class _Plan:
     ) -> None:
         netlist = flatten(network, library.find)
         resolve(netlist)
-        check_types(netlist)
+        check_types(netlist, netlist.data.values())
         self._resource = resource
         self._library = library
         self._ports = ports
@@ -103,13 +105,13 @@ class _Plan:
         self._typed: set[str] = set()
 
     def deployment(self) -> Deployment:
-        given_types = [self._device_type(node) for node in self._nodes]
+        given_types = [self._device_type(node) for node in self._nodes.values()]
         constants = self._constants()
         for given in self._types.values():
             if given.text:
                 self._add("", "CREATE", ManagedType(given.name, given.text))
         self._add("", "CREATE", ManagedBlock(self._resource, RESOURCE_TYPE))
-        for node, own in zip(self._nodes, given_types, strict=True):
+        for node, own in zip(self._nodes.values(), given_types, strict=True):
             if (node.name, _type(node).header.name) != ("START", "E_RESTART"):
                 kind = own.name if own is not None else _type(node).header.name
                 self._add(self._resource, "CREATE", ManagedBlock(self._name(node), kind))
@@ -122,7 +124,7 @@ class _Plan:
                     "CREATE",
                     ManagedConnection(self._place(wire.source), self._place(wire.destination)),
                 )
-        for number, (node, own) in enumerate(zip(self._nodes, given_types, strict=True)):
+        for (number, node), own in zip(self._nodes.items(), given_types, strict=True):
             for port, literal in self._values(number, node, own, constants):
                 self._add(self._resource, "WRITE", ManagedConnection(literal, port))
         self._add(self._resource, "START", None)
@@ -150,7 +152,9 @@ class _Plan:
             )
         if isinstance(block, model.ServiceInterfaceFBType):
             return None
-        if find_standard(block.header.name) is not None and not block.header.file:
+        name = block.header.name
+        # a FORTE 2 has no functions that assemble, and in newer ones their results have no name
+        if find_standard(name) is not None and not block.header.file and assembling(name) is None:
             return None
         if block not in self._types:
             flat = border_type(block) if isinstance(block, model.CompositeFBType) else block
@@ -181,7 +185,7 @@ class _Plan:
         if not isinstance(node.type, model.CompositeFBType):
             return node.name
         name = f"{node.name}.{BORDER}"
-        if any(other.name == name for other in self._nodes):
+        if any(other.name == name for other in self._nodes.values()):
             raise FunctionBlockError(
                 f"block {name}: expected another name, as the border of {node.name} takes this one",
                 node.file,
@@ -195,7 +199,7 @@ class _Plan:
     def _constants(self) -> dict[Terminal, Any]:
         """For every destination of a composite input that never changes, the input's value."""
         constants: dict[Terminal, Any] = {}
-        for number, node in enumerate(self._nodes):
+        for number, node in self._nodes.items():
             if not isinstance(node.type, model.CompositeFBType):
                 continue
             for variable in node.interface.inputs:

@@ -40,7 +40,6 @@ class DrawnNetwork:
         self._library = library
         self._network = network
         self._blocks = {block.name: block for block in network.blocks}
-        self._parameters = {(b.name, p.name): p.value for b in network.blocks for p in b.parameters}
         self._events = {(c.source, c.destination): c for c in network.events}
         self._data = {c.destination: c for c in network.data}
 
@@ -57,12 +56,8 @@ class DrawnNetwork:
 
     def network(self) -> model.FBNetwork:
         """What START runs."""
-        given: dict[str, list[model.Parameter]] = {}
-        for (block, port), literal in self._parameters.items():
-            given.setdefault(block, []).append(model.Parameter(port, literal))
-        blocks = (replace(b, parameters=tuple(given.get(b.name, ()))) for b in self._blocks.values())
         events, data = tuple(self._events.values()), tuple(self._data.values())
-        return replace(self._network, blocks=tuple(blocks), events=events, data=data)
+        return replace(self._network, blocks=tuple(self._blocks.values()), events=events, data=data)
 
     def create_block(self, name: str, type_name: str) -> None:
         if not name or name in self._blocks:
@@ -79,7 +74,6 @@ class DrawnNetwork:
         """Deletes a block and its connections."""
         self.expect_block(name)
         del self._blocks[name]
-        self._parameters = {key: value for key, value in self._parameters.items() if key[0] != name}
         self.presets = {key: value for key, value in self.presets.items() if key.rpartition(".")[0] != name}
         self._events = {key: c for key, c in self._events.items() if name not in _blocks_of(c)}
         self._data = {key: c for key, c in self._data.items() if name not in _blocks_of(c)}
@@ -120,7 +114,8 @@ class DrawnNetwork:
         if not isinstance(variable.type, model.GenericType):
             given = format_literal(value_of(literal, variable.type), variable.type)
         if side == "inputs":
-            self._parameters[block, port] = given
+            parameters = {p.name: p for p in self._blocks[block].parameters} | {port: model.Parameter(port, given)}
+            self._blocks[block] = replace(self._blocks[block], parameters=tuple(parameters.values()))
         else:
             self.presets[name] = given
 
@@ -128,7 +123,8 @@ class DrawnNetwork:
         """The value that a variable begins with, printed as FORTE does: strings without quotes."""
         block, _, port = name.rpartition(".")
         variable = self._placed(name, *SIDES)[0]
-        text = self._parameters.get((block, port)) or self.presets.get(name) or variable.initial
+        given = {parameter.name: parameter.value for parameter in self._blocks[block].parameters}
+        text = given.get(port) or self.presets.get(name) or variable.initial
         if isinstance(variable.type, model.GenericType):
             return text
         return printed(value_of(text, variable.type) if text else variable.type.default, variable.type)

@@ -14,7 +14,7 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.iec61499.runtime.compile import compile_type
-from dtwin.iec61499.runtime.generic_ports import generic_variables
+from dtwin.iec61499.runtime.linking.generic_ports import generic_variables
 
 SWITCH: Final = 0.0005
 """Time after which a thread that computes lets the other have the interpreter, s. A tick needs it several times."""

@@ -1,4 +1,4 @@
-"""Reads types of blocks (.fbt), subapplications (.sub) and adapters (.adp) as 4diac IDE writes them.
+"""Reads types of blocks (.fbt, .fct), subapplications (.sub) and adapters (.adp) as 4diac IDE writes them.
 
 What the runtime cannot execute is refused here, by name and line: methods, algorithms in other languages. What only
 concerns editors (attributes, services, compiler information, groups, comments in diagrams) is passed over.
@@ -13,6 +13,7 @@ from typing import Final
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
+from dtwin.iec61499.files.functions import ForeignLanguageError, read_function
 from dtwin.iec61499.files.header import PASSED_OVER, Named, check_unique, read_header, read_name
 from dtwin.iec61499.files.inner_blocks import read_inner_blocks
 from dtwin.iec61499.files.interface import read_interface, read_variables
@@ -21,7 +22,7 @@ from dtwin.iec61499.files.networks import read_network
 from dtwin.iec61499.files.xml import XmlElement, read_xml
 
 _TYPE_PARTS: Final = (
-    *("InterfaceList", "SubAppInterfaceList", "BasicFB", "SimpleFB", "FBNetwork", "SubAppNetwork"),
+    *("InterfaceList", "SubAppInterfaceList", "BasicFB", "SimpleFB", "FBNetwork", "SubAppNetwork", "FunctionBody"),
     *PASSED_OVER,
 )
 
@@ -29,10 +30,6 @@ _TYPE_PARTS: Final = (
 _EVENT: Final = re.compile(r"([A-Za-z_]\w*)(?:\.[A-Za-z_]\w*)?", re.ASCII)
 """An event input, or one of an adapter."""
 _ALGORITHMIC_PARTS: Final = ("InternalVars", "InternalConstVars", "Algorithm", "Method", "Attribute")
-
-
-class ForeignLanguageError(FunctionBlockError):
-    """An algorithm in another language than Structured Text."""
 
 
 def read_type(path: Path, names: Names = ALONE) -> model.LibraryElement:
@@ -46,12 +43,14 @@ def read_type(path: Path, names: Names = ALONE) -> model.LibraryElement:
 
 def type_from_xml(root: XmlElement, names: Names = ALONE) -> model.LibraryElement:
     """Reads one library element, given its root element. Raises as `read_type` does."""
-    if root.tag not in ("FBType", "SubAppType"):
-        raise root.error(f"<{root.tag}> is not a block type: expected <FBType> or <SubAppType>")
+    if root.tag not in ("FBType", "SubAppType", "Function"):
+        raise root.error(f"<{root.tag}> is not a block type: expected <FBType>, <SubAppType> or <Function>")
     root.expect_children(_TYPE_PARTS)
     header = read_header(root)
     names = with_imports(root, names)
     interface = read_interface(root, names)
+    if root.tag == "Function":
+        return read_function(root, header, interface, names)
     if root.tag == "SubAppType":
         body = root.child("SubAppNetwork") or root.child("FBNetwork")
         return model.SubApplicationType(header, interface, read_network(body, root.file, names))
@@ -88,7 +87,7 @@ def _read_basic(
     chart.expect_children(("ECState", "ECTransition", "Attribute"))
     transitions = tuple(_read_transition(t, interface, states) for t in chart.children("ECTransition"))
     texts = [*(a.source.text for a in algorithms), *(t.guard for t in transitions)]
-    constants = used_constants(texts, names)
+    constants = used_constants(texts, names, [*interface.names(), *(variable.name for variable in internals)])
     return model.BasicFBType(header, interface, internals, states, transitions, algorithms, constants, blocks)
 
 
@@ -109,7 +108,8 @@ def _read_simple(
         output = interface.event_outputs[0].name if interface.event_outputs else ""
         action = model.ECAction(algorithms[0].name, output, algorithms[0].line)
         states = (model.ECState(inputs[0], (action,), line=body.line),)
-    constants = used_constants([algorithm.source.text for algorithm in algorithms], names)
+    own = [*interface.names(), *(variable.name for variable in internals)]
+    constants = used_constants([algorithm.source.text for algorithm in algorithms], names, own)
     return model.SimpleFBType(header, interface, internals, states, algorithms, constants, blocks)
 
 

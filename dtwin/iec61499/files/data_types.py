@@ -65,6 +65,12 @@ def _read_enumeration(name: str, body: XmlElement) -> ElementaryType:
     return replace(found, first=parse_literal(initial, found, body.file, body.line))
 
 
+def package_of(path: Path) -> str:
+    """The package that a file is of, "" for none. Raises as `read_data_type` does."""
+    compiler = read_xml(path).child("CompilerInfo")
+    return compiler.get("packageName") if compiler is not None else ""
+
+
 def read_constants(path: Path, names: Names) -> tuple[model.Variable, ...]:
     """Reads the constants of a namespace, which is called as the file. Raises as `read_data_type` does."""
     root = read_xml(path)

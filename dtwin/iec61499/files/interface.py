@@ -29,14 +29,16 @@ def read_interface(owner: XmlElement, names: Names) -> model.Interface:
     )
     for group in interface.children():
         groups[group.tag.removeprefix("SubApp")] = group
+    # the result of a function has no name; in its text it is called as the function
+    result = owner.get("Name") if owner.tag == "Function" else ""
     inputs = read_variables(groups.get("InputVars"), names)
-    outputs = read_variables(groups.get("OutputVars"), names)
+    outputs = read_variables(groups.get("OutputVars"), names, unnamed=result)
     in_outs = _read_in_outs(owner, groups.get("InOutVars"), names)
     # services of 4diac name data that they do not have, as IE does
     is_service = owner.tag == "FBType" and not any(owner.child(body) for body in ("BasicFB", "SimpleFB", "FBNetwork"))
     events = (
-        _read_events(groups.get("EventInputs"), inputs, in_outs, "input", is_service),
-        _read_events(groups.get("EventOutputs"), outputs, in_outs, "output", is_service),
+        _read_events(groups.get("EventInputs"), inputs, in_outs, "input", is_service, ""),
+        _read_events(groups.get("EventOutputs"), outputs, in_outs, "output", is_service, result),
     )
     adapters = tuple(
         model.AdapterPort(
@@ -58,7 +60,7 @@ def read_interface(owner: XmlElement, names: Names) -> model.Interface:
 def _read_in_outs(owner: XmlElement, group: XmlElement | None, names: Names) -> tuple[model.Variable, ...]:
     in_outs = read_variables(group, names)
     for variable in in_outs:
-        if owner.tag != "FBType" or isinstance(variable.type, model.GenericType):
+        if owner.tag not in ("FBType", "Function") or isinstance(variable.type, model.GenericType):
             raise FunctionBlockError(
                 f"VAR_IN_OUT {variable.name} is not supported here: expected one of a block, not of an adapter or "
                 "subapplication, and of a type that is not generic",
@@ -110,6 +112,7 @@ def _read_events(
     in_outs: Sequence[model.Variable],
     direction: str,
     is_service: bool,
+    unnamed: str,
 ) -> tuple[model.EventPort, ...]:
     names = [variable.name for variable in variables]
     shared = [variable.name for variable in in_outs]
@@ -119,7 +122,7 @@ def _read_events(
     group.expect_children(("Event", "SubAppEvent"))
     for element in group.children():
         element.expect_children(("With", "Attribute"))
-        with_variables = tuple(w.require("Var") for w in element.children("With"))
+        with_variables = tuple(w.get("Var") or unnamed or w.require("Var") for w in element.children("With"))
         for with_element, name in zip(element.children("With"), with_variables, strict=True):
             if name not in names and name not in shared and not is_service:
                 valid = f"expected {choices(names)}" if names else f"the type has no {direction} variable"
@@ -134,11 +137,15 @@ def _read_events(
 
 
 def read_variables(
-    group: XmlElement | None, names: Names, constant: bool = False, beside: tuple[str, ...] = ()
+    group: XmlElement | None,
+    names: Names,
+    constant: bool = False,
+    beside: tuple[str, ...] = (),
+    unnamed: str = "",
 ) -> tuple[model.Variable, ...]:
     """The variable declarations of a group; with `constant` they cannot be assigned.
 
-    Elements of the tags `beside` may stand among them.
+    Elements of the tags `beside` may stand among them. One without a name is called `unnamed`, if that is given.
     """
     variables = []
     if group is None:
@@ -146,7 +153,7 @@ def read_variables(
     group.expect_children(("VarDeclaration", *beside))
     for element in group.children("VarDeclaration"):
         element.expect_children(("Attribute",))
-        name = read_name(element)
+        name = read_name(element) if element.get("Name") or not unnamed else unnamed
         initial = resolved(element.get("InitialValue"), names)
         variable = model.Variable(
             name, _variable_type(element, names), initial, element.get("Comment"), element.line, constant

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final, Protocol
 
 from dtwin.errors import FunctionBlockError
@@ -13,6 +13,11 @@ from dtwin.iec61499.types import DataType, elementary
 
 _NAME: Final = re.compile(r"[A-Za-z_]\w*(?:::[A-Za-z_]\w*)*", re.ASCII)
 """A name, which may have its namespaces, such as `limits::MAXIMUM`."""
+
+
+_VARIABLES: Final = re.compile(r"\bVAR(?:_TEMP)?\b(.*?)\bEND_VAR\b", re.IGNORECASE | re.DOTALL)
+_DECLARED: Final = re.compile(r"([A-Za-z_]\w*(?:\s*,\s*[A-Za-z_]\w*)*)\s*:(?![:=])", re.ASCII)
+"""The names in a declaration, which hide constants."""
 
 
 class Names(Protocol):
@@ -26,6 +31,9 @@ class Names(Protocol):
 
     def constant(self, name: str) -> model.Variable | None:
         """The global constant `NAMESPACE::NAME`, or NAME alone where it is imported; None when there is none."""
+
+    def package_constant(self, package: str, name: str) -> model.Variable | None:
+        """The global constant NAME of a file of that package, which files of the package need not import."""
 
     def block(self, name: str, file: str = "", line: int = 0) -> model.LibraryElement:
         """The block type of that name; file and line use it. Raises FunctionBlockError for an unknown name."""
@@ -43,6 +51,9 @@ class ElementaryNames:
     def constant(self, name: str) -> model.Variable | None:
         return None
 
+    def package_constant(self, package: str, name: str) -> model.Variable | None:
+        return None
+
     def block(self, name: str, file: str = "", line: int = 0) -> model.LibraryElement:
         raise FunctionBlockError(f"unknown block type {name}: expected a file {name}.fbt", file, line)
 
@@ -51,22 +62,28 @@ ALONE: Final = ElementaryNames()
 
 
 class ImportingNames:
-    """The names of one file, which imports constants: it may leave out their namespaces."""
+    """The names of one file of a package, which may leave out the namespaces of constants that it imports."""
 
-    def __init__(self, names: Names, imports: Sequence[str]) -> None:
+    def __init__(self, names: Names, imports: Sequence[str], package: str) -> None:
         self._names = names
         self._full = {full.rpartition("::")[2].upper(): full for full in imports}
+        self._package = package
         self.data_type, self.adapter, self.block = names.data_type, names.adapter, names.block
+        self.package_constant = names.package_constant
 
     def constant(self, name: str) -> model.Variable | None:
-        return self._names.constant(name if "::" in name else self._full.get(name.upper(), name))
+        if "::" in name:
+            return self._names.constant(name)
+        full = self._full.get(name.upper())
+        return self._names.constant(full or name) or self.package_constant(self._package, name)
 
 
 def with_imports(root: XmlElement, names: Names) -> Names:
     """The names as a file knows them, given its root element."""
     compiler = root.child("CompilerInfo")
     imports = compiler.children("Import") if compiler is not None else ()
-    return ImportingNames(names, [found.get("declaration").strip() for found in imports])
+    package = compiler.get("packageName") if compiler is not None else ""
+    return ImportingNames(names, [found.get("declaration").strip() for found in imports], package)
 
 
 def resolved(text: str, names: Names) -> str:
@@ -75,9 +92,13 @@ def resolved(text: str, names: Names) -> str:
     return found.initial if found is not None else text
 
 
-def used_constants(texts: list[str], names: Names) -> tuple[model.Variable, ...]:
-    """The global constants that Structured Text uses, under the names it gives them."""
-    found = {name: names.constant(name) for text in texts for name in _NAME.findall(text)}
+def used_constants(texts: list[str], names: Names, own: Iterable[str]) -> tuple[model.Variable, ...]:
+    """The global constants that Structured Text uses, under the names it gives them; `own` are its variables."""
+    parts = (part for text in texts for part in _VARIABLES.findall(text))
+    declared = (name for part in parts for group in _DECLARED.findall(part) for name in group.split(","))
+    hidden = {name.strip().upper() for name in (*own, *declared)}
+    used = dict.fromkeys(name for text in texts for name in _NAME.findall(text) if name.upper() not in hidden)
+    found = {name: names.constant(name) for name in used}
     return tuple(
         model.Variable(name, constant.type, constant.initial, constant.comment, constant.line, constant=True)
         for name, constant in found.items()

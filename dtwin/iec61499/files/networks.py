@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 from dtwin.errors import FunctionBlockError
@@ -50,7 +51,16 @@ def read_network(body: XmlElement | None, file: str, names: Names) -> model.FBNe
                 f"block {item.name} is already declared in line {seen[item.name]}", file, item.line
             )
         seen[item.name] = item.line
+    results = {block.name: block.type_name.rpartition("::")[2] for block in blocks}
+    data = tuple(
+        replace(one, source=_end(one.source, results), destination=_end(one.destination, results)) for one in data
+    )
     return model.FBNetwork(tuple(blocks), tuple(subapplications), events, data, file, adapters)
+
+
+def _end(end: str, results: dict[str, str]) -> str:
+    """A port; that of the result of a function, `BLOCK.`, is called as the type of the block."""
+    return f"{end}{results.get(end[:-1], '')}" if end.endswith(".") else end
 
 
 def _read_block(element: XmlElement, names: Names) -> model.Block:

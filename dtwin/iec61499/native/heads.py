@@ -7,7 +7,7 @@ from typing import Final
 
 from dtwin.iec61499 import model
 from dtwin.iec61499.native.layout import Layout, is_server
-from dtwin.iec61499.runtime.netlist import Node
+from dtwin.iec61499.runtime.linking.netlist import Node
 from dtwin.iec61499.st.c.names import c_name, c_type, declaration
 from dtwin.iec61499.types import ArrayType, DataType, StructType
 
@@ -28,7 +28,7 @@ class Heads:
 
     def servers(self) -> list[int]:
         """The numbers of the SERVER blocks."""
-        return [number for number, node in enumerate(self._layout.netlist.nodes) if is_server(node)]
+        return [number for number, node in self._layout.netlist.nodes.items() if is_server(node)]
 
     def messages(self, number: int) -> list[str]:
         """Definitions of the messages to a server and of its answers."""

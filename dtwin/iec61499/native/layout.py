@@ -9,9 +9,8 @@ from typing import Final
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
-from dtwin.iec61499.runtime.generic_ports import check_types, resolve
-from dtwin.iec61499.runtime.netlist import Netlist, Node, Terminal, flatten
-from dtwin.iec61499.runtime.typed_events import connect_triggers
+from dtwin.iec61499.runtime.linking.linker import link
+from dtwin.iec61499.runtime.linking.netlist import Netlist, Node, Terminal
 from dtwin.iec61499.st.c.names import c_name, type_tag
 from dtwin.iec61499.standard.services import COMMUNICATION
 from dtwin.iec61499.types import DINT, DataType
@@ -64,7 +63,7 @@ class Layout:
 
     def server(self, name: str) -> int:
         """The number of a SERVER block. Raises FunctionBlockError when there is none of the name."""
-        servers = {node.name: n for n, node in enumerate(self.netlist.nodes) if is_server(node)}
+        servers = {node.name: n for n, node in self.netlist.nodes.items() if is_server(node)}
         if name not in servers:
             raise FunctionBlockError(f"{name} is no SERVER: expected one of {', '.join(servers) or 'none'}")
         return servers[name]
@@ -72,31 +71,29 @@ class Layout:
 
 def network_layout(network: model.FBNetwork, library: Library) -> Layout:
     """The layout of the unit of a network. Raises FunctionBlockError when the network is wrong."""
-    netlist = flatten(network, library.find)
-    connect_triggers(netlist)
-    resolve(netlist)
-    check_types(netlist)
-    return layout_of(netlist)
+    return layout_of(link(network, library.find))
 
 
 def layout_of(netlist: Netlist) -> Layout:
     """The layout of the unit of a netlist without generic types."""
     tags = _tags(netlist)
-    members = tuple(c_name(node.name) for node in netlist.nodes)
+    members = tuple(c_name(node.name) for node in netlist.nodes.values())
     variables = [
-        place for node, member in zip(netlist.nodes, members, strict=True) for place in _variables(node, member)
+        place
+        for node, member in zip(netlist.nodes.values(), members, strict=True)
+        for place in _variables(node, member)
     ]
     entries: dict[Terminal, int] = {}
     inner: dict[Terminal, int] = {}
     outputs = [0]
-    for number, node in enumerate(netlist.nodes):
+    for number, node in netlist.nodes.items():
         outputs.append(outputs[-1] + len(node.interface.event_outputs))
         for event in node.interface.event_inputs:
             entries[Terminal(number, event.name)] = len(entries)
         if isinstance(node.type, model.CompositeFBType):
             for event in node.interface.event_outputs:
                 entries[Terminal(number, event.name, inner=True)] = len(entries)
-    for number, node in enumerate(netlist.nodes):
+    for number, node in netlist.nodes.items():
         if isinstance(node.type, model.CompositeFBType):
             for event in node.interface.event_inputs:
                 inner[Terminal(number, event.name, inner=True)] = outputs[-1] + len(inner)
@@ -114,7 +111,7 @@ def _tags(netlist: Netlist) -> tuple[str, ...]:
     """The structure of every node; types of one name that differ, as generic ones do, are numbered."""
     known: dict[str, model.FBType] = {}
     tags = []
-    for node in netlist.nodes:
+    for node in netlist.nodes.values():
         assert node.type is not None
         name = c_name(type_tag(node.type.header.name))
         tag, number = name, 1

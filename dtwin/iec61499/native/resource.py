@@ -21,7 +21,7 @@ from dtwin.iec61499.native.layout import CHART, Layout, Place, is_server, networ
 from dtwin.iec61499.native.recorder import NativeRecorder
 from dtwin.iec61499.native.tracing import traced_events
 from dtwin.iec61499.native.unit import unit_of
-from dtwin.iec61499.runtime.wiring import checked_value
+from dtwin.iec61499.runtime.blocks import checked_value
 from dtwin.iec61499.trace.ctf import TraceWriter
 from dtwin.iec61499.types import LREAL, DataType, ElementaryType
 
@@ -124,7 +124,7 @@ class NativeResource:
 
     def names(self) -> tuple[str, ...]:
         """The blocks, with dotted names, composites before what they contain."""
-        return tuple(node.name for node in self._layout.netlist.nodes)
+        return tuple(node.name for node in self._layout.netlist.nodes.values())
 
     def read(self, name: str) -> Any:
         """The value of a variable, `BLOCK.VARIABLE`; `BLOCK.$ECC` is the name of the chart's state.
@@ -356,7 +356,7 @@ class NativeServer:
 
 def _offsets(library: ctypes.CDLL, layout: Layout) -> tuple[dict[str, int], dict[str, tuple[int, int]]]:
     """Where every variable is in the unit, and for every server the flags that it is open and attached."""
-    servers = [node.name for node in layout.netlist.nodes if is_server(node)]
+    servers = [node.name for node in layout.netlist.nodes.values() if is_server(node)]
     count = len(layout.variables)
     table = ctypes.addressof(ctypes.c_char.in_dll(library, f"{NAME}__variables"))
     rows = Struct("PPNN").iter_unpack(ctypes.string_at(table, 32 * (count + 2 * len(servers))))

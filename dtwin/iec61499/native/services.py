@@ -7,7 +7,7 @@ from typing import Final
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.native.blocks import OUTPUTS, BlockCode, Field, block_fields
-from dtwin.iec61499.runtime.netlist import Node
+from dtwin.iec61499.runtime.linking.netlist import Node
 from dtwin.iec61499.standard.services import COMMUNICATION
 from dtwin.iec61499.types import BOOL, DINT
 

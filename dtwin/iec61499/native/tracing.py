@@ -12,7 +12,7 @@ from dtwin.errors import NativeError
 from dtwin.iec61499 import model
 from dtwin.iec61499.native.blocks import STATE
 from dtwin.iec61499.native.layout import Layout
-from dtwin.iec61499.runtime.netlist import Terminal
+from dtwin.iec61499.runtime.linking.netlist import Terminal
 from dtwin.iec61499.st.c.names import TEXT as LONGEST_TEXT
 from dtwin.iec61499.st.c.names import c_name, size_of
 from dtwin.iec61499.trace.ctf import TEXT, Field
@@ -48,7 +48,7 @@ def traced_outputs(layout: Layout) -> Mapping[Terminal, int]:
     """The event outputs of service blocks and the entries that stand in the queue before those of their receivers."""
     outputs = [
         Terminal(number, event.name)
-        for number, node in enumerate(layout.netlist.nodes)
+        for number, node in layout.netlist.nodes.items()
         if isinstance(node.type, model.ServiceInterfaceFBType)
         for event in node.interface.event_outputs
     ]

@@ -17,8 +17,8 @@ from dtwin.iec61499.native.heads import Heads, structures, values_of
 from dtwin.iec61499.native.layout import Layout, is_server
 from dtwin.iec61499.native.services import ANSWERS, ATTACHED, OPEN, service_code
 from dtwin.iec61499.native.tracing import trace_tables, traced_outputs
-from dtwin.iec61499.runtime.generic_ports import variable_at
-from dtwin.iec61499.runtime.netlist import Node, Terminal
+from dtwin.iec61499.runtime.linking.generic_ports import variable_at
+from dtwin.iec61499.runtime.linking.netlist import Node, Terminal
 from dtwin.iec61499.st.ast import Position
 from dtwin.iec61499.st.c.expressions import Places
 from dtwin.iec61499.st.c.names import c_name, c_type, initialiser, quoted
@@ -67,7 +67,7 @@ class _Writer:
         self._places = Places()
         self._places.number(Position("", 0, 0))
         self._types: dict[str, BlockCode] = {}
-        for node, tag in zip(self._nodes, layout.tags, strict=True):
+        for node, tag in zip(self._nodes.values(), layout.tags, strict=True):
             if tag not in self._types:
                 self._types[tag] = self._code(node, tag)
 
@@ -249,7 +249,7 @@ int32_t {name}__run(struct {name} *unit)
             f"static const struct {name} fb_initial = {{",
             f"{_INDENT}.run = {{.iterations = FB_ITERATIONS}},",
         ]
-        for number, node in enumerate(self._nodes):
+        for number, node in self._nodes.items():
             values = [f".{OUTPUTS} = {self._layout.outputs[number]}"]
             parameters = {c_name(key): value for key, value in node.parameters.items()}
             for field in self._types[self._layout.tags[number]].fields:
@@ -270,7 +270,7 @@ int32_t {name}__run(struct {name} *unit)
         for event in ("COLD", "WARM", "STOP"):
             issued = [
                 f"fb_issue(&unit->run, {self._output(Terminal(number, event))});"
-                for number, node in enumerate(self._nodes)
+                for number, node in self._nodes.items()
                 if node.type is not None and node.type.header.name == "E_RESTART"
             ]
             lines += ["", self._heads.start(event), "{", f"{_INDENT}unit->run.fault.problem = FB_FINE;"]
@@ -310,7 +310,7 @@ int32_t {name}__run(struct {name} *unit)
         for place in self._layout.variables:
             where = f"offsetof(struct {name}, {place.member}), sizeof(((struct {name} *)0)->{place.member})"
             lines.append(f"{_INDENT}{{{quoted(place.name)}, {quoted(str(place.type))}, {where}}},")
-        for number, node in enumerate(self._nodes):
+        for number, node in self._nodes.items():
             if is_server(node):
                 for member in (OPEN, ATTACHED):
                     where = f"offsetof(struct {name}, {self._layout.members[number]}.{member}), sizeof(bool)"

@@ -13,10 +13,9 @@ from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
 from dtwin.iec61499.runtime.communication import CommunicationPort
 from dtwin.iec61499.runtime.compile import CompiledType, compile_type
-from dtwin.iec61499.runtime.netlist import Node
-from dtwin.iec61499.runtime.wiring import checked_value
+from dtwin.iec61499.runtime.linking.netlist import Node
 from dtwin.iec61499.st.python.expressions import python_name
-from dtwin.iec61499.types import DataType
+from dtwin.iec61499.types import ArrayType, DataType, StructType
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,15 +132,17 @@ class Blocks:
         """The compiled type of a node: the one before if it is of the same type."""
         assert node.type is not None
         before = self._index.get(node.name)
-        if before is not None and self._types[before].block == node.type:
+        if before is not None and (self._types[before].block is node.type or self._types[before].block == node.type):
             return self._types[before]
         return compile_type(node.type)
 
     def _initial_state(self, node: Node, kind: CompiledType) -> tuple[Any, ...]:
         """The initial state of a node: the one before if neither type nor parameters have changed."""
         before = self._index.get(node.name)
-        if before is not None and self._types[before] is kind and self._parameters[before] == node.parameters:
-            return self._initial[before]
+        if before is not None and self._types[before] is kind:
+            given = self._parameters[before]
+            if given is node.parameters or given == node.parameters:
+                return self._initial[before]
         return initial_state(node, kind)
 
     def _find(self, name: str) -> int:
@@ -199,3 +200,30 @@ def located(error: Exception, event: str) -> FunctionBlockError:
     if isinstance(error, FunctionBlockError):
         return FunctionBlockError(f"{event}: {error.message}", error.file, error.line, error.column)
     return FunctionBlockError(f"{event}: {type(error).__name__}: {error}")
+
+
+def checked_value(value: Any, data_type: DataType, where: str) -> Any:
+    """A Python value for a variable of that type.
+
+    Raises:
+        ValueError: another kind of value, or out of range.
+    """
+    if isinstance(data_type, ArrayType):
+        if not isinstance(value, list | tuple) or len(value) != data_type.length:
+            raise ValueError(f"{where}: expected {data_type.length} values for {data_type}, got {value!r}")
+        return [checked_value(item, data_type.element, where) for item in value]
+    if isinstance(data_type, StructType):
+        if not isinstance(value, list | tuple) or len(value) != len(data_type.members):
+            raise ValueError(f"{where}: expected {len(data_type.members)} values for {data_type}, got {value!r}")
+        return [
+            checked_value(item, m.type, f"{where}.{m.name}") for item, m in zip(value, data_type.members, strict=True)
+        ]
+    kinds: dict[str, tuple[type, ...]] = {"char": (str,), "bool": (bool,), "real": (float, int), "string": (str,)}
+    if not isinstance(value, kinds.get(data_type.kind, (int,))) or (
+        isinstance(value, bool) and data_type.kind != "bool"
+    ):
+        raise ValueError(f"{where}: expected a value of {data_type}, got {value!r}")
+    wrapped = data_type.wrap(value)
+    if isinstance(wrapped, int) and wrapped != value:
+        raise ValueError(f"{where}: expected {data_type.minimum} to {data_type.maximum} for {data_type}, got {value}")
+    return wrapped

@@ -19,8 +19,8 @@ from dtwin.iec61499 import model
 from dtwin.iec61499.runtime import communication, timers
 from dtwin.iec61499.runtime.chart import CHAIN_LIMIT, ChartWriter, handler_name
 from dtwin.iec61499.runtime.checker import BlockChecker
-from dtwin.iec61499.runtime.generic_ports import unconnected
 from dtwin.iec61499.runtime.inner_blocks import add_reactions
+from dtwin.iec61499.runtime.linking.generic_ports import unconnected
 from dtwin.iec61499.runtime.publication import late_outputs
 from dtwin.iec61499.runtime.service_interface import EventHandler, ServiceBehaviour
 from dtwin.iec61499.runtime.services import absent, clocked, utilities

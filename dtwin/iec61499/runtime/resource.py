@@ -11,7 +11,6 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from types import CodeType
 from typing import Any, Final, NoReturn
 
 from dtwin.errors import FunctionBlockError, choices
@@ -20,11 +19,11 @@ from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime.blocks import Blocks, Snapshot, located
 from dtwin.iec61499.runtime.communication import AttachedServer, LocalTransport, Transport
 from dtwin.iec61499.runtime.compile import CompiledType
-from dtwin.iec61499.runtime.generic_ports import check_types, resolve
-from dtwin.iec61499.runtime.netlist import Node, flatten
+from dtwin.iec61499.runtime.entries import Member
+from dtwin.iec61499.runtime.linking.linker import Linker
+from dtwin.iec61499.runtime.linking.netlist import Node
 from dtwin.iec61499.runtime.operation import Operation, QueueEntry, Tracer, Undelivered, deliver_traced
-from dtwin.iec61499.runtime.typed_events import connect_triggers
-from dtwin.iec61499.runtime.wiring import queue_entries
+from dtwin.iec61499.runtime.wiring import Wiring
 from dtwin.iec61499.st.python.expressions import python_name, wiring_name
 from dtwin.iec61499.st.semantics import ITERATION_LIMIT
 
@@ -83,9 +82,9 @@ class Resource(Blocks):
         self._timers: list[tuple[int, int, int]] = []
         self._sequence = 0
         self._stopped = False
-        self._library = library
+        self._linker = Linker(library.find)
+        self._wiring = Wiring(self._queue.extend)
         self._names: dict[QueueEntry, str] = {}
-        self._codes: dict[str, CodeType] = {}
         self._operation = Operation()
         self.change(network)
 
@@ -107,32 +106,31 @@ class Resource(Blocks):
         """
         if self._queue:
             raise FunctionBlockError("events wait in the queue: expected an idle resource")
-        netlist = flatten(network, self._library.find)
-        connect_triggers(netlist)
-        resolve(netlist)
-        check_types(netlist)
-        types = [self._compiled(node) for node in netlist.nodes]
-        initial = [self._initial_state(node, kind) for node, kind in zip(netlist.nodes, types, strict=True)]
+        netlist = self._linker.link(network)
+        nodes = tuple(netlist.nodes.values())
+        types = [self._compiled(node) for node in nodes]
+        initial = [self._initial_state(node, kind) for node, kind in zip(nodes, types, strict=True)]
         operated = operation or Operation()
         kept: dict[int, int] = {}
         instances = []
-        for number, (node, kind, values) in enumerate(zip(netlist.nodes, types, initial, strict=True)):
+        for place, (node, kind, values) in enumerate(zip(nodes, types, initial, strict=True)):
             before = self._index.get(node.name)
             if before is not None and self._types[before] is kind and node.name not in anew:
-                kept[before] = number
+                kept[before] = place
                 instances.append(self._instances[before])
             else:
                 instances.append(self._instance(node, kind))
                 kind.load(instances[-1], values)
-        self._names = queue_entries(netlist, types, instances, self._queue.extend, operated, self._codes)
+        members = dict(zip(netlist.nodes, map(Member, types, instances), strict=True))
+        self._names = self._wiring.connect(netlist, members, operated)
         for before, instance in enumerate(self._instances):
             if before not in kept and hasattr(instance, "port__"):
                 instance.port__.close()
         self._types, self._instances, self._initial = types, instances, initial
         self._operation = operated
         self._network = network
-        self._parameters = [node.parameters for node in netlist.nodes]
-        self._index = {node.name: number for number, node in enumerate(netlist.nodes)}
+        self._parameters = [node.parameters for node in nodes]
+        self._index = {node.name: place for place, node in enumerate(nodes)}
         self._timers[:] = [(due, order, kept[index]) for due, order, index in self._timers if index in kept]
         for name, value in operated.forced.items():
             super().write(name, value)

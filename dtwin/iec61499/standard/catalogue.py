@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Final
 
 from dtwin.iec61499 import model
-from dtwin.iec61499.standard import adapters, events, function_blocks, functions, services, utilities
+from dtwin.iec61499.standard import adapters, assembling, events, function_blocks, functions, services, utilities
 from dtwin.iec61499.types import StructType
 
 _FIXED: Final[dict[str, model.FBType]] = {
@@ -19,7 +19,16 @@ _FIXED: Final[dict[str, model.FBType]] = {
     **services.FIXED,
 }
 _SIZED: Final[dict[str, tuple[Callable[[str, int], model.FBType], int]]] = {**events.SIZED, **functions.SIZED}
-_PATTERNS: Final = ("SERVER_n_m", "CLIENT_n_m", "PUBLISH_n", "SUBSCRIBE_n", "F_X_TO_Y", "FB_CTU_X", "X2X")
+_PATTERNS: Final = (
+    "SERVER_n_m",
+    "CLIENT_n_m",
+    "PUBLISH_n",
+    "SUBSCRIBE_n",
+    "F_X_TO_Y",
+    "FB_CTU_X",
+    "X2X",
+    *assembling.PATTERNS,
+)
 
 
 def standard_names() -> tuple[str, ...]:
@@ -52,4 +61,5 @@ def find_standard(name: str) -> model.FBType | None:
         or functions.converter(name)
         or function_blocks.counter(name)
         or utilities.utility(name)
+        or assembling.assembling(name)
     )

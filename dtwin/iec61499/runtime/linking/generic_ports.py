@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.runtime.netlist import Netlist, Node, Terminal, Wire
+from dtwin.iec61499.runtime.linking.netlist import Netlist, Node, Terminal, Wire
 from dtwin.iec61499.st.functions import common_type, widens
 from dtwin.iec61499.types import BOOL, DINT, DWORD, ELEMENTARY, LREAL, STRING, TIME, WSTRING, DataType, ElementaryType
 
@@ -30,7 +30,7 @@ def resolve(netlist: Netlist) -> None:
             and line.
     """
     groups = _Groups(netlist)
-    wires = [wire for wire in netlist.data.values() if groups.concerns(wire)]
+    wires = [wire for wire in generic_wires(netlist) if groups.concerns(wire)]
     while groups.settle(wires):
         pass
     groups.settle_by_literals()
@@ -39,9 +39,31 @@ def resolve(netlist: Netlist) -> None:
     while groups.settle_by_meaning(wires):
         while groups.settle(wires):
             pass
-    for number, node in enumerate(netlist.nodes):
-        if node.type is not None and generic_variables(node.type):
-            node.take(_concrete(node.type, tuple(groups.types_of(number).items())))
+    for number, node in generic_nodes(netlist).items():
+        assert node.declared is not None
+        types = groups.types_of(number)
+        node.take(_concrete(node.declared, tuple(types.items())))
+        node.parameters = {name: _fitted(node, given, types.get(name)) for name, given in node.literals.items()}
+
+
+def _fitted(node: Node, given: model.Parameter, kind: DataType | None) -> model.Parameter:
+    """A literal at a generic port that took the type `kind`: a typed integer may be of another type that it fits."""
+    own = ELEMENTARY.get(given.value.partition("#")[0].upper())
+    if own is None or own == kind or not (own.is_integer and isinstance(kind, ElementaryType) and kind.is_integer):
+        return given
+    value = model.literal(given.value, own, node.file, given.line)
+    return replace(given, value=str(value)) if kind.minimum <= value <= kind.maximum else given
+
+
+def generic_nodes(netlist: Netlist) -> dict[int, Node]:
+    """The nodes whose declared type has generic ports."""
+    return {number: node for number, node in netlist.nodes.items() if node.generics}
+
+
+def generic_wires(netlist: Netlist) -> list[Wire]:
+    """The data connections with one of those nodes at an end."""
+    nodes = generic_nodes(netlist)
+    return [wire for wire in netlist.data.values() if wire[0][0] in nodes or wire[1][0] in nodes] if nodes else []
 
 
 _T = TypeVar("_T", bound=model.FBType)
@@ -82,14 +104,14 @@ class _Groups:
         self._known: dict[PortGroup, DataType] = {}
         self._generic: dict[PortGroup, model.GenericType] = {}
         self._groups: dict[tuple[int, str], PortGroup] = {}
-        for number, node in enumerate(netlist.nodes):
-            assert node.type is not None
-            for variable in generic_variables(node.type):
-                if isinstance(node.type, model.CompositeFBType):
+        self._generic_nodes = generic_nodes(netlist)
+        for number, node in self._generic_nodes.items():
+            for variable in node.generics:
+                if isinstance(node.declared, model.CompositeFBType):
                     raise FunctionBlockError(
-                        f"{variable.name} of composite {node.type.header.name} is {variable.type}: "
+                        f"{variable.name} of composite {node.declared.header.name} is {variable.type}: "
                         "expected an elementary type",
-                        node.type.header.file,
+                        node.declared.header.file,
                         variable.line,
                     )
                 assert isinstance(variable.type, model.GenericType)
@@ -99,7 +121,7 @@ class _Groups:
                     self._known[self._group(number, variable)] = node.types[variable.name]
 
     def _group(self, number: int, variable: model.Variable) -> PortGroup:
-        own = isinstance(self._nodes[number].type, model.ServiceInterfaceFBType)
+        own = isinstance(self._nodes[number].declared, model.ServiceInterfaceFBType)
         return number, variable.name if own else str(variable.type)
 
     def type_at(self, port: Terminal) -> tuple[DataType | None, PortGroup | None]:
@@ -155,12 +177,13 @@ class _Groups:
 
     def settle_by_literals(self) -> None:
         """Types for the groups that no connection reaches, from the literals at their inputs."""
-        for number, node in enumerate(self._nodes):
-            for variable in node.interface.inputs:
+        for number, node in self._generic_nodes.items():
+            assert node.declared is not None
+            for variable in node.declared.interface.inputs:
                 if not isinstance(variable.type, model.GenericType):
                     continue
                 group = self._group(number, variable)
-                parameter = node.parameters.get(variable.name)
+                parameter = node.literals.get(variable.name)
                 if parameter is not None and group not in self._known:
                     self._known[group] = literal_type(parameter.value, variable.type)
 
@@ -176,10 +199,8 @@ class _Groups:
 
     def types_of(self, number: int) -> dict[str, DataType]:
         """The types of a node's generic variables."""
-        block = self._nodes[number].type
-        assert block is not None
         types = {}
-        for variable in generic_variables(block):
+        for variable in self._nodes[number].generics:
             assert isinstance(variable.type, model.GenericType)
             types[variable.name] = self._known.get(self._group(number, variable)) or _fallback(variable.type)
         return types
@@ -209,11 +230,12 @@ def _fallback(generic: model.GenericType) -> ElementaryType:
     return next((t for t in (DINT, LREAL, DWORD, STRING, TIME, *ELEMENTARY.values()) if generic.admits(t)), DINT)
 
 
-def check_types(netlist: Netlist) -> None:
-    """Raises FunctionBlockError at the first connection whose source does not fit its destination."""
-    for port, wire in netlist.data.items():
+def check_types(netlist: Netlist, wires: Iterable[Wire]) -> None:
+    """Raises FunctionBlockError at the first of the data connections whose source does not fit its destination."""
+    for wire in wires:
+        port = wire.destination
         sender, receiver = netlist.nodes[wire.source.node], netlist.nodes[port.node]
-        source, destination = variable_at(sender, wire.source.name).type, variable_at(receiver, port.name).type
+        source, destination = sender.variables[wire.source.name].type, receiver.variables[port.name].type
         shared = port.name in receiver.interface.in_outs
         if shared and (wire.source.name not in sender.interface.in_outs or source != destination):
             raise FunctionBlockError(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.runtime.netlist import Netlist, Node, Terminal, Wire
+from dtwin.iec61499.runtime.linking.netlist import Netlist, Node, Terminal, Wire
 from dtwin.iec61499.standard.events import TRIGGER
 from dtwin.iec61499.types import STRING
 
@@ -20,13 +20,13 @@ def connect_triggers(netlist: Netlist) -> None:
     Raises:
         FunctionBlockError: the type of an E_TRIG is connected or no text.
     """
-    triggers = [number for number, node in enumerate(netlist.nodes) if node.type is TRIGGER]
+    triggers = [number for number, node in netlist.nodes.items() if node.type is TRIGGER]
     if not triggers:
         return
-    composites = {f"{node.name}." for node in netlist.nodes if isinstance(node.type, model.CompositeFBType)}
+    composites = {f"{node.name}." for node in netlist.nodes.values() if isinstance(node.type, model.CompositeFBType)}
     connected = {wire.destination for wire in netlist.events}
     waiting: dict[str, list[Terminal]] = {}
-    for number, node in enumerate(netlist.nodes):
+    for number, node in netlist.nodes.items():
         if number not in triggers and not any(node.name.startswith(prefix) for prefix in composites):
             for event in node.interface.event_inputs:
                 port = Terminal(number, event.name)
