@@ -168,7 +168,7 @@ class SignatureBank:
             estimator.memory,
             PERIOD,
         )
-        self._least[:] = np.tile(np.where(estimator.lowest[self._rows], 0.0, -np.inf), ONSETS)
+        self._least.reshape(ONSETS, -1)[:] = np.where(estimator.lowest[self._rows], 0.0, -np.inf)
         self.note(estimator, sample)
 
     def recall(self, estimator: Estimator, joint: int, sample: int) -> None:
