@@ -16,8 +16,6 @@ from functools import partial
 from typing import Any, Final
 
 import numpy as np
-from scipy.optimize import differential_evolution
-from scipy.stats import qmc
 
 from dtwin.campaign.spread import EVERY_CORE, Workers, Workforce
 from dtwin.errors import ParameterError
@@ -115,6 +113,8 @@ def optimise(
         between(len(scores), min(each.cost for each in scores))
         return [each.cost for each in found]
 
+    from scipy.optimize import differential_evolution  # loaded for a search alone, as what draws its start is
+
     with Workers(workforce) as workers:
         if workers.count > 1:
             workers.map(partial(_judge_all, objective), [[tuple(lower.tolist())]] * (2 * workers.count))
@@ -160,6 +160,8 @@ def _first_generation(lower: Array, upper: Array, target_time: float, gains: Gai
 
     One half of the others lies within a factor of two of these settings, the other half anywhere within the bounds.
     """
+    from scipy.stats import qmc
+
     spread = qmc.LatinHypercube(len(lower), rng=seed).random(POPULATION)
     rows: Array = lower + spread * (upper - lower)
     present = np.log(np.maximum([target_time, *gains.kp, *gains.ki, *gains.kd], np.exp(lower)))

@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -22,7 +23,7 @@ from tests.support.ports import free_port
 from tests.support.tasks import invert, killing, work
 from tests.support.waiting import until
 
-pytest.importorskip("distributed", reason="pip install 'dtwin[dask]' to run this")
+pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="pip install 'dtwin[dask]' to run this")
 
 ROOT = Path(__file__).parents[2]
 SEEDS = (1, 2, 3, 4)

@@ -1,4 +1,4 @@
-"""A short log, and the long computations of a commissioning done once on few segments and gains, and counted."""
+"""A short log, and the long computations of a commissioning done once, on few segments and choices, and counted."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -9,6 +9,7 @@ import pytest
 
 from dtwin.commissioning import procedure
 from dtwin.identification.machine import fit, judged
+from dtwin.monitoring import calibration
 from dtwin.run.recording import Log
 from dtwin.simulation import proposal
 from dtwin.simulation.margins import design
@@ -39,6 +40,8 @@ def calls() -> Iterator[Counter[str]]:
         patch.setattr(design, "POSITION_POLES", (9.0,))
         patch.setattr(design, "VELOCITY_POLES", (15.0,))
         patch.setattr(proposal, "poses", places)
+        for name in ("COMPLIANCES", "DISPLACEMENTS", "STICKING", "MEMORIES"):
+            patch.setattr(calibration, name, getattr(calibration, name)[:1])
         for name in ("check_sensors", "identify_machine", "propose", "watched"):
             patch.setattr(procedure, name, once(name, getattr(procedure, name)))
         yield counted

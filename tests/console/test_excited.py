@@ -5,8 +5,8 @@ import pytest
 
 from dtwin.bus.messages import Acted
 from dtwin.bus.twin_messages import IdentificationState
+from dtwin.console.calculations.excited import PIECE, excited_experiments
 from dtwin.console.calculations.tasks import Excited
-from dtwin.console.calculations.work import PIECE, excited_experiments
 from dtwin.console.excited import ExcitedMotion
 from dtwin.errors import ParameterError
 from dtwin.identification.held_out import compare

@@ -10,8 +10,8 @@ import msgspec
 import numpy as np
 import pytest
 
+from dtwin.console.calculations.excited import find_signal
 from dtwin.console.calculations.tasks import Candidate, Recall, Simulate, Task, Work
-from dtwin.console.calculations.work import find_signal
 from dtwin.controller.settings import usual_gains
 from dtwin.errors import ParameterError
 from dtwin.parameters import ROOT

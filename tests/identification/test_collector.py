@@ -13,7 +13,7 @@ from dtwin.identification.excitation.plan import PLAIN, SAMPLES
 from dtwin.identification.parsing import free_names, settings_for
 from dtwin.parameters import PERIOD
 from dtwin.signals import Sensors, Voltages
-from tests.support.identification import ARM, CLEAN, measured
+from tests.support.identification import ARM, clean, measured
 
 
 def traffic(ticks: int, ask_at: int, lose: Collection[int] = ()) -> Iterator[tuple[Sensors, Voltages]]:
@@ -112,4 +112,4 @@ def test_what_an_operator_types() -> None:
     assert settings.known.coulomb == (0.01, 0.01, 0.01)
     assert settings.priors["D1"].deviation == 0.01
     assert len(measured(samples=60)) == 60
-    assert len(CLEAN) == 350
+    assert len(clean()) == 350

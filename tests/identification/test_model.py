@@ -14,7 +14,7 @@ from dtwin.identification.estimation.estimate import Estimate, EstimationSetting
 from dtwin.identification.model import IdentifiedModel, encode, read_model, write_model
 from dtwin.identification.result import from_estimate
 from tests.support.arms import Array
-from tests.support.identification import ALL, CLEAN, SETTINGS, noisy
+from tests.support.identification import ALL, SETTINGS, clean, noisy
 
 
 def test_a_model_says_what_it_is_made_from(
@@ -40,7 +40,7 @@ def test_equal_estimates_give_equal_bytes(fit: Array, model: IdentifiedModel) ->
 
 
 def test_what_is_undetermined_is_no_result(fit: Array) -> None:
-    estimate = identify([CLEAN], EstimationSettings(ALL, SETTINGS.known))
+    estimate = identify([clean()], EstimationSettings(ALL, SETTINGS.known))
     model = from_estimate(estimate, fit, "a test")
     assert model.unidentifiable == list(ALL)
     assert not set(model.standard_errors) & set(ALL)

@@ -11,6 +11,7 @@ import pytest
 
 from dtwin.errors import ModelError, ParameterError
 from dtwin.identification.machine.record import LEARNED, Passed, read_record, write_record
+from dtwin.monitoring import calibration
 from dtwin.monitoring.calibration import LEAST, calibrated, tail_of
 from dtwin.monitoring.estimation.belief import Belief, Tail, Unmodelled, commissioned
 from dtwin.monitoring.estimation.layout import ARM_NAMES
@@ -25,6 +26,13 @@ from tests.support.records import EFFECTS, HEALTHY, recorded
 def pushed(belief: Belief, run_cell: Callable[..., Log]) -> tuple[Stream, Belief]:
     """A run whose model lacks what its arm has: half as much friction again at joint 2, and a gentler motor 3."""
     return stream(run_cell(30.0, 3, "D2*=1.5@0", "K3*=0.97@0")), belief
+
+
+@pytest.fixture
+def fewer_choices(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two choices of each kind, for tests of something else than which one is taken."""
+    for name in ("COMPLIANCES", "DISPLACEMENTS", "STICKING", "MEMORIES"):
+        monkeypatch.setattr(calibration, name, getattr(calibration, name)[:2])
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +54,7 @@ def test_an_arm_that_the_model_lacks_is_no_alarm_once_it_is_calibrated(
     assert max(learned.error.slow[1:]) > 1.5 * learned.error.slow[0]
 
 
+@pytest.mark.usefixtures("fewer_choices")
 def test_what_is_learned_of_an_arm_is_what_is_begun_with(pushed: tuple[Stream, Belief]) -> None:
     seen, belief = pushed
     unsure = np.diag([(0.3 * belief.arm.get(name)) ** 2 if name in LEARNED else 0.0 for name in ARM_NAMES])
@@ -117,6 +126,7 @@ def test_impossible_torques_are_refused(wrong: dict[str, object]) -> None:
         Unmodelled(**wrong)  # type: ignore[arg-type]  # the values are wrong, not their types
 
 
+@pytest.mark.usefixtures("fewer_choices")
 def test_gaps_and_readings_that_say_nothing_are_no_torques(pushed: tuple[Stream, Belief], learned: Belief) -> None:
     seen, belief = pushed
     sample, measured = seen.sample.copy(), seen.measured.copy()

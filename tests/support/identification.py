@@ -1,6 +1,7 @@
 """What several tests of the identification share."""
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,12 @@ ALL = PARAMETER_NAMES[:18]
 NO_MASSES = tuple(name for name in ALL if name[0] != "m")
 SETTINGS = standard_settings()
 FREE = SETTINGS.free
-BLOCKS = ExcitationController()
+
+
+@cache
+def blocks() -> ExcitationController:
+    """The function blocks that excite; made once, when the first test asks."""
+    return ExcitationController()
 
 
 def truth(names: Sequence[str]) -> Array:
@@ -36,15 +42,21 @@ def measured(
 ) -> Experiment:
     """An experiment on the emulated arm under the function blocks' signal."""
     plan = Plan(signal, payload, model, Start(known=known), samples)
-    return Rig(**rig).measure(plan, BLOCKS, np.random.default_rng(seed))
+    return Rig(**rig).measure(plan, blocks(), np.random.default_rng(seed))
 
 
-CLEAN = measured()
-"""An experiment without noise: tests add their own noise, which saves running the emulation."""
+@cache
+def clean() -> Experiment:
+    """An experiment without noise: tests add their own noise, which saves running the emulation."""
+    return measured()
 
 
-def noisy(seed: int | tuple[int, ...], level: float, kind: str = "uniform", clean: Experiment = CLEAN) -> Experiment:
+def noisy(
+    seed: int | tuple[int, ...], level: float, kind: str = "uniform", given: Experiment | None = None
+) -> Experiment:
+    """An experiment with noise of that level (rad): the one without noise, or the given one."""
+    clear = clean() if given is None else given
     generator = np.random.default_rng(seed)
     draw = generator.random if kind == "uniform" else generator.standard_normal
-    angles = clean.measured + level * draw(clean.measured.shape)
-    return Experiment(angles, clean.volts, clean.payload, clean.start, clean.period, clean.payload_model)
+    angles = clear.measured + level * draw(clear.measured.shape)
+    return Experiment(angles, clear.volts, clear.payload, clear.start, clear.period, clear.payload_model)

@@ -6,13 +6,14 @@ This is what the backends translate. Operands of a Binary have one common type, 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields
 from functools import cache
 from typing import Any, Final, Literal, TypeAlias
 
 from dtwin.iec61499.st.ast import Position
-from dtwin.iec61499.types import Aggregate, ArrayType, DataType, ElementaryType, Member, StructType
+from dtwin.iec61499.types import Aggregate, DataType, ElementaryType
 
 COMPARISONS: Final = frozenset({"<", ">", "<=", ">=", "=", "<>"})
 """Operators of a Binary that give BOOL, whatever the operands' type is."""
@@ -226,16 +227,15 @@ class CheckedAlgorithm:
 
 
 def walk(node: Any) -> Iterator[Any]:
-    """The node and everything below it, outermost first."""
+    """The node and everything below it, outermost first; of a tuple, that of all nodes in it."""
     pending = [node]
     while pending:
         node = pending.pop()
         if isinstance(node, tuple):
-            if not isinstance(node, Position):
-                pending.extend(reversed(node))
-        elif names := _parts(node.__class__):
+            pending.extend(reversed(node))
+        else:
             yield node
-            pending.extend(getattr(node, name) for name in names)
+            pending.extend(getattr(node, name) for name in _parts(node.__class__))
 
 
 def invokes(body: Body) -> bool:
@@ -245,9 +245,9 @@ def invokes(body: Body) -> bool:
 
 @cache
 def _parts(kind: type[Any]) -> tuple[str, ...]:
-    """Names of what a kind of node consists of, the last first; none for what is no node."""
-    is_node = is_dataclass(kind) and not issubclass(kind, ElementaryType | ArrayType | StructType | Member)
-    return tuple(field.name for field in reversed(fields(kind))) if is_node else ()
+    """Names of the fields of a kind of node that hold nodes, the last first: those that are annotated so."""
+    names = [field.name for field in fields(kind) if re.search(r"Expression|Body|Branch", str(field.type))]
+    return tuple(reversed(names))
 
 
 def continues(body: Body) -> bool:

@@ -14,7 +14,7 @@ from dtwin.identification.excitation.design import predict
 from dtwin.identification.excitation.plan import Plan
 from dtwin.parameters import PARAMETER_NAMES
 from tests.support.arms import Array
-from tests.support.identification import ARM, CLEAN, FREE, NO_MASSES, SETTINGS, measured, noisy, truth
+from tests.support.identification import ARM, FREE, NO_MASSES, SETTINGS, clean, measured, noisy, truth
 
 UNIFORM = 12**-0.5
 """The standard deviation of noise that is uniform between 0 and 1."""
@@ -33,7 +33,7 @@ def off(settings: EstimationSettings, seed: int) -> EstimationSettings:
 
 def test_without_noise_every_parameter_is_exact() -> None:
     for settings in (SETTINGS, *(off(SETTINGS, seed) for seed in range(5))):
-        estimate = identify([CLEAN], settings)
+        estimate = identify([clean()], settings)
         assert estimate.converged
         assert np.abs(relative_errors(estimate)).max() < 1e-6
         assert np.abs(estimate.problem.offset(estimate.x)).max() < 1e-9
@@ -41,9 +41,9 @@ def test_without_noise_every_parameter_is_exact() -> None:
 
 def test_masses_known_two_runs_determine_the_fifteen_others() -> None:
     settings = EstimationSettings(NO_MASSES, ARM.with_values({name: START.get(name) for name in NO_MASSES}))
-    clean = [CLEAN, measured(payload=0.0)]
-    assert np.abs(relative_errors(identify(clean, settings), NO_MASSES)).max() < 1e-6
-    estimate = identify([noisy(k, 0.005, clean=run) for k, run in enumerate(clean)], settings)
+    runs = [clean(), measured(payload=0.0)]
+    assert np.abs(relative_errors(identify(runs, settings), NO_MASSES)).max() < 1e-6
+    estimate = identify([noisy(k, 0.005, given=run) for k, run in enumerate(runs)], settings)
     assert estimate.identifiability.rank == 15
     error = relative_errors(estimate, NO_MASSES) * truth(NO_MASSES)
     standard = np.array([estimate.standard_errors[name] for name in NO_MASSES])
@@ -91,12 +91,12 @@ def test_gaussian_noise_is_taken_for_gaussian() -> None:
 
 
 def test_robust_loss_shrugs_off_outliers() -> None:
-    clean = noisy(0, 0.002, "gaussian")
-    angles = clean.measured.copy()
+    usual = noisy(0, 0.002, "gaussian")
+    angles = usual.measured.copy()
     hit = np.random.default_rng(1).random(angles.shape) < 0.03
     angles[hit] += 0.2
-    spoilt = Experiment(angles, clean.volts, clean.payload, clean.start, clean.period, clean.payload_model)
-    standard = np.array([identify([clean], SETTINGS).standard_errors[name] for name in FREE]) / truth(FREE)
+    spoilt = Experiment(angles, usual.volts, usual.payload, usual.start, usual.period, usual.payload_model)
+    standard = np.array([identify([usual], SETTINGS).standard_errors[name] for name in FREE]) / truth(FREE)
     robust = np.abs(relative_errors(identify([spoilt], replace(SETTINGS, loss="huber", starts=1)))) / standard
     plain = np.abs(relative_errors(identify([spoilt], replace(SETTINGS, loss="gaussian", starts=1)))) / standard
     assert robust.max() < 5
@@ -138,10 +138,10 @@ def test_equal_data_give_equal_estimates() -> None:
 
 def test_bad_settings_are_named() -> None:
     with pytest.raises(ParameterError, match="unknown parameter 'K4': expected K1, K2"):
-        identify([CLEAN], EstimationSettings(("K4",)))
+        identify([clean()], EstimationSettings(("K4",)))
     with pytest.raises(ParameterError, match="prior for m1: expected a free parameter: K1"):
-        identify([CLEAN], EstimationSettings(("K1",), priors={"m1": Prior(0.1, 0.1)}))
+        identify([clean()], EstimationSettings(("K1",), priors={"m1": Prior(0.1, 0.1)}))
     with pytest.raises(ParameterError, match="there twice in K1, K1"):
-        identify([CLEAN], EstimationSettings(("K1", "K1")))
+        identify([clean()], EstimationSettings(("K1", "K1")))
     with pytest.raises(IdentificationError, match="loss 'cauchy': expected adaptive, gaussian or huber"):
         EstimationSettings(PARAMETER_NAMES, loss=cast(Loss, "cauchy"))

@@ -3,7 +3,7 @@ import numpy as np
 from dtwin.identification.estimation.estimate import identify
 from dtwin.identification.estimation.friction import Friction, choose, indistinguishable_from_zero, with_friction
 from dtwin.parameters import symbol_of
-from tests.support.identification import ARM, CLEAN, SETTINGS, measured, noisy
+from tests.support.identification import ARM, SETTINGS, clean, measured, noisy
 
 
 def test_viscous_is_preferred_on_a_viscous_arm() -> None:
@@ -42,4 +42,4 @@ def test_laws_free_their_own_coefficients() -> None:
         names = {symbol_of(name) for name in settings.free}
         assert names - {"K", "I", "c"} == ({"D", "mu"} if free == "Dmu" else {free})
         assert (settings.known.coulomb[0] > 0) == ("mu" in names)
-    assert len(CLEAN) == 350
+    assert len(clean()) == 350

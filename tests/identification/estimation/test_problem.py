@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -9,18 +10,22 @@ from dtwin.identification.estimation.problem import Prior, Problem, initial_spee
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.run.recording import Log
-from tests.support.identification import ARM, BLOCKS
+from tests.support.identification import ARM, blocks
 
-UNKNOWN = Rig(noise=0.01).measure(
-    Plan(payload=0.1, start=Start(known=False), samples=60), BLOCKS, np.random.default_rng(0)
-)
 KNOWN = Plan(payload=0.2, samples=50).experiment()
 WEIGHTS = [np.array([1.0, 2.0, 3.0]), np.linspace(1, 2, 150).reshape(50, 3)]
 
 
+@cache
+def unknown() -> Experiment:
+    """A run whose start is not known."""
+    plan = Plan(payload=0.1, start=Start(known=False), samples=60)
+    return Rig(noise=0.01).measure(plan, blocks(), np.random.default_rng(0))
+
+
 def two_runs() -> Problem:
     return Problem(
-        (UNKNOWN, KNOWN), ("K2", "m1", "I3", "mu1"), ARM, priors={"m1": Prior(0.12, 0.01), "mu1": Prior(0.01, 0.01)}
+        (unknown(), KNOWN), ("K2", "m1", "I3", "mu1"), ARM, priors={"m1": Prior(0.12, 0.01), "mu1": Prior(0.01, 0.01)}
     )
 
 

@@ -7,12 +7,12 @@ from dtwin.identification.estimation import quality
 from dtwin.identification.estimation.estimate import EstimationSettings, identify
 from dtwin.run.recording import RunLog
 from tests.support.arms import Array
-from tests.support.identification import CLEAN, FREE, SETTINGS, noisy
+from tests.support.identification import FREE, SETTINGS, clean, noisy
 
 
 def changed(measured: Array | None = None, volts: Array | None = None) -> Experiment:
-    measured = CLEAN.measured if measured is None else measured
-    return Experiment(measured, CLEAN.volts if volts is None else volts, CLEAN.payload, CLEAN.start)
+    measured = clean().measured if measured is None else measured
+    return Experiment(measured, clean().volts if volts is None else volts, clean().payload, clean().start)
 
 
 def refusal(experiment: Experiment, settings: EstimationSettings = SETTINGS) -> str:
@@ -24,20 +24,20 @@ def refusal(experiment: Experiment, settings: EstimationSettings = SETTINGS) -> 
 
 
 def test_too_few_samples() -> None:
-    assert refusal(CLEAN.head(12)) == "too few samples: 12 for 15 unknowns, expected at least 20; record longer"
+    assert refusal(clean().head(12)) == "too few samples: 12 for 15 unknowns, expected at least 20; record longer"
 
 
 def test_no_motion() -> None:
-    still = np.tile(CLEAN.measured[0], (350, 1))
+    still = np.tile(clean().measured[0], (350, 1))
     assert refusal(changed(still)).startswith("no motion to identify from: joint 1 moved by 0 rad")
-    frozen = CLEAN.measured.copy()
+    frozen = clean().measured.copy()
     frozen[:, 1] = 0.3
     assert "joint 2 moved by" in refusal(changed(frozen))
 
 
 def test_motion_drowned_in_noise() -> None:
     noise = 0.05 * np.random.default_rng(0).standard_normal((350, 3))
-    assert "with noise of 0.0" in refusal(changed(0.01 * CLEAN.measured + noise))
+    assert "with noise of 0.0" in refusal(changed(0.01 * clean().measured + noise))
 
 
 def test_saturated() -> None:
@@ -47,7 +47,7 @@ def test_saturated() -> None:
 
 
 def test_diverged() -> None:
-    jump = CLEAN.measured.copy()
+    jump = clean().measured.copy()
     jump[100:, 0] += 40.0
     assert "diverged: joint 1 jumps by 40" in refusal(changed(jump))
     jump[100, 0] = np.nan

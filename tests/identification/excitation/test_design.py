@@ -8,7 +8,7 @@ from dtwin.identification.estimation.estimate import identify
 from dtwin.identification.excitation.design import optimise, predict
 from dtwin.identification.excitation.plan import PLAIN, Plan
 from dtwin.identification.excitation.rig import Rig
-from tests.support.identification import ARM, BLOCKS, FREE, SETTINGS, truth
+from tests.support.identification import ARM, FREE, SETTINGS, blocks, truth
 
 DEVIATION = 0.003
 
@@ -37,7 +37,7 @@ def test_the_optimised_signal_tells_three_times_as_much() -> None:
     assert max(better.reach) < math.pi
     errors = []
     for seed in range(4):
-        experiment = Rig(noise=0.010).measure(plan, BLOCKS, np.random.default_rng(seed))
+        experiment = Rig(noise=0.010).measure(plan, blocks(), np.random.default_rng(seed))
         estimate = identify([experiment], SETTINGS)
         assert estimate.whiteness.white
         errors.append(np.array([estimate.values[name] for name in FREE]) / truth(FREE) - 1)
