@@ -19,7 +19,7 @@ from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log, concatenate
 from dtwin.task import DEFAULT_TASK, Task
 from dtwin.view.boxes import grasps, waiting
-from dtwin.view.layout import live_blueprint
+from dtwin.view.layout import live_blueprint, live_extent
 from dtwin.view.monitoring import (
     log_monitor_styles,
     log_predictions,
@@ -29,6 +29,7 @@ from dtwin.view.monitoring import (
 )
 from dtwin.view.scene import Scene
 from dtwin.view.series import log_events, log_limits, log_plots, log_states, log_styles
+from dtwin.view.story import MOST_MARKS, Story, log_marks, log_story_styles, marks
 from dtwin.view.write import APPLICATION
 
 RESERVE: Final = 64 << 20
@@ -67,6 +68,8 @@ class LiveView:
         self._stream.set_log_tick_enabled(False)
         self._stream.set_log_time_enabled(False)
         self._states: Log | None = None
+        self._story = Story()
+        self._marks = 0
         self._file = file
         self._temporary: Path | None = None
         sinks: list[rr.FileSink | rr.GrpcSink] = []
@@ -78,9 +81,10 @@ class LiveView:
             sinks.append(rr.FileSink(self._temporary))
         if url:
             sinks.append(rr.GrpcSink(url))
-        self._arm, self._monitored = arm, monitored
-        tabs = [monitoring_views()] if monitored else []
-        self._stream.set_sinks(*sinks, default_blueprint=live_blueprint(*tabs))
+        self._monitored = monitored
+        extent = live_extent(task)
+        tabs = [monitoring_views(extent)] if monitored else []
+        self._stream.set_sinks(*sinks, default_blueprint=live_blueprint(extent, *tabs))
 
     @property
     def ready(self) -> bool:
@@ -93,13 +97,18 @@ class LiveView:
             if self._states is None:
                 self._scene.log_geometry(self._stream, float(log.columns["t"][0]))
                 log_styles(self._stream)
+                log_story_styles(self._stream)
                 if self._monitored:
                     log_monitor_styles(self._stream, self._scene)
             log_limits(self._stream, log)
             self._scene.log_motion(self._stream, log)
             log_plots(self._stream, log)
             self._add_states(log)
+            self._story.send(self._stream, log)
         log_events(self._stream, log.events)
+        new = marks(log.events)[: MOST_MARKS - self._marks]
+        log_marks(self._stream, new, self._marks)
+        self._marks += len(new)
         self._stream.flush()
         if self._temporary is not None and self._file is not None:
             # Only now, because the file may be what a killed recorder left, and these rows hold all of it.
@@ -111,7 +120,7 @@ class LiveView:
         if residuals:
             log_predictions(self._stream, predictions(residuals))
         if verdicts:
-            log_verdicts(self._stream, self._arm, verdicts)
+            log_verdicts(self._stream, self._scene, verdicts)
 
     def _add_states(self, log: Log) -> None:
         """Draws the boxes again when the state of one of them has changed."""
