@@ -71,7 +71,7 @@ class ViewerProcess:
             _wait(ports, listening=False)
             page = [*viewer, "--serve-web", "--web-viewer-port", str(ports.page)]
             self._process = _start(["/bin/sh", "-c", _TIED, "sh", *page], subprocess.PIPE)
-        elif not _listens(ports.data):  # otherwise the window of an earlier recorder is used
+        elif not listens(ports.data):  # otherwise the window of an earlier recorder is used
             _start([*viewer, "--expect-data-soon"], subprocess.DEVNULL)
         _wait(ports, listening=True)
 
@@ -92,14 +92,15 @@ def _start(command: list[str], stdin: int) -> subprocess.Popen[bytes]:
 
 def _wait(ports: Ports, listening: bool) -> None:
     deadline = time.monotonic() + _TIMEOUT
-    while _listens(ports.data) != listening:
+    while listens(ports.data) != listening:
         if time.monotonic() > deadline:
             state = "does not listen" if listening else "is in use"
             raise CommunicationError(f"the viewer's port {LOOPBACK}:{ports.data} {state}")
         time.sleep(_LOOK)
 
 
-def _listens(port: int) -> bool:
+def listens(port: int) -> bool:
+    """Whether something listens at a port of the loopback interface."""
     with socket.socket() as probe:
         return probe.connect_ex((LOOPBACK, port)) == 0
 
@@ -107,6 +108,6 @@ def _listens(port: int) -> bool:
 def _free(wanted: int) -> int:
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        probe.bind((LOOPBACK, 0 if _listens(wanted) else wanted))
+        probe.bind((LOOPBACK, 0 if listens(wanted) else wanted))
         port: int = probe.getsockname()[1]
     return port
