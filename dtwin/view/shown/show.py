@@ -64,7 +64,7 @@ def opening(recording: Path) -> float | None:
             [[name]] = batch["SeriesLines:names"].to_pylist()
             kinds[chunk.entity_path] = name.partition(" ")[0]
         if TIMELINE in batch.schema.names:
-            times[chunk.entity_path] = 1e-9 * batch[TIMELINE].cast(pa.int64())[0].as_py()
+            times[chunk.entity_path] = batch[TIMELINE].cast(pa.int64())[0].as_py() / 1e9
     for kind in _KINDS:
         if found := [moment for entity, moment in times.items() if kinds.get(entity) == kind]:
             return min(found)
