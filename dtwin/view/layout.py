@@ -80,7 +80,7 @@ def _round(value: float) -> float:
 
 def blueprint(extent: Extent, *more: rrb.Vertical) -> rrb.Blueprint:
     """The layout of a recording; further tabs come first."""
-    return arranged(extent, whole_time(), *more)
+    return _arranged(extent, whole_time(), *more)
 
 
 def whole_time() -> rrb.TimePanel:
@@ -91,18 +91,30 @@ def whole_time() -> rrb.TimePanel:
 def live_blueprint(extent: Extent, *more: rrb.Vertical) -> rrb.Blueprint:
     """The layout of a recording that grows, which shows the newest time; further tabs come first."""
     time = rrb.TimePanel(state="collapsed", timeline=series.TIMELINE, play_state="following")
-    return arranged(extent, time, *more)
+    return _arranged(extent, time, *more)
 
 
-def arranged(extent: Extent, time: rrb.TimePanel, *more: rrb.Vertical) -> rrb.Blueprint:
+def sparse_blueprint(extent: Extent) -> rrb.Blueprint:
+    """The layout of a run that is sent sparsely: as few views as tell what happens."""
+    time = rrb.TimePanel(state="collapsed", timeline=series.TIMELINE, play_state="following")
+    side = rrb.Vertical(_states(extent), _error(extent), _events())
+    return _whole(rrb.Horizontal(rrb.Vertical(_status(), cell_view(), row_shares=[0.45, 4]), side), time)
+
+
+def _arranged(extent: Extent, time: rrb.TimePanel, *more: rrb.Vertical) -> rrb.Blueprint:
     """State and cell on the left, states over tabs on the right."""
     tabs = rrb.Tabs(*more, _overview(extent), _joints(extent), _gripper(), active_tab=0)
+    views = rrb.Horizontal(
+        rrb.Vertical(_status(), cell_view(), _events(), row_shares=[0.45, 3, 1]),
+        rrb.Vertical(_states(extent), tabs, row_shares=[1, 4]),
+        column_shares=[1.15, 1],
+    )
+    return _whole(views, time)
+
+
+def _whole(views: rrb.Horizontal, time: rrb.TimePanel) -> rrb.Blueprint:
     return rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Vertical(_status(), cell_view(), _events(), row_shares=[0.45, 3, 1]),
-            rrb.Vertical(_states(extent), tabs, row_shares=[1, 4]),
-            column_shares=[1.15, 1],
-        ),
+        views,
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         time,
@@ -155,10 +167,14 @@ def _states(extent: Extent) -> rrb.StateTimelineView:
     return view
 
 
+def _error(extent: Extent) -> rrb.TimeSeriesView:
+    return plot_view("Tracking error (mrad)", series.ERROR, (-extent.error, extent.error))
+
+
 def _overview(extent: Extent) -> rrb.Vertical:
     return rrb.Vertical(
         plot_view("Angles and targets (rad)", series.ANGLES, extent.angles),
-        plot_view("Tracking error (mrad)", series.ERROR, (-extent.error, extent.error)),
+        _error(extent),
         plot_view("Voltages (V)", series.VOLTS, VOLTS),
         name="Overview",
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
@@ -12,14 +12,14 @@ from typing import Final
 import numpy as np
 import rerun as rr
 
-from dtwin.bus.twin_messages import MonitoringResiduals, MonitoringVerdict
+from dtwin.bus.twin_messages import MonitoredUnit, MonitoringResiduals, MonitoringVerdict
 from dtwin.errors import NoSpaceError
 from dtwin.files import ensure_writable
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log, concatenate
 from dtwin.task import DEFAULT_TASK, Task
 from dtwin.view.boxes import grasps, waiting
-from dtwin.view.layout import live_blueprint, live_extent
+from dtwin.view.layout import live_blueprint, live_extent, sparse_blueprint
 from dtwin.view.monitoring import (
     log_monitor_styles,
     log_predictions,
@@ -28,12 +28,16 @@ from dtwin.view.monitoring import (
     predictions,
 )
 from dtwin.view.scene import Scene
-from dtwin.view.series import log_events, log_limits, log_plots, log_states, log_styles
+from dtwin.view.series import ERROR, PLOTS, log_events, log_limits, log_plots, log_states, log_styles
 from dtwin.view.story import MOST_MARKS, Story, log_marks, log_story_styles, marks
 from dtwin.view.write import APPLICATION
 
 RESERVE: Final = 64 << 20
 """Room on the disk below which no more is sent to a file, bytes: Rerun waits for ever for a disk that is full."""
+SPARSE: Final = 5
+"""Number of ticks of which one is sent sparsely: 20 Hz of the error, 10 Hz of poses."""
+SPARSE_TICKS: Final = 200
+"""Number of ticks that are sent at once sparsely: such a viewer takes in a few messages with every picture."""
 _STATE: Final = ("box_present", "box_colour", "box_gripped")
 
 
@@ -45,6 +49,8 @@ class LiveView:
         arm: arm whose link lengths are drawn.
         file: .rrd file to write, which can be read at any time; None for no file.
         url: URL of a viewer that listens; "" for no viewer.
+        sparse: whether a tenth is sent of what moves, and of the plots the tracking error alone, to a viewer that
+            draws without a GPU.
         monitored: whether predictions and verdicts of a monitor are drawn as well.
         task: task of the cell.
 
@@ -61,6 +67,7 @@ class LiveView:
         file: Path | None,
         url: str = "",
         monitored: bool = False,
+        sparse: bool = False,
         task: Task = DEFAULT_TASK,
     ) -> None:
         self._scene = Scene(model_file, arm, task)
@@ -81,10 +88,14 @@ class LiveView:
             sinks.append(rr.FileSink(self._temporary))
         if url:
             sinks.append(rr.GrpcSink(url))
-        self._monitored = monitored
+        self._monitored, self._sparse = monitored, sparse
+        self._collected: list[Log] = []
+        self._units: Mapping[str, MonitoredUnit] = {}
         extent = live_extent(task)
         tabs = [monitoring_views(extent)] if monitored else []
-        self._stream.set_sinks(*sinks, default_blueprint=live_blueprint(extent, *tabs))
+        self._stream.set_sinks(
+            *sinks, default_blueprint=sparse_blueprint(extent) if sparse else live_blueprint(extent, *tabs)
+        )
 
     @property
     def ready(self) -> bool:
@@ -92,17 +103,30 @@ class LiveView:
         return self._file is None or has_room(self._file)
 
     def add(self, log: Log) -> None:
-        """Sends ticks and events that follow those sent before."""
+        """Sends ticks and events that follow those sent before, sparsely many at once."""
+        if self._sparse:
+            self._collected.append(log)
+            if sum(map(len, self._collected)) < SPARSE_TICKS:
+                return
+            log, self._collected = concatenate(self._collected, {}), []
+        self._send(log)
+
+    def _send(self, log: Log) -> None:
         if len(log):
             if self._states is None:
-                self._scene.log_geometry(self._stream, float(log.columns["t"][0]))
+                self._scene.log_geometry(self._stream, float(log.columns["t"][0]), self._sparse)
                 log_styles(self._stream)
                 log_story_styles(self._stream)
                 if self._monitored:
                     log_monitor_styles(self._stream, self._scene)
-            log_limits(self._stream, log)
-            self._scene.log_motion(self._stream, log)
-            log_plots(self._stream, log)
+            if self._sparse:
+                part = Log({name: column[::SPARSE] for name, column in log.columns.items()})
+                self._scene.log_motion(self._stream, part, sparse=True)
+                log_plots(self._stream, part, [plot for plot in PLOTS if plot.entity == ERROR])
+            else:
+                log_limits(self._stream, log)
+                self._scene.log_motion(self._stream, log)
+                log_plots(self._stream, log)
             self._add_states(log)
             self._story.send(self._stream, log)
         log_events(self._stream, log.events)
@@ -117,6 +141,11 @@ class LiveView:
 
     def add_monitoring(self, residuals: Sequence[MonitoringResiduals], verdicts: Sequence[MonitoringVerdict]) -> None:
         """Sends the new residuals, as predictions, and verdicts of a monitor, if there are any."""
+        if self._sparse:
+            # An opinion a second that says the same takes longer to show than it says.
+            news = [each for each in verdicts if each.units != self._units]
+            self._units = verdicts[-1].units if verdicts else self._units
+            residuals, verdicts = (), news
         if residuals:
             log_predictions(self._stream, predictions(residuals))
         if verdicts:
@@ -136,6 +165,9 @@ class LiveView:
 
     def close(self) -> None:
         """Closes the file and the connection to the viewer."""
+        if self._collected:
+            self._send(concatenate(self._collected, {}))
+            self._collected = []
         self._stream.disconnect()
         if self._temporary is not None:
             self._temporary.unlink(missing_ok=True)

@@ -102,9 +102,13 @@ class Plan:
     def send(self, stream: rr.RecordingStream, log: Log) -> None:
         """Sends path, goal and ghost of a log of at least one tick that follows those sent before."""
         target, t = log.stack("target"), log.columns["t"]
+        told = ~np.isnan(target).any(axis=1)  # by a controller that tells its path
+        target, t = target[told], t[told]
+        if not len(t):
+            return
         before = target[:1] if self._before is None else self._before
         moves = np.abs(np.diff(target, axis=0, prepend=before)).max(axis=1) > _MOVES
-        shown = moves & (np.arange(len(log)) % _STRIDE == 0)
+        shown = moves & (np.arange(len(t)) % _STRIDE == 0)
         shown[:-1] |= moves[:-1] & ~moves[1:]
         shown[0] = True
         self._before = target[-1:]

@@ -79,13 +79,15 @@ class Scene:
         self._plan = Plan(model, ROOT, _DRAWN, self._tip)
         self._coloured: dict[str, style.RGB] = {}
 
-    def log_geometry(self, stream: rr.RecordingStream, t: float) -> None:
-        """Sends the geometry of the model, visible from plant time t (s) on."""
+    def log_geometry(self, stream: rr.RecordingStream, t: float, sparse: bool = False) -> None:
+        """Sends the geometry of the model, visible from plant time t (s) on, and of what `log_motion` draws."""
         stream.set_time(TIMELINE, duration=t)
         # The loader's messages about geoms that it leaves out must not reach standard output.
         with contextlib.redirect_stdout(io.StringIO()):
             self._logger.log_model(stream)
         stream.reset_time()
+        if sparse:
+            return
         stream.log(TRAIL, rr.Points3D.from_fields(colors=style.TRAIL, radii=0.0015), static=True)
         self._plan.log_geometry(stream, self.task)
 
@@ -107,8 +109,11 @@ class Scene:
         """The coordinate frame that moves with a body of the model."""
         return rr.CoordinateFrame(self._logger.paths.body_frame(body))
 
-    def log_motion(self, stream: rr.RecordingStream, log: Log) -> None:
-        """Sends poses, the trail of the tip and what the arm is to do, of a log that follows those sent before."""
+    def log_motion(self, stream: rr.RecordingStream, log: Log, sparse: bool = False) -> None:
+        """Sends poses and, unless sparsely, the trail of the tip and what the arm is to do.
+
+        The log follows those sent before.
+        """
         times = time_column(log.columns["t"][::STRIDE])
         poses = self._poses(log, slice(None, None, STRIDE))
         for name, pose in poses.items():
@@ -116,6 +121,8 @@ class Scene:
                 translation=pose.position, quaternion=np.roll(pose.quaternion, -1, axis=1)
             )
             stream.send_columns(self._logger.paths.body_path(name), indexes=[times], columns=columns)
+        if sparse:
+            return
         positions = rr.Points3D.columns(positions=poses[self._tip].position)
         stream.send_columns(TRAIL, indexes=[times], columns=positions)
         self._plan.send(stream, log)

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, Literal
 from urllib.parse import quote
 
@@ -45,6 +46,11 @@ class Ports:
     def page_url(self) -> str:
         """URL to open in a browser."""
         return f"http://{LOOPBACK}:{self.page}/?url={quote(self.data_url, safe='')}"
+
+
+def has_gpu() -> bool:
+    """Whether this machine has a device that a browser may draw with; software draws a frame or so a second."""
+    return any(Path("/dev/dri").glob("renderD*")) or Path("/dev/nvidia0").exists() or sys.platform != "linux"
 
 
 def free_ports() -> Ports:

@@ -206,3 +206,26 @@ def test_a_failed_link_is_red_while_it_has_failed_and_its_name_stands_above(tmp_
     labels = found["/cell/verdicts/text"]["Points3D:labels"]
     assert [at(labels, tick) for tick in (0, 250, 300)] == [[""], ["joint 2: voltage constant"], [""]]
     assert found["/marks/0"]["Scalars:scalars"][0][0] == 2_000_000_000
+
+
+def test_a_viewer_without_a_gpu_is_sent_few_messages(tmp_path: Path) -> None:
+    log = replace(work(), events=(Event(1.5, "fault", "K2*=0.1@1.5 began"),))
+    counts, found = {}, {}
+    for name, sparse in (("all", False), ("sparse", True)):
+        view = LiveView(MODEL, ArmParameters(), tmp_path / name, sparse=sparse)
+        for start in range(0, len(log), 50):
+            part = log.part(start, start + 50)
+            view.add(part if start == 100 else replace(part, events=()))
+        view.close()
+        chunks = [chunk for chunk in RrdReader(tmp_path / name).stream().to_chunks() if not chunk.is_static]
+        counts[name] = len([chunk for chunk in chunks if "visual_geometries" not in chunk.entity_path])
+        found[name] = contents(tmp_path / name)
+    assert counts["sparse"] < 0.4 * counts["all"]
+    states = [found[name]["/controller/state"]["StateChange:state"] for name in counts]
+    assert [(time, value) for time, _, value in states[0]] == [(time, value) for time, _, value in states[1]]
+    assert "/marks/0" in found["sparse"]
+    tips = found["sparse"]["/cell/bodies/tip"]["Transform3D:translation"]
+    assert len(tips) == 1 + len(log) // 10
+    whole = found["all"]["/cell/bodies/tip"]["Transform3D:translation"]
+    for tick in (0, 150, 340):
+        np.testing.assert_allclose(at(tips, tick), at(whole, tick), atol=1e-6)
