@@ -50,9 +50,10 @@ def extent_of(log: Log, task: Task) -> Extent:
     t = log.columns["t"]
     margin = 0.02 * max(float(t[-1] - t[0]), 0.1)
     start, end = (rr.TimeRangeBoundary.absolute(seconds=float(moment)) for moment in (t[0] - margin, t[-1] + margin))
-    shown = np.concatenate((log.angles(), log.stack("target")))
+    told = ~np.isnan(log.stack("target"))
+    shown = np.concatenate((log.angles(), log.stack("target")[told.all(axis=1)]))
     usual = _angles(task)
-    error = 1e3 * float(np.nanmax(np.abs(log.stack("target") - log.angles())))
+    error = 1e3 * float(np.max(np.abs(log.stack("target") - log.angles()), initial=0.0, where=told))
     return Extent(
         rr.TimeRange(start, end),
         (min(usual[0], math.floor(shown.min())), max(usual[1], math.ceil(shown.max()))),

@@ -19,7 +19,7 @@ from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log, concatenate
 from dtwin.task import DEFAULT_TASK, Task
 from dtwin.view.boxes import grasps, waiting
-from dtwin.view.layout import live_blueprint, live_extent, sparse_blueprint
+from dtwin.view.layout import blueprint, extent_of, live_blueprint, live_extent, sparse_blueprint
 from dtwin.view.monitoring import (
     log_monitor_styles,
     log_predictions,
@@ -90,6 +90,7 @@ class LiveView:
             sinks.append(rr.GrpcSink(url))
         self._monitored, self._sparse = monitored, sparse
         self._collected: list[Log] = []
+        self._whole: Log | None = None
         self._units: Mapping[str, MonitoredUnit] = {}
         extent = live_extent(task)
         tabs = [monitoring_views(extent)] if monitored else []
@@ -128,6 +129,7 @@ class LiveView:
                 self._scene.log_motion(self._stream, log)
                 log_plots(self._stream, log)
             self._add_states(log)
+            self._whole = _widened(self._whole, log)
             self._story.send(self._stream, log)
         log_events(self._stream, log.events)
         new = marks(log.events)[: MOST_MARKS - self._marks]
@@ -164,10 +166,14 @@ class LiveView:
         log_states(self._stream, self._states, waits, carried, self._scene.task, drawn)
 
     def close(self) -> None:
-        """Closes the file and the connection to the viewer."""
+        """Closes the file, which then opens on the whole run, and the connection to the viewer."""
         if self._collected:
             self._send(concatenate(self._collected, {}))
             self._collected = []
+        if self._file is not None and self._whole is not None and self._temporary is None:
+            extent = extent_of(self._whole, self._scene.task)
+            tabs = [monitoring_views(extent)] if self._monitored else []
+            self._stream.send_blueprint(blueprint(extent, *tabs))
         self._stream.disconnect()
         if self._temporary is not None:
             self._temporary.unlink(missing_ok=True)
@@ -176,6 +182,15 @@ class LiveView:
 def has_room(file: Path) -> bool:
     """Whether the disk has the reserve of room for a file."""
     return shutil.disk_usage(file.parent).free >= RESERVE
+
+
+def _widened(before: Log | None, log: Log) -> Log:
+    """The ticks of a growing log that hold its extent: its first and last, and those of its extreme values."""
+    whole = log if before is None else concatenate([before, log], {})
+    values = np.column_stack((whole.angles(), whole.stack("target"), whole.stack("target") - whole.angles()))
+    values = np.nan_to_num(values)
+    kept = np.unique([0, len(whole) - 1, *values.argmin(axis=0), *values.argmax(axis=0)])
+    return Log({name: column[kept] for name, column in whole.columns.items()})
 
 
 def _changes(before: Log | None, log: Log) -> Log:

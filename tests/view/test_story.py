@@ -229,3 +229,23 @@ def test_a_viewer_without_a_gpu_is_sent_few_messages(tmp_path: Path) -> None:
     whole = found["all"]["/cell/bodies/tip"]["Transform3D:translation"]
     for tick in (0, 150, 340):
         np.testing.assert_allclose(at(tips, tick), at(whole, tick), atol=1e-6)
+
+
+def test_a_recording_that_grew_opens_on_the_whole_run_in_the_end(tmp_path: Path) -> None:
+    log, file = work(), tmp_path / "live.rrd"
+    view = LiveView(MODEL, ArmParameters(), file)
+    for start in range(0, len(log), 50):
+        view.add(log.part(start, start + 50))
+    view.close()
+    reader = RrdReader(file)
+    shown = [
+        chunk.to_record_batch()["TimeAxis:view_range"].to_pylist()[0][0]
+        for layout in reader.blueprints()
+        for chunk in reader.stream(store=layout).to_chunks()
+        if chunk.entity_path == "/view/5c0dca6a-e63f-9cf7-f657-2602590474cc/TimeAxis"
+    ]
+    extent = extent_of(log, DEFAULT_TASK)
+    assert extent.time.start.inner is not None
+    assert extent.time.end.inner is not None
+    assert len(shown) == 2  # the first is that of the run while it goes on
+    assert {"start": extent.time.start.inner.value, "end": extent.time.end.inner.value} in shown
