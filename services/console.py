@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Final
 
 from dtwin.bus.session import Bus
 from dtwin.errors import ParameterError
+from dtwin.run.options import CellFileOption
 from dtwin.services.service import Link, Service, main
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ MISSING: Final = "the console needs packages that are not installed: pip install
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConsoleOptions:
+class ConsoleOptions(CellFileOption):
     """Where a console listens, who may use it, and what it reads."""
 
     listen: str = "127.0.0.1"
@@ -81,7 +82,7 @@ class ConsoleOptions:
         if users is not None:
             users.read()
         clocks = Clocks(time.monotonic, time.time)
-        hub = Hub(bus, cell, arm, clocks)
+        hub = Hub(bus, cell, arm, clocks, self.task())
         files = Files(self.store, self.history, self.recordings)
         annunciator = Annunciator(self.alarms)
         user = getpass.getuser()

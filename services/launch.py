@@ -251,7 +251,8 @@ class CellOptions(PlantOptions, ControlOptions):
         options += ["--history", str(self.history.resolve()), "--audit", str(AUDIT.resolve())]
         options += ["--alarms", str(ALARMS.resolve())]
         options += ["--recordings", str(self.recordings.resolve())] if self.recordings else []
-        return [*options, "--viewer", ports.page_url] if self.viewer == "web" else options
+        options += ["--viewer", ports.page_url] if self.viewer == "web" else []
+        return options + arguments(self, CellFileOption)
 
     def _recorder_options(self, ports: Ports) -> list[str]:
         notes = msgspec.json.encode(metadata(self.settings())).decode()
@@ -338,6 +339,7 @@ def launched(options: CellOptions) -> Iterator[Launched]:
             warning=warning,
             history=str(options.history.resolve()),
             store=str(options.store.resolve()),
+            cell_file=options.cell_file or "",
         )
         file.write(up)
         stop = threading.Event()

@@ -30,7 +30,7 @@ from dtwin.services.parts.part_files import begin, begun, discard_parts, numbere
 from dtwin.services.parts.rows import Rows
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors, StepRecord, Truth, Voltages
-from dtwin.view.viewer import Ports, Viewer, ViewerProcess
+from dtwin.view.viewer import Ports, Viewer, ViewerProcess, has_gpu
 
 if TYPE_CHECKING:
     from dtwin.view.live import LiveView
@@ -277,9 +277,10 @@ class Recorder:
 
         options = self._options
         file = None if options.record is None else numbered(options.record, self._runs)
+        sparse = file is None and options.viewer == "web" and not has_gpu()
         url = "" if self._viewer is None else options.ports.data_url
         try:
-            self._view = LiveView(options.mjcf, self._arm, file, url, options.monitored, options.task())
+            self._view = LiveView(options.mjcf, self._arm, file, url, options.monitored, sparse, options.task())
         except NoSpaceError as error:
             self._say_unready(str(error))
 

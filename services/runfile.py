@@ -25,7 +25,8 @@ SUPERVISOR: Final = "supervisor"
 class Up(msgspec.Struct, frozen=True):
     """A cell that is up: its supervisor's process, how to join its bus, where its controller is managed, whether all
     services were ready, the page that shows it, if any, the page of its operators, if any, and what its user was
-    warned of, if anything, and the files of its settings' history and of its identified models."""
+    warned of, if anything, the files of its settings' history and of its identified models, and the file of the cell,
+    if one was given."""
 
     pid: int
     arm: str
@@ -38,6 +39,7 @@ class Up(msgspec.Struct, frozen=True):
     warning: str = ""
     history: str = ""
     store: str = ""
+    cell_file: str = ""
 
 
 def folder() -> Path:

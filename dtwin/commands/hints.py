@@ -11,8 +11,8 @@ from pathlib import Path
 
 def viewer_command(recording: Path) -> str:
     """The command that shows a recording: by its name where a shell finds it, else with where it is installed."""
-    viewer = "rerun"
-    if shutil.which(viewer) is None:
-        beside = Path(sys.executable).parent / viewer
-        viewer = os.path.relpath(beside) if beside.is_relative_to(Path.cwd()) else str(beside)
-    return shlex.join([viewer, str(recording)])
+    program = "dtwin"
+    if shutil.which(program) is None:
+        beside = Path(sys.executable).parent / program
+        program = os.path.relpath(beside) if beside.is_relative_to(Path.cwd()) else str(beside)
+    return shlex.join([program, "show", str(recording)])

@@ -36,6 +36,8 @@ class Subcommand:
 GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
     "the cell": {
         "run": Subcommand("cell.run", "Run", "run the cell: arm, boxes and function blocks; record and summarise"),
+        "show": Subcommand("cell.show", "Show", "open a recording where it is worth a look"),
+        "film": Subcommand("cell.film", "FilmCommand", "render a log to a film, MP4 or GIF"),
         "validate": Subcommand("cell.validate", "Validate", "hold the emulation against the analytic twin"),
         "reproduce": Subcommand(
             "cell.reproduce", "Reproduce", "measure the thesis's whole evaluation again, beside its numbers"

@@ -87,7 +87,7 @@ class Console:
         self.sessions = Sessions()
         self.attempts = Attempts()
         self.desk = Occupancy()
-        self.ring = Ring()
+        self.ring = Ring(hub.task.colours)
         self._bus = bus
         self._audit = audit
 

@@ -39,9 +39,10 @@ from dtwin.bus.session import Bus, Subscription
 from dtwin.bus.twin_messages import IdentificationState, MonitoringResiduals, MonitoringVerdict, Upload, WatchState
 from dtwin.console.conditions import conditions, doing
 from dtwin.console.excited import ExcitedMotion
-from dtwin.console.telling import CellState, Frame, Health
+from dtwin.console.telling import CellState, Frame, Health, spots
 from dtwin.errors import CommunicationError
 from dtwin.signals import Event, EventKind, Sensors, Stop, Voltages
+from dtwin.task import DEFAULT_TASK, Task
 
 log = logging.getLogger(__name__)
 
@@ -88,12 +89,15 @@ class Hub:
         cell: name of the cell.
         arm: name of the arm.
         clocks: clocks of the console.
+        task: task of the cell, whose places are drawn.
 
     Attributes:
+        task: task of the cell.
         excited: motion of the last identification.
     """
 
-    def __init__(self, bus: Bus, cell: str, arm: str, clocks: Clocks) -> None:
+    def __init__(self, bus: Bus, cell: str, arm: str, clocks: Clocks, task: Task = DEFAULT_TASK) -> None:
+        self.task = task
         self._bus = bus
         self._names = (cell, arm)
         self._clocks = clocks
@@ -207,6 +211,7 @@ class Hub:
             watch=watch,
             identification=identification,
             settings=settings,
+            places=spots(self.task),
             events=tuple(self._events),
             conditions=conditions(services, self._stop, verdict, settings, self.age, watch is None or watch.running),
         )

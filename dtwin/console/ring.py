@@ -7,10 +7,12 @@ import struct
 import zlib
 from bisect import bisect_right
 from collections import deque
+from collections.abc import Sequence
 from typing import Final
 
 from dtwin.console.telling import Frame
 from dtwin.parameters import Triple
+from dtwin.task import DEFAULT_TASK
 
 HOUR: Final = 3600.0
 """Time that is kept, s."""
@@ -31,13 +33,12 @@ COLUMNS: Final = (
     "threshold",
 )
 """Columns of a kept frame: wall time (s since 1970), plant time (s), and then the fields of a frame."""
-COLOURS: Final = ("", "blue", "red", "green")
 _ROW: Final = struct.Struct(f"={len(COLUMNS)}d")
 _NONE: Final[Triple] = (math.nan,) * 3
 
 
-def row(frame: Frame) -> bytes:
-    """A frame as it is kept."""
+def row(frame: Frame, colours: Sequence[str]) -> bytes:
+    """A frame as it is kept; a colour is kept by its place among those of the cell, from 1 on, 0 for none."""
     volts = _NONE if frame.volts is None else frame.volts[:3]
     return _ROW.pack(
         1e-3 * frame.heard,
@@ -50,22 +51,34 @@ def row(frame: Frame) -> bytes:
         *volts,
         frame.gripper,
         float(frame.gripped),
-        float(COLOURS.index(frame.box) if frame.box in COLOURS else 0),
+        float(colours.index(frame.box) + 1 if frame.box in colours else 0),
         math.nan if frame.evidence is None else frame.evidence,
         math.nan if frame.threshold is None else frame.threshold,
     )
 
 
 class Ring:
-    """Rows of fixed size, of which the newest take the place of the oldest."""
+    """Rows of fixed size, of which the newest take the place of the oldest.
 
-    def __init__(self, rows: int = round(HOUR * RATE), states: int = round(HOUR / STATE_EVERY)) -> None:
+    Args:
+        colours: colours of the cell's boxes.
+        rows: number of frames that are kept.
+        states: number of states that are kept.
+    """
+
+    def __init__(
+        self,
+        colours: Sequence[str] = DEFAULT_TASK.colours,
+        rows: int = round(HOUR * RATE),
+        states: int = round(HOUR / STATE_EVERY),
+    ) -> None:
+        self.colours = tuple(colours)
         self._rows: deque[bytes] = deque(maxlen=rows)
         self._states: deque[tuple[float, bytes]] = deque(maxlen=states)
 
     def add(self, frame: Frame) -> None:
         """Keeps a frame, unless nothing has been heard since the last one."""
-        packed = row(frame)
+        packed = row(frame, self.colours)
         if frame.theta is not None and (not self._rows or self._rows[-1][:8] != packed[:8]):
             self._rows.append(packed)
 

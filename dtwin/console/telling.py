@@ -10,6 +10,7 @@ from dtwin.bus.messages import Latency
 from dtwin.bus.twin_messages import IdentificationState, MonitoringVerdict, Upload, WatchState
 from dtwin.parameters import Triple
 from dtwin.signals import BoxCounts, Event, Quad, Stop
+from dtwin.task import PICKUP_NAME, Task
 
 Kind = Literal["service", "finding", "stop", "trial", "stale"]
 """Kinds of abnormal conditions."""
@@ -69,6 +70,22 @@ class Health(msgspec.Struct, frozen=True):
     here: bool = True
 
 
+class Spot(msgspec.Struct, frozen=True):
+    """A place of the cell as it is drawn: where it is (m, from joint 1) and its colour as #rrggbb, "" for none."""
+
+    x: float
+    y: float
+    rgb: str = ""
+
+
+def spots(task: Task) -> dict[str, Spot]:
+    """The places of a task by their names, the pickup point first."""
+    found = {PICKUP_NAME: Spot(task.pickup.x, task.pickup.y)}
+    for each in task.destinations:
+        found[each.colour] = Spot(each.place.x, each.place.y, "#{:02x}{:02x}{:02x}".format(*each.rgb))
+    return found
+
+
 class Condition(msgspec.Struct, frozen=True):
     """Something abnormal that is so now.
 
@@ -103,6 +120,7 @@ class CellState(msgspec.Struct, frozen=True, tag_field="tell", tag="state"):
         watch: whether the monitor watches, and what with; None without one.
         identification: state of the identification; None without that service.
         settings: settings in force; None without the simulation service.
+        places: places of the cell by name.
         events: last events, oldest first.
         conditions: what is abnormal now, the gravest first.
     """
@@ -121,5 +139,6 @@ class CellState(msgspec.Struct, frozen=True, tag_field="tell", tag="state"):
     watch: WatchState | None = None
     identification: IdentificationState | None = None
     settings: Upload | None = None
+    places: dict[str, Spot] = {}
     events: tuple[Event, ...] = ()
     conditions: tuple[Condition, ...] = ()

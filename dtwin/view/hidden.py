@@ -43,7 +43,7 @@ def hidden_views(hidden: HiddenLog) -> list[rrb.Vertical]:
     """Tabs of what there is: contact first, then drives, friction, gears and encoders."""
     tabs = []
     if hidden.has_touches:
-        grip = plot_view("Forces of the pads (N)", GRIP, rrb.ScalarAxis(range=(0.0, _SHOWN)))
+        grip = plot_view("Forces of the pads (N)", GRIP, (0.0, _SHOWN))
         slip = plot_view("Slip of the held box along the pads (mm)", SLIP)
         tabs.append(rrb.Vertical(grip, slip, plot_view("Gripper angle (rad)", GRIPPER), name="Contact"))
     if hidden.has_drives:

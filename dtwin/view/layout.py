@@ -1,36 +1,121 @@
-"""The prepared layout of the viewer: the cell large on the left, plots on the right, events below."""
+"""The prepared layout of the viewer: the cell large on the left, states and plots on the right, events below."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
+from uuid import UUID
 
+import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
 
 from dtwin.parameters import VOLTAGE_LIMIT
-from dtwin.view import scene, series
+from dtwin.run.recording import Log
+from dtwin.task import Task
+from dtwin.view import scene, series, story
 
 _TRAIL_SECONDS: Final = 2.0
-_VOLTS_SHOWN: Final = 1.1 * VOLTAGE_LIMIT
+_LIVE_SECONDS: Final = 60.0
+"""Time that plots of a run that goes on look back."""
+_LIVE_ERROR: Final = 50.0
+"""Tracking error that such plots show, mrad: five times what a healthy arm has."""
+_MARGIN: Final = 1.05
+"""A range goes on a little beyond the last tick of its axis, which is written otherwise."""
+VOLTS: Final = (-1.25 * _MARGIN * VOLTAGE_LIMIT, 1.25 * _MARGIN * VOLTAGE_LIMIT)
+"""Range of voltages, V, around the limits."""
+_SHARED_AXIS: Final = UUID("5c0dca6a-e63f-9cf7-f657-2602590474cc")
+"""Number of the view with which Rerun's viewer keeps the range of all linked time axes."""
 
 
-def blueprint(*more: rrb.Vertical) -> rrb.Blueprint:
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """What plots show.
+
+    Attributes:
+        time: range of the time axis that all plots share.
+        angles: range of angles, rad.
+        error: largest tracking error, mrad.
+    """
+
+    time: rr.TimeRange
+    angles: tuple[float, float]
+    error: float
+
+
+def extent_of(log: Log, task: Task) -> Extent:
+    """What holds a whole log of at least one tick."""
+    t = log.columns["t"]
+    margin = 0.02 * max(float(t[-1] - t[0]), 0.1)
+    start, end = (rr.TimeRangeBoundary.absolute(seconds=float(moment)) for moment in (t[0] - margin, t[-1] + margin))
+    told = ~np.isnan(log.stack("target"))
+    shown = np.concatenate((log.angles(), log.stack("target")[told.all(axis=1)]))
+    usual = _angles(task)
+    error = 1e3 * float(np.max(np.abs(log.stack("target") - log.angles()), initial=0.0, where=told))
+    return Extent(
+        rr.TimeRange(start, end),
+        (min(usual[0], math.floor(shown.min())), max(usual[1], math.ceil(shown.max()))),
+        _MARGIN * _round(max(error, 1.0)),
+    )
+
+
+def live_extent(task: Task) -> Extent:
+    """What is shown of a run that goes on."""
+    back, ahead = (rr.TimeRangeBoundary.cursor_relative(seconds=seconds) for seconds in (-_LIVE_SECONDS, 2.0))
+    return Extent(rr.TimeRange(back, ahead), _angles(task), _MARGIN * _LIVE_ERROR)
+
+
+def _angles(task: Task) -> tuple[float, float]:
+    """Whole numbers around the angles of all places, rad."""
+    angles = [angle for place in task.all_places.values() for angle in place.theta]
+    return float(math.floor(min(angles))), float(math.ceil(max(angles)))
+
+
+def _round(value: float) -> float:
+    """The next of 1, 2 and 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(step * power for step in (1, 2, 5, 10) if step * power >= value * (1 - 1e-9))
+
+
+def blueprint(extent: Extent, *more: rrb.Vertical) -> rrb.Blueprint:
     """The layout of a recording; further tabs come first."""
-    return _arranged(rrb.TimePanel(state="collapsed", timeline=series.TIMELINE, loop_mode="all"), *more)
+    return _arranged(extent, whole_time(), *more)
 
 
-def live_blueprint(*more: rrb.Vertical) -> rrb.Blueprint:
+def whole_time() -> rrb.TimePanel:
+    """The time of a finished run, which plays in a loop."""
+    return rrb.TimePanel(state="collapsed", timeline=series.TIMELINE, loop_mode="all")
+
+
+def live_blueprint(extent: Extent, *more: rrb.Vertical) -> rrb.Blueprint:
     """The layout of a recording that grows, which shows the newest time; further tabs come first."""
-    return _arranged(rrb.TimePanel(state="collapsed", timeline=series.TIMELINE, play_state="following"), *more)
+    time = rrb.TimePanel(state="collapsed", timeline=series.TIMELINE, play_state="following")
+    return _arranged(extent, time, *more)
 
 
-def _arranged(time: rrb.TimePanel, *more: rrb.Vertical) -> rrb.Blueprint:
-    """The cell on the left, tabs on the right."""
+def sparse_blueprint(extent: Extent) -> rrb.Blueprint:
+    """The layout of a run that is sent sparsely: as few views as tell what happens."""
+    time = rrb.TimePanel(state="collapsed", timeline=series.TIMELINE, play_state="following")
+    side = rrb.Vertical(_states(extent), _error(extent), _events())
+    return _whole(rrb.Horizontal(rrb.Vertical(_status(), cell_view(), row_shares=[0.45, 4]), side), time)
+
+
+def _arranged(extent: Extent, time: rrb.TimePanel, *more: rrb.Vertical) -> rrb.Blueprint:
+    """State and cell on the left, states over tabs on the right."""
+    tabs = rrb.Tabs(*more, _overview(extent), _joints(extent), _gripper(), active_tab=0)
+    views = rrb.Horizontal(
+        rrb.Vertical(_status(), cell_view(), _events(), row_shares=[0.45, 3, 1]),
+        rrb.Vertical(_states(extent), tabs, row_shares=[1, 4]),
+        column_shares=[1.15, 1],
+    )
+    return _whole(views, time)
+
+
+def _whole(views: rrb.Horizontal, time: rrb.TimePanel) -> rrb.Blueprint:
     return rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Vertical(cell_view(), _events(), row_shares=[3, 1]),
-            rrb.Tabs(*more, _overview(), _joints(), _boxes(), active_tab=0),
-            column_shares=[1.15, 1],
-        ),
+        views,
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         time,
@@ -59,49 +144,74 @@ def cell_view() -> rrb.Spatial3DView:
     )
 
 
+def _status() -> rrb.TextDocumentView:
+    return rrb.TextDocumentView(name="Status", origin=story.STATUS)
+
+
 def _events() -> rrb.TextLogView:
     return rrb.TextLogView(
         name="Events",
-        origin=series.EVENTS,
+        origin="/",
+        contents=[series.EVENTS, "monitor/findings"],
         columns=rrb.TextLogColumns(timeline_columns=[series.TIMELINE], text_log_columns=["loglevel", "body"]),
     )
 
 
-def _overview() -> rrb.Vertical:
+def _states(extent: Extent) -> rrb.StateTimelineView:
+    view = rrb.StateTimelineView(
+        name="Controller and boxes",
+        origin="/",
+        contents=["controller/**", f"{series.STATES}/**"],
+        time_view=rrb.TimeAxis(link="linktoglobal", view_range=extent.time),
+    )
+    view.id = _SHARED_AXIS
+    return view
+
+
+def _error(extent: Extent) -> rrb.TimeSeriesView:
+    return plot_view("Tracking error (mrad)", series.ERROR, (-extent.error, extent.error))
+
+
+def _overview(extent: Extent) -> rrb.Vertical:
     return rrb.Vertical(
-        plot_view("Angles and targets (rad)", series.ANGLES),
-        plot_view("Tracking error (mrad)", series.ERROR),
-        plot_view("Voltages (V)", series.VOLTS, rrb.ScalarAxis(range=(-_VOLTS_SHOWN, _VOLTS_SHOWN))),
+        plot_view("Angles and targets (rad)", series.ANGLES, extent.angles),
+        _error(extent),
+        plot_view("Voltages (V)", series.VOLTS, VOLTS),
         name="Overview",
     )
 
 
-def _joints() -> rrb.Vertical:
+def _joints(extent: Extent) -> rrb.Vertical:
     return rrb.Vertical(
         *(
-            plot_view(f"Joint {joint}: angle and target (rad)", f"{series.ANGLES}/joint_{joint}")
+            plot_view(f"Joint {joint}: angle and target (rad)", f"{series.ANGLES}/joint_{joint}", extent.angles)
             for joint in (1, 2, 3)
         ),
         name="Joints",
     )
 
 
-def _boxes() -> rrb.Vertical:
+def _gripper() -> rrb.Vertical:
     return rrb.Vertical(
-        rrb.StateTimelineView(name="Boxes", origin=series.STATES),
-        plot_view("Gripper angle (rad)", series.GRIPPER),
+        plot_view("Gripper angle (rad)", series.GRIPPER, (0.0, 1.0 * _MARGIN)),
         plot_view("Payload (kg)", series.PAYLOAD),
-        row_shares=[1, 2, 2],
-        name="Boxes",
+        name="Gripper",
     )
 
 
-def plot_view(name: str, origin: str, axis_y: rrb.ScalarAxis | None = None) -> rrb.TimeSeriesView:
-    """A plot of all entities below an origin, whose time axis is linked to those of all plots."""
+def plot_view(name: str, origin: str, shown: Sequence[float] | None = None) -> rrb.TimeSeriesView:
+    """A plot of all entities below an origin, whose time axis is that of all plots.
+
+    Args:
+        name: its title.
+        origin: the entity.
+        shown: lowest and highest value; as the values have it without. With it, moments worth a look are marked.
+    """
     return rrb.TimeSeriesView(
         name=name,
         origin=origin,
+        contents=["$origin/**"] if shown is None else ["$origin/**", f"{story.MARKS}/**"],
         axis_x=rrb.TimeAxis(link="linktoglobal"),
-        axis_y=axis_y,
+        axis_y=None if shown is None else rrb.ScalarAxis(range=(shown[0], shown[1])),
         plot_legend=rrb.PlotLegend(corner="righttop"),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
@@ -12,14 +12,14 @@ from typing import Final
 import numpy as np
 import rerun as rr
 
-from dtwin.bus.twin_messages import MonitoringResiduals, MonitoringVerdict
+from dtwin.bus.twin_messages import MonitoredUnit, MonitoringResiduals, MonitoringVerdict
 from dtwin.errors import NoSpaceError
 from dtwin.files import ensure_writable
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log, concatenate
 from dtwin.task import DEFAULT_TASK, Task
 from dtwin.view.boxes import grasps, waiting
-from dtwin.view.layout import live_blueprint
+from dtwin.view.layout import blueprint, extent_of, live_blueprint, live_extent, sparse_blueprint
 from dtwin.view.monitoring import (
     log_monitor_styles,
     log_predictions,
@@ -28,11 +28,16 @@ from dtwin.view.monitoring import (
     predictions,
 )
 from dtwin.view.scene import Scene
-from dtwin.view.series import log_events, log_limits, log_plots, log_states, log_styles
+from dtwin.view.series import ERROR, PLOTS, log_events, log_limits, log_plots, log_states, log_styles
+from dtwin.view.story import MOST_MARKS, Story, log_marks, log_story_styles, marks
 from dtwin.view.write import APPLICATION
 
 RESERVE: Final = 64 << 20
 """Room on the disk below which no more is sent to a file, bytes: Rerun waits for ever for a disk that is full."""
+SPARSE: Final = 5
+"""Number of ticks of which one is sent sparsely: 20 Hz of the error, 10 Hz of poses."""
+SPARSE_TICKS: Final = 200
+"""Number of ticks that are sent at once sparsely: such a viewer takes in a few messages with every picture."""
 _STATE: Final = ("box_present", "box_colour", "box_gripped")
 
 
@@ -44,6 +49,8 @@ class LiveView:
         arm: arm whose link lengths are drawn.
         file: .rrd file to write, which can be read at any time; None for no file.
         url: URL of a viewer that listens; "" for no viewer.
+        sparse: whether a tenth is sent of what moves, and of the plots the tracking error alone, to a viewer that
+            draws without a GPU.
         monitored: whether predictions and verdicts of a monitor are drawn as well.
         task: task of the cell.
 
@@ -60,6 +67,7 @@ class LiveView:
         file: Path | None,
         url: str = "",
         monitored: bool = False,
+        sparse: bool = False,
         task: Task = DEFAULT_TASK,
     ) -> None:
         self._scene = Scene(model_file, arm, task)
@@ -67,6 +75,8 @@ class LiveView:
         self._stream.set_log_tick_enabled(False)
         self._stream.set_log_time_enabled(False)
         self._states: Log | None = None
+        self._story = Story()
+        self._marks = 0
         self._file = file
         self._temporary: Path | None = None
         sinks: list[rr.FileSink | rr.GrpcSink] = []
@@ -78,9 +88,15 @@ class LiveView:
             sinks.append(rr.FileSink(self._temporary))
         if url:
             sinks.append(rr.GrpcSink(url))
-        self._arm, self._monitored = arm, monitored
-        tabs = [monitoring_views()] if monitored else []
-        self._stream.set_sinks(*sinks, default_blueprint=live_blueprint(*tabs))
+        self._monitored, self._sparse = monitored, sparse
+        self._collected: list[Log] = []
+        self._whole: Log | None = None
+        self._units: Mapping[str, MonitoredUnit] = {}
+        extent = live_extent(task)
+        tabs = [monitoring_views(extent)] if monitored else []
+        self._stream.set_sinks(
+            *sinks, default_blueprint=sparse_blueprint(extent) if sparse else live_blueprint(extent, *tabs)
+        )
 
     @property
     def ready(self) -> bool:
@@ -88,18 +104,37 @@ class LiveView:
         return self._file is None or has_room(self._file)
 
     def add(self, log: Log) -> None:
-        """Sends ticks and events that follow those sent before."""
+        """Sends ticks and events that follow those sent before, sparsely many at once."""
+        if self._sparse:
+            self._collected.append(log)
+            if sum(map(len, self._collected)) < SPARSE_TICKS:
+                return
+            log, self._collected = concatenate(self._collected, {}), []
+        self._send(log)
+
+    def _send(self, log: Log) -> None:
         if len(log):
             if self._states is None:
-                self._scene.log_geometry(self._stream, float(log.columns["t"][0]))
+                self._scene.log_geometry(self._stream, float(log.columns["t"][0]), self._sparse)
                 log_styles(self._stream)
+                log_story_styles(self._stream)
                 if self._monitored:
                     log_monitor_styles(self._stream, self._scene)
-            log_limits(self._stream, log)
-            self._scene.log_motion(self._stream, log)
-            log_plots(self._stream, log)
+            if self._sparse:
+                part = Log({name: column[::SPARSE] for name, column in log.columns.items()})
+                self._scene.log_motion(self._stream, part, sparse=True)
+                log_plots(self._stream, part, [plot for plot in PLOTS if plot.entity == ERROR])
+            else:
+                log_limits(self._stream, log)
+                self._scene.log_motion(self._stream, log)
+                log_plots(self._stream, log)
             self._add_states(log)
+            self._whole = _widened(self._whole, log)
+            self._story.send(self._stream, log)
         log_events(self._stream, log.events)
+        new = marks(log.events)[: MOST_MARKS - self._marks]
+        log_marks(self._stream, new, self._marks)
+        self._marks += len(new)
         self._stream.flush()
         if self._temporary is not None and self._file is not None:
             # Only now, because the file may be what a killed recorder left, and these rows hold all of it.
@@ -108,10 +143,15 @@ class LiveView:
 
     def add_monitoring(self, residuals: Sequence[MonitoringResiduals], verdicts: Sequence[MonitoringVerdict]) -> None:
         """Sends the new residuals, as predictions, and verdicts of a monitor, if there are any."""
+        if self._sparse:
+            # An opinion a second that says the same takes longer to show than it says.
+            news = [each for each in verdicts if each.units != self._units]
+            self._units = verdicts[-1].units if verdicts else self._units
+            residuals, verdicts = (), news
         if residuals:
             log_predictions(self._stream, predictions(residuals))
         if verdicts:
-            log_verdicts(self._stream, self._arm, verdicts)
+            log_verdicts(self._stream, self._scene, verdicts)
 
     def _add_states(self, log: Log) -> None:
         """Draws the boxes again when the state of one of them has changed."""
@@ -126,7 +166,14 @@ class LiveView:
         log_states(self._stream, self._states, waits, carried, self._scene.task, drawn)
 
     def close(self) -> None:
-        """Closes the file and the connection to the viewer."""
+        """Closes the file, which then opens on the whole run, and the connection to the viewer."""
+        if self._collected:
+            self._send(concatenate(self._collected, {}))
+            self._collected = []
+        if self._file is not None and self._whole is not None and self._temporary is None:
+            extent = extent_of(self._whole, self._scene.task)
+            tabs = [monitoring_views(extent)] if self._monitored else []
+            self._stream.send_blueprint(blueprint(extent, *tabs))
         self._stream.disconnect()
         if self._temporary is not None:
             self._temporary.unlink(missing_ok=True)
@@ -135,6 +182,15 @@ class LiveView:
 def has_room(file: Path) -> bool:
     """Whether the disk has the reserve of room for a file."""
     return shutil.disk_usage(file.parent).free >= RESERVE
+
+
+def _widened(before: Log | None, log: Log) -> Log:
+    """The ticks of a growing log that hold its extent: its first and last, and those of its extreme values."""
+    whole = log if before is None else concatenate([before, log], {})
+    values = np.column_stack((whole.angles(), whole.stack("target"), whole.stack("target") - whole.angles()))
+    values = np.nan_to_num(values)
+    kept = np.unique([0, len(whole) - 1, *values.argmin(axis=0), *values.argmax(axis=0)])
+    return Log({name: column[kept] for name, column in whole.columns.items()})
 
 
 def _changes(before: Log | None, log: Log) -> Log:

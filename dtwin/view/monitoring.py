@@ -19,10 +19,11 @@ from dtwin.run.recording import Log
 from dtwin.signals import Event, EventKind
 from dtwin.task import task_of
 from dtwin.view import scene, style
-from dtwin.view.layout import cell_view, plot_view
+from dtwin.view.layout import Extent, blueprint, extent_of, plot_view
 from dtwin.view.saving import saving
 from dtwin.view.scene import Scene
-from dtwin.view.series import TIMELINE, time_column
+from dtwin.view.series import time_column
+from dtwin.view.story import log_marks, marks
 from dtwin.view.write import log_run, open_stream
 
 Array = NDArray[np.float64]
@@ -36,9 +37,10 @@ COLOURS: Final[Mapping[UnitState, style.RGB]] = {
     "failed": (235, 50, 45),
     "not commissioned": (150, 110, 200),
 }
-_RESIDUALS_SHOWN: Final = 8.0
+_RESIDUALS_SHOWN: Final = 10.5
 """standard deviations"""
-_LINKS: Final = ("link_1", "link_2", "link_3", "tip")
+_BODIES: Final = ("link_1", "link_2", "link_3", "jaw")
+"""what shows the verdicts of the units"""
 _TEXT: Final = f"{scene.ROOT}/verdicts/text"
 _TEXT_AT: Final = (0.0, -0.02, 0.4)
 """m, above the arm"""
@@ -126,50 +128,36 @@ def write_monitoring(
         raise RecordingError(f"{path}: expected a log of at least one tick to draw")
     drawn = Scene(model_file, arm, task_of(log.metadata))
     t = log.columns["t"]
-    stream = open_stream(log)
-    with saving(stream, path, blueprint()):
+    extent = extent_of(log, drawn.task)
+    stream = open_stream(log, ROOT)
+    with saving(stream, path, blueprint(extent, monitoring_views(extent))):
         log_run(stream, drawn, log)
         log_monitor_styles(stream, drawn)
         log_predictions(
             stream,
             Predictions(t, log.stack("measured"), trace.predicted, trace.deviation, trace.statistic, trace.threshold),
         )
-        log_verdicts(stream, arm, [verdict for _, verdict in trace.verdicts])
+        log_verdicts(stream, drawn, [verdict for _, verdict in trace.verdicts])
         _log_findings(stream, trace.events)
+        log_marks(stream, marks([*log.events, *trace.events]))
 
 
-def blueprint() -> rrb.Blueprint:
-    """The layout of such a recording."""
-    findings = rrb.TextLogView(
-        name="Findings",
-        origin=f"{ROOT}/findings",
-        columns=rrb.TextLogColumns(timeline_columns=[TIMELINE], text_log_columns=["loglevel", "body"]),
-    )
-    return rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Vertical(cell_view(), findings, row_shares=[3, 1]),
-            monitoring_views(),
-            column_shares=[1, 1.2],
-        ),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, loop_mode="all"),
-    )
-
-
-def monitoring_views() -> rrb.Vertical:
+def monitoring_views(extent: Extent) -> rrb.Vertical:
     """Verdicts over residuals and angles."""
-    shown = rrb.ScalarAxis(range=(-_RESIDUALS_SHOWN, _RESIDUALS_SHOWN))
+    shown = (-_RESIDUALS_SHOWN, _RESIDUALS_SHOWN)
     residuals = [
         plot_view(f"Joint {j}: measured - predicted, in standard deviations", f"{ROOT}/residuals/joint_{j}", shown)
         for j in (1, 2, 3)
     ]
     angles = [
-        plot_view(f"Joint {j}: measured, predicted, 99 % band (rad)", f"{ROOT}/angles/joint_{j}") for j in (1, 2, 3)
+        plot_view(f"Joint {j}: measured, predicted, 99 % band (rad)", f"{ROOT}/angles/joint_{j}", extent.angles)
+        for j in (1, 2, 3)
     ]
     evidence = plot_view("Evidence of a fault and threshold", f"{ROOT}/evidence")
     return rrb.Vertical(
-        rrb.StateTimelineView(name="Verdicts", origin=f"{ROOT}/verdicts"),
+        rrb.StateTimelineView(
+            name="Verdicts", origin=f"{ROOT}/verdicts", time_view=rrb.TimeAxis(link="linktoglobal")
+        ),
         rrb.Tabs(rrb.Vertical(*residuals, evidence, name="Residuals"), rrb.Vertical(*angles, name="Angles")),
         row_shares=[1.3, 3],
         name="Monitoring",
@@ -194,14 +182,12 @@ def log_monitor_styles(stream: rr.RecordingStream, drawn: Scene) -> None:
     _style(stream, "evidence/threshold", "threshold", style.LIMIT, 1.0)
     text = rr.Points3D([_TEXT_AT], colors=style.LABEL, radii=0.0)
     stream.log(_TEXT, text, static=True)
-    for unit, body in zip(UNITS, _LINKS, strict=True):
+    for unit in UNITS:
         name = unit.replace(" ", "_")
         lane = rr.StateConfiguration(
             values=list(COLOURS), labels=list(COLOURS), colors=[(*colour, 255) for colour in COLOURS.values()]
         )
         stream.log(f"{ROOT}/verdicts/{name}", lane, static=True)
-        stream.log(f"{scene.ROOT}/verdicts/{name}", drawn.frame(body), static=True)
-        stream.log(f"{scene.ROOT}/verdicts/{name}", rr.LineStrips3D.from_fields(radii=0.008), static=True)
 
 
 def log_predictions(stream: rr.RecordingStream, seen: Predictions) -> None:
@@ -221,17 +207,15 @@ def log_predictions(stream: rr.RecordingStream, seen: Predictions) -> None:
     _send(stream, ends, "evidence/threshold", np.full(2, seen.threshold))
 
 
-def log_verdicts(stream: rr.RecordingStream, arm: ArmParameters, verdicts: Sequence[MonitoringVerdict]) -> None:
+def log_verdicts(stream: rr.RecordingStream, drawn: Scene, verdicts: Sequence[MonitoringVerdict]) -> None:
     """Sends states as lanes over time and as coloured links of the arm, what is wrong as text beside them."""
     times = time_column([verdict.time for verdict in verdicts])
-    for number, unit in enumerate(UNITS):
+    for unit, body in zip(UNITS, _BODIES, strict=True):
         states = [verdict.units[unit].state for verdict in verdicts]
         name = unit.replace(" ", "_")
         stream.send_columns(f"{ROOT}/verdicts/{name}", indexes=[times], columns=rr.StateChange.columns(state=states))
-        length = arm.length[number] if number < 3 else 0.02
-        strips = np.tile([[[0.0, -0.03, 0.0], [length, -0.03, 0.0]]], (len(verdicts), 1, 1))
-        columns = rr.LineStrips3D.columns(strips=strips, colors=[COLOURS[state] for state in states])
-        stream.send_columns(f"{scene.ROOT}/verdicts/{name}", indexes=[times], columns=columns)
+        for verdict, state in zip(verdicts, states, strict=True):
+            drawn.colour(stream, body, None if state == "nominal" else COLOURS[state], verdict.time)
     texts = ["\n".join(filter(None, (_label(*item) for item in verdict.units.items()))) for verdict in verdicts]
     columns = rr.Points3D.columns(labels=texts, show_labels=[bool(text) for text in texts])
     stream.send_columns(_TEXT, indexes=[times], columns=columns)

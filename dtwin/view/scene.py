@@ -22,6 +22,7 @@ from dtwin.task import DEFAULT_TASK, Task
 from dtwin.view import style
 from dtwin.view.boxes import Grasp, Placed, Waiting, placements
 from dtwin.view.kinematics import Pose, body_poses
+from dtwin.view.plan import Plan
 from dtwin.view.series import TIMELINE, time_column
 
 ROOT: Final = "cell"
@@ -75,22 +76,44 @@ class Scene:
             model.body_pos[body, 0] = length
         # The loader would draw the model's transparent geoms black.
         model.geom_size[model.geom_rgba[:, 3] == 0] = 0
+        self._plan = Plan(model, ROOT, _DRAWN, self._tip)
+        self._coloured: dict[str, style.RGB] = {}
 
-    def log_geometry(self, stream: rr.RecordingStream, t: float) -> None:
-        """Sends the geometry of the model, visible from plant time t (s) on."""
+    def log_geometry(self, stream: rr.RecordingStream, t: float, sparse: bool = False) -> None:
+        """Sends the geometry of the model, visible from plant time t (s) on, and of what `log_motion` draws."""
         stream.set_time(TIMELINE, duration=t)
         # The loader's messages about geoms that it leaves out must not reach standard output.
         with contextlib.redirect_stdout(io.StringIO()):
             self._logger.log_model(stream)
         stream.reset_time()
+        if sparse:
+            return
         stream.log(TRAIL, rr.Points3D.from_fields(colors=style.TRAIL, radii=0.0015), static=True)
+        self._plan.log_geometry(stream, self.task)
+
+    def colour(self, stream: rr.RecordingStream, body: str, colour: style.RGB | None, t: float) -> None:
+        """Gives a body another colour from plant time t (s) on, or with None its own ones back."""
+        if self._coloured.get(body) == colour:
+            return
+        stream.set_time(TIMELINE, duration=t)
+        number = self._logger.model.body(body).id
+        if colour is None:
+            self._logger.reset_body_color(number, recording=stream)
+            del self._coloured[body]
+        else:
+            self._logger.set_body_color(number, [*(part / 255 for part in colour), 1.0], recording=stream)
+            self._coloured[body] = colour
+        stream.reset_time()
 
     def frame(self, body: str) -> rr.CoordinateFrame:
         """The coordinate frame that moves with a body of the model."""
         return rr.CoordinateFrame(self._logger.paths.body_frame(body))
 
-    def log_motion(self, stream: rr.RecordingStream, log: Log) -> None:
-        """Sends the poses of the moving bodies and the trail of the tip of a log, or a part of one."""
+    def log_motion(self, stream: rr.RecordingStream, log: Log, sparse: bool = False) -> None:
+        """Sends poses and, unless sparsely, the trail of the tip and what the arm is to do.
+
+        The log follows those sent before.
+        """
         times = time_column(log.columns["t"][::STRIDE])
         poses = self._poses(log, slice(None, None, STRIDE))
         for name, pose in poses.items():
@@ -98,8 +121,11 @@ class Scene:
                 translation=pose.position, quaternion=np.roll(pose.quaternion, -1, axis=1)
             )
             stream.send_columns(self._logger.paths.body_path(name), indexes=[times], columns=columns)
+        if sparse:
+            return
         positions = rr.Points3D.columns(positions=poses[self._tip].position)
         stream.send_columns(TRAIL, indexes=[times], columns=positions)
+        self._plan.send(stream, log)
 
     def log_boxes(
         self,

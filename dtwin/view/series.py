@@ -111,11 +111,16 @@ def log_limits(stream: rr.RecordingStream, log: Log) -> None:
     stream.send_columns(LIMITS.entity, indexes=[times], columns=rr.Scalars.columns(scalars=LIMITS.values(log)))
 
 
-def log_plots(stream: rr.RecordingStream, log: Log) -> None:
-    """Sends the plotted values of a log, or a part of one, at its full rate."""
-    times = time_column(log.columns["t"])
-    for plot in PLOTS:
-        stream.send_columns(plot.entity, indexes=[times], columns=rr.Scalars.columns(scalars=plot.values(log)))
+def log_plots(stream: rr.RecordingStream, log: Log, plots: Sequence[Plot] = PLOTS) -> None:
+    """Sends the plotted values of a log, or a part of one; of equal ones that follow one another the outer two."""
+    t = log.columns["t"]
+    for plot in plots:
+        values = plot.values(log).reshape(len(log), -1)
+        differs = np.ones(len(log) + 1, dtype=bool)
+        differs[1:-1] = (values[1:] != values[:-1]).any(axis=1)
+        kept = differs[1:] | differs[:-1]
+        columns = rr.Scalars.columns(scalars=values[kept])
+        stream.send_columns(plot.entity, indexes=[time_column(t[kept])], columns=columns)
 
 
 def log_states(

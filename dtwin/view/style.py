@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 from dtwin.task import RGB
@@ -15,3 +16,7 @@ LIMIT: Final[RGB] = (200, 80, 80)
 LABEL: Final[RGB] = (15, 15, 15)
 FORCE: Final[RGB] = (214, 40, 160)
 TRAIL: Final[RGB] = (255, 160, 60)
+MARKS: Final[Mapping[str, RGB]] = {"fault": (235, 50, 45), "finding": (240, 100, 220), "stop": (250, 190, 40)}
+"""of the moments that are worth a look"""
+GHOST: Final[RGB] = (60, 120, 220)
+PLAN: Final[RGB] = (40, 90, 200)

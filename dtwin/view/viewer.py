@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, Literal
 from urllib.parse import quote
 
@@ -47,6 +48,11 @@ class Ports:
         return f"http://{LOOPBACK}:{self.page}/?url={quote(self.data_url, safe='')}"
 
 
+def has_gpu() -> bool:
+    """Whether this machine has a device that a browser may draw with; software draws a frame or so a second."""
+    return any(Path("/dev/dri").glob("renderD*")) or Path("/dev/nvidia0").exists() or sys.platform != "linux"
+
+
 def free_ports() -> Ports:
     """Rerun's default ports where they are free, otherwise other free ports."""
     return Ports(_free(PAGE), _free(DATA))
@@ -71,7 +77,7 @@ class ViewerProcess:
             _wait(ports, listening=False)
             page = [*viewer, "--serve-web", "--web-viewer-port", str(ports.page)]
             self._process = _start(["/bin/sh", "-c", _TIED, "sh", *page], subprocess.PIPE)
-        elif not _listens(ports.data):  # otherwise the window of an earlier recorder is used
+        elif not listens(ports.data):  # otherwise the window of an earlier recorder is used
             _start([*viewer, "--expect-data-soon"], subprocess.DEVNULL)
         _wait(ports, listening=True)
 
@@ -92,14 +98,15 @@ def _start(command: list[str], stdin: int) -> subprocess.Popen[bytes]:
 
 def _wait(ports: Ports, listening: bool) -> None:
     deadline = time.monotonic() + _TIMEOUT
-    while _listens(ports.data) != listening:
+    while listens(ports.data) != listening:
         if time.monotonic() > deadline:
             state = "does not listen" if listening else "is in use"
             raise CommunicationError(f"the viewer's port {LOOPBACK}:{ports.data} {state}")
         time.sleep(_LOOK)
 
 
-def _listens(port: int) -> bool:
+def listens(port: int) -> bool:
+    """Whether something listens at a port of the loopback interface."""
     with socket.socket() as probe:
         return probe.connect_ex((LOOPBACK, port)) == 0
 
@@ -107,6 +114,6 @@ def _listens(port: int) -> bool:
 def _free(wanted: int) -> int:
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        probe.bind((LOOPBACK, 0 if _listens(wanted) else wanted))
+        probe.bind((LOOPBACK, 0 if listens(wanted) else wanted))
         port: int = probe.getsockname()[1]
     return port

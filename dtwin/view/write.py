@@ -16,10 +16,11 @@ from dtwin.run.recording import COLUMNS, Log
 from dtwin.task import task_of
 from dtwin.view.boxes import grasps, waiting
 from dtwin.view.hidden import hidden_views, log_hidden
-from dtwin.view.layout import blueprint
+from dtwin.view.layout import blueprint, extent_of
 from dtwin.view.saving import saving
 from dtwin.view.scene import Scene
 from dtwin.view.series import log_events, log_limits, log_plots, log_states, log_styles
+from dtwin.view.story import Story, log_marks, log_story_styles, marks
 
 APPLICATION: Final = "dtwin"
 _PART: Final = 1 << 15
@@ -49,8 +50,10 @@ def write_recording(
         raise RecordingError(f"{path}: expected a log of at least one tick to draw")
     scene = Scene(model_file, arm, task_of(log.metadata))
     stream = open_stream(log)
-    with saving(stream, path, blueprint(*(hidden_views(hidden) if hidden else ()))):
+    layout = blueprint(extent_of(log, scene.task), *(hidden_views(hidden) if hidden else ()))
+    with saving(stream, path, layout):
         log_run(stream, scene, log, hidden)
+        log_marks(stream, marks(log.events))
 
 
 def log_run(stream: rr.RecordingStream, scene: Scene, log: Log, hidden: HiddenLog | None = None) -> None:
@@ -58,7 +61,9 @@ def log_run(stream: rr.RecordingStream, scene: Scene, log: Log, hidden: HiddenLo
     waits, carried = waiting(log), grasps(log)
     scene.log_geometry(stream, float(log.columns["t"][0]))
     log_styles(stream)
+    log_story_styles(stream)
     log_limits(stream, log)
+    Story().send(stream, log)
     for start in range(0, len(log), _PART):
         part = log.part(start, start + _PART)
         scene.log_motion(stream, part)
@@ -74,9 +79,9 @@ def log_run(stream: rr.RecordingStream, scene: Scene, log: Log, hidden: HiddenLo
     log_events(stream, log.events)
 
 
-def open_stream(log: Log) -> rr.RecordingStream:
-    """A stream whose id is the digest of a log, by which the viewer tells different runs apart."""
-    notes = msgspec.json.encode((log.events, dict(log.metadata)), order="sorted")
+def open_stream(log: Log, of: str = "run") -> rr.RecordingStream:
+    """A stream whose id is the digest of a log and of what is made of it, by which the viewer tells them apart."""
+    notes = msgspec.json.encode((of, log.events, dict(log.metadata)), order="sorted")
     digest = hashlib.blake2b(notes, digest_size=16)
     for name in COLUMNS:
         digest.update(log.columns[name].tobytes())

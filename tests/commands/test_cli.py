@@ -172,7 +172,7 @@ def test_a_plain_run_writes_a_recording_and_says_how_to_look_at_it(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["run", "--duration", "3"]) == 0
-    assert "rerun run.rrd" in capsys.readouterr().out
+    assert "dtwin show run.rrd" in capsys.readouterr().out
     assert [path.name for path in tmp_path.iterdir()] == ["run.rrd"]
 
 

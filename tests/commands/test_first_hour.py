@@ -76,10 +76,10 @@ def test_what_passes_on_the_bus_is_shown_for_people_and_as_it_is_for_programs() 
 
 
 def test_the_hint_after_a_run_names_a_viewer_that_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    command, file = shlex.split(viewer_command(tmp_path / "my run.rrd"))
-    assert file == str(tmp_path / "my run.rrd")
+    command, show, file = shlex.split(viewer_command(tmp_path / "my run.rrd"))
+    assert (show, file) == ("show", str(tmp_path / "my run.rrd"))
     monkeypatch.setenv("PATH", str(tmp_path))
-    command, _ = shlex.split(viewer_command(Path("run.rrd")))
+    command, *_ = shlex.split(viewer_command(Path("run.rrd")))
     assert Path(command).resolve().parent == Path(sys.executable).parent.resolve()
     assert os.access(command, os.X_OK)
 

@@ -85,7 +85,7 @@ def test_a_recording_shows_what_the_monitor_made_of_it(
         b"/monitor/evidence/statistic",
     ):
         assert entity in content
-    for entity in (b"/monitor/verdicts/joint_1", b"/cell/verdicts/gripper", b"/monitor/findings"):
+    for entity in (b"/monitor/verdicts/joint_1", b"/monitor/findings"):
         assert entity in content
 
 

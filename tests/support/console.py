@@ -36,6 +36,7 @@ from dtwin.console.people.audit import Audit
 from dtwin.console.people.users import Users
 from dtwin.console.web.listening import Listening, Web
 from dtwin.signals import Sensors, Stop
+from dtwin.task import DEFAULT_TASK, Task
 from tests.support.ports import free_port
 from tests.support.waiting import until
 
@@ -159,12 +160,14 @@ class Served:
 
 
 @contextmanager
-def serve(folder: Path, users: Users | None = None, listening: Listening | None = None) -> Iterator[Served]:
+def serve(
+    folder: Path, users: Users | None = None, listening: Listening | None = None, task: Task = DEFAULT_TASK
+) -> Iterator[Served]:
     """A console of a made cell while it listens."""
     cell, clock = FakeCell(), Clock()
     clocks = Clocks(clock, time.time)
     bus = Bus(open_peer(cell.meet), cell.name)
-    hub = Hub(bus, cell.name, "arm", clocks)
+    hub = Hub(bus, cell.name, "arm", clocks, task)
     audit = folder / "audit.jsonl"
     console = Console(bus, hub, clocks, Audit(audit), Files(folder / "store"), users, "somebody", Annunciator(None))
     web = Web(console, listening or Listening())

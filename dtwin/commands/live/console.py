@@ -5,7 +5,7 @@ from __future__ import annotations
 import getpass
 import sys
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import tyro
@@ -28,7 +28,8 @@ class ConsoleCommandLine(ConsoleOptions):
     def execute(self) -> int:
         up = find(self.cell) if self.zenoh is None else None
         arm = self.arm if up is None else up.arm
-        with join(self.cell, self.zenoh, NAME) as bus, self.serving(bus, self.cell, arm) as web:
+        shown = self if up is None or self.cell_file else replace(self, cell_file=up.cell_file or None)
+        with join(self.cell, self.zenoh, NAME) as bus, shown.serving(bus, self.cell, arm) as web:
             bus.announce(NAME)
             print(f"the console of cell {self.cell!r} is at {web.address}; Ctrl-C ends it", flush=True)
             threading.Event().wait()

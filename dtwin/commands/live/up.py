@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from dtwin.bus.messages import ServiceSummary, Summary
 from dtwin.commands.live.status import news, table
@@ -17,9 +17,16 @@ from dtwin.services import runfile
 from dtwin.services.launch import LOOK, CellOptions, launched
 from dtwin.services.supervisor import Supervisor
 from dtwin.terminal import as_text, print_json, printable
+from dtwin.view.viewer import has_gpu
 
 if TYPE_CHECKING:
     from rich.live import Live
+
+
+BEHIND: Final = (
+    "this machine has no GPU: a browser here draws about a picture a second and falls behind the cell; it gets less,"
+    " and the page says at its top by how much it is late (latency). The console keeps up: --console"
+)
 
 
 class Display:
@@ -137,7 +144,7 @@ def _addresses(up: runfile.Up) -> list[str]:
     """Lines that tell where the controller is managed, where others join, and where the cell is shown, if it is."""
     join = f"joins it as the configuration in {up.zenoh} says" if up.zenoh else f"connects to {up.meet}, as a peer"
     lines = [f"the controller's device management is at {up.controller}", f"a Zenoh program {join}"]
-    lines += [f"the cell is shown at {up.page}"] if up.page else []
+    lines += [f"the cell is shown at {up.page}", *([] if has_gpu() else [BEHIND])] if up.page else []
     return [*lines, f"its operators' console is at {up.console}"] if up.console else lines
 
 

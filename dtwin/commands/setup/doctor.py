@@ -31,6 +31,7 @@ _EXTRAS: Final = {
     "console": "the operators' page",
     "dask": "campaigns on a cluster",
     "docs": "the documentation as a site",
+    "film": "films as MP4",
     "frames": "data frames of a run",
     "sbom": "bills of materials",
     "test": "the tests",

@@ -9,10 +9,11 @@ import numpy as np
 
 from dtwin.console.calculations.logs import logs_in
 from dtwin.console.calculations.tasks import Recall
-from dtwin.console.ring import COLOURS, COLUMNS
-from dtwin.console.telling import CellState, Condition
+from dtwin.console.ring import COLUMNS
+from dtwin.console.telling import CellState, Condition, spots
 from dtwin.errors import ParameterError, choices
 from dtwin.run.recording import read_log
+from dtwin.task import task_of
 
 WINDOW: Final = 120.0
 """Length of a stretch, s: the minute of the trends before a moment, and as much behind it."""
@@ -38,7 +39,9 @@ def recall(folder: Path | None, task: Recall) -> dict[str, Any]:
     first, last = np.searchsorted(times, at - WINDOW), np.searchsorted(times, at, side="right")
     part = log.part(int(first), int(last))
     unknown = np.full(len(part), np.nan)
-    code = np.array([COLOURS.index(name) if name in COLOURS else 0 for name in part.columns["box_colour"].tolist()])
+    task_of_log = task_of(log.metadata)
+    colours = ("", *task_of_log.colours)
+    code = np.array([colours.index(name) if name in colours else 0 for name in part.columns["box_colour"].tolist()])
     named = {
         "at": part.columns["t"],
         "time": part.columns["t"],
@@ -52,11 +55,18 @@ def recall(folder: Path | None, task: Recall) -> dict[str, Any]:
     rows = np.column_stack([named.get(name, unknown) for name in COLUMNS])[::EVERY]
     events = tuple(event for event in log.events if event.time <= at)[-EVENTS:]
     text = f"recording {task.log}"
-    state = CellState(task.log, "recording", text, events=events, conditions=(Condition("past", "stale", text),))
+    state = CellState(
+        task.log,
+        "recording",
+        text,
+        places=spots(task_of_log),
+        events=events,
+        conditions=(Condition("past", "stale", text),),
+    )
     return {
         "span": (float(times[0]), float(times[-1])),
         "columns": COLUMNS,
-        "colours": COLOURS,
+        "colours": colours,
         "rows": [[None if np.isnan(value) else value for value in row] for row in rows.round(6).tolist()],
         "state": state,
     }

@@ -1,8 +1,10 @@
-// The arm from its angles: link 1 from the origin, each joint relative to the link before.
+// The arm from its angles: link 1 from the origin, each joint relative to the link before; places as the cell has them.
 import { begin } from "./canvas.js";
 
 const LENGTHS = [0.15786938, 0.13246938, 0.1608];
-const PLACES = { pickup: [0.2, -0.2], blue: [0.1, 0], red: [0.15, 0.15], green: [0.15, 0.28] };
+const PICKUP = "pickup";
+const SHOWN = { left: -0.43, right: 0.52, low: -0.38, high: 0.48 };
+const ROOM = 0.06;
 const OPEN = 0.9;
 const CLOSED = 0.39265;
 
@@ -17,23 +19,38 @@ export function joints(theta) {
   return points;
 }
 
-export function drawArm(canvas, frame) {
+/** What is shown, m: the usual part of the plane, and every place with room around it. */
+function extent(places) {
+  const { left, right, low, high } = SHOWN;
+  const spots = Object.values(places);
+  const [xs, ys] = [spots.map(({ x }) => x), spots.map(({ y }) => y)];
+  return {
+    left: Math.min(left, ...xs.map((x) => x - ROOM)), right: Math.max(right, ...xs.map((x) => x + ROOM)),
+    low: Math.min(low, ...ys.map((y) => y - ROOM)), high: Math.max(high, ...ys.map((y) => y + ROOM)),
+  };
+}
+
+/** Draws the last frame; places: {name: {x, y, rgb}}, in metres from joint 1. */
+export function drawArm(canvas, frame, places = {}) {
   const drawing = begin(canvas);
   if (!drawing) return;
   const { context, width, height, colours } = drawing;
-  const scale = Math.min(width / 0.95, height / 0.86);
-  const at = ([x, y]) => [width * 0.45 + scale * x, height * 0.56 - scale * y];
-  context.strokeStyle = colours.faint;
-  context.fillStyle = colours.quiet;
-  for (const [name, place] of Object.entries(PLACES)) {
-    const [x, y] = at(place);
+  const shown = extent(places);
+  const scale = Math.min(width / (shown.right - shown.left), height / (shown.high - shown.low));
+  const middle = [(shown.left + shown.right) / 2, (shown.low + shown.high) / 2];
+  const at = ([x, y]) => [width / 2 + scale * (x - middle[0]), height / 2 - scale * (y - middle[1])];
+  for (const [name, place] of Object.entries(places)) {
+    const [x, y] = at([place.x, place.y]);
+    context.strokeStyle = colours.faint;
     context.strokeRect(x - 9, y - 9, 18, 18);
+    if (place.rgb) line(context, [[x - 9, y + 9], [x + 9, y + 9]], place.rgb, 4, []);
+    context.fillStyle = colours.quiet;
     context.fillText(name, x + 13, y + 4);
   }
   if (!frame?.theta) return;
-  if (frame.box) {
-    const [x, y] = at(PLACES.pickup);
-    box(context, colours, x, y, frame.box);
+  if (frame.box && places[PICKUP]) {
+    const [x, y] = at([places[PICKUP].x, places[PICKUP].y]);
+    box(context, colours, x, y, frame.box, places[frame.box]?.rgb);
   }
   if (frame.path) line(context, joints(frame.path).map(at), colours.second, 2, [5, 4]);
   const points = joints(frame.theta).map(at);
@@ -49,8 +66,8 @@ export function drawArm(canvas, frame) {
   if (frame.gripped) box(context, colours, tip[0] + 10 * Math.cos(angle), tip[1] - 10 * Math.sin(angle), "held");
 }
 
-function box(context, colours, x, y, name) {
-  context.fillStyle = colours.second;
+function box(context, colours, x, y, name, rgb = "") {
+  context.fillStyle = rgb || colours.second;
   context.fillRect(x - 7, y - 7, 14, 14);
   context.fillStyle = colours.text;
   context.fillText(name === "held" ? "box" : `${name} box`, x - 12, y + 21);

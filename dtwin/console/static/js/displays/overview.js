@@ -67,7 +67,7 @@ export function makeOverview() {
 
   function draw() {
     const frame = store.frame;
-    drawArm(arm, frame);
+    drawArm(arm, frame, store.state?.places);
     const expected = store.state?.settings?.predicted;
     indicators.forEach((canvas, k) => {
       const error = frame?.theta && frame.path ? 1000 * (frame.theta[k] - frame.path[k]) : null;

@@ -1,0 +1,233 @@
+"""A log as a film: pictures at even times, with what the controller is at and what happened, as MP4 or GIF."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from dtwin.emulation.picture import DrawnBox, Studio
+from dtwin.errors import DtwinError, ParameterError, RecordingError
+from dtwin.files import replacing
+from dtwin.parameters import ArmParameters, Triple
+from dtwin.run.recording import Log
+from dtwin.signals import NO_COLOUR
+from dtwin.task import Task, task_of
+from dtwin.twin.kinematics import forward
+from dtwin.view.boxes import grasps, placements, waiting
+from dtwin.view.story import Story, marks
+
+KINDS: Final = (".mp4", ".gif")
+_LARGEST: Final = (3840, 2160)
+_SHOWN: Final = 4.0
+"""Time for which a moment that is worth a look is told, plant time, s."""
+_DARK, _RED, _WHITE = (40, 45, 52), (190, 30, 30), (255, 255, 255)
+_MOST: Final = 100_000
+"""Number of pictures of a film."""
+_QUALITY: Final = {"crf": "21", "preset": "medium", "threads": "1"}
+"""One thread, so that equal films are equal byte by byte."""
+
+
+@dataclass(frozen=True, slots=True)
+class FilmSettings:
+    """How a film is made.
+
+    Attributes:
+        width, height: size, pixels, even numbers.
+        fps: pictures a second.
+        speed: plant time that passes in a second.
+        start: plant time at which it begins, s; None for that of the log.
+        end: plant time at which it ends, s; None for that of the log.
+        camera: name of a camera of the model.
+        caption: whether time, state and what happened are written into it.
+
+    Raises:
+        ParameterError: a number is out of range.
+    """
+
+    width: int = 960
+    height: int = 540
+    fps: int = 25
+    speed: float = 1.0
+    start: float | None = None
+    end: float | None = None
+    camera: str = "overview"
+    caption: bool = True
+
+    def __post_init__(self) -> None:
+        for name, value, most in (("width", self.width, _LARGEST[0]), ("height", self.height, _LARGEST[1])):
+            if not (64 <= value <= most) or value % 2:
+                raise ParameterError(f"{name}: expected an even number from 64 to {most}, got {value}")
+        if not 1 <= self.fps <= 100:
+            raise ParameterError(f"fps: expected 1 to 100, got {self.fps}")
+        if not (math.isfinite(self.speed) and 0.01 <= self.speed <= 1000):
+            raise ParameterError(f"speed: expected 0.01 to 1000, got {self.speed:g}")
+
+    def ticks(self, t: NDArray[np.float64]) -> NDArray[np.int64]:
+        """The rows of a log that are shown, one a picture, where t (ticks,) are their times, s.
+
+        Raises:
+            ParameterError: the log has nothing from start to end, or too much.
+        """
+        start = float(t[0]) if self.start is None else max(self.start, float(t[0]))
+        end = float(t[-1]) if self.end is None else min(self.end, float(t[-1]))
+        if not start < end:
+            raise ParameterError(
+                f"start and end: expected times from {t[0]:g} to {t[-1]:g} s, the first before the last"
+            )
+        count = math.floor((end - start) * self.fps / self.speed + 1e-9) + 1
+        if count > _MOST:
+            raise ParameterError(
+                f"expected at most {_MOST} pictures, got {count}: take a higher speed or a shorter range"
+            )
+        moments = start + np.arange(count) * (self.speed / self.fps)
+        return np.searchsorted(t, moments + 1e-9, side="right") - 1
+
+
+def write_film(
+    log: Log,
+    model_file: Path,
+    path: Path,
+    arm: ArmParameters,
+    settings: FilmSettings,
+    progress: Callable[[int, int], None] = lambda done, of: None,
+) -> int:
+    """Renders a log to a film; the file appears complete or not at all. Equal logs give equal pictures.
+
+    Args:
+        log: the run, of at least one tick.
+        model_file: MJCF of the cell.
+        path: file to write, *.mp4 or *.gif.
+        arm: arm of the run, whose link lengths are drawn.
+        settings: how the film is made.
+        progress: told the pictures done and their number.
+
+    Returns:
+        The number of pictures.
+
+    Raises:
+        ParameterError: a setting does not fit the log or the model, or the name of the file says no kind of film.
+        RecordingError: the log is empty, or the path cannot be written.
+        DtwinError: there is no OpenGL here, or no encoder.
+    """
+    kind = path.suffix.lower()
+    if kind not in KINDS:
+        raise ParameterError(f"{path}: expected a film *{' or *'.join(KINDS)}")
+    if not len(log):
+        raise RecordingError(f"{path}: expected a log of at least one tick to draw")
+    ticks = settings.ticks(log.columns["t"])
+    encode = _encode_mp4 if kind == ".mp4" else _encode_gif
+    with replacing(path) as temporary:
+        encode(temporary, _pictures(log, model_file, arm, settings, ticks, progress), settings)
+    return len(ticks)
+
+
+def _pictures(
+    log: Log,
+    model_file: Path,
+    arm: ArmParameters,
+    settings: FilmSettings,
+    ticks: NDArray[np.int64],
+    progress: Callable[[int, int], None],
+) -> Iterator[Image.Image]:
+    task = task_of(log.metadata)
+    theta, gripper = log.angles(), log.columns["gripper"]
+    boxes = _Boxes(log, task, arm)
+    captions = _Captions(log, settings.height)
+    with Studio(model_file, task, arm, settings.width, settings.height, settings.camera) as studio:
+        for done, tick in enumerate(ticks.tolist()):
+            pixels = studio.picture(theta[tick].tolist(), float(gripper[tick]), boxes.at(tick))
+            picture = Image.fromarray(pixels)
+            if settings.caption:
+                captions.write(picture, tick)
+            yield picture
+            progress(done + 1, len(ticks))
+
+
+class _Boxes:
+    """The boxes at any tick of a log."""
+
+    def __init__(self, log: Log, task: Task, arm: ArmParameters) -> None:
+        self._task = task
+        self._waiting, self._grasps = waiting(log), grasps(log)
+        theta = log.angles()
+        ends = [forward(_triple(theta[grasp.end]), arm) for grasp in self._grasps if grasp.end is not None]
+        released = np.array([(x, 0.0, z) for x, z, _ in ends]).reshape(-1, 3)
+        self._placed = placements(self._grasps, released, task.places)
+
+    def at(self, tick: int) -> list[DrawnBox]:
+        """Those that wait, are held, or lie where they were let go; of those at one place the last."""
+        task = self._task
+        colour = [change.colour for change in self._waiting if change.tick <= tick][-1]
+        found = [DrawnBox(task.rgb(colour), (task.pickup.x, 0.0, task.pickup.y))] if colour != NO_COLOUR else []
+        found += [
+            DrawnBox(task.rgb(grasp.colour))
+            for grasp in self._grasps
+            if grasp.start <= tick and (grasp.end is None or tick < grasp.end)
+        ]
+        lying = {
+            box.place or f"beside {number}": DrawnBox(task.rgb(box.colour), _triple(box.position))
+            for number, box in enumerate(self._placed)
+            if box.tick <= tick
+        }
+        return [*found, *lying.values()]
+
+
+class _Captions:
+    """Writes plant time, the controller's state and what happened into pictures of a log."""
+
+    def __init__(self, log: Log, height: int) -> None:
+        self._t = log.columns["t"]
+        self._changes = Story().changes(log)
+        self._marks = marks(log.events)
+        self._size = max(height // 30, 10)
+        self._font = ImageFont.load_default(self._size)
+
+    def write(self, picture: Image.Image, tick: int) -> None:
+        """Writes into the picture of a tick, at its lower edge; a stop and a moment worth a look stand in a band."""
+        t = float(self._t[tick])
+        _, state, stop = [change for change in self._changes if change[0] <= tick][-1]
+        recent = [mark for mark in self._marks if mark.time <= t < mark.time + _SHOWN]
+        lines = [(f"{t:8.2f} s   {state}", _DARK)]
+        if stop:
+            lines.append((f"STOPPED: {stop}", _RED))
+        lines += [(f"{mark.kind}: {mark.text}", _RED) for mark in recent if mark.text != stop]
+        draw = ImageDraw.Draw(picture)
+        step = self._size * 3 // 2
+        for number, (text, colour) in enumerate(reversed(lines), 1):
+            top = picture.height - number * step
+            wide = draw.textlength(text, self._font) + self._size
+            draw.rectangle((0, top, wide, top + step), fill=colour)
+            draw.text((self._size // 2, top + self._size // 5), text, _WHITE, self._font)
+
+
+def _encode_mp4(path: Path, pictures: Iterator[Image.Image], settings: FilmSettings) -> None:
+    try:
+        import av  # the extra film
+    except ImportError:
+        raise DtwinError("an MP4 needs the extra film: pip install 'dtwin[film]'; a GIF does without") from None
+    with av.open(str(path), "w", format="mp4") as container:
+        stream = container.add_stream("libx264", rate=settings.fps, options=_QUALITY)
+        stream.width, stream.height, stream.pix_fmt = settings.width, settings.height, "yuv420p"
+        for picture in pictures:
+            container.mux(stream.encode(av.VideoFrame.from_image(picture)))
+        container.mux(stream.encode())
+
+
+def _encode_gif(path: Path, pictures: Iterator[Image.Image], settings: FilmSettings) -> None:
+    first = next(pictures).quantize(256)
+    rest = (picture.quantize(palette=first, dither=Image.Dither.NONE) for picture in pictures)
+    # A GIF counts hundredths of a second.
+    shown = max(round(100 / settings.fps), 2) * 10
+    first.save(path, format="GIF", save_all=True, append_images=rest, duration=shown, loop=0)
+
+
+def _triple(values: NDArray[np.float64]) -> Triple:
+    first, second, third = values.tolist()
+    return (first, second, third)
