@@ -1,0 +1,121 @@
+"""What evidence counts, and how sure a diagnosis is: allowances, bounds, joints at rest, sets of causes."""
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dtwin.monitoring.diagnosis import SURE, Diagnosis
+from dtwin.monitoring.estimation import traces
+from dtwin.monitoring.estimation.belief import Belief, Tail, Unmodelled
+from dtwin.monitoring.estimation.estimator import Estimator, Tuning
+from dtwin.monitoring.estimation.layout import BIAS, INDEX, SIZE
+from dtwin.monitoring.kinds import JUMPS, parse_fault_id, plausible_sizes
+from dtwin.monitoring.monitor import Monitor
+from dtwin.monitoring.offline import stream
+from dtwin.monitoring.settings import MonitorSettings
+from dtwin.monitoring.signatures import ALIKE, Onset, SignatureBank, Suspicion, allowances, limits, threshold
+from dtwin.run.recording import Log
+from dtwin.twin.lanes import WIDTH
+
+ALL = np.ones(3, dtype=bool)
+
+
+def test_only_the_fault_that_a_model_looks_like_is_allowed_for() -> None:
+    found = allowances(0.01, {"mu3": Tail(level=40.0, rate=2.0, excess=15.0)})
+    share = 0.01 / len(JUMPS)
+    mu3 = JUMPS.index("mu3")
+    assert found[mu3] + threshold(share, Tail()) == pytest.approx(40.0 + 15.0 * math.log(2.0 / share))
+    assert not np.delete(found, mu3).any()
+
+
+def test_evidence_counts_less_the_more_a_model_lacks(belief: Belief) -> None:
+    settings = MonitorSettings()
+    lacking = replace(belief, error=Unmodelled(slow=(0.01, 0.01, 0.01)))
+    assert limits(settings, belief).temper == 1.0
+    assert limits(settings, lacking).temper == ALIKE
+    worse = limits(settings, replace(lacking, tails=dict.fromkeys(JUMPS, Tail(100.0, 1.0, 10.0))))
+    assert worse.temper == pytest.approx(ALIKE * (1.0 + worse.allowance[0] / worse.alarm))
+    assert worse.charges["K1"] == 0.5 * worse.allowance[JUMPS.index("K1")] > 0.0
+
+
+def test_a_state_as_low_as_it_can_be_can_only_rise(belief: Belief) -> None:
+    bank, estimator = SignatureBank(plausible_sizes(belief.arm)), Estimator(belief, Tuning())
+    column = JUMPS.index("mu1")
+    bank.note(estimator, 5)
+    first = divmod(column, WIDTH)
+    for value, counts in ((0.001, True), (0.0, False)):
+        estimator.x[INDEX["mu1"]] = value
+        bank.update(estimator, ALL, 6, counts=False)
+        bank.traces.h[first] = -50.0
+        assert bool(bank.statistics()[0, column]) == counts
+        bank.traces.h[first] = 50.0
+        assert bank.statistics()[0, column] > 0.0
+
+
+@pytest.mark.parametrize("moving", [True, False])
+def test_a_joint_at_rest_is_evidence_of_what_shows_at_once_only(moving: bool) -> None:
+    """The two lanes have the same trace; the fault of the second one shows at once."""
+    E, at_once = np.zeros((1, SIZE, WIDTH)), np.zeros((1, WIDTH))
+    E[0, BIAS, :2] = at_once[0, 1] = 1.0
+    h, J = np.zeros((2, 1, WIDTH))
+    F, gains = np.zeros((6, 27)), np.zeros((3, SIZE))
+    score, information = np.array([3.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0])
+    joints = np.array([moving, True, True])
+    traces.carry(E, h, J, at_once, F, gains, score, information, ALL, True, joints, 1.0, 0.01)
+    assert (J[0, :2].tolist(), h[0, :2].tolist()) == ([2.0 * moving, 2.0], [3.0 * moving, 3.0])
+
+
+def test_a_reading_left_out_counts_once_the_next_one_confirms_it(
+    belief: Belief, run_cell: Callable[..., Log]
+) -> None:
+    seen = stream(run_cell(45.0, 3))
+    row = 3000
+    measured = seen.measured.copy()
+    measured[row:, 1] += 0.1
+    confirmed, monitor = replace(seen, measured=measured), Monitor(belief)
+    confirmed.feed(monitor, 0, row + 1)
+    assert monitor.used.tolist() == [True, False, True]
+    confirmed.feed(monitor, row + 1, row + 20)
+    (finding,) = monitor.standing()
+    assert (finding.parameter, finding.since) == ("bias2", pytest.approx(0.01 * row))
+    assert finding.size == pytest.approx(0.1, abs=3.0 * finding.deviation)
+    measured[row + 1 :, 1] -= 0.1
+    alone = Monitor(belief)
+    replace(seen, measured=measured).feed(alone, 0, row + 300)
+    assert not alone.standing()
+    assert [event.kind for event in alone.events] == ["spike"]
+
+
+def diagnosis(belief: Belief, gains: dict[str, float], temper: float = 1.0) -> Diagnosis:
+    """A diagnosis between faults with log-likelihoods."""
+    onset = Onset(10, 1, Estimator(belief, Tuning()))
+    suspicions = [Suspicion(parse_fault_id(fault), onset, 50.0, 0.0, 1.0, ()) for fault in gains]
+    found = Diagnosis(suspicions, deque(), 10, plausible_sizes(belief.arm), False, temper=temper)
+    kept = {str(each.fault): each for each in found.candidates if str(each.fault) in gains}
+    assert set(kept) == set(gains)
+    for fault, candidate in kept.items():
+        candidate.gain = gains[fault]
+    found.candidates = list(kept.values())
+    return found
+
+
+def test_causes_are_named_until_they_share_what_is_sure(belief: Belief) -> None:
+    found = diagnosis(belief, {"K1": 20.0, "payload": 19.0, "bias2": 12.0})
+    (first, sure), (second, less), (_, least) = found.ranked()
+    assert (str(first.fault), str(second.fault)) == ("K1", "payload")
+    assert (sure / less, sure + less + least) == (pytest.approx(math.e), pytest.approx(1.0))
+    assert sure < SURE < sure + less
+    assert found.others() == ("payload",)
+    assert diagnosis(belief, {"K1": 30.0, "payload": 19.0, "bias2": 12.0}).others() == ()
+
+
+def test_tempered_evidence_leaves_more_causes_and_earns_less(belief: Belief) -> None:
+    gains = {"K1": 20.0, "payload": 12.0, "bias2": 11.0}
+    assert diagnosis(belief, gains).others() == ()
+    assert diagnosis(belief, gains).earned()
+    assert diagnosis(belief, gains, ALIKE).others() == ("payload", "bias2")
+    assert not diagnosis(belief, gains, ALIKE).earned()
