@@ -188,17 +188,21 @@ class Library:
     def package_constant(self, package: str, name: str) -> model.Variable | None:
         """The constant NAME of the files of a package, "" for those of none; None when there is none."""
         if self._packages is None:
-            self._packages = {}
-            for namespace, paths in self._files["constants"].items():
-                # what is wrong with a file is told where one of its constants is named in full
-                with suppress(FunctionBlockError):
-                    self._packages.setdefault(package_of(paths[0]), []).append(namespace)
+            self._packages = self._constants_by_package()
         for namespace in self._packages.get(package, ()):
             with suppress(FunctionBlockError):
                 found = self.constant(f"{namespace}::{name}")
                 if found is not None:
                     return found
         return None
+
+    def _constants_by_package(self) -> dict[str, list[str]]:
+        packages: dict[str, list[str]] = {}
+        for namespace, paths in self._files["constants"].items():
+            # what is wrong with a file is told where one of its constants is named in full
+            with suppress(FunctionBlockError):
+                packages.setdefault(package_of(paths[0]), []).append(namespace)
+        return packages
 
     def block(self, name: str, file: str = "", line: int = 0) -> model.LibraryElement:
         """The type of a block inside another one, as `find`; it must not contain that one."""

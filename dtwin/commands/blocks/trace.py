@@ -13,7 +13,7 @@ import tyro
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS, SYSTEM
 from dtwin.errors import ParameterError, choices
-from dtwin.iec61499.deploy.watched_trace import WatchedEvents
+from dtwin.iec61499.deploy.watched_trace import ResourceBlocks, WatchedEvents, resource_blocks
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.mapping import resource_network
@@ -67,9 +67,9 @@ class FbTrace:
         else:
             with ManagementClient(parse_stream_address(self.what)) as client:
                 resource = self._resource(client)
-                library = Library([self.blocks])
+                blocks = resource_blocks(client, resource, Library([self.blocks])).only(self.only)
                 writer = TraceWriter(self.folder, {"device": self.what, "resource": resource}, self.size * 1_000_000)
-                self._record_device(client, resource, library, writer)
+                self._record_device(client, resource, blocks, writer)
         print(printable(f"{self.folder}: {writer.written} records"))
         if writer.dropped:
             print(f"the trace was full: the first {writer.dropped} records are left out")
@@ -84,10 +84,12 @@ class FbTrace:
         finally:
             writer.close()
 
-    def _record_device(self, client: ManagementClient, resource: str, library: Library, writer: TraceWriter) -> None:
+    def _record_device(
+        self, client: ManagementClient, resource: str, blocks: ResourceBlocks, writer: TraceWriter
+    ) -> None:
         try:
-            watched = WatchedEvents(client, resource, library, writer, self.only)
-            for problem, names in (("has no known type", watched.unknown), ("is not watched", watched.refused)):
+            watched = WatchedEvents(client, resource, blocks, writer)
+            for problem, names in (("has no known type", blocks.unknown), ("is not watched", watched.refused)):
                 if names:
                     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
                     print(printable(f"{', '.join(names[:3])}{more} {problem}"), flush=True)

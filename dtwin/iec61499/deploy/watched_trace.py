@@ -7,11 +7,11 @@ the last one's values are seen, and their order is not. The time is that of the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any, Final
 
-from dtwin.errors import FunctionBlockError
+from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.device_type import original_name
 from dtwin.iec61499.library import Library
@@ -36,28 +36,72 @@ class _Event:
     encode: Callable[[int, int, list[str]], bytes]
 
 
+@dataclass(frozen=True, slots=True)
+class ResourceBlocks:
+    """The blocks of a resource of a device, those inside composites too.
+
+    Attributes:
+        known: the types of the blocks, by their names.
+        unknown: blocks whose types the library does not have; nothing is seen of them.
+    """
+
+    known: dict[str, model.FBType]
+    unknown: tuple[str, ...]
+
+    def only(self, names: Collection[str]) -> ResourceBlocks:
+        """Those of the names, all without any. Raises FunctionBlockError for another name."""
+        for name in names:
+            if name in self.unknown:
+                raise FunctionBlockError(f"the type of block {name} is not in the library")
+            if name not in self.known:
+                valid = choices(self.known) if self.known else "a resource with a block of a known type"
+                raise FunctionBlockError(f"unknown block {name!r}: expected {valid}")
+        return ResourceBlocks({name: self.known[name] for name in names}, ()) if names else self
+
+
+def resource_blocks(client: ManagementClient, resource: str, library: Library) -> ResourceBlocks:
+    """The blocks that a device has in a resource; the library finds their types.
+
+    Raises:
+        CommunicationError: the device refuses or does not answer.
+    """
+    known: dict[str, model.FBType] = {}
+    unknown: list[str] = []
+
+    def add(name: str, type_name: str) -> None:
+        try:
+            found = library.find(original_name(type_name) or type_name)
+        except FunctionBlockError:
+            unknown.append(name)
+            return
+        if isinstance(found, model.SubApplicationType):
+            return
+        known[name] = found
+        for block in found.network.blocks if isinstance(found, model.CompositeFBType) else ():
+            add(f"{name}.{block.name}", block.type_name)
+
+    for block in client.blocks(resource):
+        add(block.name, block.type_name)
+    return ResourceBlocks(known, tuple(unknown))
+
+
 class WatchedEvents:
     """Watches the events of a resource with their data.
 
     Args:
         client: a session with the device.
         resource: the name of the resource.
-        library: finds the types of its blocks.
+        blocks: which of its blocks are watched.
         writer: writes the trace.
-        only: names of the blocks that are watched; all without any.
 
     Attributes:
-        unknown: blocks whose types the library does not have; nothing is seen of them.
         refused: ports that the device does not watch, because it has no such port or watches too many.
 
     Raises:
         ManagementError: the device has no watches.
     """
 
-    def __init__(
-        self, client: ManagementClient, resource: str, library: Library, writer: TraceWriter, only: Collection[str]
-    ) -> None:
-        self.unknown: list[str] = []
+    def __init__(self, client: ManagementClient, resource: str, blocks: ResourceBlocks, writer: TraceWriter) -> None:
         self.refused: list[str] = []
         self._client = client
         self._resource = resource
@@ -67,17 +111,16 @@ class WatchedEvents:
         self._states: dict[str, tuple[str, ...]] = {}
         self._packet: list[bytes] = []
         self._first = self._last = 0
-        blocks = [(name, kind) for name, kind in self._blocks(library) if not only or name in only]
         watched = {
             f"{name}.{event.name}"
-            for name, kind in blocks
+            for name, kind in blocks.known.items()
             for event in (*kind.interface.event_inputs, *kind.interface.event_outputs)
             if self._watch(f"{name}.{event.name}")
         }
         counts = client.watched(resource)
         self._events = [
             self._event(name, kind, event, int(counts.get(f"{name}.{event.name}", "0")))
-            for name, kind in blocks
+            for name, kind in blocks.known.items()
             for event in (*kind.interface.event_inputs, *kind.interface.event_outputs)
             if f"{name}.{event.name}" in watched
         ]
@@ -109,23 +152,6 @@ class WatchedEvents:
         self._flush()
         for port in self._mine:
             self._client.request(self._resource, "DELETE", Watch(port))
-
-    def _blocks(self, library: Library) -> Iterator[tuple[str, model.FBType]]:
-        """The blocks of the resource with their types, those inside composites too."""
-        for block in self._client.blocks(self._resource):
-            yield from self._expanded(block.name, block.type_name, library)
-
-    def _expanded(self, name: str, type_name: str, library: Library) -> Iterator[tuple[str, model.FBType]]:
-        try:
-            found = library.find(original_name(type_name) or type_name)
-        except FunctionBlockError:
-            self.unknown.append(name)
-            return
-        if isinstance(found, model.SubApplicationType):
-            return
-        yield name, found
-        for block in found.network.blocks if isinstance(found, model.CompositeFBType) else ():
-            yield from self._expanded(f"{name}.{block.name}", block.type_name, library)
 
     def _watch(self, port: str) -> bool:
         if port in self._before:

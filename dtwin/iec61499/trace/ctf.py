@@ -315,7 +315,10 @@ def read_trace(folder: Path) -> Trace:
         text = (folder / METADATA).read_text()
         numbers = sorted(int(file.name.removeprefix(STREAM)) for file in folder.glob(f"{STREAM}*"))
         data = {file: file.read_bytes() for file in (folder / f"{STREAM}{number}" for number in numbers)}
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        problem = f"holds no trace, as `dtwin fb trace` writes it: {error.strerror or error}"
+        raise FunctionBlockError(problem, str(folder)) from None
+    except ValueError as error:
         raise FunctionBlockError(f"holds no trace: {error}", str(folder)) from None
     kinds = {}
     for number, name, body in _KIND.findall(text):

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.deploy.watched_trace import NEW, WatchedEvents
+from dtwin.iec61499.deploy.watched_trace import NEW, WatchedEvents, resource_blocks
 from dtwin.iec61499.device.managed_resource import WATCHES
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.client import ManagementClient
@@ -35,8 +35,9 @@ def test_events_are_recorded_with_their_number_and_data(either: ManagementClient
     either.start("R")
     either.watch("R", "M.PV")
     writer = TraceWriter(tmp_path / "t", {"device": "it"}, SIZE)
-    watched = WatchedEvents(either, "R", Library(), writer, ("N", "M"))
-    assert watched.unknown == []
+    blocks = resource_blocks(either, "R", Library())
+    watched = WatchedEvents(either, "R", blocks.only(("N", "M")), writer)
+    assert blocks.unknown == ()
     assert watched.read(1) == 0
     for _ in range(3):
         either.trigger("R", "N.CU")
@@ -65,7 +66,7 @@ def test_states_of_charts_are_recorded_by_name(served: ServedDevice, tmp_path: P
         build(client, "R", DOUBLING)
         client.start("R")
         writer = TraceWriter(tmp_path / "t", {}, SIZE)
-        watched = WatchedEvents(client, "R", served.library, writer, ("D",))
+        watched = WatchedEvents(client, "R", resource_blocks(client, "R", served.library).only(("D",)), writer)
         assert client.read("R", "D.$ECC") == "0"
         with served.connect("S") as peer:
             peer.exchange([2.0])
@@ -83,7 +84,10 @@ def test_what_a_device_has_no_room_to_watch_is_named(served: ServedDevice, tmp_p
     with served.client() as client:
         build(client, "R", "\n".join(f"{name} E_CTU" for name in names))
         client.start("R")
-        watched = WatchedEvents(client, "R", Library(), TraceWriter(tmp_path / "t", {}, SIZE), names)
+        blocks = resource_blocks(client, "R", Library()).only(names)
+        with pytest.raises(FunctionBlockError, match="unknown block 'M': expected N0, N1"):
+            blocks.only(["M"])
+        watched = WatchedEvents(client, "R", blocks, TraceWriter(tmp_path / "t", {}, SIZE))
         assert len(client.watched("R")) == WATCHES
         assert set(watched.refused) <= {f"{name}.{port}" for name in names for port in ("Q", "CV", "PV", "$ECC")}
         assert watched.refused

@@ -153,3 +153,10 @@ def test_a_change_that_fails_leaves_no_trace() -> None:
     resource.trigger("A.REQ")
     resource.run_until_idle()
     assert resource.read("B.Y") == 6
+
+
+def test_a_connection_made_twice_is_refused_by_a_change_too() -> None:
+    once = network("A: ADDER; B: ADDER", "", "A.Y -> B.X")
+    resource = Resource(once, LIBRARY)
+    with pytest.raises(FunctionBlockError, match="already has a source"):
+        resource.change(replace(once, data=once.data * 2))

@@ -177,13 +177,14 @@ class Flattener:
         own_data = [one for one in network.data if one not in among_data] if among_data else network.data
         for connection in (*own_data, *data):
             wire = wired(connection, known.data, level.data, is_event=False)
-            other = netlist.data.setdefault(wire.destination, wire)
-            if other is not wire:
+            other = netlist.data.get(wire.destination)
+            if other is not None:
                 raise FunctionBlockError(
                     f"{connection.destination} already has a source in line {other.line}: expected one connection",
                     network.file,
                     connection.line,
                 )
+            netlist.data[wire.destination] = wire
 
 
 def _node(element: _Element, found: model.FBType | None, interface: model.Interface, file: str, prefix: str) -> Node:
