@@ -17,6 +17,7 @@ from dtwin.task import Task
 from dtwin.view import style
 from dtwin.view.kinematics import Pose, body_poses
 from dtwin.view.series import time_column
+from dtwin.view.story import moving
 
 ROOT: Final = "plan"
 _LINKS: Final = ("link_1", "link_2", "link_3")
@@ -31,8 +32,6 @@ _STRIDE: Final = 4
 """Number of ticks between two poses of the ghost: 25 Hz."""
 _SPACING: Final = 8
 """Number of ticks between two points of the line of a path."""
-_MOVES: Final = 1e-7
-"""Least change of the path in a tick that counts as a motion, rad."""
 _CROSS: Final = 0.014
 """Half the length of the lines that mark a place, m."""
 
@@ -107,7 +106,7 @@ class Plan:
         if not len(t):
             return
         before = target[:1] if self._before is None else self._before
-        moves = np.abs(np.diff(target, axis=0, prepend=before)).max(axis=1) > _MOVES
+        moves = moving(target, before)
         shown = moves & (np.arange(len(t)) % _STRIDE == 0)
         shown[:-1] |= moves[:-1] & ~moves[1:]
         shown[0] = True

@@ -38,6 +38,8 @@ _LEVELS: Final[Mapping[str, rr.TextLogLevel]] = {
     MONITOR + EventKind.FAILED: rr.TextLogLevel.ERROR,
     MONITOR + EventKind.RESTART: rr.TextLogLevel.WARN,
 }
+_EQUAL: Final = 10
+"""Number of ticks of which one is plotted though nothing changes."""
 _NO_BOX: Final = "none"
 
 
@@ -112,13 +114,17 @@ def log_limits(stream: rr.RecordingStream, log: Log) -> None:
 
 
 def log_plots(stream: rr.RecordingStream, log: Log, plots: Sequence[Plot] = PLOTS) -> None:
-    """Sends the plotted values of a log, or a part of one; of equal ones that follow one another the outer two."""
+    """Sends the plotted values of a log, or a part of one; of equal ones in a row the outer two and a tenth.
+
+    The viewer draws the mean of what falls on a pixel, so that a line has to have values on the next ones, too.
+    """
     t = log.columns["t"]
     for plot in plots:
         values = plot.values(log).reshape(len(log), -1)
         differs = np.ones(len(log) + 1, dtype=bool)
         differs[1:-1] = (values[1:] != values[:-1]).any(axis=1)
         kept = differs[1:] | differs[:-1]
+        kept[::_EQUAL] = True
         columns = rr.Scalars.columns(scalars=values[kept])
         stream.send_columns(plot.entity, indexes=[time_column(t[kept])], columns=columns)
 

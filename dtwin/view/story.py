@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -21,10 +22,12 @@ MARKS: Final = "marks"
 STATES: Final = ("waiting", "fetching", "carrying", "stopped")
 """waiting: the arm rests without a box; fetching: it goes to the pickup point or closes around a box there; carrying:
 it holds a box, or opens the gripper over its place; stopped: a safe stop holds it, or it gets 0 V."""
-_WAITING, _FETCHING, _CARRYING, _STOPPED = range(len(STATES))
+_WAITING, _FETCHING, _CARRYING = range(3)
 _STATE_COLOURS: Final = ((120, 130, 140), (86, 204, 242), (255, 183, 77), (235, 50, 45))
 _FINDINGS: Final = frozenset({EventKind.FAILED, MONITOR + EventKind.FAILED})
 _FAULTS: Final = frozenset({EventKind.FAULT, EventKind.DIVERGED, EventKind.COLLISION, EventKind.MISPLACED})
+_MARKUP: Final = re.compile(r"([!-/:-@\[-`{-~])")
+"""What Markdown may take for more than text, and lets be shown after a backslash."""
 _RELEASED: Final = "released"
 """Word of the event that ends a safe stop."""
 _MOVES: Final = 1e-7
@@ -32,6 +35,7 @@ _MOVES: Final = 1e-7
 _BEYOND: Final = 1e5
 """Where a mark ends, beyond the range of every plot."""
 MOST_MARKS: Final = 20
+"""Number of moments that are marked in a run: a cell in trouble has many."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +64,12 @@ def marks(events: Iterable[Event]) -> list[Mark]:
         elif _stops(event):
             found.append(Mark(event.time, "stop", event.text))
     return sorted(found, key=lambda mark: mark.time)[:MOST_MARKS]
+
+
+def moving(target: NDArray[np.float64], before: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """At which ticks a path (ticks, 3) is another one, rad, than at the tick before, where it begins after (1, 3)."""
+    changed: NDArray[np.bool_] = np.abs(np.diff(target, axis=0, prepend=before)).max(axis=1) > _MOVES
+    return changed
 
 
 def _stops(event: Event) -> bool | None:
@@ -108,7 +118,7 @@ class Story:
         """Places in STATES of what the arm is at, (ticks,), whether it is stopped or not."""
         target = log.stack("target")
         before = target[:1] if self._target is None else self._target
-        moves = np.abs(np.diff(target, axis=0, prepend=before)).max(axis=1) > _MOVES
+        moves = moving(target, before)
         codes = np.full(len(log), -1)
         codes[moves | log.columns["box_present"]] = _FETCHING
         codes[log.held()] = _CARRYING
@@ -128,10 +138,15 @@ class Story:
         times = time_column(log.columns["t"][list(ticks)])
         stream.send_columns(STATE, indexes=[times], columns=rr.StateChange.columns(state=states))
         said = [
-            f"# ■ STOPPED: {stop}" if stop else f"Controller: **{state}**"
+            f"# ■ STOPPED: {_as_text(stop)}" if stop else f"Controller: **{state}**"
             for state, stop in zip(states, stops, strict=True)
         ]
         stream.send_columns(STATUS, indexes=[times], columns=rr.TextDocument.columns(text=said))
+
+
+def _as_text(text: str) -> str:
+    """Markdown that shows a text of others as it is, in one line."""
+    return _MARKUP.sub(r"\\\1", " ".join(text.split()))
 
 
 def log_story_styles(stream: rr.RecordingStream) -> None:

@@ -62,6 +62,8 @@ LIVE: Final = "needs or stays as a live cell: the tutorial is walked, tests/serv
 DEVICE: Final = "needs or stays as a device: tests/commands/test_fb_command.py"
 MINUTES: Final = "computes for minutes: a test of its own room makes it small"
 READ: Final = {
+    "show": "opens a viewer: tests/view/test_show.py finds where",
+    "film": "renders for minutes: tests/view/test_film.py renders less",
     "up": LIVE,
     "console": LIVE,
     "status": LIVE,

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -14,7 +15,8 @@ from PIL import Image
 from dtwin.cli import main
 from dtwin.errors import ParameterError
 from dtwin.parameters import PERIOD, PICKUP, PLACES, ROOT, Triple
-from dtwin.view.shown.film import FilmSettings
+from dtwin.signals import Event
+from dtwin.view.shown.film import Captions, FilmSettings
 from tests.view.test_story import AWAY, work
 from tests.view.test_write import MODEL
 
@@ -138,6 +140,18 @@ def test_a_film_shows_arm_and_box_where_the_log_has_them(tmp_path: Path) -> None
     assert [is_green(number, pickup) for number in range(4)] == [True, False, False, False]
     # In the third picture the open gripper is in front of the box.
     assert [is_green(number, place) for number in (0, 1, 3)] == [False, False, True]
+
+
+def test_a_caption_tells_time_state_and_what_happened_in_one_line_each() -> None:
+    events = (Event(1.0, "fault", "two\nlines"), Event(1.5, "stop", "safe stop: braking"))
+    captions = Captions(replace(work(), events=events), 300)
+    heights = []
+    for tick in (50, 120, 200):
+        picture = Image.new("RGB", (400, 300), (0, 255, 0))
+        captions.write(picture, tick)
+        covered = (np.asarray(picture) != (0, 255, 0)).any(axis=(1, 2))
+        heights.append(int(covered.sum()))
+    assert heights == [15, 30, 45]
 
 
 def test_an_mp4_has_as_many_pictures(tmp_path: Path) -> None:

@@ -99,7 +99,10 @@ def test_moments_are_faults_findings_and_stops_in_order_of_time() -> None:
 
 
 def test_a_recording_shows_state_moments_path_and_ghost(tmp_path: Path) -> None:
-    events = (Event(1.5, "fault", "K2*=0.1@1.5 began"), Event(2.0, "stop", "safe stop: braking (monitoring)"))
+    events = (
+        Event(1.5, "fault", "K2*=0.1@1.5 began"),
+        Event(2.0, "stop", "safe stop: braking\n(monitoring, [see](http://x))"),
+    )
     log = replace(work(), events=events)
     write_recording(log, MODEL, tmp_path / "run.rrd")
     found = contents(tmp_path / "run.rrd")
@@ -108,7 +111,7 @@ def test_a_recording_shows_state_moments_path_and_ghost(tmp_path: Path) -> None:
     assert states == [(0, "waiting"), (50, "fetching"), (100, "carrying"), (200, "stopped")]
     said = found["/status"]["TextDocument:text"]
     assert at(said, 199) == ["Controller: **carrying**"]
-    assert at(said, 200) == ["# ■ STOPPED: safe stop: braking (monitoring)"]
+    assert at(said, 200) == [r"# ■ STOPPED: safe stop\: braking \(monitoring\, \[see\]\(http\:\/\/x\)\)"]
 
     for number, moment in enumerate((1_500_000_000, 2_000_000_000)):
         low, high = found[f"/marks/{number}"]["Scalars:scalars"]

@@ -95,7 +95,7 @@ def test_a_full_disk_leaves_nothing_and_does_not_hang(log: Log, tmp_path: Path, 
     assert not list(tmp_path.iterdir())
 
 
-def test_plots_hold_the_log_without_what_lies_between_equal_values(log: Log, recording: Contents) -> None:
+def test_plots_hold_the_log_without_most_of_what_lies_between_equal_values(log: Log, recording: Contents) -> None:
     expected = {
         "/tracking_error": 1e3 * (log.stack("target") - log.stack("theta")),
         "/volts/motors": log.stack("volts"),
@@ -110,7 +110,8 @@ def test_plots_hold_the_log_without_what_lies_between_equal_values(log: Log, rec
         ticks = np.array(times) / 10_000_000
         lines = [np.interp(np.arange(TICKS), ticks, line) for line in np.array(drawn).T]
         assert np.array_equal(np.column_stack(lines), values), entity
-        assert len(ticks) < TICKS / 10, entity
+        assert len(ticks) < TICKS / 5, entity
+        assert np.diff(ticks).max() <= 10, entity
 
 
 def test_plots_of_what_changes_at_every_tick_hold_every_tick(tmp_path: Path) -> None:

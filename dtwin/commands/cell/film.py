@@ -20,8 +20,8 @@ from dtwin.terminal import printable
 class FilmCommand:
     """Render a log to a film with MuJoCo's own renderer: the cell with shadows, time, state and what happened.
 
-    It needs OpenGL but no display and no GPU (`apt install libegl1 libgl1-mesa-dri`); a second of film at 960 x 540
-    takes some ten seconds without one. An MP4 needs `pip install 'dtwin[film]'`, a GIF nothing more.
+    It needs OpenGL but no display and no GPU (`apt install libegl1 libgl1-mesa-dri`); without one a picture takes
+    some tenths of a second. An MP4 needs `pip install 'dtwin[film]'`, a GIF nothing more.
     """
 
     log: tyro.conf.Positional[Path]

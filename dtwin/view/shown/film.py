@@ -139,7 +139,7 @@ def _pictures(
     task = task_of(log.metadata)
     theta, gripper = log.angles(), log.columns["gripper"]
     boxes = _Boxes(log, task, arm)
-    captions = _Captions(log, settings.height)
+    captions = Captions(log, settings.height)
     with Studio(model_file, task, arm, settings.width, settings.height, settings.camera) as studio:
         for done, tick in enumerate(ticks.tolist()):
             pixels = studio.picture(theta[tick].tolist(), float(gripper[tick]), boxes.at(tick))
@@ -179,7 +179,7 @@ class _Boxes:
         return [*found, *lying.values()]
 
 
-class _Captions:
+class Captions:
     """Writes plant time, the controller's state and what happened into pictures of a log."""
 
     def __init__(self, log: Log, height: int) -> None:
@@ -194,7 +194,7 @@ class _Captions:
         t = float(self._t[tick])
         _, state, stop = [change for change in self._changes if change[0] <= tick][-1]
         recent = [mark for mark in self._marks if mark.time <= t < mark.time + _SHOWN]
-        lines = [(f"{t:8.2f} s   {state}", _DARK)]
+        lines = [(f"{t:.2f} s, {state}", _DARK)]
         if stop:
             lines.append((f"STOPPED: {stop}", _RED))
         lines += [(f"{mark.kind}: {mark.text}", _RED) for mark in recent if mark.text != stop]
@@ -202,6 +202,7 @@ class _Captions:
         step = self._size * 3 // 2
         for number, (text, colour) in enumerate(reversed(lines), 1):
             top = picture.height - number * step
+            text = " ".join(text.split())
             wide = draw.textlength(text, self._font) + self._size
             draw.rectangle((0, top, wide, top + step), fill=colour)
             draw.text((self._size // 2, top + self._size // 5), text, _WHITE, self._font)
