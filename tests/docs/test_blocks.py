@@ -257,13 +257,13 @@ def of(page: str, language: str) -> list[Block]:
 def test_the_output_that_the_readme_shows_is_what_is_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """All but the time that it took here, and the path of the viewer."""
+    """All but the time that it took here, and the path of the command."""
     monkeypatch.chdir(tmp_path)
     assert main(["run"]) == 0
     (shown,) = of("README.md", "text")
 
     def told(text: str) -> str:
-        return re.sub(r"in [\d.]+ s, [\d.]+ x|`\S*rerun", "", text)
+        return re.sub(r"in [\d.]+ s, [\d.]+ x|`\S*dtwin", "", text)
 
     assert told(capsys.readouterr().out).splitlines() == told(shown.text).splitlines()
 
