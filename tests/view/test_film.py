@@ -10,13 +10,14 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from dtwin.cli import main
 from dtwin.errors import ParameterError
 from dtwin.parameters import PERIOD, PICKUP, PLACES, ROOT, Triple
 from dtwin.signals import Event
-from dtwin.view.shown.film import Captions, FilmSettings
+from dtwin.view.shown.film import Captions, encode_gif
+from dtwin.view.shown.film_settings import FilmSettings
 from tests.view.test_story import AWAY, work
 from tests.view.test_write import MODEL
 
@@ -62,6 +63,8 @@ def test_a_film_of_nothing_or_too_much_is_refused() -> None:
     ("arguments", "message"),
     [
         (["film", "run.parquet", "film.avi"], "expected a film *.mp4 or *.gif"),
+        (["film", "run.parquet", "film.gif", "--fps", "60"], "fps: expected at most 50 for a GIF, got 60"),
+        (["film", "run.parquet", "film.gif", "--fps", "0"], "fps: expected 1 to 100, got 0"),
         (["film", "none.parquet", "film.gif"], "none.parquet: cannot be read"),
         (["film", "run.rrd", "film.gif"], "expected the log of `dtwin run --log`"),
         (["film", "run.parquet", "no/film.gif"], "no/film.gif: cannot be written"),
@@ -142,6 +145,20 @@ def test_a_film_shows_arm_and_box_where_the_log_has_them(tmp_path: Path) -> None
     assert [is_green(number, place) for number in (0, 1, 3)] == [False, False, True]
 
 
+@pytest.mark.parametrize("fps", [7, 30, 50])
+def test_a_gif_keeps_time(tmp_path: Path, fps: int) -> None:
+    """Its pictures last whole hundredths of a second."""
+    count = 2 * fps + 1
+    pictures = (Image.new("RGB", (64, 64), (number % 200, 100, 255 - number % 100)) for number in range(count))
+    encode_gif(tmp_path / "film.gif", pictures, FilmSettings(fps=fps), count)
+    lasts = 0
+    with Image.open(tmp_path / "film.gif") as opened:
+        for frame in ImageSequence.Iterator(opened):
+            assert frame.info["duration"] >= 20
+            lasts += frame.info["duration"]
+    assert lasts == pytest.approx(1000 * count / fps, abs=5)
+
+
 def test_a_caption_tells_time_state_and_what_happened_in_one_line_each() -> None:
     events = (Event(1.0, "fault", "two\nlines"), Event(1.5, "stop", "safe stop: braking"))
     captions = Captions(replace(work(), events=events), 300)
@@ -155,7 +172,7 @@ def test_a_caption_tells_time_state_and_what_happened_in_one_line_each() -> None
 
 
 def test_an_mp4_has_as_many_pictures(tmp_path: Path) -> None:
-    av = pytest.importorskip("av", reason="the extra film is not installed")
+    av = pytest.importorskip("av", reason="pip install 'dtwin[film]' to run this")
     with av.open(str(film(tmp_path, "film.mp4"))) as container:
         sizes = [(frame.width, frame.height) for frame in container.decode(video=0)]
     assert sizes == [(WIDTH, HEIGHT)] * 4

@@ -14,10 +14,11 @@ from dtwin.emulation import MODEL_FILE
 from dtwin.errors import RecordingError
 from dtwin.files import ensure_writable
 from dtwin.terminal import printable
+from dtwin.view.shown.film_settings import FilmSettings
 
 
-@dataclass(frozen=True)
-class FilmCommand:
+@dataclass(frozen=True, kw_only=True)
+class FilmCommand(FilmSettings):
     """Render a log to a film with MuJoCo's own renderer: the cell with shadows, time, state and what happened.
 
     It needs OpenGL but no display and no GPU (`apt install libegl1 libgl1-mesa-dri`); without one a picture takes
@@ -28,35 +29,16 @@ class FilmCommand:
     """Parquet log of `dtwin run --log` or `dtwin up --log`."""
     file: tyro.conf.Positional[Path]
     """Film to write, *.mp4 or *.gif."""
-    width: int = 960
-    """Width, pixels, an even number."""
-    height: int = 540
-    """Height, pixels, an even number."""
-    fps: int = 25
-    """Pictures a second."""
-    speed: float = 1.0
-    """Plant time that passes in a second of film, s; 4 is four times as fast as real time."""
-    start: float | None = None
-    """Plant time at which the film begins, s; that of the log if not given."""
-    end: float | None = None
-    """Plant time at which the film ends, s; that of the log if not given."""
-    camera: str = "overview"
-    """Camera of the model file: overview, front or close."""
-    caption: bool = True
-    """Write plant time, the controller's state, faults, findings and stops into the film."""
     mjcf: Path = MODEL_FILE
     """MJCF file of the arm."""
 
     def execute(self) -> int:
         from dtwin.run.recording import read_log
         from dtwin.run.settings import arm_of
-        from dtwin.view.shown.film import FilmSettings, write_film  # MuJoCo takes a while to load.
+        from dtwin.view.shown.film import write_film  # MuJoCo takes a while to load.
 
         if self.log.suffix == ".rrd":
             raise RecordingError(f"{self.log}: expected the log of `dtwin run --log`, not a recording")
-        settings = FilmSettings(
-            self.width, self.height, self.fps, self.speed, self.start, self.end, self.camera, self.caption
-        )
         log = read_log(self.log)
         ensure_writable(self.file)
         columns = (TextColumn("rendering"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
@@ -67,6 +49,6 @@ class FilmCommand:
             def progress(done: int, of: int) -> None:
                 bar.update(task, completed=done, total=of)
 
-            count = write_film(log, self.mjcf, self.file, arm_of(log.metadata), settings, progress)
+            count = write_film(log, self.mjcf, self.file, arm_of(log.metadata), self, progress)
         print(printable(f"{self.file}: {count} pictures, {count / self.fps:.1f} s"))
         return 0

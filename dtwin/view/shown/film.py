@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -21,73 +19,17 @@ from dtwin.signals import NO_COLOUR
 from dtwin.task import Task, task_of
 from dtwin.twin.kinematics import forward
 from dtwin.view.boxes import grasps, placements, waiting
+from dtwin.view.shown.film_settings import FilmSettings
 from dtwin.view.story import Story, marks
 
 KINDS: Final = (".mp4", ".gif")
-_LARGEST: Final = (3840, 2160)
+_FASTEST_GIF: Final = 50
+"""Pictures a second that viewers of a GIF show without slowing them down."""
 _SHOWN: Final = 4.0
 """Time for which a moment that is worth a look is told, plant time, s."""
 _DARK, _RED, _WHITE = (40, 45, 52), (190, 30, 30), (255, 255, 255)
-_MOST: Final = 100_000
-"""Number of pictures of a film."""
 _QUALITY: Final = {"crf": "21", "preset": "medium", "threads": "1"}
 """One thread, so that equal films are equal byte by byte."""
-
-
-@dataclass(frozen=True, slots=True)
-class FilmSettings:
-    """How a film is made.
-
-    Attributes:
-        width, height: size, pixels, even numbers.
-        fps: pictures a second.
-        speed: plant time that passes in a second.
-        start: plant time at which it begins, s; None for that of the log.
-        end: plant time at which it ends, s; None for that of the log.
-        camera: name of a camera of the model.
-        caption: whether time, state and what happened are written into it.
-
-    Raises:
-        ParameterError: a number is out of range.
-    """
-
-    width: int = 960
-    height: int = 540
-    fps: int = 25
-    speed: float = 1.0
-    start: float | None = None
-    end: float | None = None
-    camera: str = "overview"
-    caption: bool = True
-
-    def __post_init__(self) -> None:
-        for name, value, most in (("width", self.width, _LARGEST[0]), ("height", self.height, _LARGEST[1])):
-            if not (64 <= value <= most) or value % 2:
-                raise ParameterError(f"{name}: expected an even number from 64 to {most}, got {value}")
-        if not 1 <= self.fps <= 100:
-            raise ParameterError(f"fps: expected 1 to 100, got {self.fps}")
-        if not (math.isfinite(self.speed) and 0.01 <= self.speed <= 1000):
-            raise ParameterError(f"speed: expected 0.01 to 1000, got {self.speed:g}")
-
-    def ticks(self, t: NDArray[np.float64]) -> NDArray[np.int64]:
-        """The rows of a log that are shown, one a picture, where t (ticks,) are their times, s.
-
-        Raises:
-            ParameterError: the log has nothing from start to end, or too much.
-        """
-        start = float(t[0]) if self.start is None else max(self.start, float(t[0]))
-        end = float(t[-1]) if self.end is None else min(self.end, float(t[-1]))
-        if not start < end:
-            raise ParameterError(
-                f"start and end: expected times from {t[0]:g} to {t[-1]:g} s, the first before the last"
-            )
-        count = math.floor((end - start) * self.fps / self.speed + 1e-9) + 1
-        if count > _MOST:
-            raise ParameterError(
-                f"expected at most {_MOST} pictures, got {count}: take a higher speed or a shorter range"
-            )
-        moments = start + np.arange(count) * (self.speed / self.fps)
-        return np.searchsorted(t, moments + 1e-9, side="right") - 1
 
 
 def write_film(
@@ -121,10 +63,12 @@ def write_film(
         raise ParameterError(f"{path}: expected a film *{' or *'.join(KINDS)}")
     if not len(log):
         raise RecordingError(f"{path}: expected a log of at least one tick to draw")
+    if kind == ".gif" and settings.fps > _FASTEST_GIF:
+        raise ParameterError(f"fps: expected at most {_FASTEST_GIF} for a GIF, got {settings.fps}")
     ticks = settings.ticks(log.columns["t"])
-    encode = _encode_mp4 if kind == ".mp4" else _encode_gif
+    encode = _encode_mp4 if kind == ".mp4" else encode_gif
     with replacing(path) as temporary:
-        encode(temporary, _pictures(log, model_file, arm, settings, ticks, progress), settings)
+        encode(temporary, _pictures(log, model_file, arm, settings, ticks, progress), settings, len(ticks))
     return len(ticks)
 
 
@@ -208,7 +152,7 @@ class Captions:
             draw.text((self._size // 2, top + self._size // 5), text, _WHITE, self._font)
 
 
-def _encode_mp4(path: Path, pictures: Iterator[Image.Image], settings: FilmSettings) -> None:
+def _encode_mp4(path: Path, pictures: Iterator[Image.Image], settings: FilmSettings, count: int) -> None:
     try:
         import av  # the extra film
     except ImportError:
@@ -221,11 +165,12 @@ def _encode_mp4(path: Path, pictures: Iterator[Image.Image], settings: FilmSetti
         container.mux(stream.encode())
 
 
-def _encode_gif(path: Path, pictures: Iterator[Image.Image], settings: FilmSettings) -> None:
+def encode_gif(path: Path, pictures: Iterator[Image.Image], settings: FilmSettings, count: int) -> None:
+    """Writes some pictures, of which the number is known, to a GIF."""
+    # It counts hundredths of a second: pictures last longer and shorter in turn, so that it keeps time.
+    shown = (10 * np.diff(np.round(100.0 / settings.fps * np.arange(count + 1))).astype(int)).tolist()
     first = next(pictures).quantize(256)
     rest = (picture.quantize(palette=first, dither=Image.Dither.NONE) for picture in pictures)
-    # A GIF counts hundredths of a second.
-    shown = max(round(100 / settings.fps), 2) * 10
     first.save(path, format="GIF", save_all=True, append_images=rest, duration=shown, loop=0)
 
 
