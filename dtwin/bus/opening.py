@@ -33,8 +33,8 @@ _TRANSPORT_LIMIT: Final = 1 << 20
 _LOG: Final = "error,zenoh::net::protocol::gossip=off,zenoh::api::session=off"
 """Log levels of Zenoh: the two that are off report every message that was on its way to a session just closed."""
 _WAITING: Final = 16
-"""Urgent messages that may wait while a busy machine does not let their sender run, the most that Zenoh allows. Of
-its usual two, the third one of a tick would be lost after a millisecond."""
+"""Urgent messages that may wait while a busy machine does not let their sender run, the most that Zenoh allows. With
+its usual two, samples are lost while others work."""
 _RETRY: Final = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
 _TLS_FILES: Final = tuple(
     f"transport/link/tls/{name}"

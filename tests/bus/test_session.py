@@ -355,6 +355,25 @@ def test_keys_of_all_topics_differ(join: Join) -> None:
         zenoh.KeyExpr(key)
 
 
+def test_many_urgent_messages_may_wait_however_a_session_is_opened(
+    tmp_path: Path, rendezvous: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[zenoh.Config] = []
+    open_really = zenoh.open
+
+    def note(configuration: zenoh.Config) -> zenoh.Session:
+        opened.append(configuration)
+        return open_really(configuration)
+
+    monkeypatch.setattr(zenoh, "open", note)
+    file = tmp_path / "service.json5"
+    file.write_text('{ mode: "peer", scouting: { multicast: { enabled: false } } }')
+    for session in (open_peer(rendezvous), open_configured(file)):
+        session.close()
+    sizes = [configuration.get_json("transport/link/tx/queue/size/real_time") for configuration in opened]
+    assert sizes == ["16", "16"]
+
+
 @pytest.mark.parametrize("endpoint", ["", "nowhere", "tcp/host", "tcp/127.0.0.1:x", "tcp/127.0.0.1:99999"])
 def test_no_endpoint_is_an_error_in_one_line(endpoint: str) -> None:
     with pytest.raises(CommunicationError, match="expected an endpoint"):
