@@ -308,6 +308,20 @@ def test_joints_besides_the_four_are_refused(tmp_path: Path) -> None:
         Plant(model_file=file)
 
 
+def test_plants_of_one_file_are_apart_and_a_changed_file_is_read_anew(tmp_path: Path) -> None:
+    file = tmp_path / "arm.xml"
+    file.write_text(MODEL_FILE.read_text())
+    first, heavier = Plant(model_file=file), Plant(ArmParameters(mass=(0.2, 0.2, 0.2)), model_file=file)
+    assert first.model.body("link_1").mass == ArmParameters().mass[0]
+    assert heavier.model.body("link_1").mass == 0.2
+    old = '<option timestep="0.0025" integrator="RK4"'
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, '<option timestep="0.0025" integrator="Euler"'))
+    assert Plant(model_file=file).model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
+    assert first.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+
+
 def test_missing_file(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match=r"nowhere\.xml"):
         Plant(model_file=tmp_path / "nowhere.xml")
