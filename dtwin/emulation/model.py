@@ -64,6 +64,11 @@ def compile_arm(
                 require(file, kind, spec.bodies if kind == "body" else spec.geoms, names)
         for element in (*spec.cameras, *spec.lights, *spec.sensors, *spec.keys, *spec.sites):
             spec.delete(element)
+        # Nobody looks at the plant, and MuJoCo takes longer to paint textures than for all else.
+        for material in spec.materials:
+            material.textures = [""] * len(material.textures)
+        for texture in spec.textures:
+            spec.delete(texture)
         for geom in list(spec.geoms):
             if not bodies or not (geom.contype or geom.conaffinity):
                 spec.delete(geom)
