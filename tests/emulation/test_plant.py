@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.emulation import MODEL_FILE
@@ -28,6 +28,7 @@ from dtwin.parameters import (
     scaled,
 )
 from dtwin.twin import dynamics
+from tests.support.examples import examples
 
 ARM = ArmParameters()
 GRIPPER = GripperParameters()
@@ -107,7 +108,7 @@ def test_energy_is_kept_without_damping_and_voltage() -> None:
 values = st.floats(0.5, 2.0)
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(
     factors=st.lists(values, min_size=18, max_size=18),
     coulomb=st.sampled_from((0.0, 0.01, 0.05)),

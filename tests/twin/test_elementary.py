@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -15,6 +15,7 @@ from dtwin.twin.compiled import kernel
 from dtwin.twin.elementary import exp, ratio, tanh
 from dtwin.twin.lanes import WIDTH, load, store
 from tests.support.arms import Array
+from tests.support.examples import examples
 
 SMALL_AND_LARGE = st.floats(-30.0, 30.0) | st.floats(-1e-6, 1e-6) | st.floats(allow_nan=False)
 
@@ -38,13 +39,13 @@ def in_lanes(row: int, numbers: Array, divisor: float = 1.0) -> Array:
     return found[row]
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100, deadline=None)
 @given(arrays(np.float64, WIDTH, elements=st.floats(-700.0, 700.0) | st.floats(-1.0, 1.0)))
 def test_exp(numbers: Array) -> None:
     np.testing.assert_allclose(in_lanes(0, numbers), [math.exp(x) for x in numbers], rtol=1e-15, atol=0.0)
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100, deadline=None)
 @given(arrays(np.float64, WIDTH, elements=SMALL_AND_LARGE))
 def test_tanh(numbers: Array) -> None:
     expected = np.array([math.tanh(x) for x in numbers])
@@ -53,7 +54,7 @@ def test_tanh(numbers: Array) -> None:
     np.testing.assert_array_equal(np.signbit(found), np.signbit(expected))
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100, deadline=None)
 @given(arrays(np.float64, WIDTH, elements=st.floats(-1e9, 1e9)), st.floats(1e-3, 1e3))
 def test_ratio(numbers: Array, divisor: float) -> None:
     np.testing.assert_allclose(in_lanes(2, numbers, divisor), numbers / divisor, rtol=5e-16, atol=1e-300)
@@ -71,7 +72,7 @@ def test_exp_of_what_is_far_below_0_is_next_to_nothing() -> None:
     assert np.all((found >= 0.0) & (found <= 1e-304))
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100, deadline=None)
 @given(st.floats(-700.0, 700.0), st.floats(allow_nan=False), st.floats(allow_nan=False), st.floats(1e-3, 1e3))
 def test_floats_have_the_functions_of_the_c_library(x: float, y: float, z: float, divisor: float) -> None:
     expected = (math.exp(x), math.tanh(y), z / divisor)

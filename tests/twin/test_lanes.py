@@ -7,7 +7,7 @@ import math
 import numba
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -15,6 +15,7 @@ from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import sine_cosine
 from dtwin.twin.lanes import WIDTH, abreast, all_at_most, apart, choose, doubled, load, memory, store
 from tests.support.arms import Array
+from tests.support.examples import examples
 
 NUMBERS = arrays(np.float64, (3, WIDTH), elements=st.floats(allow_subnormal=True))
 
@@ -73,7 +74,7 @@ def _same(found: Array, expected: Array) -> bool:
     return same_numbers and bool(np.isnan(found[~numbers]).all())
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300, deadline=None)
 @given(NUMBERS, st.floats())
 def test_lanes_compute_what_floats_compute(rows: Array, factor: float) -> None:
     found = np.empty((3, WIDTH))
@@ -82,7 +83,7 @@ def test_lanes_compute_what_floats_compute(rows: Array, factor: float) -> None:
     assert _same(found, expected)
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100, deadline=None)
 @given(NUMBERS, st.floats())
 def test_lanes_choose_what_floats_choose(rows: Array, factor: float) -> None:
     found = np.empty((3, WIDTH))
@@ -93,7 +94,7 @@ def test_lanes_choose_what_floats_choose(rows: Array, factor: float) -> None:
     assert _same(found[0], np.where(a <= b, c, factor))
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100, deadline=None)
 @given(NUMBERS, st.floats())
 def test_all_are_at_most_what_each_is(rows: Array, limit: float) -> None:
     assert _are_at_most(rows, limit) == (np.all(rows[0] <= limit), rows[0, 0] <= limit)
@@ -109,14 +110,14 @@ def test_one_that_is_more_is_enough(lane: int) -> None:
 
 
 @given(st.floats(1e-100, 1e100), st.integers(-600, 600), st.integers(-600, 600))
-@settings(max_examples=100, deadline=None)
+@examples(100, deadline=None)
 def test_doubling_is_exact_and_rows_may_be_of_any_width(number: float, first: int, second: int) -> None:
     rows, times = np.array([[7.0, 7.0], [number, -number]]), 1.5 * 2.0**52 + np.array([[0, 0], [first, second]])
     _doubled(rows, times)
     assert rows.tolist() == [[7.0, 7.0], [math.ldexp(number, first), -math.ldexp(number, second)]]
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300, deadline=None)
 @given(arrays(np.float64, (1, WIDTH), elements=st.floats(-1e6, 1e6)))
 def test_sines_in_lanes_are_those_of_each_angle(angles: Array) -> None:
     found = np.empty((2, WIDTH))
