@@ -10,10 +10,11 @@ from typing import Final
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS, EMULATOR, SYSTEM, sensor_values
+from dtwin.errors import DtwinError
 from dtwin.experiments.served import ServedDevice
 from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.management.protocol import ManagedBlock, ManagedConnection, Request
+from dtwin.iec61499.management.client import ManagementClient, Step
+from dtwin.iec61499.management.protocol import ManagedBlock, ManagedConnection
 from dtwin.iec61499.net.address import LocalAddress
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.trace.ctf import TraceWriter
@@ -25,6 +26,8 @@ from dtwin.signals import Sensors
 
 CHANGES: Final = 190
 """Requests of an online change: 38 blocks created, connected, given a value that is read back, and started."""
+VALUE: Final = "7"
+"""What is written and read back."""
 TRACED: Final = 60.0
 """Plant time of the run that is traced, s."""
 TRACE_SIZE: Final = 200_000_000
@@ -34,17 +37,17 @@ TURN: Final = 50
 _AT_REST: Final = sensor_values(Sensors(0, 0.0, PICKUP.theta, 0.9, False, ""))
 
 
-def neutral_change(count: int = CHANGES) -> list[Request]:
+def neutral_change(resource: str, count: int = CHANGES) -> list[Step]:
     """Requests, five for each block, that put counters beside the cell, which do nothing to it."""
-    made: list[Request] = []
+    made: list[Step] = []
     for number in range(count // 5):
         name = f"EXTRA{number}"
         made += [
-            Request("1", "CREATE", ManagedBlock(name, "E_CTU")),
-            Request("2", "CREATE", ManagedConnection("SEQUENCE.CNF", f"{name}.CU")),
-            Request("3", "WRITE", ManagedConnection("7", f"{name}.PV")),
-            Request("4", "READ", ManagedConnection(f"{name}.PV", "*")),
-            Request("5", "START", ManagedBlock(name, "E_CTU")),
+            (resource, "CREATE", ManagedBlock(name, "E_CTU")),
+            (resource, "CREATE", ManagedConnection("SEQUENCE.CNF", f"{name}.CU")),
+            (resource, "WRITE", ManagedConnection(VALUE, f"{name}.PV")),
+            (resource, "READ", ManagedConnection(f"{name}.PV", "*")),
+            (resource, "START", ManagedBlock(name, "E_CTU")),
         ]
     return made
 
@@ -55,7 +58,6 @@ def online_change() -> float:
     It ends with the first sample that is answered by the network with all changes.
     """
     resource = Library([BLOCKS]).load_system(BLOCKS / SYSTEM).devices[0].resources[0].name
-    requests = neutral_change()
     with TemporaryDirectory() as name:
         folder = Path(name)
         with (
@@ -66,13 +68,13 @@ def online_change() -> float:
                 pass
             address = LocalAddress(folder, EMULATOR.number)
             with BlockingClient(address, EMULATOR.receives, EMULATOR.sends, timeout=10.0) as cell:
-                cell.exchange(_AT_REST)
                 began = due = time.perf_counter()
-                for request in requests:
-                    while time.perf_counter() >= due:
+                for response in client.demand_all(neutral_change(resource)):
+                    if response.value not in (None, VALUE):
+                        raise DtwinError(f"read back {response.value}, expected {VALUE}")
+                    if time.perf_counter() >= due:
                         cell.exchange(_AT_REST)
                         due = time.perf_counter() + PERIOD
-                    client.demand(resource, request.action, request.subject)
                 cell.exchange(_AT_REST)
                 return time.perf_counter() - began
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -82,9 +82,9 @@ def model_description_3(model: Description) -> bytes:
         else:
             etree.SubElement(listed, variable.kind, attributes | _start(variable))
     structure = etree.SubElement(root, "ModelStructure")
-    for element, names in _unknowns(model):
-        for name in names:
-            etree.SubElement(structure, element, valueReference=references[name])
+    for element, unknowns in _unknowns(model):
+        for name, knowns in unknowns.items():
+            etree.SubElement(structure, element, valueReference=references[name], **_dependencies(knowns, references))
     return _text(root)
 
 
@@ -113,11 +113,11 @@ def model_description_2(model: Description, sources: Iterable[str]) -> bytes:
         etree.SubElement(scalar, _KINDS_2[variable.kind], value)
     structure = etree.SubElement(root, "ModelStructure")
     plural = {"Output": "Outputs", "ContinuousStateDerivative": "Derivatives", "InitialUnknown": "InitialUnknowns"}
-    for element, names in _unknowns(model):
-        if names:
+    for element, unknowns in _unknowns(model):
+        if unknowns:
             group = etree.SubElement(structure, plural[element])
-            for name in names:
-                etree.SubElement(group, "Unknown", index=places[name])
+            for name, knowns in unknowns.items():
+                etree.SubElement(group, "Unknown", index=places[name], **_dependencies(knowns, places))
     return _text(root)
 
 
@@ -182,15 +182,22 @@ def _start(variable: Variable) -> dict[str, str]:
     return {"start": str(value).lower() if isinstance(value, bool) else str(value)}
 
 
-def _unknowns(model: Description) -> list[tuple[str, list[str]]]:
-    """The elements of the model structure: outputs, derivatives of states, and what is computed at first."""
-    outputs = [variable.name for variable in model.variables if variable.causality == "output"]
-    derivatives = [variable.name for variable in model.variables if variable.derivative_of]
+def _unknowns(model: Description) -> list[tuple[str, dict[str, tuple[str, ...] | None]]]:
+    """The elements of the model structure: outputs, derivatives of states, and what is computed at first.
+
+    Each has its unknowns with the knowns that they depend on, None for all.
+    """
+    outputs = [variable for variable in model.variables if variable.causality == "output"]
+    derivatives = [variable for variable in outputs if variable.derivative_of and model.has_derivatives]
     return [
-        ("Output", outputs),
-        ("ContinuousStateDerivative", derivatives if model.has_derivatives else []),
-        ("InitialUnknown", outputs),
+        ("Output", {variable.name: variable.depends_on for variable in outputs}),
+        ("ContinuousStateDerivative", {variable.name: variable.depends_on for variable in derivatives}),
+        ("InitialUnknown", {variable.name: variable.starts_from for variable in outputs}),
     ]
+
+
+def _dependencies(knowns: tuple[str, ...] | None, places: Mapping[str, str]) -> dict[str, str]:
+    return {} if knowns is None else {"dependencies": " ".join(places[name] for name in knowns)}
 
 
 def _compiled(sources: Iterable[str]) -> list[str]:

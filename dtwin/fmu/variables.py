@@ -47,6 +47,9 @@ class Variable:
         start: the start value; None for what is computed.
         unit: its unit, "" for none.
         derivative_of: name of the variable of which it is the derivative by time, "" for none.
+        depends_on: of an output, the inputs and states that it follows at once, within a communication point. By
+            these simulators find algebraic loops between FMUs.
+        starts_from: of an output, the parameters of which its value at the start is made; None for all knowns.
     """
 
     name: str
@@ -58,6 +61,8 @@ class Variable:
     start: Value | None = None
     unit: str = ""
     derivative_of: str = ""
+    depends_on: tuple[str, ...] = ()
+    starts_from: tuple[str, ...] | None = ()
 
 
 TIME: Final = Variable("time", "Float64", "independent", "continuous", "time", "Time", unit="s")
@@ -74,7 +79,8 @@ def twin_variables(arm: ArmParameters) -> list[Variable]:
         for i, (name, text) in enumerate([*((str(j), f"Voltage of motor {j}") for j in _JOINTS), ("_gripper", _GRIP)])
     ]
     payload = Variable("payload", "Float64", "input", "continuous", "arm.payload", "Mass at the tip", 0.0, "kg")
-    return [TIME, *_arm_parameters(arm, ""), *volts, payload, *_arm_outputs()]
+    acting = (*(f"V{j}" for j in _JOINTS), payload.name)
+    return [TIME, *_arm_parameters(arm, ""), *volts, payload, *_arm_outputs("", acting)]
 
 
 def controller_variables(settings: ControlSettings, layout: Layout) -> list[Variable]:
@@ -111,7 +117,7 @@ def cell_variables(arm: ArmParameters, settings: ControlSettings, layout: Layout
     )
     payload = Variable("payload", "Float64", "output", "discrete", "arm.payload", "Mass at the tip", unit="kg")
     parameters = [*_arm_parameters(arm, "arm."), *_settings(settings, layout)]
-    return [TIME, *parameters, *_box(waits=True), mass, *_arm_outputs(), payload, *_commands(layout)]
+    return [TIME, *parameters, *_box(waits=True), mass, *_arm_outputs("arm.", ()), payload, *_commands(layout)]
 
 
 _GRIP: Final = "Voltage of the gripper, which opens it when above 0"
@@ -160,21 +166,53 @@ def _arm_parameters(arm: ArmParameters, prefix: str) -> Iterator[Variable]:
     yield real("gripper_start", "gripper_start", "Gripper at the start", gripper.opened, "rad", fixed=True)
 
 
-def _arm_outputs() -> Iterator[Variable]:
-    def real(name: str, member: str, text: str, unit: str, derivative_of: str = "") -> Variable:
+def _arm_outputs(prefix: str, acting: tuple[str, ...]) -> Iterator[Variable]:
+    """Motion of an arm whose parameters have a prefix, and whose accelerations follow some inputs at once."""
+
+    def real(
+        name: str,
+        member: str,
+        text: str,
+        unit: str,
+        derivative_of: str = "",
+        depends_on: tuple[str, ...] = (),
+        starts_from: tuple[str, ...] | None = (),
+    ) -> Variable:
         return Variable(
-            name, "Float64", "output", "continuous", f"arm.{member}", text, None, unit, derivative_of=derivative_of
+            name,
+            "Float64",
+            "output",
+            "continuous",
+            f"arm.{member}",
+            text,
+            None,
+            unit,
+            derivative_of,
+            depends_on,
+            starts_from,
         )
 
+    angles, velocities = (tuple(f"{name}{j}" for j in _JOINTS) for name in ("theta", "omega"))
+    for i, name in enumerate(angles):
+        yield real(name, f"x[{i}]", f"Angle {i + 1}", "rad", "", (name,), (f"{prefix}{name}_start",))
+    for i, name in enumerate(velocities):
+        text = f"Velocity of joint {i + 1}"
+        yield real(name, f"x[{3 + i}]", text, "rad/s", angles[i], (name,), (f"{prefix}{name}_start",))
+    follows = (*angles, *velocities, *acting)
     for i, j in enumerate(_JOINTS):
-        yield real(f"theta{j}", f"x[{i}]", f"Angle {j}", "rad")
-    for i, j in enumerate(_JOINTS):
-        yield real(f"omega{j}", f"x[{3 + i}]", f"Velocity of joint {j}", "rad/s", f"theta{j}")
-    for i, j in enumerate(_JOINTS):
-        yield real(f"alpha{j}", f"alpha[{i}]", f"Acceleration of joint {j}", "rad/s^2", f"omega{j}")
-    yield real("gripper", "gripper", "Angle of the gripper", "rad")
+        yield real(f"alpha{j}", f"alpha[{i}]", f"Acceleration of joint {j}", "rad/s^2", velocities[i], follows, None)
+    start = f"{prefix}gripper_start"
+    yield real("gripper", "gripper", "Angle of the gripper", "rad", starts_from=(start,))
     for name, text in (("closed", "Whether the gripper is closed"), ("open", "Whether the gripper is open")):
-        yield Variable(f"gripper_is_{name}", "Boolean", "output", "discrete", f"arm.is_{name}", text)
+        yield Variable(
+            f"gripper_is_{name}",
+            "Boolean",
+            "output",
+            "discrete",
+            f"arm.is_{name}",
+            text,
+            starts_from=(start, f"{prefix}gripper_{name}_at"),
+        )
 
 
 def _box(waits: bool) -> Iterator[Variable]:

@@ -201,6 +201,21 @@ class Library:
                     return found
         return None
 
+    def absence(self, name: str) -> str:
+        """Why there is no constant of that name; "" for one without a namespace that no file here declares."""
+        before, _, plain = name.rpartition("::")
+        namespace = before.rpartition("::")[2]
+        if namespace in self._files["constants"]:
+            return f"{self._files['constants'][namespace][0]} declares no {plain}"
+        if namespace:
+            folders = choices([str(path) for path in self._paths]) if self._paths else "no folder"
+            return f"there is no file {namespace}.gcf: searched {folders}"
+        for other, paths in self._files["constants"].items():
+            with suppress(FunctionBlockError):
+                if self.constant(f"{other}::{name}") is not None:
+                    return f"{paths[0]} declares it, which is not imported: expected {other}::{name} or an import"
+        return ""
+
     def _constants_by_package(self) -> dict[str, list[str]]:
         packages: dict[str, list[str]] = {}
         for namespace, paths in self._files["constants"].items():

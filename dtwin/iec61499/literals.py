@@ -23,6 +23,8 @@ from dtwin.iec61499.types import (
     text_of,
 )
 
+_CONSTANT: Final = re.compile(r"(?:[A-Za-z_]\w*::)*?(?:([A-Za-z_]\w*)::)?[A-Za-z_]\w*", re.ASCII)
+"""A name, such as `limits::MAXIMUM`; its group is that of the file."""
 _PREFIXES: Final = {
     **ELEMENTARY,
     "T": TIME,
@@ -92,6 +94,15 @@ def _parse_value(text: str, data_type: ElementaryType) -> int:
     if place is None or (sharp and prefix.rpartition("::")[2].strip().upper() != data_type.name.upper()):
         raise FunctionBlockError(f"{text[:60]!r} is no {data_type}: expected {choices(data_type.values)}")
     return place
+
+
+def constant_missing(text: str) -> str:
+    """What the error of a literal says besides when it may be the name of a constant, else ""."""
+    named = _CONSTANT.fullmatch(text)
+    if named is None:
+        return ""
+    reach = f"the file {named[1]}.gcf" if named[1] else "a file of constants (.gcf) that is imported"
+    return f", or a constant: none of that name is in {reach}"
 
 
 def prefixed(text: str) -> ElementaryType:

@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
-from dtwin.iec61499.literals import parse_literal
+from dtwin.errors import FunctionBlockError
+from dtwin.iec61499.literals import constant_missing, parse_literal
 from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, bytes_of
 from dtwin.iec61499.types import GenericType as GenericType
 
@@ -179,7 +180,8 @@ class InnerBlock:
 class BasicFBType:
     """A block whose behaviour is an execution control chart; the first state is the initial one.
 
-    `constants` are those of namespaces (`NAMESPACE::NAME`) that its text uses. The variables of the blocks inside it
+    `constants` are those of namespaces (`NAMESPACE::NAME`) that its text uses, `absent` the names of those that there
+    are not, and why. The variables of the blocks inside it
     are among the internal ones, called `BLOCK.VARIABLE`.
     """
 
@@ -191,6 +193,7 @@ class BasicFBType:
     algorithms: tuple[Algorithm, ...] = ()
     constants: tuple[Variable, ...] = ()
     blocks: tuple[InnerBlock, ...] = ()
+    absent: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,6 +207,7 @@ class SimpleFBType:
     algorithms: tuple[Algorithm, ...] = ()
     constants: tuple[Variable, ...] = ()
     blocks: tuple[InnerBlock, ...] = ()
+    absent: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -388,4 +392,7 @@ def literal(text: str, data_type: DataType, file: str = "", line: int = 0) -> An
             return bytes_of(bare) if data_type.name == "STRING" else bare
         quote = "'" if data_type.name == "STRING" else '"'
         stripped = quote + bare[1:-1] + quote
-    return parse_literal(stripped, data_type, file, line)
+    try:
+        return parse_literal(stripped, data_type, file, line)
+    except FunctionBlockError as error:
+        raise FunctionBlockError(error.message + constant_missing(stripped), file, line, error.column) from None

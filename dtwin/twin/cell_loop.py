@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.parameters import PERIOD
-from dtwin.twin import closed_loop, dynamics, elementary, lanes, machine
+from dtwin.twin import closed_loop, dry_friction, dynamics, lanes, machine
 from dtwin.twin.closed_loop import FINISHED, exchange
 from dtwin.twin.compiled import kernel
 from dtwin.twin.machine import MACHINE_NAMES, SUBSTEP, WIDTH, Array, integrate_machine
@@ -26,7 +26,7 @@ _GRIPPED: Final = 32
 """Place of the flag in an answer, behind four voltages."""
 
 
-@kernel(nogil=True, uses=(closed_loop, dynamics, elementary, lanes, machine))
+@kernel(nogil=True, uses=(closed_loop, dry_friction, dynamics, lanes, machine))
 def work(
     function: int,
     unit: int,

@@ -40,11 +40,14 @@ def kernel(
 
     With nogil other threads run meanwhile, which costs a short call too much. `uses` are modules of which it calls
     kernels: it is compiled again when one has changed, too, which Numba by itself does not notice. What is `inlined`
-    becomes a part of each kernel that calls it: a call costs more than the few operations of a small one.
+    becomes a part of each kernel that calls it: a call costs more than the few operations of a small one. It is kept
+    nowhere else, so that no kernel can be given what it was before its module, or one that it calls, was changed.
     """
     if function is None:
         return partial(kernel, nogil=nogil, uses=uses, inlined=inlined)
     dispatcher = numba.njit(error_model="numpy", nogil=nogil, forceinline=inlined)(function)
+    if inlined:
+        return dispatcher
     try:
         dispatcher._cache = _Cache(function, uses)
     except RuntimeError as error:  # no folder can be written

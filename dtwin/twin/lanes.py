@@ -149,6 +149,17 @@ _define(math.copysign, 2, _function("llvm.copysign"))
 _define(math.tanh, 1, _tanh)
 
 
+def fused(a: float, b: float, c: float) -> float:
+    """a b + c rounded once, lane by lane (IEEE 754-2008, 5.4.1): for kernels, one at least of them Lanes.
+
+    The bits are the same everywhere: it is asked for by name, no compiler decides where it stands.
+    """
+    raise NotImplementedError
+
+
+_define(fused, 3, _function("llvm.fma"))
+
+
 def memory(width: int) -> tuple[Callable[..., Any], Callable[..., Any]]:
     """Functions for kernels that read and write Lanes: `load` and `store` for arrays, (n, width)."""
     kind = _Lanes(width)

@@ -30,12 +30,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from dtwin.errors import DivergenceError
 from dtwin.parameters import GRAVITY, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters, Triple
-from dtwin.twin import dynamics, elementary, lanes
+from dtwin.twin import dry_friction, dynamics, lanes
 from dtwin.twin.compiled import kernel
+from dtwin.twin.dry_friction import rubbed, tanh
 from dtwin.twin.dynamics import Directions, Sextuple, along, directions, sine_cosine
 from dtwin.twin.effects import EFFECT_NAMES, Effects
-from dtwin.twin.elementary import exp, ratio, tanh
-from dtwin.twin.lanes import abreast, all_at_most, apart, choose
+from dtwin.twin.lanes import abreast, apart
 
 Array = NDArray[np.float64]
 
@@ -55,23 +55,19 @@ _ROTOR: Final = MACHINE_NAMES.index("rotor_inertia1")
 _LAG: Final = MACHINE_NAMES.index("lag1")
 _DEAD: Final = MACHINE_NAMES.index("dead_zone1")
 _STICTION: Final = MACHINE_NAMES.index("stiction1")
-_STRIBECK: Final = MACHINE_NAMES.index("stribeck_velocity1")
-_CABLE: Final = MACHINE_NAMES.index("cable1")
+CABLE: Final = MACHINE_NAMES.index("cable1")
 _TORQUE: Final = MACHINE_NAMES.index("torque1")
 _OFFSET: Final = MACHINE_NAMES.index("com_offset1")
 _SIN: Final = MACHINE_NAMES.index("eccentric_sin1")
 _COS: Final = MACHINE_NAMES.index("eccentric_cos1")
-_RIPPLE_SIN: Final = MACHINE_NAMES.index("ripple_sin1")
-_RIPPLE_COS: Final = MACHINE_NAMES.index("ripple_cos1")
-_PERIODS: Final = MACHINE_NAMES.index("ripple_periods1")
+RIPPLE_SIN: Final = MACHINE_NAMES.index("ripple_sin1")
+RIPPLE_COS: Final = MACHINE_NAMES.index("ripple_cos1")
+PERIODS: Final = MACHINE_NAMES.index("ripple_periods1")
 _TILT: Final = MACHINE_NAMES.index("tilt")
 _DELAY: Final = MACHINE_NAMES.index("delay")
 _SAG: Final = MACHINE_NAMES.index("sag")
-_EXTRA: Final = MACHINE_NAMES.index("sine1")
-_DIRECTION_WIDTH: Final = 0.05
-_TURNS: Final = 20
-_STOPPED: Final = 1e-8
-"""Change of the velocities that ends the search, rad/s."""
+EXTRA: Final = MACHINE_NAMES.index("sine1")
+DIRECTION_WIDTH: Final = 0.05
 
 
 def vector_of(arm: ArmParameters, effects: Effects) -> Array:
@@ -137,19 +133,25 @@ def constants(p: Array, payload: float, c: Array) -> None:
 
 
 @kernel(inlined=True)
-def _constant_torque(p: Array) -> Triple:
+def constant_torque(p: Array) -> Triple:
     return p[_TORQUE], p[_TORQUE + 1], p[_TORQUE + 2]
 
 
 @kernel(inlined=True)
-def _inverse(d: Directions, c: Array) -> Sextuple:
-    """The entries 11, 21, 31, 22, 32, 33 of the inverse of M(q) + diag(J), 1/(kg m^2)."""
+def mass(d: Directions, c: Array) -> Sextuple:
+    """The entries 11, 21, 31, 22, 32, 33 of M(q) + diag(J), kg m^2; for c see `constants`."""
     A, B, E = c[3] * d.c2, c[4] * d.c23, c[5] * d.c3
     M32 = c[2] + E
     M31 = M32 + B
     M21 = c[1] + c[2] + 2.0 * E + A + B
     M33, M22 = c[2] + c[14], c[1] + c[2] + 2.0 * E + c[13]
-    M11 = c[0] + c[1] + c[2] + 2.0 * (A + B + E) + c[12]
+    return c[0] + c[1] + c[2] + 2.0 * (A + B + E) + c[12], M21, M31, M22, M32, M33
+
+
+@kernel(inlined=True)
+def inverse(M: Sextuple) -> Sextuple:
+    """The same entries of the inverse of a symmetric matrix."""
+    M11, M21, M31, M22, M32, M33 = M
     n11, n21, n31 = M22 * M33 - M32 * M32, M31 * M32 - M21 * M33, M21 * M32 - M31 * M22
     s = 1.0 / (M11 * n11 + M21 * n21 + M31 * n31)
     n22, n32, n33 = M11 * M33 - M31 * M31, M21 * M31 - M11 * M32, M11 * M22 - M21 * M21
@@ -157,33 +159,8 @@ def _inverse(d: Directions, c: Array) -> Sextuple:
 
 
 @kernel(inlined=True)
-def _extra(p: Array, i: int, sine: float, cosine: float, w: float, v: float) -> float:
-    return (
-        p[_EXTRA + i] * sine
-        + p[_EXTRA + 3 + i] * cosine
-        + p[_EXTRA + 6 + i] * tanh(w / _DIRECTION_WIDTH)
-        + p[_EXTRA + 9 + i] * w * abs(w)
-        + p[_EXTRA + 12 + i] * v * abs(v)
-    )
-
-
-@kernel(inlined=True)
-def _ripple(p: Array, q1: float, q2: float, q3: float) -> Triple:
-    angles = abreast(p[_PERIODS] * q1, p[_PERIODS + 1] * q2, p[_PERIODS + 2] * q3)
-    sines, cosines = sine_cosine(angles)
-    (s1, s2, s3), (c1, c2, c3) = apart(sines), apart(cosines)
-    return (
-        p[_RIPPLE_SIN] * s1 + p[_RIPPLE_COS] * c1,
-        p[_RIPPLE_SIN + 1] * s2 + p[_RIPPLE_COS + 1] * c2,
-        p[_RIPPLE_SIN + 2] * s3 + p[_RIPPLE_COS + 2] * c3,
-    )
-
-
-@kernel(inlined=True)
-def _derivative(x: Sextuple, v: Triple, torque: Triple, p: Array, c: Array, ripple: bool, extra: bool) -> Sextuple:
-    """The derivative of a state under the voltages that act and constant torques, without dry friction."""
-    q1, q2, q3, w1, w2, w3 = x
-    d = directions(q1, q2, q3)
+def forces(d: Directions, w1: float, w2: float, w3: float, c: Array) -> tuple[Triple, Triple]:
+    """The centrifugal and Coriolis forces h(q, q') and the weight g(q), N m."""
     A, B, E = c[3] * d.s2, c[4] * d.s23, c[5] * d.s3
     a, b = A + B, B + E
     w12, w13_23 = w1 * w2, (w1 + w2) * w3
@@ -192,88 +169,30 @@ def _derivative(x: Sextuple, v: Triple, torque: Triple, p: Array, c: Array, ripp
     h3 = b * w1 * w1 + E * (w2 * w2 + 2.0 * w12)
     g3 = c[8] * d.c123 - c[11] * d.s123
     g2 = g3 + c[7] * d.c12 - c[10] * d.s12
-    g1 = g2 + c[6] * d.c1 - c[9] * d.s1
-    r1 = p[0] * v[0] - h1 - g1 - p[15] * w1 - p[_CABLE] * q1 + torque[0]
-    r2 = p[1] * v[1] - h2 - g2 - p[16] * w2 - p[_CABLE + 1] * q2 + torque[1]
-    r3 = p[2] * v[2] - h3 - g3 - p[17] * w3 - p[_CABLE + 2] * q3 + torque[2]
-    if ripple:
-        e1, e2, e3 = _ripple(p, q1, q2, q3)
-        r1, r2, r3 = r1 + e1, r2 + e2, r3 + e3
-    if extra:
-        r1 += _extra(p, 0, d.s1, d.c1, w1, v[0])
-        r2 += _extra(p, 1, d.s2, d.c2, w2, v[1])
-        r3 += _extra(p, 2, d.s3, d.c3, w3, v[2])
-    n11, n21, n31, n22, n32, n33 = _inverse(d, c)
-    a1, a2, a3 = n11 * r1 + n21 * r2 + n31 * r3, n21 * r1 + n22 * r2 + n32 * r3, n31 * r1 + n32 * r2 + n33 * r3
-    return w1, w2, w3, a1, a2, a3
-
-
-@kernel(uses=(dynamics, elementary, lanes))
-def _acceleration(x: Array, v: Array, p: Array, c: Array) -> Triple:
-    state = (x[0], x[1], x[2], x[3], x[4], x[5])
-    return _derivative(state, (v[0], v[1], v[2]), _constant_torque(p), p, c, True, True)[3:]
-
-
-def machine_acceleration(vector: Array, state: Array, volts: Array, payload: float) -> Array:
-    """Accelerations (3,), rad/s^2, without dry friction.
-
-    Args:
-        vector: (78,), see MACHINE_NAMES.
-        state: (6,), angles in rad, then velocities in rad/s.
-        volts: (3,), voltages that act on the motors, V.
-        payload: point mass at the tip, kg.
-    """
-    c = np.empty(15)
-    constants(vector, payload, c)
-    return np.array(_acceleration(state, volts, vector, c))
+    return (h1, h2, h3), (g2 + c[6] * d.c1 - c[9] * d.s1, g2, g3)
 
 
 @kernel(inlined=True)
-def _dry(w: float, i: int, h: float, p: Array, width: float) -> tuple[float, float]:
-    """Dry friction F of a joint times a time, and its slope while the level of the friction stays."""
-    slow, t = ratio(w, p[_STRIBECK + i]), tanh(ratio(w, width))
-    level = h * (p[18 + i] + p[_STICTION + i] * exp(-(slow * slow)))
-    return level * t, ratio(level * (1.0 - t * t), width)
-
-
-@kernel(uses=(dynamics, elementary, lanes))
-def _rubbed(x: Sextuple, h: float, p: Array, c: Array, width: float) -> Sextuple:
-    """A state on whose velocities dry friction has acted for h seconds, by Newton's method.
-
-    A joint that a step of the search would turn around stops first: friction is steepest at rest. Of motions side by
-    side each stays as its own search leaves it, while others go on.
-    """
-    q1, q2, q3, w1, w2, w3 = x
-    n11, n21, n31, n22, n32, n33 = _inverse(directions(q1, q2, q3), c)
-    a1, a2, a3 = w1, w2, w3
-    change = abs(w1) + math.inf
-    for _ in range(_TURNS):
-        (f1, s1), (f2, s2), (f3, s3) = _dry(a1, 0, h, p, width), _dry(a2, 1, h, p, width), _dry(a3, 2, h, p, width)
-        r1 = a1 - w1 + n11 * f1 + n21 * f2 + n31 * f3
-        r2 = a2 - w2 + n21 * f1 + n22 * f2 + n32 * f3
-        r3 = a3 - w3 + n31 * f1 + n32 * f2 + n33 * f3
-        j11, j12, j13 = 1.0 + n11 * s1, n21 * s2, n31 * s3
-        j21, j22, j23 = n21 * s1, 1.0 + n22 * s2, n32 * s3
-        j31, j32, j33 = n31 * s1, n32 * s2, 1.0 + n33 * s3
-        k1, k2, k3 = j22 * j33 - j23 * j32, j23 * j31 - j21 * j33, j21 * j32 - j22 * j31
-        scale = 1.0 / (j11 * k1 + j12 * k2 + j13 * k3)
-        x1 = scale * (r1 * k1 + r2 * (j13 * j32 - j12 * j33) + r3 * (j12 * j23 - j13 * j22))
-        x2 = scale * (r1 * k2 + r2 * (j11 * j33 - j13 * j31) + r3 * (j13 * j21 - j11 * j23))
-        x3 = scale * (r1 * k3 + r2 * (j12 * j31 - j11 * j32) + r3 * (j11 * j22 - j12 * j21))
-        b1, b2, b3 = a1 - x1, a2 - x2, a3 - x3
-        a1 = choose(change, _STOPPED, a1, choose(0.0, a1 * b1, b1, 0.0))
-        a2 = choose(change, _STOPPED, a2, choose(0.0, a2 * b2, b2, 0.0))
-        a3 = choose(change, _STOPPED, a3, choose(0.0, a3 * b3, b3, 0.0))
-        change = choose(change, _STOPPED, change, abs(x1) + abs(x2) + abs(x3))
-        if all_at_most(change, _STOPPED):
-            break
-    return q1, q2, q3, a1, a2, a3
+def _extra(p: Array, i: int, sine: float, cosine: float, w: float, v: float) -> float:
+    return (
+        p[EXTRA + i] * sine
+        + p[EXTRA + 3 + i] * cosine
+        + p[EXTRA + 6 + i] * tanh(w / DIRECTION_WIDTH)
+        + p[EXTRA + 9 + i] * w * abs(w)
+        + p[EXTRA + 12 + i] * v * abs(v)
+    )
 
 
 @kernel(inlined=True)
-def _dead(u: float, zone: float) -> float:
-    u = min(max(u, -VOLTAGE_LIMIT), VOLTAGE_LIMIT)
-    return math.copysign(max(abs(u) - zone, 0.0), u)
+def _ripple(p: Array, q1: float, q2: float, q3: float) -> Triple:
+    angles = abreast(p[PERIODS] * q1, p[PERIODS + 1] * q2, p[PERIODS + 2] * q3)
+    sines, cosines = sine_cosine(angles)
+    (s1, s2, s3), (c1, c2, c3) = apart(sines), apart(cosines)
+    return (
+        p[RIPPLE_SIN] * s1 + p[RIPPLE_COS] * c1,
+        p[RIPPLE_SIN + 1] * s2 + p[RIPPLE_COS + 1] * c2,
+        p[RIPPLE_SIN + 2] * s3 + p[RIPPLE_COS + 2] * c3,
+    )
 
 
 class Regime(NamedTuple):
@@ -291,15 +210,102 @@ def regime(p: Array, period: float) -> Regime:
     late = math.floor(p[_DELAY] / period)
     return Regime(
         p[18] + p[19] + p[20] + p[_STICTION] + p[_STICTION + 1] + p[_STICTION + 2] != 0.0,
-        bool(np.any(p[_RIPPLE_SIN:_PERIODS] != 0.0)),
-        bool(np.any(p[_EXTRA:] != 0.0)),
+        bool(np.any(p[RIPPLE_SIN:PERIODS] != 0.0)),
+        bool(np.any(p[EXTRA:] != 0.0)),
         late,
         p[_DELAY] - late * period,
     )
 
 
 @kernel(inlined=True)
-def over_sample(
+def derivative(x: Sextuple, v: Triple, torque: Triple, p: Array, c: Array, has: Regime) -> Sextuple:
+    """The derivative of a state under the voltages that act and constant torques, without dry friction."""
+    q1, q2, q3, w1, w2, w3 = x
+    d = directions(q1, q2, q3)
+    (h1, h2, h3), (g1, g2, g3) = forces(d, w1, w2, w3, c)
+    r1 = p[0] * v[0] - h1 - g1 - p[15] * w1 - p[CABLE] * q1 + torque[0]
+    r2 = p[1] * v[1] - h2 - g2 - p[16] * w2 - p[CABLE + 1] * q2 + torque[1]
+    r3 = p[2] * v[2] - h3 - g3 - p[17] * w3 - p[CABLE + 2] * q3 + torque[2]
+    if has.ripple:
+        e1, e2, e3 = _ripple(p, q1, q2, q3)
+        r1, r2, r3 = r1 + e1, r2 + e2, r3 + e3
+    if has.extra:
+        r1 += _extra(p, 0, d.s1, d.c1, w1, v[0])
+        r2 += _extra(p, 1, d.s2, d.c2, w2, v[1])
+        r3 += _extra(p, 2, d.s3, d.c3, w3, v[2])
+    n11, n21, n31, n22, n32, n33 = inverse(mass(d, c))
+    a1, a2, a3 = n11 * r1 + n21 * r2 + n31 * r3, n21 * r1 + n22 * r2 + n32 * r3, n31 * r1 + n32 * r2 + n33 * r3
+    return w1, w2, w3, a1, a2, a3
+
+
+@kernel(uses=(dry_friction, dynamics, lanes))
+def _acceleration(x: Array, v: Array, p: Array, c: Array) -> Triple:
+    state = (x[0], x[1], x[2], x[3], x[4], x[5])
+    return derivative(state, (v[0], v[1], v[2]), constant_torque(p), p, c, Regime(True, True, True, 0, 0.0))[3:]
+
+
+def machine_acceleration(vector: Array, state: Array, volts: Array, payload: float) -> Array:
+    """Accelerations (3,), rad/s^2, without dry friction.
+
+    Args:
+        vector: (78,), see MACHINE_NAMES.
+        state: (6,), angles in rad, then velocities in rad/s.
+        volts: (3,), voltages that act on the motors, V.
+        payload: point mass at the tip, kg.
+    """
+    c = np.empty(15)
+    constants(vector, payload, c)
+    return np.array(_acceleration(state, volts, vector, c))
+
+
+@kernel(inlined=True)
+def _dead(u: float, zone: float) -> float:
+    u = min(max(u, -VOLTAGE_LIMIT), VOLTAGE_LIMIT)
+    return math.copysign(max(abs(u) - zone, 0.0), u)
+
+
+class Portion(NamedTuple):
+    """A part of a sample in which a command acts: some steps of h s, towards u V, from which the voltages that act
+    keep the shares `lagging` of their distance in half a step; no steps where the part has no length."""
+
+    steps: int
+    h: float
+    u: Triple
+    lagging: Triple
+
+
+@kernel(inlined=True)
+def portion(p: Array, volts: Array, k: int, part: int, has: Regime, period: float, substep: float) -> Portion:
+    """The part of sample k before its command arrives (0), or that from then on (1); as for `integrate_machine`."""
+    span = period - has.later if part else has.later
+    u = volts[max(k - has.late - 1 + part, 0)]
+    sag = 1.0 + p[_SAG] * (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]) / (VOLTAGE_LIMIT * VOLTAGE_LIMIT)
+    towards = _dead(u[0], p[_DEAD]) / sag, _dead(u[1], p[_DEAD + 1]) / sag, _dead(u[2], p[_DEAD + 2]) / sag
+    steps = math.ceil(span / substep - 1e-9) if span > 0.0 else 0
+    h = span / max(steps, 1)
+    e1 = math.exp(-0.5 * h / p[_LAG]) if p[_LAG] > 0.0 else 0.0
+    e2 = math.exp(-0.5 * h / p[_LAG + 1]) if p[_LAG + 1] > 0.0 else 0.0
+    e3 = math.exp(-0.5 * h / p[_LAG + 2]) if p[_LAG + 2] > 0.0 else 0.0
+    return Portion(steps, h, towards, (e1, e2, e3))
+
+
+@kernel(inlined=True)
+def lagged(v: Triple, at: Portion) -> tuple[Triple, Triple, Triple]:
+    """The voltages that act at the start of a step, in its middle and at its end, where v acted before, V."""
+    u, e = at.u, at.lagging
+    start = v[0] if e[0] else u[0], v[1] if e[1] else u[1], v[2] if e[2] else u[2]
+    m = u[0] + (v[0] - u[0]) * e[0], u[1] + (v[1] - u[1]) * e[1], u[2] + (v[2] - u[2]) * e[2]
+    return start, m, (u[0] + (m[0] - u[0]) * e[0], u[1] + (m[1] - u[1]) * e[1], u[2] + (m[2] - u[2]) * e[2])
+
+
+@kernel(inlined=True)
+def _after_friction(x: Sextuple, h: float, p: Array, c: Array, width: float) -> Sextuple:
+    w = rubbed(x[3:], inverse(mass(directions(x[0], x[1], x[2]), c)), h, p, width)
+    return x[0], x[1], x[2], w[0], w[1], w[2]
+
+
+@kernel(inlined=True)
+def _over_sample(
     x: Sextuple,
     v: Triple,
     volts: Array,
@@ -312,50 +318,27 @@ def over_sample(
     substep: float,
     width: float,
 ) -> tuple[Sextuple, Triple]:
-    """The state and the voltages that act after a sample, of one motion, or of motions in `Lanes` side by side.
-
-    Args:
-        x: state before.
-        v: voltages that act before, as for `integrate_machine`.
-        volts: (N, 3), commands, V.
-        k: number of the sample, a row of volts.
-        torque: constant torques on the joints, N m.
-        c: (15,), see `constants`.
-        has: see `regime`.
-        p, period, substep, width: as for `integrate_machine`.
-    """
-    v1, v2, v3 = v
+    """The state and the voltages that act after sample k, a row of volts; arguments as for `integrate_machine`."""
     for part in range(2):
-        span = period - has.later if part else has.later
-        if span <= 0.0:
-            continue
-        u = volts[max(k - has.late - 1 + part, 0)]
-        sag = 1.0 + p[_SAG] * (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]) / (VOLTAGE_LIMIT * VOLTAGE_LIMIT)
-        u1, u2, u3 = _dead(u[0], p[_DEAD]) / sag, _dead(u[1], p[_DEAD + 1]) / sag, _dead(u[2], p[_DEAD + 2]) / sag
-        if not math.isfinite(v1):
-            v1, v2, v3 = u1, u2, u3
-        steps = math.ceil(span / substep - 1e-9)
-        h = span / steps
-        e1 = math.exp(-0.5 * h / p[_LAG]) if p[_LAG] > 0.0 else 0.0
-        e2 = math.exp(-0.5 * h / p[_LAG + 1]) if p[_LAG + 1] > 0.0 else 0.0
-        e3 = math.exp(-0.5 * h / p[_LAG + 2]) if p[_LAG + 2] > 0.0 else 0.0
-        for step in range(steps):
+        at = portion(p, volts, k, part, has, period, substep)
+        h = at.h
+        if at.steps and not math.isfinite(v[0]):
+            v = at.u
+        for step in range(at.steps):
             if has.dry:
-                x = _rubbed(x, h if step else 0.5 * h, p, c, width)
-            start = (v1 if e1 else u1, v2 if e2 else u2, v3 if e3 else u3)
-            middle = (u1 + (v1 - u1) * e1, u2 + (v2 - u2) * e2, u3 + (v3 - u3) * e3)
-            v1, v2, v3 = u1 + (middle[0] - u1) * e1, u2 + (middle[1] - u2) * e2, u3 + (middle[2] - u3) * e3
-            k1 = _derivative(x, start, torque, p, c, has.ripple, has.extra)
-            k2 = _derivative(along(x, 0.5 * h, k1), middle, torque, p, c, has.ripple, has.extra)
-            k3 = _derivative(along(x, 0.5 * h, k2), middle, torque, p, c, has.ripple, has.extra)
-            k4 = _derivative(along(x, h, k3), (v1, v2, v3), torque, p, c, has.ripple, has.extra)
+                x = _after_friction(x, h if step else 0.5 * h, p, c, width)
+            start, middle, v = lagged(v, at)
+            k1 = derivative(x, start, torque, p, c, has)
+            k2 = derivative(along(x, 0.5 * h, k1), middle, torque, p, c, has)
+            k3 = derivative(along(x, 0.5 * h, k2), middle, torque, p, c, has)
+            k4 = derivative(along(x, h, k3), v, torque, p, c, has)
             x = along(x, h / 6.0, along(along(k1, 2.0, along(k2, 1.0, k3)), 1.0, k4))
-        if has.dry:
-            x = _rubbed(x, 0.5 * h, p, c, width)
-    return x, (v1, v2, v3)
+        if has.dry and at.steps:
+            x = _after_friction(x, 0.5 * h, p, c, width)
+    return x, v
 
 
-@kernel(uses=(dynamics, elementary, lanes))
+@kernel(uses=(dry_friction, dynamics, lanes))
 def integrate_machine(
     p: Array,
     volts: Array,
@@ -384,12 +367,12 @@ def integrate_machine(
     Returns:
         N, or the number of the last finite row when the next one is not finite.
     """
-    has, torque, c, x = regime(p, period), _constant_torque(p), np.empty(15), states[0]
+    has, torque, c, x = regime(p, period), constant_torque(p), np.empty(15), states[0]
     state, v = (x[0], x[1], x[2], x[3], x[4], x[5]), (acting[0], acting[1], acting[2])
     for k in range(first, volts.shape[0]):
         if k == first or payload[k] != payload[k - 1]:
             constants(p, payload[k], c)
-        state, v = over_sample(state, v, volts, k, torque, p, c, has, period, substep, width)
+        state, v = _over_sample(state, v, volts, k, torque, p, c, has, period, substep, width)
         for i in range(6):
             states[k + 1 - first, i] = state[i]
         if not np.isfinite(states[k + 1 - first]).all():

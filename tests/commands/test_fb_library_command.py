@@ -50,7 +50,8 @@ def test_every_problem_is_a_line_with_its_place(tmp_path: Path, capsys: pytest.C
     assert main(["fb", "check", str(file)]) == 1
     *problems, summary = capsys.readouterr().out.splitlines()
     assert summary == "files: 1, problems: 5"
-    assert f"{file}:{place['CONT']}:10: unknown variable CONT: expected COUNT or COUNT_LIMIT" in problems
+    expected = "expected COUNT or COUNT_LIMIT, or a constant that is imported"
+    assert f"{file}:{place['CONT']}:10: unknown variable CONT: {expected}" in problems
     assert any(problem.startswith(f"{file}:{place['TRUE;']}:10: ") for problem in problems)
     assert any(problem.startswith(f"{file}:{place['+ 1]']}: condition 'COUNT + 1', column ") for problem in problems)
 

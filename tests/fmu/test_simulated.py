@@ -13,11 +13,11 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.emulation import Emulation
 from dtwin.fmu.sources import Subject, Version
-from dtwin.parameters import HANGING, PERIOD, ArmParameters, GripperParameters, Triple
-from dtwin.signals import Sensors
+from dtwin.parameters import HANGING, PERIOD, ArmParameters, GripperParameters
 from dtwin.twin.dynamics import forward_dynamics
 from dtwin.twin.rollout import rollout
 from tests.fmu.conftest import Made
+from tests.support.closed_loop import closed_loop
 from tests.support.iec61499.c_harness import needs_compiler
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed: pip install dtwin[test]")
@@ -141,35 +141,15 @@ def test_the_controller_answers_as_the_embedded_one(slave: Callable[..., Slave],
 @pytest.mark.parametrize("version", VERSIONS)
 def test_the_cell_is_controller_and_rollout(slave: Callable[..., Slave], version: Version) -> None:
     """A red box is picked and brought to its place; the gripper moves freely until it meets a stop."""
-    embedded, arm = EmbeddedController(ControlSettings()), ArmParameters()
     fmu = slave("cell", version, box_mass=0.195)
-    state = np.array((*HANGING, 0.0, 0.0, 0.0))
-    gripper, speed, payload, gripped = GripperParameters().opened, 0.0, 0.0, False
     carried = 0
-    for tick in range(600):
-        theta: Triple = (state[0], state[1], state[2])
-        command = embedded.step(Sensors(tick, tick * PERIOD, theta, gripper, True, "red"))
-        if command.box_gripped != gripped:
-            gripped, payload = command.box_gripped, 0.195 if command.box_gripped else 0.0
-        carried += gripped
-        state = rollout(arm, state, [command.volts[:3]], payload)[-1]
-        gripper, speed = moved_gripper(gripper, speed, command.volts[3])
+    for tick, expected in enumerate(closed_loop(600, "red", 0.195)):
         fmu.step(tick)
-        assert np.abs(np.array(fmu.get(*STATES)) - state).max() <= 1e-12
-        assert abs(fmu.get("gripper")[0] - gripper) <= 1e-12
-        assert fmu.get("payload") == [payload]
+        assert np.abs(np.array(fmu.get(*STATES)) - expected.state).max() <= 1e-12
+        assert abs(fmu.get("gripper")[0] - expected.gripper) <= 1e-12
+        assert fmu.get("payload") == [expected.payload]
+        carried += expected.payload > 0.0
     assert 100 < carried < 400
-
-
-def moved_gripper(angle: float, speed: float, volts: float) -> tuple[float, float]:
-    """I w' = K u - D w, solved exactly, until the stops at the end of the tick."""
-    gripper = GripperParameters()
-    rate, final = gripper.damping / gripper.inertia, gripper.voltage_constant * volts / gripper.damping
-    share = -np.expm1(-rate * PERIOD)
-    moved = angle + final * PERIOD + (speed - final) * share / rate
-    if not gripper.closed <= moved <= gripper.opened:
-        return min(max(moved, gripper.closed), gripper.opened), 0.0
-    return float(moved), float(speed + (final - speed) * share)
 
 
 @pytest.mark.parametrize("version", VERSIONS)
@@ -236,6 +216,46 @@ def test_directional_derivatives(slave: Callable[..., Slave], version: Version, 
     assert fmu.directional(names, known) == pytest.approx(expected, rel=1e-6, abs=1e-6)
     others = [name for name in STATES if name != known]
     assert fmu.directional(others, known) == [0.0] * len(others)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("subject", SUBJECTS)
+def test_outputs_follow_at_once_only_what_they_are_said_to(
+    made: Made, slave: Callable[..., Slave], subject: Subject, version: Version
+) -> None:
+    """Another value of an input moves, before the next step, the outputs alone that name it."""
+    description = fmpy.read_model_description(str(made(subject, version)))
+    real = {v.name for v in description.modelVariables if v.type in ("Real", "Float64")}
+    outputs = {u.variable.name: {v.name for v in u.dependencies} for u in description.outputs}
+    outputs = {name: knowns for name, knowns in outputs.items() if name in real}
+    fmu = slave(subject, version)
+    for tick in range(10):
+        fmu.step(tick)
+    for known in (v.name for v in description.modelVariables if v.causality == "input" and v.name in real):
+        before = fmu.get(*outputs)
+        (value,) = fmu.get(known)
+        fmu.set(**{known: value + 0.1})
+        moved = {name for name, old, new in zip(outputs, before, fmu.get(*outputs), strict=True) if old != new}
+        assert moved <= {name for name, knowns in outputs.items() if known in knowns}
+        assert moved or subject != "twin" or known == "V_gripper"
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("subject", SUBJECTS)
+def test_outputs_start_from_what_they_are_said_to(
+    made: Made, slave: Callable[..., Slave], subject: Subject, version: Version
+) -> None:
+    description = fmpy.read_model_description(str(made(subject, version)))
+    real = [v for v in description.modelVariables if v.type in ("Real", "Float64")]
+    names = {v.name for v in real}
+    unknowns = {u.variable.name: u.dependencies for u in description.initialUnknowns if u.variable.name in names}
+    usual = slave(subject, version).get(*unknowns)
+    for known in (v for v in real if v.causality in ("input", "parameter")):
+        other = slave(subject, version, **{known.name.replace(".", "__"): float(known.start) + 0.01}).get(*unknowns)
+        moved = [name for name, old, new in zip(unknowns, usual, other, strict=True) if old != new]
+        for name in moved:
+            knowns = unknowns[name]
+            assert knowns is None or known.name in {v.name for v in knowns}
 
 
 def test_the_gripper_makes_events(made: Made) -> None:

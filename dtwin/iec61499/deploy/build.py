@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
-from typing import NoReturn, Protocol
+from collections.abc import Callable, Collection, Sequence
+from typing import Protocol
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.deploy.cpp_export import built_in_type
@@ -11,7 +11,7 @@ from dtwin.iec61499.deploy.device_type import TypeExport, is_built_in, original_
 from dtwin.iec61499.deploy.lua_export import export_type
 from dtwin.iec61499.deploy.plan import Deployment
 from dtwin.iec61499.management.bootfile import Command
-from dtwin.iec61499.management.client import ManagementClient
+from dtwin.iec61499.management.client import ManagementClient, Step
 from dtwin.iec61499.management.protocol import ManagedBlock, ManagedType, ManagementError, Reason, Request
 
 Planner = Callable[[TypeExport], Deployment]
@@ -54,13 +54,10 @@ def deploy(client: ManagementClient, deployment: Deployment) -> None:
         CommunicationError: the device does not answer.
     """
     types = [command for command in deployment.commands if isinstance(command.request.subject, ManagedType)]
-    for command in types:
-        if not _knows(client, deployment, command):
-            _demand(client, deployment, command)
+    _demand_all(client, deployment, _unknown(client, deployment, types))
     remove(client, deployment.resource)
     try:
-        for command in deployment.commands[len(types) :]:
-            _demand(client, deployment, command)
+        _demand_all(client, deployment, deployment.commands[len(types) :])
     except ManagementError:
         remove(client, deployment.resource)
         raise
@@ -79,25 +76,31 @@ def remove(client: ManagementClient, resource: str) -> None:
     client.delete_block("", resource)
 
 
-def _knows(client: ManagementClient, deployment: Deployment, command: Command) -> bool:
-    """Whether the device already has the type, with the same text, since the name ends with a digest of it."""
-    assert isinstance(command.request.subject, ManagedType)
-    reason = client.request("", "QUERY", ManagedType(command.request.subject.name)).reason
-    if reason is not None and reason != "UNSUPPORTED_TYPE":
-        # without Lua, FORTE's buffer is too short for a type: it would not even refuse one
-        _refuse(client, deployment, command.request, "UNSUPPORTED_CMD")
-    return reason is None
+def _unknown(client: ManagementClient, deployment: Deployment, types: Sequence[Command]) -> list[Command]:
+    """The types that the device does not have yet, with the same text, since a name ends with a digest of it."""
+    subjects = [command.request.subject for command in types]
+    queries: list[Step] = [("", "QUERY", ManagedType(s.name)) for s in subjects if isinstance(s, ManagedType)]
+    unknown = []
+    for command, response in zip(types, client.request_all(queries), strict=True):
+        if response.reason == "UNSUPPORTED_TYPE":
+            unknown.append(command)
+        elif response.reason is not None:
+            # without Lua, FORTE's buffer is too short for a type: it would not even refuse one
+            raise _refused(client, deployment, command.request, "UNSUPPORTED_CMD")
+    return unknown
 
 
-def _demand(client: ManagementClient, deployment: Deployment, command: Command) -> None:
-    request = command.request
-    reason = client.request(command.resource, request.action, request.subject).reason
-    if reason is not None:
-        _refuse(client, deployment, request, reason)
+def _demand_all(client: ManagementClient, deployment: Deployment, commands: Sequence[Command]) -> None:
+    coming = iter(commands)
+    try:
+        for _ in client.demand_all([(c.resource, c.request.action, c.request.subject) for c in commands]):
+            next(coming)
+    except ManagementError as error:
+        raise _refused(client, deployment, next(coming).request, error.reason) from None
 
 
-def _refuse(client: ManagementClient, deployment: Deployment, request: Request, reason: Reason) -> NoReturn:
-    raise ManagementError(reason, f"{client.address}: {_refusal(client, deployment, request, reason)}")
+def _refused(client: ManagementClient, deployment: Deployment, request: Request, reason: Reason) -> ManagementError:
+    return ManagementError(reason, f"{client.address}: {_refusal(client, deployment, request, reason)}")
 
 
 def _refusal(client: ManagementClient, deployment: Deployment, request: Request, reason: Reason) -> str:

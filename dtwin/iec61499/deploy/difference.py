@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.deploy.plan import Deployment
 from dtwin.iec61499.literals import parse_duration
-from dtwin.iec61499.management.client import ManagementClient
+from dtwin.iec61499.management.client import ManagementClient, Step
 from dtwin.iec61499.management.protocol import (
     ANY,
     ManagedBlock,
@@ -16,11 +16,7 @@ from dtwin.iec61499.management.protocol import (
     ManagementError,
     Request,
     RequestAction,
-    Subject,
 )
-
-Step = tuple[str, RequestAction, Subject]
-"""A resource, or "" for the device, what is asked of it, and for what."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,17 +89,16 @@ def difference(client: ManagementClient, deployment: Deployment) -> Difference:
     cut = tuple(link for ends, link in staying.items() if ends not in wires)
     made = tuple(wire for ends, wire in wires.items() if ends not in staying)
     new = {block.name for block in added}
+    old = [value.destination for value in values if value.destination.rpartition(".")[0] not in new]
+    ports = [port for port in old if port not in deployment.typed]
+    read = dict(zip(ports, client.read_all((resource, port) for port in ports), strict=True))
     found: dict[str, str] = {}
     written = []
     for value in values:
         port = value.destination
-        is_new = port.rpartition(".")[0] in new
-        if port in deployment.typed and not is_new:
-            continue
-        text = "" if is_new else client.read(resource, port)
-        if is_new or not _is_same(value.source, text):
+        if port.rpartition(".")[0] in new or (port in read and not _is_same(value.source, read[port])):
             written.append(value)
-            found[port] = text
+            found[port] = read.get(port, "")
     return Difference(removed, added, cut, made, tuple(written), found)
 
 
@@ -115,7 +110,8 @@ def change(client: ManagementClient, deployment: Deployment) -> Difference:
 
     Raises:
         ManagementError: the device refuses; names the request and what could not be undone.
-        CommunicationError: the device does not answer; says how many requests were fulfilled, which are not undone.
+        CommunicationError: the device does not answer; says how many requests were fulfilled at least, which are not
+            undone.
     """
     resource = deployment.resource
     found = difference(client, deployment)
@@ -133,14 +129,15 @@ def change(client: ManagementClient, deployment: Deployment) -> Difference:
     steps += [(resource, "WRITE", value) for value in found.written]
     steps += [(resource, "CREATE", wire) for wire in found.made]
     steps += [(resource, "START", block) for block in found.added]
-    for count, (where, action, subject) in enumerate(steps):
-        try:
-            client.demand(where, action, subject)
-        except ManagementError as error:
-            raise ManagementError(error.reason, f"{error}; {_undo(client, steps[:count], restoring)}") from None
-        except CommunicationError as error:
-            text = f"{error}; {count} of {len(steps)} requests were fulfilled and stay so"
-            raise CommunicationError(text) from None
+    count = 0
+    try:
+        for _ in client.demand_all(steps):
+            count += 1
+    except ManagementError as error:
+        raise ManagementError(error.reason, f"{error}; {_undo(client, steps[:count], restoring)}") from None
+    except CommunicationError as error:
+        text = f"{error}; at least {count} of {len(steps)} requests were fulfilled and stay so"
+        raise CommunicationError(text) from None
     left = difference(client, deployment)
     if left:
         raise ManagementError(
@@ -195,10 +192,8 @@ def _undo(client: ManagementClient, done: list[Step], restoring: list[Step]) -> 
         if ends & deleted or (step[1] == "WRITE" and subject.destination in written):
             taken_back.append(step)
     taken_back += [(where, "START", subject) for where, action, subject in done if action == "STOP"]
-    refused = []
-    for where, action, subject in taken_back:
-        if client.request(where, action, subject).reason is not None:
-            refused.append(str(Request("", action, subject)))
+    responses = zip(taken_back, client.request_all(taken_back), strict=True)
+    refused = [str(Request("", step[1], step[2])) for step, response in responses if response.reason is not None]
     if refused:
         return f"of the change before it could not be undone: {', '.join(refused)}"
     anew = f"; {', '.join(sorted(deleted))} begins anew" if deleted else ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Iterable
 from functools import partial
 
@@ -21,15 +20,11 @@ from dtwin.iec61499.management.protocol import (
     Request,
     Response,
     Watch,
-    parse_request,
-    request_id,
 )
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.address import StreamAddress
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.iec61499.runtime.communication import LocalTransport
-
-log = logging.getLogger(__name__)
 
 RESOURCE_TYPE = "EMB_RES"
 
@@ -104,26 +99,25 @@ class EmbeddedDevice:
                 message = f"{command.request} refused: {error.reason}, {error}"
                 raise FunctionBlockError(message, file, command.line) from None
 
-    def handle(self, resource: str, text: str, answer: Callable[[str], None]) -> None:
-        """Answers a management request, now or when what it needs is ready; both are XML.
+    def handle(self, resource: str, request: Request, answer: Callable[[Response | Exception], None]) -> None:
+        """Answers a management request, now or when what it needs is ready; with an error if it is refused.
 
-        A refusal is one line in the log. A request that the device does not support is logged below warnings: a
-        client may ask to find out. Until the answer no other request may come.
+        Until the answer no other request may come.
         """
         try:
-            request = parse_request(text)
             slow = self._slow_part(resource, request)
         except Exception as error:
-            answer(_refused(text, error))
+            answer(error)
             return
 
         def finish(prepared: Callable[[], Response | None]) -> None:
+            outcome: Response | Exception
             try:
-                response = (prepared() or self._execute(resource, request)).xml()
+                outcome = prepared() or self._execute(resource, request)
             except Exception as error:
                 # nothing that a client asks for ends the device
-                response = _refused(text, error)
-            answer(response)
+                outcome = error
+            answer(outcome)
 
         if slow is None:
             finish(lambda: None)
@@ -216,12 +210,3 @@ class EmbeddedDevice:
 
     def _launch(self, network: model.FBNetwork, failed: Callable[[], None]) -> Runner:
         return Runner(network.file, self._reactor, network, self._library, self._local, self._management, failed)
-
-
-def _refused(text: str, error: Exception) -> str:
-    """The response to a request that is refused."""
-    if isinstance(error, ManagementError):
-        log.log(logging.INFO if error.reason == "UNSUPPORTED_CMD" else logging.WARNING, "management: %s", error)
-        return Response(request_id(text), error.reason).xml()
-    log.error("management: %.200s: %s: %s", text, type(error).__name__, error)
-    return Response(request_id(text), "INVALID_OPERATION").xml()

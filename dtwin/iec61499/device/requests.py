@@ -22,6 +22,7 @@ from dtwin.iec61499.management.protocol import (
     Request,
     Response,
     Watch,
+    Window,
 )
 from dtwin.iec61499.standard.catalogue import standard_names
 from dtwin.iec61499.types import ELEMENTARY, ArrayType
@@ -47,6 +48,8 @@ def execute(resource: ManagedResource, request: Request, library: Library) -> Re
         return _connections(resource, request, subject)
     if isinstance(subject, Watch):
         return _watches(resource, request, subject)
+    if isinstance(subject, Window):
+        raise ManagementError("INVALID_OBJECT", f"{request}: expected it over a connection")
     if action == "CREATE":
         resource.create_block(subject.name, subject.type_name)
     elif action == "DELETE":

@@ -17,7 +17,7 @@ from dtwin.iec61499.files.functions import ForeignLanguageError, read_function
 from dtwin.iec61499.files.header import PASSED_OVER, Named, check_unique, read_header, read_name
 from dtwin.iec61499.files.inner_blocks import read_inner_blocks
 from dtwin.iec61499.files.interface import read_interface, read_variables
-from dtwin.iec61499.files.names import ALONE, Names, used_constants, with_imports
+from dtwin.iec61499.files.names import ALONE, Names, absent_constants, used_constants, with_imports
 from dtwin.iec61499.files.networks import read_network
 from dtwin.iec61499.files.xml import XmlElement, read_xml
 
@@ -87,8 +87,9 @@ def _read_basic(
     chart.expect_children(("ECState", "ECTransition", "Attribute"))
     transitions = tuple(_read_transition(t, interface, states) for t in chart.children("ECTransition"))
     texts = [*(a.source.text for a in algorithms), *(t.guard for t in transitions)]
-    constants = used_constants(texts, names, [*interface.names(), *(variable.name for variable in internals)])
-    return model.BasicFBType(header, interface, internals, states, transitions, algorithms, constants, blocks)
+    own = [*interface.names(), *(variable.name for variable in internals)]
+    constants, absent = used_constants(texts, names, own), absent_constants(texts, names, own)
+    return model.BasicFBType(header, interface, internals, states, transitions, algorithms, constants, blocks, absent)
 
 
 def _read_simple(
@@ -109,8 +110,9 @@ def _read_simple(
         action = model.ECAction(algorithms[0].name, output, algorithms[0].line)
         states = (model.ECState(inputs[0], (action,), line=body.line),)
     own = [*interface.names(), *(variable.name for variable in internals)]
-    constants = used_constants([algorithm.source.text for algorithm in algorithms], names, own)
-    return model.SimpleFBType(header, interface, internals, states, algorithms, constants, blocks)
+    texts = [algorithm.source.text for algorithm in algorithms]
+    constants, absent = used_constants(texts, names, own), absent_constants(texts, names, own)
+    return model.SimpleFBType(header, interface, internals, states, algorithms, constants, blocks, absent)
 
 
 def _read_internals(

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
-from dtwin.iec61499.files.names import ImportingNames, Names, used_constants
+from dtwin.iec61499.files.names import ImportingNames, Names, absent_constants, used_constants
 from dtwin.iec61499.files.xml import XmlElement
 from dtwin.iec61499.literals import format_literal
 from dtwin.iec61499.types import ArrayType, StructType
@@ -65,8 +65,9 @@ def read_function(
     text, imports = _algorithm(source, header.name, " ".join(resets))
     algorithm = model.Algorithm(header.name, model.Source(text, source.line, exact=True))
     state = model.ECState(events[0], (model.ECAction(header.name, events[1], body.line),), line=body.line)
-    constants = used_constants([text], ImportingNames(names, imports, header.package), interface.names())
-    return model.SimpleFBType(header, interface, (), (state,), (algorithm,), constants)
+    known, own = ImportingNames(names, imports, header.package), interface.names()
+    constants, absent = used_constants([text], known, own), absent_constants([text], known, own)
+    return model.SimpleFBType(header, interface, (), (state,), (algorithm,), constants, absent=absent)
 
 
 def _algorithm(source: XmlElement, name: str, resets: str) -> tuple[str, list[str]]:

@@ -35,6 +35,9 @@ class Names(Protocol):
     def package_constant(self, package: str, name: str) -> model.Variable | None:
         """The global constant NAME of a file of that package, which files of the package need not import."""
 
+    def absence(self, name: str) -> str:
+        """Why there is no global constant of that name; "" when nothing says that a constant is meant."""
+
     def block(self, name: str, file: str = "", line: int = 0) -> model.LibraryElement:
         """The block type of that name; file and line use it. Raises FunctionBlockError for an unknown name."""
 
@@ -53,6 +56,9 @@ class ElementaryNames:
 
     def package_constant(self, package: str, name: str) -> model.Variable | None:
         return None
+
+    def absence(self, name: str) -> str:
+        return "the file stands alone" if "::" in name else ""
 
     def block(self, name: str, file: str = "", line: int = 0) -> model.LibraryElement:
         raise FunctionBlockError(f"unknown block type {name}: expected a file {name}.fbt", file, line)
@@ -77,6 +83,12 @@ class ImportingNames:
         full = self._full.get(name.upper())
         return self._names.constant(full or name) or self.package_constant(self._package, name)
 
+    def absence(self, name: str) -> str:
+        full = self._full.get(name.upper())
+        if full is None or "::" in name:
+            return self._names.absence(name)
+        return f"it is imported as {full}, and {self._names.absence(full)}"
+
 
 def with_imports(root: XmlElement, names: Names) -> Names:
     """The names as a file knows them, given its root element."""
@@ -94,13 +106,23 @@ def resolved(text: str, names: Names) -> str:
 
 def used_constants(texts: list[str], names: Names, own: Iterable[str]) -> tuple[model.Variable, ...]:
     """The global constants that Structured Text uses, under the names it gives them; `own` are its variables."""
-    parts = (part for text in texts for part in _VARIABLES.findall(text))
-    declared = (name for part in parts for group in _DECLARED.findall(part) for name in group.split(","))
-    hidden = {name.strip().upper() for name in (*own, *declared)}
-    used = dict.fromkeys(name for text in texts for name in _NAME.findall(text) if name.upper() not in hidden)
-    found = {name: names.constant(name) for name in used}
+    found = {name: names.constant(name) for name in _used(texts, own)}
     return tuple(
         model.Variable(name, constant.type, constant.initial, constant.comment, constant.line, constant=True)
         for name, constant in found.items()
         if constant is not None
     )
+
+
+def absent_constants(texts: list[str], names: Names, own: Iterable[str]) -> tuple[tuple[str, str], ...]:
+    """The names in Structured Text that seem to be those of constants which there are not, and why."""
+    absent = ((name, names.absence(name)) for name in _used(texts, own) if names.constant(name) is None)
+    return tuple((name, reason) for name, reason in absent if reason)
+
+
+def _used(texts: list[str], own: Iterable[str]) -> Iterable[str]:
+    """The names in Structured Text that no variable has."""
+    parts = (part for text in texts for part in _VARIABLES.findall(text))
+    declared = (name for part in parts for group in _DECLARED.findall(part) for name in group.split(","))
+    hidden = {name.strip().upper() for name in (*own, *declared)}
+    return dict.fromkeys(name for text in texts for name in _NAME.findall(text) if name.upper() not in hidden)

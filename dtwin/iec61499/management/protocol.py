@@ -4,6 +4,11 @@ A request goes to the device or to one of its resources; on the wire it is two S
 the device) and `<Request ID="1" Action="CREATE"><FB Name="R" Type="EMB_RES" /></Request>`; the answer is one STRING,
 `<Response ID="1" />` or `<Response ID="1" Reason="UNSUPPORTED_TYPE" />`. The order of the attributes matters:
 FORTE reads by position.
+
+A FORTE carries out only the last of several requests that it receives together. So a client sends one after the
+other, unless the device says how many it takes, when asked by `<Request ID="1" Action="QUERY"><Window/></Request>`,
+which a FORTE refuses as INVALID_OBJECT. Such a device also minds `After="1"` behind the action: the request is
+carried out only if the one before it has that ID and was fulfilled, and refused as NOT_READY otherwise.
 """
 
 from __future__ import annotations
@@ -34,11 +39,15 @@ Reason = Literal[
     "INVALID_DST",
 ]
 """Why a request was not fulfilled."""
+_ACTIONS: Final[tuple[RequestAction, ...]] = get_args(RequestAction)
+_REASONS: Final[tuple[Reason, ...]] = get_args(Reason)
 
 REQUESTS: Final = Signature([STRING, STRING], string_limit=65535)
 RESPONSES: Final = Signature([STRING], string_limit=65535)
 REQUEST_LIMIT: Final = 19_000
 """Bytes of a message that a FORTE with its standard settings takes; a longer one hangs the connection."""
+WINDOW: Final = 64
+"""Most requests of one client that are under way at once."""
 ANY: Final = "*"
 EVENT: Final = "$e"
 """Source of a WRITE that triggers the event at its destination."""
@@ -46,6 +55,7 @@ EVENT_COUNT: Final = "$er"
 """Source of a WRITE that sets the count of the watched event at its destination to zero."""
 _BARE: Final = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#\d{1,7}|#x[0-9a-fA-F]{1,6});)")
 """An ampersand that begins no escape, as 4diac IDE sends it in texts."""
+_SIZE: Final = re.compile("[0-9]{1,5}")
 _UNFIT: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What XML 1.0 has no way to write."""
 _ESCAPES: Final = str.maketrans(
@@ -131,20 +141,34 @@ class Watched:
         return f'<Data value="{_escape(self.value)}" forced="{str(self.forced).lower()}"/>'
 
 
-Subject = ManagedBlock | ManagedConnection | ManagedType | Watch
+@dataclass(frozen=True, slots=True)
+class Window:
+    """`<Window/>`: how many requests may be under way at once, for QUERY."""
+
+    def xml(self) -> str:
+        return "<Window/>"
+
+
+Subject = ManagedBlock | ManagedConnection | ManagedType | Watch | Window
 _TYPES: Final = ("FBType", "AdapterType", "DataType")
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a device or resource is asked to do; without a subject the action concerns it as a whole."""
+    """What a device or resource is asked to do; without a subject the action concerns it as a whole.
+
+    Attributes:
+        after: the ID of the request before it, without which it shall not be carried out; "" if it stands alone.
+    """
 
     id: str
     action: RequestAction
     subject: Subject | None = None
+    after: str = ""
 
     def xml(self) -> str:
-        opening = f'<Request ID="{_escape(self.id)}" Action="{self.action}"'
+        after = f' After="{_escape(self.after)}"' if self.after else ""
+        opening = f'<Request ID="{_escape(self.id)}" Action="{self.action}"{after}'
         return f"{opening}/>" if self.subject is None else f"{opening}>{self.subject.xml()}</Request>"
 
     def __str__(self) -> str:
@@ -156,7 +180,9 @@ class Request:
             return f"{self.action} {arrow.get(self.action, f'{subject.source} -> {subject.destination}')}"
         if isinstance(subject, Watch):
             return f"{self.action} watch {subject.source}".rstrip()
-        return self.action if subject is None else f"{self.action} {subject.tag} {subject.name}"
+        if isinstance(subject, ManagedType):
+            return f"{self.action} {subject.tag} {subject.name}"
+        return self.action if subject is None else f"{self.action} window"
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +197,7 @@ class Response:
         names: what a QUERY of types has found.
         watches: what is watched, by resource and `BLOCK.PORT`.
         interface: the `<InterfaceList>` of the type that a QUERY asks for, as XML.
+        window: how many requests may be under way at once; None when the device does not say.
     """
 
     id: str
@@ -181,6 +208,7 @@ class Response:
     names: tuple[str, ...] | None = None
     watches: dict[str, dict[str, Watched]] | None = None
     interface: str = ""
+    window: int | None = None
 
     def xml(self) -> str:
         opening = f'<Response ID="{_escape(self.id)}"'
@@ -210,7 +238,7 @@ class Response:
                 if ports
             )
             return f"<Watches>\n    {''.join(resources)}\n  </Watches>"
-        return self.interface
+        return self.interface if self.window is None else f'<Window Size="{self.window}"/>'
 
 
 def parse_request(text: str) -> Request:
@@ -225,16 +253,16 @@ def parse_request(text: str) -> Request:
     except FunctionBlockError as error:
         raise ManagementError("INVALID_OBJECT", str(error)) from None
     action = root.get("Action")
-    if root.tag != "Request" or action not in get_args(RequestAction):
-        expected = f"<Request> with the Action {choices(get_args(RequestAction))}"
+    if root.tag != "Request" or action not in _ACTIONS:
+        expected = f"<Request> with the Action {choices(_ACTIONS)}"
         raise ManagementError("UNSUPPORTED_CMD", f"expected {expected}, got <{root.tag}> with {action!r}")
     children = list(root.children())
     if len(children) > 1:
         raise ManagementError("INVALID_OBJECT", f"{action}: expected one element, got {len(children)}")
-    subject = _read_subject(children[0]) if children else None
+    subject = _read_subject(action, children[0]) if children else None
     if subject is None and action not in ("START", "STOP", "KILL", "RESET"):
         raise ManagementError("INVALID_OBJECT", f"{action}: expected an element inside")
-    return Request(root.get("ID"), action, subject)  # type: ignore[arg-type]  # checked against get_args
+    return Request(root.get("ID"), action, subject, root.get("After"))
 
 
 def request_id(text: str) -> str:
@@ -256,9 +284,9 @@ def parse_response(text: str) -> Response:
     if root.tag != "Response":
         raise CommunicationError(f"expected <Response>, got <{root.tag}>")
     reason = root.get("Reason") or None
-    if reason is not None and reason not in get_args(Reason):
-        raise CommunicationError(f"unknown Reason {reason!r}: expected {choices(get_args(Reason))}")
-    value = blocks = connections = names = watches = None
+    if reason is not None and reason not in _REASONS:
+        raise CommunicationError(f"unknown Reason {reason!r}: expected {choices(_REASONS)}")
+    value = blocks = connections = names = watches = window = None
     for child in root.children():
         if child.tag == "Connection":
             value = child.get("Destination")
@@ -271,7 +299,11 @@ def parse_response(text: str) -> Response:
             names = tuple(name.strip() for name in child.text.split(",") if name.strip())
         elif child.tag == "Watches":
             watches = {r.get("name"): dict(_watched(r)) for r in child.children("Resource")}
-    return Response(root.get("ID"), reason, value, blocks, connections, names, watches)  # type: ignore[arg-type]  # likewise
+        elif child.tag == "Window":
+            size = child.get("Size")
+            window = int(size) if _SIZE.fullmatch(size) else None
+    found_parts = (value, blocks, connections, names, watches)
+    return Response(root.get("ID"), reason, *found_parts, window=window)
 
 
 def _watched(resource: XmlElement) -> Iterator[tuple[str, Watched]]:
@@ -291,13 +323,15 @@ def _ports(watches: dict[str, Watched]) -> str:
     return "".join(f'<FB name="{_escape(block)}">{"".join(ports)}</FB>' for block, ports in blocks.items())
 
 
-def _read_subject(element: XmlElement) -> Subject:
+def _read_subject(action: str, element: XmlElement) -> Subject:
     if element.tag == "FB":
         return ManagedBlock(element.get("Name"), element.get("Type"))
     if element.tag == "Connection":
         return ManagedConnection(element.get("Source"), element.get("Destination"), element.get("force"))
     if element.tag == "Watches" or (element.tag == "Watch" and element.get("Source")):
         return Watch(element.get("Source") if element.tag == "Watch" else "")
+    if element.tag == "Window" and action == "QUERY":
+        return Window()
     if element.tag in _TYPES:
         return ManagedType(element.get("Name"), element.text.strip(), element.tag)
     expected = choices(("<FB>", "<Connection>", "<Watch>", *(f"<{tag}>" for tag in _TYPES)))

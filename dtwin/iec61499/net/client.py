@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
 from types import TracebackType
 
 from dtwin.errors import CommunicationError
@@ -52,16 +53,40 @@ class BlockingClient:
                 signature.
         """
         try:
-            return self._exchange(self._sends.encode(values))
-        except TimeoutError:
-            self.close()
-            raise CommunicationError(f"{self.address}: no answer within {self.timeout:g} s") from None
-        except OSError as error:
-            self.close()
-            raise CommunicationError(f"{self.address}: connection lost: {error.strerror or error}") from None
-        except CommunicationError as error:
-            self.close()
-            raise CommunicationError(f"{self.address}: {error}") from None
+            self._send(self._sends.encode(values))
+            return self._received(1)[0]
+        except (OSError, CommunicationError) as error:
+            raise self._ended(error) from None
+
+    def exchange_all(self, requests: Iterable[Sequence[Value]], window: int) -> Iterator[Message]:
+        """The answers to requests, in order, while at most `window` of them wait for theirs.
+
+        After an error, or when not all answers are taken, the connection is closed. A request is taken only when it
+        is sent; with those that are under way then, `requests` may end when an answer says so.
+
+        Raises:
+            CommunicationError: as `exchange`; the time for every answer counts from the one before it.
+        """
+        coming = iter(requests)
+        waiting = 0
+        try:
+            while True:
+                # half a window goes while the other half is answered
+                if waiting <= window // 2:
+                    sent = [self._sends.encode(values) for values in islice(coming, window - waiting)]
+                    waiting += len(sent)
+                    if sent:
+                        self._send(b"".join(sent))
+                if not waiting:
+                    return
+                for answer in self._received(waiting):
+                    waiting -= 1
+                    yield answer
+        except (OSError, CommunicationError) as error:
+            raise self._ended(error) from None
+        finally:
+            if waiting:
+                self.close()
 
     def close(self) -> None:
         self._sock.close()
@@ -71,21 +96,38 @@ class BlockingClient:
         """Whether the connection is closed, by `close` or after an error."""
         return self._sock.fileno() < 0
 
-    def _exchange(self, request: bytes) -> Message:
+    def _ended(self, error: OSError | CommunicationError) -> CommunicationError:
+        """Closes the connection after an error, and says which."""
+        self.close()
+        if isinstance(error, TimeoutError):
+            return CommunicationError(f"{self.address}: no answer within {self.timeout:g} s")
+        if isinstance(error, OSError):
+            return CommunicationError(f"{self.address}: connection lost: {error.strerror or error}")
+        return CommunicationError(f"{self.address}: {error}")
+
+    def _send(self, data: bytes) -> None:
+        self._allow(self.timeout)
+        self._sock.sendall(data)
+
+    def _received(self, most: int) -> list[Message]:
+        """The next answers, one or more; at most `most` may come."""
+        self._allow(self.timeout)
         deadline = time.monotonic() + self.timeout
-        if self._sock.gettimeout() != self.timeout:  # Setting it costs a system call.
-            self._sock.settimeout(self.timeout)
-        self._sock.sendall(request)
         while True:
             data = self._sock.recv(CHUNK)
             if not data:
                 raise CommunicationError("connection lost: closed by the peer")
-            messages = self._reader.feed(data)
-            if len(messages) == 1 and self._reader.idle:
-                return messages[0]
-            if messages:
+            answers = self._reader.feed(data)
+            if len(answers) > most or (len(answers) == most and not self._reader.idle):
                 raise CommunicationError("more than one answer to a request")
+            if answers:
+                return answers
             remaining = deadline - time.monotonic()
             if remaining <= 0:
                 raise TimeoutError
-            self._sock.settimeout(remaining)
+            self._allow(remaining)
+
+    def _allow(self, seconds: float) -> None:
+        """Sets the longest time for what is done to the socket next."""
+        if self._sock.gettimeout() != seconds:  # Setting it costs a system call.
+            self._sock.settimeout(seconds)

@@ -21,6 +21,7 @@ class BlockChecker:
         self._file = block.header.file
         self._scope: dict[str, DataType] = {}
         interface = block.interface
+        self._absent = dict(block.absent)
         self._constants: dict[str, tuple[DataType, Any]] = {}
         for variable in (*interface.inputs, *interface.outputs, *block.internals, *block.constants):
             assert not isinstance(variable.type, model.GenericType)
@@ -49,7 +50,9 @@ class BlockChecker:
         source = algorithm.source
         try:
             tree = parse_algorithm(source.text, self._file, source.line if source.exact else 1, 1)
-            return check_algorithm(tree, self._scope, self._writable, self._constants, self._find_type, self._blocks)
+            return check_algorithm(
+                tree, self._scope, self._writable, self._constants, self._find_type, self._blocks, self._absent
+            )
         except FunctionBlockError as error:
             if source.exact:
                 raise
@@ -64,7 +67,7 @@ class BlockChecker:
         """The condition of a transition that has one. Raises FunctionBlockError naming file, line and column."""
         try:
             tree = parse_expression(transition.guard, self._file, 1, 1)
-            return check_expression(tree, self._scope, constants=self._constants)
+            return check_expression(tree, self._scope, constants=self._constants, absent=self._absent)
         except FunctionBlockError as error:
             where = f"condition {transition.guard!r}, column {error.column}"
             raise FunctionBlockError(f"{where}: {error.message}", self._file, transition.line) from None

@@ -33,6 +33,7 @@ def check_algorithm(
     constants: Constants | None = None,
     find_type: Callable[[str], DataType] = types.elementary,
     blocks: Sequence[InnerBlock] = (),
+    absent: Mapping[str, str] | None = None,
 ) -> typed.CheckedAlgorithm:
     """Resolves names, types every expression and makes conversions explicit.
 
@@ -43,11 +44,12 @@ def check_algorithm(
         constants: type and value of what cannot be assigned and is known, by name.
         find_type: finds the type of a declaration by its name; raises FunctionBlockError for an unknown one.
         blocks: the blocks inside this one, which the text may let react.
+        absent: why there is no constant of a name.
 
     Raises:
         FunctionBlockError: the text is wrong; names file, line, column and what would have been valid.
     """
-    checker = _AlgorithmChecker(Scope(scope, constants, blocks), writable, find_type)
+    checker = _AlgorithmChecker(Scope(scope, constants, blocks, absent), writable, find_type)
     initial = checker.declarations(algorithm.declarations)
     body = checker.body(algorithm.body)
     body = needed_initialisations(initial, body) + body
@@ -65,9 +67,10 @@ def check_expression(
     scope: Mapping[str, DataType],
     expected: ElementaryType = BOOL,
     constants: Constants | None = None,
+    absent: Mapping[str, str] | None = None,
 ) -> typed.Expression:
     """The typed expression, converted to the expected type. Raises as `check_algorithm` does."""
-    return ExpressionChecker(Scope(scope, constants)).checked(expression, expected)
+    return ExpressionChecker(Scope(scope, constants, absent=absent)).checked(expression, expected)
 
 
 class _AlgorithmChecker:

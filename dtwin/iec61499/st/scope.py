@@ -67,6 +67,7 @@ class Scope:
             and those of blocks inside this one `BLOCK.NAME`.
         constants: type and value of what cannot be assigned and is known, by name.
         blocks: the blocks inside this one.
+        absent: why there is no constant of a name.
     """
 
     def __init__(
@@ -74,12 +75,14 @@ class Scope:
         variables: Mapping[str, DataType],
         constants: Mapping[str, tuple[DataType, Any]] | None = None,
         blocks: Sequence[InnerBlock] = (),
+        absent: Mapping[str, str] | None = None,
     ) -> None:
         self.blocks = {block.name.upper(): block for block in blocks}
         self._variables = {name.upper(): (name, data_type) for name, data_type in variables.items()}
         self._enumerations = {
             found.name.upper(): found for data_type in variables.values() for found in _enumerations(data_type)
         }
+        self._absent = {name.upper(): reason for name, reason in (absent or {}).items()}
         self._constants = {name.upper(): value for name, value in (constants or {}).items()}
 
     def declare(self, at: ast.Position, name: str, data_type: DataType) -> None:
@@ -173,10 +176,11 @@ class Scope:
             found = self._variables.get(f"{access.name}.{access.steps[0].name}".upper())
             if found is not None:
                 return (*found, access.steps[1:])
-        if "::" in access.name:
-            fail(access.at, f"unknown constant {access.name}: expected one of a file of constants (.gcf)")
+        if "::" in access.name or access.name.upper() in self._absent:
+            reason = self._absent.get(access.name.upper(), "expected one of a file of constants (.gcf)")
+            fail(access.at, f"unknown constant {access.name}: {reason}")
         known = choices(sorted(name for name, _ in self._variables.values())) if self._variables else "none"
-        fail(access.at, f"unknown variable {access.name}: expected {known}")
+        fail(access.at, f"unknown variable {access.name}: expected {known}, or a constant that is imported")
 
 
 def _character(place: Place, index: typed.Expression) -> Place:

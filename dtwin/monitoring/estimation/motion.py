@@ -28,12 +28,12 @@ from dtwin.monitoring.estimation.layout import (
     W,
 )
 from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters
-from dtwin.twin import dynamics, elementary, lanes, machine, machine_side_by_side, sensitivity
+from dtwin.twin import dry_friction, dynamics, lanes, machine, machine_sensitivity, sensitivity
 from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import coefficients
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from dtwin.twin.machine import MACHINE_NAMES, WIDTH, vector_of
-from dtwin.twin.machine_side_by_side import linearise_machine
+from dtwin.twin.machine_sensitivity import linearise_machine
 from dtwin.twin.sensitivity import integrate_linearised
 
 Array = NDArray[np.float64]
@@ -129,14 +129,14 @@ class MotionArrays(NamedTuple):
 
     Attributes:
         vector: (78,), the machine, whose estimated numbers are those of the state.
-        steps: as for `linearise_machine`; without that of the payload where nothing is held.
+        gripped: whether a box is held, on whose mass the motion depends.
         commands: (n, 3), commands up to the last sample, V.
         acting: (3,), voltages that act, V; not a number if nobody knows.
         mean: (3,), mean voltages of the sample before, V.
     """
 
     vector: Array
-    steps: Array
+    gripped: bool
     commands: Array
     acting: Array
     mean: Array
@@ -145,7 +145,7 @@ class MotionArrays(NamedTuple):
 class MachineMotion:
     """The motion of an arm with effects, which remembers late commands and voltages that lag.
 
-    The derivatives by the state and by torques are difference quotients. Voltage constants and friction act as the
+    The derivatives by the state and by torques are exact. Voltage constants and friction act as the
     torques that they make with the mean voltages and velocities of the sample. Centres of mass and inertias count as
     known: what they leave unexplained is a torque that lasts.
     """
@@ -176,8 +176,7 @@ class MachineMotion:
 
     def arrays(self, gripped: bool) -> MotionArrays:
         """What `carry_machine` works with, while a box is held or not; the motion's own."""
-        steps = _STEPS if gripped else _STEPS[:-1]
-        return MotionArrays(self._vector, steps, self._commands, self._acting, self._mean)
+        return MotionArrays(self._vector, gripped, self._commands, self._acting, self._mean)
 
     def copy(self) -> MachineMotion:
         """See `Motion.copy`."""
@@ -261,13 +260,13 @@ def eccentricity(angles: Array, sine: Array, cosine: Array, found: Array) -> Non
         found[i] = sine[i] * math.sin(angles[i]) + cosine[i] * math.cos(angles[i])
 
 
-@kernel(uses=(dynamics, elementary, lanes, machine, machine_side_by_side))
+@kernel(uses=(dry_friction, dynamics, lanes, machine, machine_sensitivity))
 def carry_machine(
     x: Array,
     volts: Array,
     locked: int,
     vector: Array,
-    steps: Array,
+    gripped: bool,
     commands: Array,
     acting: Array,
     mean: Array,
@@ -286,7 +285,7 @@ def carry_machine(
         commands[:] = volts
     commands[:-1] = commands[1:]
     commands[-1] = volts
-    p, before, slopes = vector.copy(), acting.copy(), np.empty((6, len(steps)))
+    p, before, slopes = vector.copy(), acting.copy(), np.empty((6, 10 if gripped else 9))
     for k in range(len(_OF_ARM)):
         p[_OF_ARM[k]] = x[ARM + k]
     share = 1.0 + x[SUPPLY]
@@ -296,14 +295,14 @@ def carry_machine(
         p[_OF_TORQUE[i]] += x[TORQUE + i]
     for turn in range(_TURNS if locked else 1):
         end[:], acting[:] = x[:6], before
-        linearise_machine(p, commands, x[PAYLOAD], steps, acting, end, slopes)
+        linearise_machine(p, commands, x[PAYLOAD], acting, end, slopes)
         if locked and turn < _TURNS - 1:
             slope = slopes[W + locked - 1, 6 + locked - 1]
             if slope != 0.0:
                 p[_OF_TORQUE[locked - 1]] -= end[W + locked - 1] / slope
     F[:] = 0.0
     F[:, :6], F[:, TORQUE:MOVING] = slopes[:, :6], slopes[:, 6:9]
-    if len(steps) > 9:
+    if gripped:
         F[:, PAYLOAD] = slopes[:, 9]
     later = np.zeros(3)
     for i in range(3):
@@ -362,5 +361,3 @@ _OF_K: Final = np.array([MACHINE_NAMES.index(f"K{joint}") for joint in (1, 2, 3)
 _OF_DELAY: Final = MACHINE_NAMES.index("delay")
 _OF_ARM: Final = np.array([MACHINE_NAMES.index(name) for name in ARM_NAMES])
 _OF_TORQUE: Final = np.array([MACHINE_NAMES.index(f"torque{joint}") for joint in (1, 2, 3)])
-_STEPS: Final = np.array([1e-6] * 6 + [1e-5] * 4)
-"""Steps of the difference quotients by the state, by torques on the joints, and by the mass held, SI units."""

@@ -159,7 +159,7 @@ def _work(
         )
         last[:] = measured[k]
         kernels.bound(f.x, f.least, f.most, gripped, possible)
-        motion.carry_machine(possible, volts[k], 0, m.vector, m.steps, m.commands, m.acting, m.mean, end, f.F)
+        motion.carry_machine(possible, volts[k], 0, m.vector, m.gripped, m.commands, m.acting, m.mean, end, f.F)
         kernels.carry(f.x, end, f.memory, PERIOD)
         kernels.disturb(
             f.x,

@@ -177,19 +177,18 @@ def test_a_change_that_cannot_be_leaves_what_runs(served: ServedDevice, caplog: 
 
 
 class Changed(RemoteController):
-    """A controller whose network is changed, by two requests between two samples each, from one sample on."""
+    """A controller whose network is changed, by 19 requests between two samples each, from one sample on."""
 
     def __init__(self, address: StreamAddress, shadow: Shadow, client: ManagementClient, resource: str) -> None:
         super().__init__(address, shadow, PATIENCE)
-        self.changes = neutral_change()
+        self.changes = neutral_change(resource)
         self._management = client
-        self._resource = resource
 
     def step(self, sensors: Sensors) -> Voltages:
         if sensors.sequence >= 200:
-            made, self.changes = self.changes[:2], self.changes[2:]
-            for request in made:
-                self._management.demand(self._resource, request.action, request.subject)
+            made, self.changes = self.changes[:19], self.changes[19:]
+            for _ in self._management.demand_all(made):
+                pass
         return super().step(sensors)
 
 

@@ -11,6 +11,7 @@ from dtwin.iec61499.files.project import linked_folders
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.resource import Resource
+from tests.support.iec61499.networks import network
 
 PROJECT = """<projectDescription><linkedResources>
 <link><name>Lib</name><type>2</type><locationURI>virtual:/virtual</locationURI></link>
@@ -85,3 +86,43 @@ def test_the_project_s_own_type_counts_and_a_constant_that_is_not_imported_does_
     (project / "DOUBLE.fbt").write_text(DOUBLE.replace("<Import", "<Exclude"))
     with pytest.raises(FunctionBlockError, match=r"plant/DOUBLE\.fbt.*'HIGH' is not a INT"):
         Library([project]).find("DOUBLE")
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "reason"),
+    [
+        ("Y := X + plant::LIMITS::HIGH;", "plant::LIMITS::HIGH", r"there is no file LIMITS\.gcf: searched .*plant"),
+        ("Y := X + high;", "high", r"it is imported as plant::LIMITS::HIGH, and there is no file LIMITS\.gcf"),
+        ("Y := X + KNOWN::LOW;", "KNOWN::LOW", r".*KNOWN\.gcf declares no LOW"),
+        (
+            "Y := X + TOP;",
+            "TOP",
+            r".*KNOWN\.gcf declares it, which is not imported: expected KNOWN::TOP or an import",
+        ),
+    ],
+)
+def test_a_constant_without_its_file_or_its_import_is_named_with_its_place(
+    project: Path, text: str, name: str, reason: str
+) -> None:
+    (project / "KNOWN.gcf").write_text(LIMITS.replace("LIMITS", "KNOWN").replace("HIGH", "TOP"))
+    block = DOUBLE.replace('InitialValue="HIGH"', "").replace("Y := X + high;", f"\n  {text}")
+    (project / "DOUBLE.fbt").write_text(block)
+    line = block[: block.index(text)].count("\n") + 1
+    place = rf"DOUBLE\.fbt:{line}:12: unknown constant {name}: {reason}"
+    with pytest.raises(FunctionBlockError, match=place):
+        Resource(network("D: DOUBLE"), Library([project]))
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        ("LIMITS::HIGH", "or a constant: none of that name is in the file LIMITS.gcf"),
+        ("HIGH", "or a constant: none of that name is in a file of constants (.gcf) that is imported"),
+    ],
+)
+def test_a_value_without_its_constant_is_named_with_its_place(project: Path, value: str, reason: str) -> None:
+    (project / "DOUBLE.fbt").write_text(DOUBLE.replace('InitialValue="HIGH"', f'InitialValue="{value}"'))
+    with pytest.raises(FunctionBlockError) as refused:
+        Library([project]).find("DOUBLE")
+    assert f"DOUBLE.fbt:3: '{value}' is not a INT" in str(refused.value)
+    assert str(refused.value).endswith(reason)
