@@ -114,16 +114,12 @@ def _instruction(name: str) -> Callable[..., Any]:
     return lambda context, builder, signature, arguments: getattr(builder, name)(*arguments)
 
 
-def _function(name: str) -> Callable[..., Any]:
-    """A function of LLVM that has vectors of any width."""
-
-    def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
-        vector = arguments[0].type
-        declared = ir.FunctionType(vector, [vector] * len(arguments))
-        function = cgutils.get_or_insert_function(builder.module, declared, f"{name}.v{vector.count}f64")
-        return builder.call(function, arguments)
-
-    return generate
+def _fma(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
+    vector = arguments[0].type
+    declared = ir.FunctionType(vector, [vector] * 3)
+    return builder.call(
+        cgutils.get_or_insert_function(builder.module, declared, f"llvm.fma.v{vector.count}f64"), arguments
+    )
 
 
 def _tanh(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
@@ -144,8 +140,6 @@ for _operator, _name in (
 ):
     _define(_operator, 2, _instruction(_name))
 _define(operator.neg, 1, _instruction("fneg"))
-_define(abs, 1, _function("llvm.fabs"))
-_define(math.copysign, 2, _function("llvm.copysign"))
 _define(math.tanh, 1, _tanh)
 
 
@@ -157,7 +151,7 @@ def fused(a: float, b: float, c: float) -> float:
     raise NotImplementedError
 
 
-_define(fused, 3, _function("llvm.fma"))
+_define(fused, 3, _fma)
 
 
 def memory(width: int) -> tuple[Callable[..., Any], Callable[..., Any]]:
@@ -192,49 +186,6 @@ def memory(width: int) -> tuple[Callable[..., Any], Callable[..., Any]]:
 
 
 load, store = memory(WIDTH)
-
-
-@intrinsic
-def choose(typing: Any, left: Any, right: Any, yes: Any, no: Any) -> Any:
-    """`yes` where left <= right, `no` elsewhere: of floats, or lane by lane."""
-
-    def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
-        left, right, yes, no = arguments
-        return builder.select(builder.fcmp_ordered("<=", left, right), yes, no)
-
-    lanes = [each for each in (left, right, yes, no) if isinstance(each, _Lanes)]
-    kind = lanes[0] if lanes else types.float64
-    return kind(kind, kind, kind, kind), generate
-
-
-@intrinsic
-def all_at_most(typing: Any, value: Any, limit: Any) -> Any:
-    """Whether a float, or each of some Lanes, is at most a limit."""
-
-    def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
-        small = builder.fcmp_ordered("<=", *arguments)
-        if isinstance(small.type, ir.VectorType):
-            bits = ir.IntType(small.type.count)
-            return builder.icmp_unsigned("==", builder.bitcast(small, bits), bits((1 << bits.width) - 1))
-        return small
-
-    return types.boolean(value, value), generate
-
-
-@intrinsic
-def doubled(typing: Any, value: Any, times: Any) -> Any:
-    """A number times two to the power of a whole one, which `times` holds as `turned` is told its quarters: of Lanes.
-
-    Exact as long as no exponent leaves its range; 0 is none that may be given.
-    """
-
-    def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
-        whole = ir.VectorType(ir.IntType(64), kind.return_type.width)
-        number, exponent = (builder.bitcast(each, whole) for each in arguments)
-        shifted = builder.shl(exponent, ir.Constant(whole, [52] * whole.count))
-        return builder.bitcast(builder.add(number, shifted), arguments[0].type)
-
-    return times(times, times), generate
 
 
 @intrinsic
