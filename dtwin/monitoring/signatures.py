@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from dtwin.monitoring.estimation.belief import Belief, Tail
 from dtwin.monitoring.estimation.estimator import Estimator, Past
 from dtwin.monitoring.estimation.layout import PAYLOAD
-from dtwin.monitoring.estimation.traces import NONE, ONSETS, Traces, begin, largest, take
+from dtwin.monitoring.estimation.traces import NONE, ONSETS, Traces, begin, exceed, largest, take
 from dtwin.monitoring.kinds import BIAS, JUMPS, FaultId, parse_fault_id
 from dtwin.monitoring.settings import MonitorSettings
 from dtwin.twin.lanes import WIDTH
@@ -141,7 +141,7 @@ class SignatureBank:
         traces = self.traces
         for each in (traces.E, traces.h, traces.J):
             each[:] = 0.0
-        traces.samples[:] = NONE
+        traces.samples[:], traces.order[:] = NONE, range(ONSETS)
         self._estimators = [None] * ONSETS
 
     def regrip(self) -> None:
@@ -167,7 +167,7 @@ class SignatureBank:
     def note(self, estimator: Estimator, sample: int) -> None:
         """Takes this sample for an onset."""
         traces = self.traces
-        place = begin(traces.E, traces.h, traces.J, traces.rows, traces.samples, traces.gaps, sample)
+        place = begin(traces.E, traces.h, traces.J, traces.rows, traces.samples, traces.order, traces.gaps, sample)
         self._estimators[place] = partial(_itself, estimator.copy())
 
     def adopt(self, estimator: Estimator, past: Past) -> None:
@@ -202,6 +202,11 @@ class SignatureBank:
         found: float = largest(traces.h, traces.J, traces.precision, traces.least, traces.allowance)
         return found
 
+    def exceeds(self, limit: float) -> bool:
+        """Whether the largest of the statistics beyond what is allowed for is above a limit, or not a number."""
+        traces = self.traces
+        return bool(exceed(traces.h, traces.J, traces.precision, traces.least, traces.allowance, limit))
+
     def suspicions(self, least: float = 0.0) -> list[Suspicion]:
         """For each fault of which a statistic is at least so much its best onset, most likely first."""
         traces, statistics = self.traces, self.statistics()
@@ -227,8 +232,7 @@ class SignatureBank:
 
     def _places(self) -> list[int]:
         """The places that have an onset, in the order of their samples."""
-        samples = self.traces.samples
-        return [place for place in np.argsort(samples).tolist() if samples[place] != NONE]
+        return [place for place in self.traces.order.tolist() if self.traces.samples[place] != NONE]
 
     def _onset(self, place: int) -> Onset:
         remembered = self._estimators[place]

@@ -1,7 +1,6 @@
 """What evidence counts, and how sure a diagnosis is: allowances, bounds, joints at rest, sets of causes."""
 
 import math
-from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -18,6 +17,7 @@ from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.monitoring.settings import MonitorSettings
 from dtwin.monitoring.signatures import ALIKE, Onset, SignatureBank, Suspicion, allowances, limits, threshold
+from dtwin.monitoring.tracking.moments import Moments
 from dtwin.run.recording import Log
 from dtwin.twin.lanes import WIDTH
 
@@ -94,7 +94,7 @@ def diagnosis(belief: Belief, gains: dict[str, float], temper: float = 1.0) -> D
     """A diagnosis between faults with log-likelihoods."""
     onset = Onset(10, 1, Estimator(belief, Tuning()))
     suspicions = [Suspicion(parse_fault_id(fault), onset, 50.0, 0.0, 1.0, ()) for fault in gains]
-    found = Diagnosis(suspicions, deque(), 10, plausible_sizes(belief.arm), False, temper=temper)
+    found = Diagnosis(suspicions, Moments(1), 10, plausible_sizes(belief.arm), False, temper=temper)
     kept = {str(each.fault): each for each in found.candidates if str(each.fault) in gains}
     assert set(kept) == set(gains)
     for fault, candidate in kept.items():

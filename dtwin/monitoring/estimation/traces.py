@@ -44,6 +44,7 @@ class Traces(NamedTuple):
         at_once: (45, 8), 1 of faults that show at once, 0 of others.
         rows: (18,), index of the state that each fault changes.
         samples: (20,), onset at each place; the places fill up in their order.
+        order: (20,), places of the onsets, the oldest first; those that are filled come first.
         gaps: (20,), samples from each onset to the next.
     """
 
@@ -56,6 +57,7 @@ class Traces(NamedTuple):
     at_once: Array
     rows: NDArray[np.int64]
     samples: NDArray[np.int64]
+    order: NDArray[np.int64]
     gaps: NDArray[np.int64]
 
     @classmethod
@@ -80,6 +82,7 @@ class Traces(NamedTuple):
             at_once=everywhere([fault.startswith(OFFSET) for fault in JUMPS]),
             rows=np.array([INDEX[fault] for fault in JUMPS]),
             samples=np.full(ONSETS, NONE),
+            order=np.arange(ONSETS),
             gaps=np.ones(ONSETS, dtype=np.int64),
         )
 
@@ -99,6 +102,23 @@ def largest(h: Array, J: Array, precision: Array, least: Array, allowance: Array
             if not statistic <= found:
                 found = statistic
     return found
+
+
+@kernel
+def exceed(h: Array, J: Array, precision: Array, least: Array, allowance: Array, limit: float) -> bool:
+    """Whether one of h^2 / (J + precision) is above a limit beyond what is allowed for, or not a number.
+
+    Args:
+        h, J, precision, least, allowance: as in `Traces`.
+        limit: at least 0.
+    """
+    some = False
+    for n in range(len(h)):
+        for lane in range(WIDTH):
+            counted = least[n, lane] if h[n, lane] < least[n, lane] else h[n, lane]
+            most = (limit + allowance[n, lane]) * (J[n, lane] + precision[n, lane])
+            some |= not counted * counted <= most
+    return some
 
 
 @kernel(uses=(lanes,))
@@ -183,6 +203,7 @@ def begin(
     J: Array,
     rows: NDArray[np.int64],
     samples: NDArray[np.int64],
+    order: NDArray[np.int64],
     gaps: NDArray[np.int64],
     sample: int,
 ) -> int:
@@ -191,11 +212,10 @@ def begin(
     Where there is none free it takes that of the onset whose neighbours are closest for its age, or of the oldest
     when it is too old.
     """
-    place = 0
-    while place < ONSETS and samples[place] != NONE:
-        place += 1
-    if place == ONSETS:
-        place = _redundant(samples, gaps, sample)
+    filled = 0
+    while filled < ONSETS and samples[order[filled]] != NONE:
+        filled += 1
+    place = order[filled] if filled < ONSETS else _redundant(samples, order, gaps, sample)
     samples[place], gaps[place] = sample, 1
     for fault in range(_FAULTS):
         number = place * _FAULTS + fault
@@ -208,10 +228,10 @@ def begin(
 
 
 @kernel
-def _redundant(samples: NDArray[np.int64], gaps: NDArray[np.int64], now: int) -> int:
-    order = np.argsort(samples)
+def _redundant(samples: NDArray[np.int64], order: NDArray[np.int64], gaps: NDArray[np.int64], now: int) -> int:
+    """The place of the onset that is given up, the last in the order from now on."""
     if now - samples[order[0]] > LONGEST:
-        return order[0]
+        return _to_the_end(order, 0)
     drop, closest = 1, np.inf
     for i in range(1, ONSETS):
         after = samples[order[i + 1]] if i + 1 < ONSETS else now
@@ -220,7 +240,15 @@ def _redundant(samples: NDArray[np.int64], gaps: NDArray[np.int64], now: int) ->
             drop, closest = i, space
     after = samples[order[drop + 1]] if drop + 1 < ONSETS else now
     gaps[order[drop - 1]] = after - samples[order[drop - 1]]
-    return order[drop]
+    return _to_the_end(order, drop)
+
+
+@kernel
+def _to_the_end(order: NDArray[np.int64], position: int) -> int:
+    place = order[position]
+    order[position:-1] = order[position + 1 :].copy()
+    order[-1] = place
+    return place
 
 
 @kernel(uses=(lanes,))
@@ -234,6 +262,7 @@ def take(
     at_once: Array,
     rows: NDArray[np.int64],
     samples: NDArray[np.int64],
+    order: NDArray[np.int64],
     gaps: NDArray[np.int64],
     x: Array,
     lowest: Array,
@@ -266,4 +295,4 @@ def take(
         bounds[fault] = 0.0 if x[rows[fault]] <= lowest[rows[fault]] else -np.inf
     for place in range(ONSETS):
         everywhere[place * _FAULTS : (place + 1) * _FAULTS] = bounds
-    return begin(E, h, J, rows, samples, gaps, sample)
+    return begin(E, h, J, rows, samples, order, gaps, sample)
