@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 from dtwin.monitoring.estimation.belief import Belief, Tail
 from dtwin.monitoring.estimation.estimator import Estimator, Past
 from dtwin.monitoring.estimation.layout import PAYLOAD
-from dtwin.monitoring.estimation.traces import NONE, ONSETS, Traces, begin, exceed, largest, take
+from dtwin.monitoring.estimation.traces import NONE, ONSETS, WIDTH, Traces, begin, by_onset, exceed, largest, take
 from dtwin.monitoring.kinds import BIAS, JUMPS, FaultId, parse_fault_id
 from dtwin.monitoring.settings import MonitorSettings
-from dtwin.twin.lanes import WIDTH
 
 Array = NDArray[np.float64]
 
@@ -193,8 +192,7 @@ class SignatureBank:
     def statistics(self) -> Array:
         """2 log likelihood ratio of every onset and fault, (20, 18); 0 where there is no onset yet."""
         traces = self.traces
-        result: Array = (np.maximum(traces.h, traces.least) ** 2 / (traces.J + traces.precision)).reshape(ONSETS, -1)
-        return result
+        return by_onset(np.maximum(traces.h, traces.least) ** 2 / (traces.J + traces.precision))
 
     def worst(self) -> float:
         """The largest of the statistics beyond what is allowed for."""
@@ -252,13 +250,12 @@ class SignatureBank:
         These are reciprocal variances of its size, (18,), 1/unit^2; 0 where there is no onset yet.
         """
         away = np.where(self.traces.samples == NONE, np.inf, np.abs(self.traces.samples - sample))
-        found: Array = self.traces.J.reshape(ONSETS, -1)[int(away.argmin())].copy()
-        return found
+        return by_onset(self.traces.J)[int(away.argmin())].copy()
 
     def visible(self, sizes: dict[str, float], limit: float) -> dict[str, bool]:
         """Whether a fault of the given size, had it begun at the oldest onset, would be beyond the limit by now."""
-        information = self.traces.J.reshape(ONSETS, -1).max(axis=0)
-        allowance = self.traces.allowance.reshape(ONSETS, -1)[0]
+        information = by_onset(self.traces.J).max(axis=0)
+        allowance = by_onset(self.traces.allowance)[0]
         return {
             fault: bool(sizes[fault] ** 2 * information[k] > limit + allowance[k]) for k, fault in enumerate(JUMPS)
         }

@@ -24,31 +24,36 @@ WIDTH: Final = 8
 
 
 class _Lanes(types.Type):
-    """The type of a number of float64."""
+    """The type of a number of floats of 64 or 32 bits."""
 
-    def __init__(self, width: int) -> None:
-        self.width = width
-        super().__init__(name=f"Lanes{width}")
+    def __init__(self, width: int, bits: int = 64) -> None:
+        self.width, self.bits = width, bits
+        super().__init__(name=f"Lanes{width}x{bits}")
+
+    @property
+    def one(self) -> types.Float:
+        """The type of what is in a lane."""
+        return types.float64 if self.bits == 64 else types.float32
 
 
 @register_model(_Lanes)
 class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: _Lanes) -> None:
-        super().__init__(manager, kind, _vector(kind.width))
+        super().__init__(manager, kind, _vector(kind))
 
 
-def _vector(width: int) -> ir.VectorType:
-    return ir.VectorType(ir.DoubleType(), width)
+def _vector(kind: _Lanes) -> ir.VectorType:
+    return ir.VectorType(ir.DoubleType() if kind.bits == 64 else ir.FloatType(), kind.width)
 
 
 @lower_cast(types.Float, _Lanes)
 def _everywhere(context: Any, builder: Any, given: Any, wanted: Any, value: Any) -> Any:
     """The same number in all lanes."""
-    return _gathered(builder, [value] * wanted.width)
+    return _gathered(builder, [context.cast(builder, value, given, wanted.one)] * wanted.width)
 
 
 def _gathered(builder: Any, values: Sequence[Any]) -> Any:
-    found = ir.Constant(_vector(len(values)), ir.Undefined)
+    found = ir.Constant(ir.VectorType(values[0].type, len(values)), ir.Undefined)
     for lane, value in enumerate(values):
         found = builder.insert_element(found, value, ir.IntType(32)(lane))
     return found
@@ -115,11 +120,9 @@ def _instruction(name: str) -> Callable[..., Any]:
 
 
 def _fma(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
-    vector = arguments[0].type
+    vector, name = arguments[0].type, f"llvm.fma.v{kind.return_type.width}f{kind.return_type.bits}"
     declared = ir.FunctionType(vector, [vector] * 3)
-    return builder.call(
-        cgutils.get_or_insert_function(builder.module, declared, f"llvm.fma.v{vector.count}f64"), arguments
-    )
+    return builder.call(cgutils.get_or_insert_function(builder.module, declared, name), arguments)
 
 
 def _tanh(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
@@ -154,38 +157,48 @@ def fused(a: float, b: float, c: float) -> float:
 _define(fused, 3, _fma)
 
 
-def memory(width: int) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """Functions for kernels that read and write Lanes: `load` and `store` for arrays, (n, width)."""
-    kind = _Lanes(width)
+def memory(width: int, bits: int = 64) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Functions for kernels that read and write Lanes: `load` and `store` for arrays, (n, width), of such floats."""
+    lanes_of = _Lanes(width, bits)
 
     def place(context: Any, builder: Any, kind: Any, array: Any, row: Any) -> Any:
         data = context.make_array(kind)(context, builder, array).data
         first = builder.mul(row, ir.IntType(64)(width))
-        return builder.bitcast(builder.gep(data, [first]), _vector(width).as_pointer())
+        return builder.bitcast(builder.gep(data, [first]), _vector(lanes_of).as_pointer())
 
     @intrinsic
     def load(typing: Any, array: Any, row: Any) -> Any:
         """A row of a contiguous array, (n, width), as Lanes."""
 
         def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
-            return builder.load(place(context, builder, kind.args[0], *arguments), align=8)
+            return builder.load(place(context, builder, kind.args[0], *arguments), align=bits // 8)
 
-        return kind(array, types.int64), generate
+        return lanes_of(array, types.int64), generate
 
     @intrinsic
     def store(typing: Any, array: Any, row: Any, lanes: Any) -> Any:
         """Writes Lanes to a row of a contiguous array, (n, width)."""
 
         def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
-            builder.store(arguments[2], place(context, builder, kind.args[0], *arguments[:2]), align=8)
+            builder.store(arguments[2], place(context, builder, kind.args[0], *arguments[:2]), align=bits // 8)
             return context.get_dummy_value()
 
-        return types.void(array, types.int64, kind), generate
+        return types.void(array, types.int64, lanes_of), generate
 
     return load, store
 
 
 load, store = memory(WIDTH)
+
+
+@intrinsic
+def widened(typing: Any, lanes: Any) -> Any:
+    """Lanes of 32 bits as lanes of 64 bits."""
+
+    def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
+        return builder.fpext(arguments[0], _vector(kind.return_type))
+
+    return _Lanes(lanes.width)(lanes), generate
 
 
 @intrinsic

@@ -14,10 +14,11 @@ from hypothesis.extra.numpy import arrays
 
 from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import sine_cosine
-from dtwin.twin.lanes import WIDTH, abreast, apart, fused, load, store
+from dtwin.twin.lanes import WIDTH, abreast, apart, fused, load, memory, store, widened
 from tests.support.arms import Array
 from tests.support.examples import examples
 
+SINGLE = st.floats(-(2.0**50), 2.0**50, width=32)
 NUMBERS = arrays(np.float64, (3, WIDTH), elements=st.floats(allow_subnormal=True))
 
 
@@ -47,6 +48,16 @@ def _sines_in_lanes(rows: Array, found: Array) -> None:
     store(found, 1, cosine)
 
 
+_load_single, _store_single = memory(WIDTH, 32)
+
+
+@kernel
+def _single_in_lanes(rows: Array, factor: float, found: Array, wide: Array) -> None:
+    result = _load_single(rows, 0) - factor * _load_single(rows, 1)
+    _store_single(found, 0, result)
+    store(wide, 0, widened(result))
+
+
 def _rounded_once(a: float, b: float, c: float) -> float:
     """a b + c; zero without its sign."""
     return float(Fraction(a) * Fraction(b) + Fraction(c))
@@ -74,6 +85,15 @@ def test_what_is_fused_is_rounded_once(rows: Array) -> None:
     found = np.empty((1, WIDTH))
     _fused_in_lanes(rows, found)
     assert found[0].tolist() == [_rounded_once(*rows[:, lane].tolist()) for lane in range(WIDTH)]
+
+
+@examples(100, deadline=None)
+@given(arrays(np.float32, (2, WIDTH), elements=SINGLE), SINGLE)
+def test_lanes_of_single_precision_compute_in_it(rows: Array, factor: float) -> None:
+    found, wide = np.empty((1, WIDTH), dtype=np.float32), np.empty((1, WIDTH))
+    _single_in_lanes(rows, factor, found, wide)
+    assert found[0].tolist() == (rows[0] - np.float32(factor) * rows[1]).tolist()
+    assert wide.tolist() == found.tolist()
 
 
 @examples(300, deadline=None)
