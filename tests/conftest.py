@@ -12,10 +12,12 @@ from dtwin.monitoring.estimation.belief import Belief
 from dtwin.run.cell import Cell
 from dtwin.run.recording import Log
 from dtwin.run.settings import CellSettings
+from tests.support.examples import EXAMPLES, THOROUGH, USUAL, usual
 
 # No deadline, since a first call may compile; the same examples every time.
-settings.register_profile("dtwin", deadline=None, derandomize=True, max_examples=50)
-settings.load_profile("dtwin")
+settings.register_profile(USUAL, deadline=None, derandomize=True, max_examples=usual(EXAMPLES))
+settings.register_profile(THOROUGH, deadline=None, derandomize=True, max_examples=EXAMPLES)
+settings.load_profile(USUAL)
 
 NOISE = 0.003
 

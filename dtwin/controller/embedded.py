@@ -6,12 +6,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from dtwin.controller.kept import application
 from dtwin.controller.ports import BLOCKS, EMULATOR, LAST_SAMPLE, PATH, SYSTEM, sensor_values, voltages
 from dtwin.controller.runtime import running
 from dtwin.controller.sequence import CALLS, HELP, STRAIGHT, SequenceSettings
 from dtwin.controller.settings import ControlSettings
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.trace.ctf import TraceWriter
 from dtwin.parameters import Triple
@@ -44,8 +43,7 @@ class EmbeddedController:
         prepare: Callable[[Resource], None] | None = None,
         writer: TraceWriter | None = None,
     ) -> None:
-        library = Library([blocks])
-        network = resource_network(library.load_system(blocks / SYSTEM))
+        network, library = application(blocks, SYSTEM)
         if prepare is None:
             self.resource = running(network, library, writer)
         else:

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from dtwin.controller.kept import application
 from dtwin.controller.ports import BLOCKS, EMULATOR, REQUEST, SYSTEM, TWIN, sensor_values, voltages
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.parameters import Triple
 from dtwin.signals import NO_COLOUR, Quad, Sensors
@@ -26,8 +25,7 @@ class ExcitationController:
     """
 
     def __init__(self, blocks: Path = BLOCKS) -> None:
-        library = Library([blocks])
-        self._resource = Resource(resource_network(library.load_system(blocks / SYSTEM)), library)
+        self._resource = Resource(*application(blocks, SYSTEM))
 
     def begin(self, amplitude: Triple, unit: int, delay: tuple[int, int, int], samples: int) -> None:
         """Starts the application anew and requests a 3-2-1-1 signal, which comes with the next step.

@@ -8,12 +8,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+from dtwin.controller.kept import application
 from dtwin.controller.ports import BLOCKS, MOTION_SYSTEM, OFFSETS, PATH, PATH_END
 from dtwin.controller.runtime import running
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError, choices
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.mapping import resource_network
 from dtwin.parameters import PERIOD, Triple
 from dtwin.task import DEFAULT_TASK, Task
 
@@ -44,8 +43,7 @@ class MotionController:
 
     def __init__(self, blocks: Path = BLOCKS, task: Task = DEFAULT_TASK) -> None:
         self._places = task.all_places
-        library = Library([blocks])
-        self.resource = running(resource_network(library.load_system(blocks / MOTION_SYSTEM)), library)
+        self.resource = running(*application(blocks, MOTION_SYSTEM))
         server = self.resource.server(ARM)
         self.resource.start()
         self._configured = self.resource.snapshot()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
+from copy import copy
+from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
@@ -17,17 +19,39 @@ JOINTS: Final = ("joint_1", "joint_2", "joint_3", "gripper")
 ACTUATORS: Final = ("motor_1", "motor_2", "motor_3", "motor_gripper")
 SENSORS: Final = ("theta_1", "theta_2", "theta_3", "omega_1", "omega_2", "omega_3", "gripper")
 SITES: Final = ("tip", "pickup", "blue", "red", "green")
+_NAMES_A_FILE: Final = b"file="
+"""Stands in every MJCF file that takes something from another one."""
+
+
+def ideal_arm(file: Path) -> mujoco.MjModel:
+    """The compiled model of an ideal arm alone; of a file that names no other one it is compiled once.
+
+    Raises:
+        ModelError: the file is missing, malformed, or lacks a name.
+    """
+    try:
+        content = file.read_bytes()
+    except OSError:  # is told by the one who compiles it
+        content = _NAMES_A_FILE
+    if _NAMES_A_FILE in content:
+        return compile_arm(file, None, 0.0, None)
+    return copy(_kept_arm(file, content))
+
+
+@lru_cache(maxsize=8)
+def _kept_arm(file: Path, content: bytes) -> mujoco.MjModel:
+    return compile_arm(file, None, 0.0, None)
 
 
 def compile_arm(
-    file: Path, extend: Callable[[mujoco.MjSpec], None], step: float, bodies: Bodies | None
+    file: Path, extend: Callable[[mujoco.MjSpec], None] | None, step: float, bodies: Bodies | None
 ) -> mujoco.MjModel:
     """The compiled model of the parts that move, checked for all the names that a plant uses, then extended.
 
     Args:
         file: MJCF file with the names of models/arm.xml.
-        extend: adds to the arm what a machine has beside it.
-        step: integration step, s.
+        extend: adds to the arm what a machine has beside it; None for nothing.
+        step: integration step, s, which only bodies ask for.
         bodies: what touches the arm and one another; None for an arm alone.
 
     Raises:
@@ -40,6 +64,11 @@ def compile_arm(
                 require(file, kind, spec.bodies if kind == "body" else spec.geoms, names)
         for element in (*spec.cameras, *spec.lights, *spec.sensors, *spec.keys, *spec.sites):
             spec.delete(element)
+        # Nobody looks at the plant, and MuJoCo takes longer to paint textures than for all else.
+        for material in spec.materials:
+            material.textures = [""] * len(material.textures)
+        for texture in spec.textures:
+            spec.delete(texture)
         for geom in list(spec.geoms):
             if not bodies or not (geom.contype or geom.conaffinity):
                 spec.delete(geom)
@@ -52,10 +81,11 @@ def compile_arm(
         for kind, found, expected in (("joint", joints, JOINTS), ("actuator", actuators, ACTUATORS)):
             if found != expected:
                 raise ModelError(f"{file}: {kind}s are {', '.join(found)}, expected exactly {', '.join(expected)}")
-        extend(spec)
+        if extend:
+            extend(spec)
         if bodies:
             bodies.extend(spec, step)
-        return spec.compile()
+        return spec.compile() if extend or bodies else model
     except ValueError as error:
         raise ModelError(one_line(file, str(error))) from None
 

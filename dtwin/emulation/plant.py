@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.contact.bodies import Bodies
-from dtwin.emulation.model import LINKS, compile_arm
+from dtwin.emulation.model import LINKS, compile_arm, ideal_arm
 from dtwin.emulation.stepping import STEP, Stepping
 from dtwin.errors import DivergenceError, ParameterError
 from dtwin.parameters import COULOMB_WIDTH, GRAVITY, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
@@ -101,7 +101,7 @@ class Plant:
             raise ParameterError(f"integration step: expected a finite number above 0, got {step}")
         # MuJoCo would write MUJOCO_LOG.TXT into the working directory; the state is checked in `advance` instead.
         mujoco.set_mju_user_warning(_log.debug)
-        self.model = compile_arm(model_file, self._extend, step, bodies)
+        self.model = self._compiled(model_file, step, bodies)
         self.model.opt.timestep = step
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | (0 if bodies else self._unused)
         self.data = mujoco.MjData(self.model)
@@ -380,5 +380,5 @@ class Plant:
         self.angles: list[float] = self._qpos.tolist()
         self._speeds: list[float] = self._qvel.tolist()
 
-    def _extend(self, spec: mujoco.MjSpec) -> None:
-        """Adds to the arm what a machine has beside it."""
+    def _compiled(self, file: Path, step: float, bodies: Bodies | None) -> mujoco.MjModel:
+        return compile_arm(file, None, step, bodies) if bodies else ideal_arm(file)

@@ -68,6 +68,11 @@ class Library:
             for (kind, name), files in here.items():
                 self._files[kind].setdefault(name, tuple(files))
 
+    def stamp(self) -> tuple[tuple[str, int, int], ...]:
+        """Name, time of change (ns) and size of every file in the folders; as long as it is the same, so are they."""
+        files = (file for folder in self._paths for file in sorted(folder.rglob("*")))
+        return tuple((str(file), (status := file.stat()).st_mtime_ns, status.st_size) for file in files)
+
     def names(self) -> tuple[str, ...]:
         """The names of the types in the folders."""
         return tuple(sorted(self._files["block"]))

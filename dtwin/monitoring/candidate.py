@@ -9,9 +9,7 @@ speaks for it, and its state tells the size of the change: no linearisation in t
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from itertools import islice
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +19,7 @@ from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import INDEX
 from dtwin.monitoring.kinds import FaultId
 from dtwin.monitoring.signatures import Onset
+from dtwin.monitoring.tracking.moments import Moment, Moments
 
 Array = NDArray[np.float64]
 
@@ -34,28 +33,6 @@ _SEEN: Final = 20
 """Samples in which it shows that a push has ended."""
 _PUSH: Final = 0.3
 """Standard deviation of the torque of a push, N m."""
-
-
-class Moment(NamedTuple):
-    """One sample as the monitor took it.
-
-    Attributes:
-        volts: (3,), the command that led to it, V.
-        gripped: whether a box was held.
-        doubt: standard deviation of the torques that the command leaves in doubt, N m.
-        measured: (3,), rad.
-        used: (3,), which readings were taken in.
-        counts: whether it is evidence.
-        likelihood: logarithm of the likelihood of the readings under the arm as believed so far.
-    """
-
-    volts: Array
-    gripped: bool
-    doubt: float
-    measured: Array
-    used: NDArray[np.bool_]
-    counts: bool
-    likelihood: float
 
 
 def misfit_after(before: float, estimator: Estimator, used: NDArray[np.bool_]) -> float:
@@ -150,9 +127,9 @@ class Candidate:
             self.gain += gain
             self.misfit = misfit_after(self.misfit, estimator, used)
 
-    def catch_up(self, history: Sequence[Moment], sample: int) -> None:
+    def catch_up(self, history: Moments, sample: int) -> None:
         """Takes in all samples since the onset; the last one in the history has the given number."""
-        for moment in islice(history, len(history) - (sample - self.onset.sample), None):
+        for moment in history.last(sample - self.onset.sample):
             self.follow(moment)
 
     @property

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import islice
 from typing import Final
 
-from dtwin.monitoring.candidate import Candidate, Moment
+from dtwin.monitoring.candidate import Candidate
 from dtwin.monitoring.kinds import (
     BIAS,
     DRIFT,
@@ -29,6 +28,7 @@ from dtwin.monitoring.kinds import (
     parse_fault_id,
 )
 from dtwin.monitoring.signatures import Onset, Suspicion
+from dtwin.monitoring.tracking.moments import Moment, Moments
 
 DELAYED: Final = 4
 """samples in which, after an onset, an encoder stops or something is lost"""
@@ -92,7 +92,7 @@ class Diagnosis:
     def __init__(
         self,
         suspicions: Sequence[Suspicion],
-        history: Sequence[Moment],
+        history: Moments,
         sample: int,
         sizes: dict[str, float],
         locked: bool,
@@ -262,13 +262,10 @@ def _stops(stopped: Sequence[tuple[int, Onset]], sizes: dict[str, float]) -> lis
     return found
 
 
-def _stepped(
-    fault: FaultId, onset: Onset, sizes: dict[str, float], history: Sequence[Moment], sample: int
-) -> list[Candidate]:
+def _stepped(fault: FaultId, onset: Onset, sizes: dict[str, float], history: Moments, sample: int) -> list[Candidate]:
     """That an encoder's offset has jumped at a sample of the largest innovations between an onset and the next."""
     estimator, joint, innovations = onset.estimator.copy(), fault.joint - 1, []
-    begin = len(history) - (sample - onset.sample)
-    for moment in islice(history, begin, begin + onset.gap):
+    for moment in history.last(sample - onset.sample)[: onset.gap]:
         estimator.predict(moment.volts, moment.gripped, moment.doubt)
         estimator.correct(moment.measured, moment.used)
         counts = moment.counts and moment.used[joint]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.bus.twin_messages import MonitoringVerdict
-from dtwin.monitoring.candidate import Candidate, Moment
+from dtwin.monitoring.candidate import Candidate
 from dtwin.monitoring.diagnosis import CERTAIN, PAUSE, Diagnosis
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import Estimator
@@ -21,6 +21,7 @@ from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.settings import MonitorSettings
 from dtwin.monitoring.signatures import SignatureBank, limits
 from dtwin.monitoring.stopped import Stopped
+from dtwin.monitoring.tracking.moments import Moment
 from dtwin.monitoring.tracking.quiet import LEAST_LIKELY
 from dtwin.monitoring.tracking.tracking import BRIDGED, SETTLING, Tracking
 from dtwin.monitoring.trend import Trend
@@ -119,7 +120,7 @@ class Monitor:
         stretch = quiet and self._track.follow(
             self.estimator, self.threshold, sample[rows], measured[rows], volts[rows], gripped[rows]
         )
-        if not stretch or not stretch.moments:
+        if not stretch or not stretch.done:
             self.update(int(sample[0]), measured[0], volts[0], bool(gripped[0]))
             return 1
         if stretch.concluded:
@@ -127,8 +128,8 @@ class Monitor:
             self._look(Watching())
         else:
             self.findings.read(self.time, self._track.readings, True)
-            self._conclude(stretch.moments[-1], False)
-        return len(stretch.moments)
+            self._conclude(stretch.last, False)
+        return stretch.done
 
     @property
     def statistic(self) -> float:
@@ -308,8 +309,8 @@ class Monitor:
         if belief is not self._belief:
             self._belief, self.estimator = belief, Estimator(belief, self.settings.tuning)
             self._readings.expect_tails(belief.clip)
-            self._track.moments.extend(replay(self.estimator, self._track.moments, self._bank, self.sample))
-        if self._bank.worst() > self.threshold:
+            self._track.moments.take(replay(self.estimator, self._track.moments, self._bank, self.sample))
+        if self._bank.exceeds(self.threshold):
             self._probation.moved = 0
 
     def _look(self, mode: Watching | Lost) -> None:
@@ -318,7 +319,7 @@ class Monitor:
             self._mode = mode = Watching()
         possible = self._probation.passed and self._bank.began
         stopped = self._stopped.open(self._readings, self.findings.known) if possible else []
-        if self.findings.blind or not (self._bank.worst() > self.threshold or stopped):
+        if self.findings.blind or not (self._bank.exceeds(self.threshold) or stopped):
             return
         if isinstance(mode, Lost) and not stopped:
             self._try_again(mode)
@@ -342,7 +343,7 @@ class Monitor:
     def _doubt_model(self, unfit: Unfit) -> None:
         """Starts anew from a model that does not fit when it fails again, and believes it after a while."""
         self._mode = unfit
-        if self._bank.worst() > self.threshold:
+        if self._bank.exceeds(self.threshold):
             self._mode, self._probation = Unfit(), Probation()
             self._start_over()
         elif unfit.over:

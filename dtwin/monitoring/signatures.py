@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 from dtwin.monitoring.estimation.belief import Belief, Tail
 from dtwin.monitoring.estimation.estimator import Estimator, Past
 from dtwin.monitoring.estimation.layout import PAYLOAD
-from dtwin.monitoring.estimation.traces import NONE, ONSETS, Traces, begin, largest, take
+from dtwin.monitoring.estimation.traces import NONE, ONSETS, WIDTH, Traces, begin, by_onset, exceed, largest, take
 from dtwin.monitoring.kinds import BIAS, JUMPS, FaultId, parse_fault_id
 from dtwin.monitoring.settings import MonitorSettings
-from dtwin.twin.lanes import WIDTH
 
 Array = NDArray[np.float64]
 
@@ -141,7 +140,7 @@ class SignatureBank:
         traces = self.traces
         for each in (traces.E, traces.h, traces.J):
             each[:] = 0.0
-        traces.samples[:] = NONE
+        traces.samples[:], traces.order[:] = NONE, range(ONSETS)
         self._estimators = [None] * ONSETS
 
     def regrip(self) -> None:
@@ -167,7 +166,7 @@ class SignatureBank:
     def note(self, estimator: Estimator, sample: int) -> None:
         """Takes this sample for an onset."""
         traces = self.traces
-        place = begin(traces.E, traces.h, traces.J, traces.rows, traces.samples, traces.gaps, sample)
+        place = begin(traces.E, traces.h, traces.J, traces.rows, traces.samples, traces.order, traces.gaps, sample)
         self._estimators[place] = partial(_itself, estimator.copy())
 
     def adopt(self, estimator: Estimator, past: Past) -> None:
@@ -193,14 +192,18 @@ class SignatureBank:
     def statistics(self) -> Array:
         """2 log likelihood ratio of every onset and fault, (20, 18); 0 where there is no onset yet."""
         traces = self.traces
-        result: Array = (np.maximum(traces.h, traces.least) ** 2 / (traces.J + traces.precision)).reshape(ONSETS, -1)
-        return result
+        return by_onset(np.maximum(traces.h, traces.least) ** 2 / (traces.J + traces.precision))
 
     def worst(self) -> float:
         """The largest of the statistics beyond what is allowed for."""
         traces = self.traces
         found: float = largest(traces.h, traces.J, traces.precision, traces.least, traces.allowance)
         return found
+
+    def exceeds(self, limit: float) -> bool:
+        """Whether the largest of the statistics beyond what is allowed for is above a limit, or not a number."""
+        traces = self.traces
+        return bool(exceed(traces.h, traces.J, traces.precision, traces.least, traces.allowance, limit))
 
     def suspicions(self, least: float = 0.0) -> list[Suspicion]:
         """For each fault of which a statistic is at least so much its best onset, most likely first."""
@@ -227,8 +230,7 @@ class SignatureBank:
 
     def _places(self) -> list[int]:
         """The places that have an onset, in the order of their samples."""
-        samples = self.traces.samples
-        return [place for place in np.argsort(samples).tolist() if samples[place] != NONE]
+        return [place for place in self.traces.order.tolist() if self.traces.samples[place] != NONE]
 
     def _onset(self, place: int) -> Onset:
         remembered = self._estimators[place]
@@ -248,13 +250,12 @@ class SignatureBank:
         These are reciprocal variances of its size, (18,), 1/unit^2; 0 where there is no onset yet.
         """
         away = np.where(self.traces.samples == NONE, np.inf, np.abs(self.traces.samples - sample))
-        found: Array = self.traces.J.reshape(ONSETS, -1)[int(away.argmin())].copy()
-        return found
+        return by_onset(self.traces.J)[int(away.argmin())].copy()
 
     def visible(self, sizes: dict[str, float], limit: float) -> dict[str, bool]:
         """Whether a fault of the given size, had it begun at the oldest onset, would be beyond the limit by now."""
-        information = self.traces.J.reshape(ONSETS, -1).max(axis=0)
-        allowance = self.traces.allowance.reshape(ONSETS, -1)[0]
+        information = by_onset(self.traces.J).max(axis=0)
+        allowance = by_onset(self.traces.allowance)[0]
         return {
             fault: bool(sizes[fault] ** 2 * information[k] > limit + allowance[k]) for k, fault in enumerate(JUMPS)
         }

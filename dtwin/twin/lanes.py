@@ -24,31 +24,36 @@ WIDTH: Final = 8
 
 
 class _Lanes(types.Type):
-    """The type of a number of float64."""
+    """The type of a number of floats of 64 or 32 bits."""
 
-    def __init__(self, width: int) -> None:
-        self.width = width
-        super().__init__(name=f"Lanes{width}")
+    def __init__(self, width: int, bits: int = 64) -> None:
+        self.width, self.bits = width, bits
+        super().__init__(name=f"Lanes{width}x{bits}")
+
+    @property
+    def one(self) -> types.Float:
+        """The type of what is in a lane."""
+        return types.float64 if self.bits == 64 else types.float32
 
 
 @register_model(_Lanes)
 class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: _Lanes) -> None:
-        super().__init__(manager, kind, _vector(kind.width))
+        super().__init__(manager, kind, _vector(kind))
 
 
-def _vector(width: int) -> ir.VectorType:
-    return ir.VectorType(ir.DoubleType(), width)
+def _vector(kind: _Lanes) -> ir.VectorType:
+    return ir.VectorType(ir.DoubleType() if kind.bits == 64 else ir.FloatType(), kind.width)
 
 
 @lower_cast(types.Float, _Lanes)
 def _everywhere(context: Any, builder: Any, given: Any, wanted: Any, value: Any) -> Any:
     """The same number in all lanes."""
-    return _gathered(builder, [value] * wanted.width)
+    return _gathered(builder, [context.cast(builder, value, given, wanted.one)] * wanted.width)
 
 
 def _gathered(builder: Any, values: Sequence[Any]) -> Any:
-    found = ir.Constant(_vector(len(values)), ir.Undefined)
+    found = ir.Constant(ir.VectorType(values[0].type, len(values)), ir.Undefined)
     for lane, value in enumerate(values):
         found = builder.insert_element(found, value, ir.IntType(32)(lane))
     return found
@@ -114,16 +119,10 @@ def _instruction(name: str) -> Callable[..., Any]:
     return lambda context, builder, signature, arguments: getattr(builder, name)(*arguments)
 
 
-def _function(name: str) -> Callable[..., Any]:
-    """A function of LLVM that has vectors of any width."""
-
-    def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
-        vector = arguments[0].type
-        declared = ir.FunctionType(vector, [vector] * len(arguments))
-        function = cgutils.get_or_insert_function(builder.module, declared, f"{name}.v{vector.count}f64")
-        return builder.call(function, arguments)
-
-    return generate
+def _fma(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
+    vector, name = arguments[0].type, f"llvm.fma.v{kind.return_type.width}f{kind.return_type.bits}"
+    declared = ir.FunctionType(vector, [vector] * 3)
+    return builder.call(cgutils.get_or_insert_function(builder.module, declared, name), arguments)
 
 
 def _tanh(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
@@ -144,8 +143,6 @@ for _operator, _name in (
 ):
     _define(_operator, 2, _instruction(_name))
 _define(operator.neg, 1, _instruction("fneg"))
-_define(abs, 1, _function("llvm.fabs"))
-_define(math.copysign, 2, _function("llvm.copysign"))
 _define(math.tanh, 1, _tanh)
 
 
@@ -157,36 +154,36 @@ def fused(a: float, b: float, c: float) -> float:
     raise NotImplementedError
 
 
-_define(fused, 3, _function("llvm.fma"))
+_define(fused, 3, _fma)
 
 
-def memory(width: int) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """Functions for kernels that read and write Lanes: `load` and `store` for arrays, (n, width)."""
-    kind = _Lanes(width)
+def memory(width: int, bits: int = 64) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Functions for kernels that read and write Lanes: `load` and `store` for arrays, (n, width), of such floats."""
+    lanes_of = _Lanes(width, bits)
 
     def place(context: Any, builder: Any, kind: Any, array: Any, row: Any) -> Any:
         data = context.make_array(kind)(context, builder, array).data
         first = builder.mul(row, ir.IntType(64)(width))
-        return builder.bitcast(builder.gep(data, [first]), _vector(width).as_pointer())
+        return builder.bitcast(builder.gep(data, [first]), _vector(lanes_of).as_pointer())
 
     @intrinsic
     def load(typing: Any, array: Any, row: Any) -> Any:
         """A row of a contiguous array, (n, width), as Lanes."""
 
         def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
-            return builder.load(place(context, builder, kind.args[0], *arguments), align=8)
+            return builder.load(place(context, builder, kind.args[0], *arguments), align=bits // 8)
 
-        return kind(array, types.int64), generate
+        return lanes_of(array, types.int64), generate
 
     @intrinsic
     def store(typing: Any, array: Any, row: Any, lanes: Any) -> Any:
         """Writes Lanes to a row of a contiguous array, (n, width)."""
 
         def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
-            builder.store(arguments[2], place(context, builder, kind.args[0], *arguments[:2]), align=8)
+            builder.store(arguments[2], place(context, builder, kind.args[0], *arguments[:2]), align=bits // 8)
             return context.get_dummy_value()
 
-        return types.void(array, types.int64, kind), generate
+        return types.void(array, types.int64, lanes_of), generate
 
     return load, store
 
@@ -195,46 +192,13 @@ load, store = memory(WIDTH)
 
 
 @intrinsic
-def choose(typing: Any, left: Any, right: Any, yes: Any, no: Any) -> Any:
-    """`yes` where left <= right, `no` elsewhere: of floats, or lane by lane."""
+def widened(typing: Any, lanes: Any) -> Any:
+    """Lanes of 32 bits as lanes of 64 bits."""
 
     def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
-        left, right, yes, no = arguments
-        return builder.select(builder.fcmp_ordered("<=", left, right), yes, no)
+        return builder.fpext(arguments[0], _vector(kind.return_type))
 
-    lanes = [each for each in (left, right, yes, no) if isinstance(each, _Lanes)]
-    kind = lanes[0] if lanes else types.float64
-    return kind(kind, kind, kind, kind), generate
-
-
-@intrinsic
-def all_at_most(typing: Any, value: Any, limit: Any) -> Any:
-    """Whether a float, or each of some Lanes, is at most a limit."""
-
-    def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
-        small = builder.fcmp_ordered("<=", *arguments)
-        if isinstance(small.type, ir.VectorType):
-            bits = ir.IntType(small.type.count)
-            return builder.icmp_unsigned("==", builder.bitcast(small, bits), bits((1 << bits.width) - 1))
-        return small
-
-    return types.boolean(value, value), generate
-
-
-@intrinsic
-def doubled(typing: Any, value: Any, times: Any) -> Any:
-    """A number times two to the power of a whole one, which `times` holds as `turned` is told its quarters: of Lanes.
-
-    Exact as long as no exponent leaves its range; 0 is none that may be given.
-    """
-
-    def generate(context: Any, builder: Any, kind: Any, arguments: Any) -> Any:
-        whole = ir.VectorType(ir.IntType(64), kind.return_type.width)
-        number, exponent = (builder.bitcast(each, whole) for each in arguments)
-        shifted = builder.shl(exponent, ir.Constant(whole, [52] * whole.count))
-        return builder.bitcast(builder.add(number, shifted), arguments[0].type)
-
-    return times(times, times), generate
+    return _Lanes(lanes.width)(lanes), generate
 
 
 @intrinsic

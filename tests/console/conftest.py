@@ -14,7 +14,8 @@ from tests.support.pages.hand import SLOW, Hand
 
 AWAY = ("Failed to load resource", "WebSocket connection")
 """What a browser says of refusals, while a console is away, and after it has come back without the old sessions."""
-CELL = ("--console", "--monitoring", "--simulation", "--identification", "--noise", "0.002")
+SERVICES = ("--monitoring", "--simulation", "--identification")
+"""Services that a cell may have beside the console's own; each takes a second to start and a share of every tick."""
 
 
 @pytest.fixture(scope="session")
@@ -41,12 +42,20 @@ def pace() -> str:
 
 
 @pytest.fixture(scope="module")
-def cell(tmp_path_factory: pytest.TempPathFactory, recordings: Path, pace: str) -> Iterator[Desk]:
-    """A cell with all services and a console."""
+def services() -> tuple[str, ...]:
+    """Options of the services that the cell has beside the console; modules that need fewer of them say so."""
+    return SERVICES
+
+
+@pytest.fixture(scope="module")
+def cell(
+    tmp_path_factory: pytest.TempPathFactory, recordings: Path, pace: str, services: tuple[str, ...]
+) -> Iterator[Desk]:
+    """A cell with a console."""
     folder = tmp_path_factory.mktemp("cell")
     with new_desk() as desk, pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        desk.detach(*CELL, "--pace", pace, "--recordings", str(recordings))
+        desk.detach("--console", *services, "--noise", "0.002", "--pace", pace, "--recordings", str(recordings))
         yield desk
         desk.run("down")
 

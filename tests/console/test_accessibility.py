@@ -10,8 +10,23 @@ from playwright.sync_api import Page, expect
 from dtwin.services import runfile
 from tests.support.desk import Desk
 from tests.support.pages.browsers import DISPLAYS
+from tests.support.pages.colours import told_in_words
 
 RULES = {"runOnly": {"type": "tag", "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]}}
+PAINTED = """async (value) => {
+    const { drawIndicators } = await import("/static/js/indicator.js");
+    const canvas = document.createElement("canvas");
+    canvas.className = "indicator";
+    document.querySelector("main").append(canvas);
+    const context = canvas.getContext("2d");
+    const write = context.fillText.bind(context);
+    const texts = [];
+    context.fillText = (text, ...place) => { texts.push(text); write(text, ...place); };
+    drawIndicators(canvas, [{ unit: "V", low: -9, high: 9, value, band: [-4, 4], limits: [-8, 8], digits: 1 }]);
+    canvas.remove();
+    return texts;
+}"""
+"""Texts on an indicator with a normal band up to 4 V and a limit of 8 V."""
 
 
 @pytest.fixture(scope="module")
@@ -65,3 +80,15 @@ def test_states_carry_a_shape_and_a_word_beside_their_colour(console_page: Page)
     tags = page.locator("#alarm-line .tag")
     expect(tags.nth(0)).to_have_text("▲ the arm is stopped")
     expect(tags.nth(1)).to_have_text("△ on trial")
+
+
+def test_what_is_not_possible_is_told_by_words(console_page: Page) -> None:
+    page = console_page
+    for button in page.locator("button[aria-disabled=true]").all():
+        assert page.locator(f"#{button.get_attribute('aria-describedby')}").inner_text()
+
+
+def test_an_indicator_tells_the_unusual_from_the_limit_by_shape_and_word(console_page: Page) -> None:
+    assert not any(told_in_words(text) for text in console_page.evaluate(PAINTED, 3.0))
+    assert "△ unusual" in console_page.evaluate(PAINTED, 5.0)
+    assert "▲ limit" in console_page.evaluate(PAINTED, 8.5)

@@ -18,6 +18,11 @@ def pace() -> str:
     return "realtime"
 
 
+@pytest.fixture(scope="module")
+def services() -> tuple[str, ...]:
+    return ("--monitoring",)
+
+
 def test_the_overview_shows_what_the_cell_says(console_page: Page) -> None:
     page = console_page
     expect(page.locator("#doing")).to_contain_text("The arm")

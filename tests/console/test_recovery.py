@@ -1,52 +1,26 @@
 """A fault that is put right through the page alone, and the next one, told without colours: by a shape and by words.
 
-Both are tests of one cell, whose monitor knows its arm only after a while.
+Both are tests of one cell, whose monitor knows its arm only after a while. They are thorough: test_tasks.py does each
+step of the first through the page and asks for shapes and words beside the colours of a fault, the tutorial takes all
+steps on the command line.
 """
 
 import re
 from pathlib import Path
 
-from playwright.sync_api import Page, expect
+import pytest
+from playwright.sync_api import expect
 
 from dtwin.parameters import ArmParameters
 from tests.support.desk import Desk
 from tests.support.pages.browsers import DISPLAYS
+from tests.support.pages.colours import in_colour, told_in_words
 from tests.support.pages.hand import LEARNT, SLOW, Hand, answered, listed
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.thorough
 WEAKER = 0.8
 """Share of the voltage constant that is left, with which the arm can still carry its boxes."""
-SHAPE_AND_WORD = re.compile(r"[▲△▿✕◷]\s*\w+")
-COLOURED = """() => {
-    const probe = document.createElement("i");
-    document.body.append(probe);
-    const abnormal = new Set(["severe", "warn", "warn-ground"].map((name) => {
-        probe.style.color = `var(--${name})`;
-        return getComputedStyle(probe).color;
-    }));
-    probe.remove();
-    const coloured = (node) => {
-        const style = getComputedStyle(node);
-        return [style.color, style.backgroundColor, style.borderLeftColor].some((colour) => abnormal.has(colour));
-    };
-    return [...document.querySelectorAll("body *")].filter((node) => node.checkVisibility() && coloured(node))
-        .map((node) => node.textContent);
-}"""
-"""Texts of all that is seen in a colour that stands for something abnormal."""
-PAINTED = """async (value) => {
-    const { drawIndicators } = await import("/static/js/indicator.js");
-    const canvas = document.createElement("canvas");
-    canvas.className = "indicator";
-    document.querySelector("main").append(canvas);
-    const context = canvas.getContext("2d");
-    const write = context.fillText.bind(context);
-    const texts = [];
-    context.fillText = (text, ...place) => { texts.push(text); write(text, ...place); };
-    drawIndicators(canvas, [{ unit: "V", low: -9, high: 9, value, band: [-4, 4], limits: [-8, 8], digits: 1 }]);
-    canvas.remove();
-    return texts;
-}"""
-"""Texts on an indicator with a normal band up to 4 V and a limit of 8 V."""
 
 
 def test_a_fault_is_found_identified_uploaded_and_confirmed(hand: Hand, cell: Desk) -> None:
@@ -102,21 +76,9 @@ def test_what_is_abnormal_is_told_by_shape_and_words(hand: Hand, cell: Desk, tmp
         page.evaluate("(name) => { location.hash = name; }", display)
         expect(page.locator("main")).to_have_attribute("data-display", display)
         page.screenshot(path=tmp_path / f"{display}.png", full_page=True)
-        told = page.evaluate(COLOURED)
+        told = in_colour(page)
         assert len(told) >= 2, display
-        assert [text for text in told if not SHAPE_AND_WORD.match(text)] == [], display
+        assert [text for text in told if not told_in_words(text)] == [], display
     hand.open("Overview")
     hand.press("Release the arm")
     hand.confirm()
-
-
-def test_what_is_not_possible_is_told_by_words(console_page: Page) -> None:
-    page = console_page
-    for button in page.locator("button[aria-disabled=true]").all():
-        assert page.locator(f"#{button.get_attribute('aria-describedby')}").inner_text()
-
-
-def test_an_indicator_tells_the_unusual_from_the_limit_by_shape_and_word(console_page: Page) -> None:
-    assert not any(SHAPE_AND_WORD.match(text) for text in console_page.evaluate(PAINTED, 3.0))
-    assert "△ unusual" in console_page.evaluate(PAINTED, 5.0)
-    assert "▲ limit" in console_page.evaluate(PAINTED, 8.5)

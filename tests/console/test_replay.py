@@ -19,6 +19,11 @@ def pace() -> str:
 
 
 @pytest.fixture(scope="module")
+def services() -> tuple[str, ...]:
+    return ()
+
+
+@pytest.fixture(scope="module")
 def log(cell: Desk, recordings: Path) -> str:
     """Name of a recording in the console's folder."""
     cell.run("run", "--duration", str(LENGTH), "--log", str(recordings / "work.parquet"))

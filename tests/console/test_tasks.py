@@ -6,6 +6,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.support.desk import Desk
+from tests.support.pages.colours import in_colour, told_in_words
 from tests.support.pages.hand import LEARNT, SLOW, Hand, answered, listed
 from tests.support.waiting import until
 
@@ -110,7 +111,7 @@ def test_the_arm_is_identified_and_the_model_accepted(hand: Hand) -> None:
 
 
 def test_a_weak_motor_is_found_and_acknowledged(hand: Hand, cell: Desk) -> None:
-    """The fault comes from the training panel; the page names joint, cause and size."""
+    """The fault comes from the training panel; the page names joint, cause and size, in words beside its colours."""
     page = hand.page
     hand.open("Monitoring")
     until(lambda: cell.tick() > LEARNT, "the monitor knows the arm", 120.0)
@@ -121,6 +122,9 @@ def test_a_weak_motor_is_found_and_acknowledged(hand: Hand, cell: Desk) -> None:
     expect(row).to_contain_text("failed", timeout=SLOW)
     expect(row).to_contain_text("K2", timeout=SLOW)
     expect(page.locator("#alarm-line")).to_contain_text("joint 2 failed")
+    told = in_colour(page)
+    assert len(told) >= 2
+    assert [text for text in told if not told_in_words(text)] == []
     hand.press("Acknowledge all findings")
     hand.confirm()
     expect(row).to_contain_text("nominal", timeout=SLOW)

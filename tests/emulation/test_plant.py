@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.emulation import MODEL_FILE
@@ -28,6 +28,7 @@ from dtwin.parameters import (
     scaled,
 )
 from dtwin.twin import dynamics
+from tests.support.examples import examples
 
 ARM = ArmParameters()
 GRIPPER = GripperParameters()
@@ -107,7 +108,7 @@ def test_energy_is_kept_without_damping_and_voltage() -> None:
 values = st.floats(0.5, 2.0)
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(
     factors=st.lists(values, min_size=18, max_size=18),
     coulomb=st.sampled_from((0.0, 0.01, 0.05)),
@@ -306,6 +307,20 @@ def test_joints_besides_the_four_are_refused(tmp_path: Path) -> None:
     )
     with pytest.raises(ModelError, match="joints are joint_1, more, joint_2, joint_3, gripper, expected exactly"):
         Plant(model_file=file)
+
+
+def test_plants_of_one_file_are_apart_and_a_changed_file_is_read_anew(tmp_path: Path) -> None:
+    file = tmp_path / "arm.xml"
+    file.write_text(MODEL_FILE.read_text())
+    first, heavier = Plant(model_file=file), Plant(ArmParameters(mass=(0.2, 0.2, 0.2)), model_file=file)
+    assert first.model.body("link_1").mass == ArmParameters().mass[0]
+    assert heavier.model.body("link_1").mass == 0.2
+    old = '<option timestep="0.0025" integrator="RK4"'
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, '<option timestep="0.0025" integrator="Euler"'))
+    assert Plant(model_file=file).model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
+    assert first.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
 
 
 def test_missing_file(tmp_path: Path) -> None:

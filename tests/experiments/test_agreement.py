@@ -3,13 +3,14 @@
 import math
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.emulation.plant import Plant
 from dtwin.experiments.validation import AGREEMENT, validate
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.twin.dynamics import forward_dynamics
+from tests.support.examples import examples
 
 PLANT = Plant()
 
@@ -30,7 +31,7 @@ ARMS = st.builds(
 )
 
 
-@settings(max_examples=1000)
+@examples(1000)
 @given(
     arm=ARMS,
     theta=triples(-math.pi, math.pi),

@@ -105,7 +105,7 @@ def test_what_a_command_complains_of_is_told() -> None:
         dtwin("down", "--cell", "no such cell")
 
 
-@pytest.mark.parametrize("ready", [False, True])
+@pytest.mark.parametrize("ready", [False, pytest.param(True, marks=pytest.mark.thorough)])
 def test_a_storm_that_is_asked_to_end_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ready: bool
 ) -> None:

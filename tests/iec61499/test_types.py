@@ -8,7 +8,7 @@ import struct
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
@@ -33,8 +33,9 @@ from dtwin.iec61499.types import (
     elementary,
     round_to_real,
 )
+from tests.support.examples import examples
 
-quick = settings(deadline=None, derandomize=True, max_examples=60)
+quick = examples(60, deadline=None, derandomize=True)
 
 
 def values(data_type: DataType) -> st.SearchStrategy[Any]:
@@ -174,7 +175,7 @@ def test_arrays_wrap_and_default_to_lists_of_their_own() -> None:
 @pytest.mark.parametrize(
     "name", ["SINT", "INT", "DINT", "LINT", "USINT", "UINT", "UDINT", "ULINT", "BYTE", "LWORD", "TIME"]
 )
-@settings(deadline=None, derandomize=True, max_examples=30)
+@examples(30, deadline=None, derandomize=True)
 @given(value=st.integers(-(2**70), 2**70))
 def test_wrapping_is_modulo_the_width(name: str, value: int) -> None:
     data_type = ELEMENTARY[name]

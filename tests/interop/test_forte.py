@@ -89,8 +89,8 @@ def test_a_minute_under_the_cascade_is_the_same(served: DeployedApplication) -> 
     assert cell.summary(log).boxes.delivered > 1
 
 
-def test_two_minutes_are_the_same_to_the_byte(served: DeployedApplication) -> None:
-    settings = CellSettings(duration=120.0, seed=3, noise=0.001)
+def test_a_run_is_the_same_to_the_byte(served: DeployedApplication) -> None:
+    settings = CellSettings(duration=40.0, seed=3, noise=0.001)
     alone = Cell(settings)
     alone.run()
     with controller(served) as remote:
@@ -101,7 +101,7 @@ def test_two_minutes_are_the_same_to_the_byte(served: DeployedApplication) -> No
     assert {name: values.tobytes() for name, values in found.columns.items()} == {
         name: values.tobytes() for name, values in expected.columns.items()
     }
-    assert cell.summary(found).boxes.delivered > 2
+    assert cell.summary(found).boxes.delivered > 0
 
 
 def test_a_second_run_on_the_same_application(served: DeployedApplication) -> None:

@@ -28,7 +28,15 @@ def watched(machine: str, duration: float = 40.0) -> Monitor:
     return monitor
 
 
-@pytest.mark.parametrize("machine", ["delay", "lag", "servo", "stribeck", "elastic", "17"])
+@pytest.mark.parametrize(
+    "machine",
+    [
+        "delay",
+        "elastic",
+        "17",
+        *(pytest.param(name, marks=pytest.mark.thorough) for name in ("lag", "servo", "stribeck")),
+    ],
+)
 def test_an_arm_that_is_not_the_models_is_told_once(machine: str) -> None:
     monitor = watched(machine)
     assert [event.kind for event in monitor.events if event.kind != "spike"] == ["misfit"]

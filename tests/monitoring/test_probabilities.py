@@ -1,7 +1,6 @@
 """What evidence counts, and how sure a diagnosis is: allowances, bounds, joints at rest, sets of causes."""
 
 import math
-from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -13,13 +12,14 @@ from dtwin.monitoring.estimation import traces
 from dtwin.monitoring.estimation.belief import Belief, Tail, Unmodelled
 from dtwin.monitoring.estimation.estimator import Estimator, Tuning
 from dtwin.monitoring.estimation.layout import BIAS, INDEX, SIZE
+from dtwin.monitoring.estimation.traces import WIDTH
 from dtwin.monitoring.kinds import JUMPS, parse_fault_id, plausible_sizes
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.monitoring.settings import MonitorSettings
 from dtwin.monitoring.signatures import ALIKE, Onset, SignatureBank, Suspicion, allowances, limits, threshold
+from dtwin.monitoring.tracking.moments import Moments
 from dtwin.run.recording import Log
-from dtwin.twin.lanes import WIDTH
 
 ALL = np.ones(3, dtype=bool)
 
@@ -59,7 +59,7 @@ def test_a_state_as_low_as_it_can_be_can_only_rise(belief: Belief) -> None:
 @pytest.mark.parametrize("moving", [True, False])
 def test_a_joint_at_rest_is_evidence_of_what_shows_at_once_only(moving: bool) -> None:
     """The two lanes have the same trace; the fault of the second one shows at once."""
-    E, at_once = np.zeros((1, SIZE, WIDTH)), np.zeros((1, WIDTH))
+    E, at_once = np.zeros((1, SIZE, WIDTH), dtype=np.float32), np.zeros((1, WIDTH))
     E[0, BIAS, :2] = at_once[0, 1] = 1.0
     h, J = np.zeros((2, 1, WIDTH))
     F, gains = np.zeros((6, 27)), np.zeros((3, SIZE))
@@ -94,7 +94,7 @@ def diagnosis(belief: Belief, gains: dict[str, float], temper: float = 1.0) -> D
     """A diagnosis between faults with log-likelihoods."""
     onset = Onset(10, 1, Estimator(belief, Tuning()))
     suspicions = [Suspicion(parse_fault_id(fault), onset, 50.0, 0.0, 1.0, ()) for fault in gains]
-    found = Diagnosis(suspicions, deque(), 10, plausible_sizes(belief.arm), False, temper=temper)
+    found = Diagnosis(suspicions, Moments(1), 10, plausible_sizes(belief.arm), False, temper=temper)
     kept = {str(each.fault): each for each in found.candidates if str(each.fault) in gains}
     assert set(kept) == set(gains)
     for fault, candidate in kept.items():

@@ -53,14 +53,21 @@ def monitored(
     return monitor
 
 
-@pytest.mark.parametrize(("bits", "noise", "seed"), [(10, 0.0, 0), (12, 0.3, 1), (14, 0.0, 2), (16, 1.0, 0)])
+@pytest.mark.parametrize(
+    ("bits", "noise", "seed"),
+    [
+        (10, 0.0, 0),
+        (12, 0.3, 1),
+        *(pytest.param(*finer, marks=pytest.mark.thorough) for finer in ((14, 0.0, 2), (16, 1.0, 0))),
+    ],
+)
 def test_a_healthy_arm_with_such_encoders_raises_no_alarm(bits: int, noise: float, seed: int) -> None:
     monitor = monitored(bits, seed, 60.0, noise)
     assert monitor.history == []
     assert [event.kind for event in monitor.events if event.kind != "spike"] == []
 
 
-@pytest.mark.parametrize("bits", [12, 14])
+@pytest.mark.parametrize("bits", [12, pytest.param(14, marks=pytest.mark.thorough)])
 def test_single_wrong_readings_are_left_out_and_told(bits: int) -> None:
     monitor = monitored(bits, 1, 60.0, spikes=True)
     assert [event.kind for event in monitor.events] == ["spike"] * 6

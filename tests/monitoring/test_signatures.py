@@ -10,8 +10,8 @@ from scipy.special import chdtrc
 from dtwin.monitoring.estimation import traces
 from dtwin.monitoring.estimation.belief import Belief, Tail
 from dtwin.monitoring.estimation.estimator import Estimator, Tuning
-from dtwin.monitoring.estimation.layout import INDEX, SIZE
-from dtwin.monitoring.estimation.traces import LONGEST, ONSETS
+from dtwin.monitoring.estimation.layout import BIAS, DRIFT, INDEX, MOVING, SIZE, TORQUE
+from dtwin.monitoring.estimation.traces import LONGEST, ONSETS, WIDTH
 from dtwin.monitoring.kinds import JUMPS, plausible_sizes
 from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.signatures import (
@@ -20,7 +20,7 @@ from dtwin.monitoring.signatures import (
     threshold,
 )
 from dtwin.run.recording import Log
-from dtwin.twin.lanes import WIDTH
+from tests.support.arms import Array
 
 ALL = np.ones(3, dtype=bool)
 
@@ -29,6 +29,19 @@ def test_the_threshold_is_that_of_the_stated_rate() -> None:
     for rate in (1e-3, 0.01, 1.0, 60.0):
         assert chdtrc(1, threshold(rate, Tail())) * 3600 * INDEPENDENT == pytest.approx(rate)
     assert threshold(0.001, Tail()) > threshold(0.01, Tail()) > threshold(1.0, Tail())
+
+
+def traced(error: Array, estimator: Estimator) -> Array:
+    """What a sample adds to h and J by the definition, in double precision; carries the error, (33,), in place."""
+    error[:6] = estimator.F @ error[:MOVING]
+    error[TORQUE:MOVING] *= estimator.memory
+    error[BIAS:DRIFT] += 0.01 * error[DRIFT:]
+    added = np.zeros(2)
+    for i in range(3):
+        g = error[i] + error[BIAS + i]
+        added += (g * estimator.score[i], g * g * estimator.information[i])
+        error -= estimator.gains[i] * g
+    return added
 
 
 @pytest.mark.parametrize("fault", ["K1", "D3", "payload", "bias2", "drift1"])
@@ -46,10 +59,10 @@ def test_a_trace_is_the_difference_of_the_innovations(
     size = 1e-6
     jumped = estimator.copy()
     jumped.x[INDEX[fault]] -= size
-    E = np.zeros((1, SIZE, WIDTH))
+    E = np.zeros((1, SIZE, WIDTH), dtype=np.float32)
     E[0, INDEX[fault], 3] = 1.0
     h, J, at_once = np.zeros((3, 1, WIDTH))
-    total = np.zeros(2)
+    error, total, exact = E[0, :, 3].astype(float), np.zeros(2), np.zeros(2)
     for k in range(first + 2, first + 60):
         for each in (estimator, jumped):
             each.predict(seen.volts[k - 1, :3], True)
@@ -69,12 +82,14 @@ def test_a_trace_is_the_difference_of_the_innovations(
             estimator.memory,
             0.01,
         )
+        exact += traced(error, estimator)
         g = (jumped.innovation - estimator.innovation) / size
         expected_h = float(np.sum(g * estimator.innovation / estimator.variance))
         expected_J = float(np.sum(g**2 / estimator.variance))
         total += np.array([expected_h, expected_J])
     assert J[0, 3] == pytest.approx(total[1], rel=0.02)
     assert h[0, 3] == pytest.approx(total[0], abs=0.02 * np.sqrt(total[1]) * (1.0 + np.sqrt(total[1])))
+    assert (h[0, 3], J[0, 3]) == pytest.approx(exact, rel=1e-5)
     assert J[0, 3] > 0.0
     assert not np.delete(J, 3).any()
 

@@ -46,6 +46,12 @@ from tests.support.waiting import until
 needs_forte = pytest.mark.skipif(not FORTE, reason=NO_FORTE)
 
 
+EMBEDDED_TOO = pytest.mark.parametrize(
+    "controller", [pytest.param("embedded", marks=pytest.mark.thorough), *FORTES], indirect=True
+)
+"""Test_simulation_service.py, test_secured.py and the pages do the same with the embedded device in any run."""
+
+
 @pytest.fixture(params=["embedded", *FORTES])
 def controller(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
     """What `dtwin up` is told of the controller."""
@@ -113,6 +119,7 @@ def test_a_forte_that_starts_again_gets_application_and_settings_before_the_arm_
                 assert "is down" in desk.run("down")
 
 
+@EMBEDDED_TOO
 def test_uploads_are_acknowledged_watched_and_confirmed(controller: str, desk: Desk, tmp_path: Path) -> None:
     history = tmp_path / "history.jsonl"
     options = ["--law", "row_sum", "--simulation", "--history", str(history)]
@@ -175,6 +182,7 @@ def now(bus: Bus) -> Upload:
     return bus.ask(UPLOAD, None, Upload)
 
 
+@EMBEDDED_TOO
 def test_the_running_arm_is_identified(controller: str, desk: Desk, tmp_path: Path) -> None:
     store = tmp_path / "store"
     options = ["--noise", "0.002", "--identification", "--store", str(store)]

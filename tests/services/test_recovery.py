@@ -30,7 +30,9 @@ LIMIT = 40.0
 """s of plant time after the fault in which the arm has to have recovered: less than a demonstration gives it."""
 
 
+@pytest.mark.thorough
 def test_a_cell_with_grown_friction_recovers(desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tutorial recovers an arm, too, the next test runs a demonstration; tests/recovery tests what is decided."""
     monkeypatch.setattr(demonstration, "LIMIT", LIMIT)
     log, plot = tmp_path / "run.parquet", tmp_path / "run.png"
     said = desk.run("demo", "recovery", "--seed", str(SEED), "--json", "--log", str(log), "--plot", str(plot))

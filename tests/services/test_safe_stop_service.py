@@ -25,7 +25,7 @@ from tests.support.waiting import until
 
 FOUND = Finding("K2", "voltage constant", 2, -0.9, 0.01, 0.9995, 45.0, 45.1, True)
 WEAKENED, REPAIRED = "K1*=0.75@0", "K1*=1.3333333333333333@0"
-"""A loss that the controller makes up for; with 0.65 it would stop the arm itself, perhaps before the monitor does."""
+"""A loss that the controller makes up for; at 0.65 it would stop the arm itself, perhaps before the monitor does."""
 FROZEN = Finding("freeze1", "encoder freeze", 1, 0.0, 0.0, 1.0, 46.0, 46.1, True)
 
 

@@ -31,7 +31,7 @@ from dtwin.services.runfile import join
 from dtwin.signals import Sensors
 from dtwin.simulation.checks import MOTIONS
 from dtwin.simulation.history import History
-from tests.support.desk import Desk, new_desk
+from tests.support.desk import Desk, busy_cell, new_desk
 from tests.support.waiting import until
 
 HIGHER = Gains(kp=(250.0, 500.0, 350.0))
@@ -43,7 +43,7 @@ def started() -> Iterator[Desk]:
     with new_desk() as desk:
         history = str(desk.folder / "history.jsonl")
         options = ("--law", "computed_torque", "--simulation", "--history", history)
-        desk.detach("--pace", "lockstep", "--seed", "2", *options)
+        desk.detach("--pace", "lockstep", "--seed", "2", *busy_cell(desk.folder), *options)
         yield desk
 
 

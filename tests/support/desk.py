@@ -9,7 +9,7 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 import pytest
@@ -24,6 +24,16 @@ from dtwin.services import runfile
 from dtwin.services.supervisor import KEY
 from dtwin.signals import BoxCounts
 from tests.support.waiting import until
+
+BUSY: Final = "[boxes]\nfirst = 1.0\nevery = 2.0\n"
+"""A cell in which a box waits as soon as the last one is away: what motions are waited for takes fewer ticks."""
+
+
+def busy_cell(folder: Path) -> tuple[str, str]:
+    """Options of `dtwin up` for a busy cell, whose file is written into a folder."""
+    file = folder / "busy.toml"
+    file.write_text(BUSY)
+    return "--cell-file", str(file)
 
 
 class Desk:

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 
 import numba
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import sine_cosine
-from dtwin.twin.lanes import WIDTH, abreast, all_at_most, apart, choose, doubled, load, memory, store
+from dtwin.twin.lanes import WIDTH, abreast, apart, fused, load, memory, store, widened
 from tests.support.arms import Array
+from tests.support.examples import examples
 
+SINGLE = st.floats(-(2.0**50), 2.0**50, width=32)
 NUMBERS = arrays(np.float64, (3, WIDTH), elements=st.floats(allow_subnormal=True))
 
 
@@ -28,29 +31,8 @@ def _mixed(a: float, b: float, c: float, factor: float) -> tuple[float, float, f
 
 
 @kernel
-def _chosen(a: float, b: float, c: float, factor: float) -> tuple[float, float, float]:
-    total = a
-    total += b
-    return choose(a, b, c, factor), choose(a, 0.0, abs(total), factor), math.copysign(factor, c)
-
-
-@kernel
-def _chosen_in_lanes(rows: Array, factor: float, found: Array) -> None:
-    for k, value in enumerate(_chosen(load(rows, 0), load(rows, 1), load(rows, 2), factor)):
-        store(found, k, value)
-
-
-@kernel
-def _are_at_most(rows: Array, limit: float) -> tuple[bool, bool]:
-    return all_at_most(load(rows, 0), limit), all_at_most(rows[0, 0], limit)
-
-
-_load_two, _store_two = memory(2)
-
-
-@kernel
-def _doubled(rows: Array, times: Array) -> None:
-    _store_two(rows, 1, doubled(_load_two(rows, 1), _load_two(times, 1)))
+def _fused_in_lanes(rows: Array, found: Array) -> None:
+    store(found, 0, fused(load(rows, 0), load(rows, 1), load(rows, 2)))
 
 
 @kernel
@@ -66,6 +48,21 @@ def _sines_in_lanes(rows: Array, found: Array) -> None:
     store(found, 1, cosine)
 
 
+_load_single, _store_single = memory(WIDTH, 32)
+
+
+@kernel
+def _single_in_lanes(rows: Array, factor: float, found: Array, wide: Array) -> None:
+    result = _load_single(rows, 0) - factor * _load_single(rows, 1)
+    _store_single(found, 0, result)
+    store(wide, 0, widened(result))
+
+
+def _rounded_once(a: float, b: float, c: float) -> float:
+    """a b + c; zero without its sign."""
+    return float(Fraction(a) * Fraction(b) + Fraction(c))
+
+
 def _same(found: Array, expected: Array) -> bool:
     """Whether all bits are equal; of what is no number the bits may differ."""
     numbers = ~np.isnan(expected)
@@ -73,7 +70,7 @@ def _same(found: Array, expected: Array) -> bool:
     return same_numbers and bool(np.isnan(found[~numbers]).all())
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300, deadline=None)
 @given(NUMBERS, st.floats())
 def test_lanes_compute_what_floats_compute(rows: Array, factor: float) -> None:
     found = np.empty((3, WIDTH))
@@ -82,41 +79,24 @@ def test_lanes_compute_what_floats_compute(rows: Array, factor: float) -> None:
     assert _same(found, expected)
 
 
-@settings(max_examples=100, deadline=None)
-@given(NUMBERS, st.floats())
-def test_lanes_choose_what_floats_choose(rows: Array, factor: float) -> None:
-    found = np.empty((3, WIDTH))
-    _chosen_in_lanes(rows, factor, found)
-    expected = np.array([_chosen(*rows[:, lane].tolist(), factor) for lane in range(WIDTH)]).T
-    assert _same(found, expected)
-    a, b, c = rows
-    assert _same(found[0], np.where(a <= b, c, factor))
+@examples(100, deadline=None)
+@given(arrays(np.float64, (3, WIDTH), elements=st.floats(-1e100, 1e100)))
+def test_what_is_fused_is_rounded_once(rows: Array) -> None:
+    found = np.empty((1, WIDTH))
+    _fused_in_lanes(rows, found)
+    assert found[0].tolist() == [_rounded_once(*rows[:, lane].tolist()) for lane in range(WIDTH)]
 
 
-@settings(max_examples=100, deadline=None)
-@given(NUMBERS, st.floats())
-def test_all_are_at_most_what_each_is(rows: Array, limit: float) -> None:
-    assert _are_at_most(rows, limit) == (np.all(rows[0] <= limit), rows[0, 0] <= limit)
-    rows[0] = 0.0
-    assert _are_at_most(rows, 1.0) == (True, True)
+@examples(100, deadline=None)
+@given(arrays(np.float32, (2, WIDTH), elements=SINGLE), SINGLE)
+def test_lanes_of_single_precision_compute_in_it(rows: Array, factor: float) -> None:
+    found, wide = np.empty((1, WIDTH), dtype=np.float32), np.empty((1, WIDTH))
+    _single_in_lanes(rows, factor, found, wide)
+    assert found[0].tolist() == (rows[0] - np.float32(factor) * rows[1]).tolist()
+    assert wide.tolist() == found.tolist()
 
 
-@pytest.mark.parametrize("lane", range(WIDTH))
-def test_one_that_is_more_is_enough(lane: int) -> None:
-    rows = np.zeros((1, WIDTH))
-    rows[0, lane] = 1.5
-    assert _are_at_most(rows, 1.0) == (False, lane > 0)
-
-
-@given(st.floats(1e-100, 1e100), st.integers(-600, 600), st.integers(-600, 600))
-@settings(max_examples=100, deadline=None)
-def test_doubling_is_exact_and_rows_may_be_of_any_width(number: float, first: int, second: int) -> None:
-    rows, times = np.array([[7.0, 7.0], [number, -number]]), 1.5 * 2.0**52 + np.array([[0, 0], [first, second]])
-    _doubled(rows, times)
-    assert rows.tolist() == [[7.0, 7.0], [math.ldexp(number, first), -math.ldexp(number, second)]]
-
-
-@settings(max_examples=300, deadline=None)
+@examples(300, deadline=None)
 @given(arrays(np.float64, (1, WIDTH), elements=st.floats(-1e6, 1e6)))
 def test_sines_in_lanes_are_those_of_each_angle(angles: Array) -> None:
     found = np.empty((2, WIDTH))

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, ArmParameters, Triple
 from dtwin.twin.effects import Effects
 from dtwin.twin.machine import EXTRA_NAMES, MACHINE_NAMES, SUBSTEP, WIDTH, Array, integrate_machine, vector_of
 from dtwin.twin.machine_sensitivity import linearise_machine
+from tests.support.examples import examples
 
 STEPS = np.array([1e-5] * 6 + [1e-4] * 4)
 TORQUE = MACHINE_NAMES.index("torque1")
@@ -105,7 +106,7 @@ def starts(draw: st.DrawFn) -> Begun:
     return Begun(vector, volts, draw(st.floats(0.0, 0.3)), acting, np.concatenate((angles, speeds)))
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200, deadline=None)
 @given(starts())
 def test_derivatives_are_the_quotients_of_motions_one_after_another(begun: Begun) -> None:
     check(begun)

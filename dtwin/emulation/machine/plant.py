@@ -23,7 +23,7 @@ from dtwin.emulation.machine.drive import Amplifier
 from dtwin.emulation.machine.encoding import whole_ticks
 from dtwin.emulation.machine.model import extend, friction_joint, motor_joint, spring_names
 from dtwin.emulation.machine.sections import Machine
-from dtwin.emulation.model import JOINTS
+from dtwin.emulation.model import JOINTS, compile_arm
 from dtwin.emulation.plant import Plant, PlantState
 from dtwin.errors import ParameterError
 from dtwin.parameters import GRAVITY, PERIOD, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
@@ -142,6 +142,9 @@ class MachinePlant(Plant):
             friction.append(float(model.dof_damping[i] * data.qvel[i] - dry[dof]))
         angles = data.qpos[self._motor_dofs].tolist()
         return Drives((volts[0], volts[1], volts[2]), (friction[0], friction[1], friction[2]), tuple(angles))
+
+    def _compiled(self, file: Path, step: float, bodies: Bodies | None) -> mujoco.MjModel:
+        return compile_arm(file, self._extend, step, bodies)
 
     def _extend(self, spec: mujoco.MjSpec) -> None:
         extend(spec, self._machine, self._spec_step)

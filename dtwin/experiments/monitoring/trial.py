@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Final, Literal, get_args
 
 import msgspec
@@ -111,8 +112,12 @@ class FaultOutcome(msgspec.Struct, frozen=True):
     hours: float
 
 
+@lru_cache(maxsize=64)
 def identified_belief(noise: float, noise_kind: NoiseKind, seed: int, machine: Machine = IDEAL) -> Belief:
-    """A model of the healthy arm from one identification run at the given noise, as imperfect as that makes it."""
+    """A model of the healthy arm from one identification run at the given noise, as imperfect as that makes it.
+
+    Trials of many faults with the same seeds ask for the same models, so the last ones are kept.
+    """
     rig = Rig(noise=noise, noise_kind=noise_kind, machine=machine)
     estimate = standard_estimate(rig, np.random.default_rng((seed, 1)))
     return identified(from_estimate(estimate, np.ones(3), "simulated"))

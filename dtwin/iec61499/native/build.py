@@ -22,6 +22,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -116,14 +117,21 @@ def load(subject: str, name: str, make: Callable[[], Unit]) -> ctypes.CDLL:
 
 
 def _key(subject: str, compiler: Compiler) -> str:
+    digest = _sources().copy()
+    for part in (platform.machine(), compiler.identity, *FLAGS, subject):
+        digest.update(part.encode("utf-8", "surrogateescape") + b"\0")
+    return digest.hexdigest()
+
+
+@cache
+def _sources() -> hashlib._Hash:
+    """The begun hash of what makes units."""
     digest = hashlib.sha256()
     for folder in _FOLDERS:
         for path in sorted((Path(__file__).parent / folder).glob("**/*")):
             if path.suffix in (".py", ".h", ".lark"):
                 digest.update(path.read_bytes())
-    for part in (platform.machine(), compiler.identity, *FLAGS, subject):
-        digest.update(part.encode("utf-8", "surrogateescape") + b"\0")
-    return digest.hexdigest()
+    return digest
 
 
 def _folder() -> Path | None:

@@ -186,12 +186,24 @@ def predict(
 
 
 @kernel
-def _shrink(P: Array, column: Array, s: float) -> None:
-    """P -= column column^T / s, symmetric to the last bit: an asymmetry would grow."""
-    share = 1.0 / s
+def _covariance(P: Array, i: int, columns: Array, shares: Array) -> None:
+    """Writes the covariance of all states with reading i, (33,), after the readings before it have shrunk P."""
+    for j in range(SIZE):
+        angle, bias = P[j, i], P[j, BIAS + i]
+        for before in range(i):
+            angle -= (columns[before, j] * columns[before, i]) * shares[before]
+            bias -= (columns[before, j] * columns[before, BIAS + i]) * shares[before]
+        columns[i, j] = angle + bias
+
+
+@kernel
+def _shrink(P: Array, columns: Array, shares: Array) -> None:
+    """P -= column column^T share for each of three, symmetric to the last bit: an asymmetry would grow."""
+    first, second, third = columns[0], columns[1], columns[2]
     for j in range(SIZE):
         for k in range(SIZE):
-            P[j, k] -= (column[j] * column[k]) * share
+            left = P[j, k] - (first[j] * first[k]) * shares[0]
+            P[j, k] = left - (second[j] * second[k]) * shares[1] - (third[j] * third[k]) * shares[2]
 
 
 @kernel
@@ -253,10 +265,10 @@ def correct(
         the logarithm of the readings' likelihood.
     """
     likelihood = 0.0
-    column = np.empty(SIZE)
+    columns, shares = np.empty((3, SIZE)), np.zeros(3)
     for i in range(3):
-        for j in range(SIZE):
-            column[j] = P[j, i] + P[j, BIAS + i]
+        _covariance(P, i, columns, shares)
+        column = columns[i]
         s = column[i] + column[BIAS + i] + noise[i]
         nu = measured[i] - x[i] - x[BIAS + i]
         innovation[i] = nu
@@ -270,9 +282,10 @@ def correct(
             gains[i, j] = column[j] / s
             x[j] += gains[i, j] * counted
         if abs(nu) <= clip[i] * s / math.sqrt(noise[i]):
-            _shrink(P, column, s)
+            shares[i] = 1.0 / s
         else:
             gains[i] = 0.0
+    _shrink(P, columns, shares)
     for j in range(SIZE):
         x[j] = min(max(x[j], lower[j]), upper[j])
     return likelihood

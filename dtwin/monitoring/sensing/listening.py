@@ -14,13 +14,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.candidate import Moment
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import Estimator, Tuning
 from dtwin.monitoring.estimation.layout import ARM, W
 from dtwin.monitoring.modes import STARTING
 from dtwin.monitoring.sensing.noise import Noise, judge
 from dtwin.monitoring.signatures import SignatureBank
+from dtwin.monitoring.tracking.moments import Moment, Moments
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ class Listening:
         return tuple(judge([segment[:, joint] for segment in told]) for joint in range(3))
 
 
-def hear(belief: Belief, tuning: Tuning, moments: Sequence[Moment], listening: Listening) -> Belief:
+def hear(belief: Belief, tuning: Tuning, moments: Moments, listening: Listening) -> Belief:
     """A belief with the noise that was heard.
 
     Args:
@@ -96,7 +96,7 @@ def hear(belief: Belief, tuning: Tuning, moments: Sequence[Moment], listening: L
     return heard
 
 
-def replay(estimator: Estimator, moments: Sequence[Moment], bank: SignatureBank, sample: int) -> list[Moment]:
+def replay(estimator: Estimator, moments: Moments, bank: SignatureBank, sample: int) -> list[Moment]:
     """Lets a new estimator and a signature bank follow samples again, of which the last has the given number.
 
     Returns:
@@ -115,10 +115,10 @@ def replay(estimator: Estimator, moments: Sequence[Moment], bank: SignatureBank,
     return again
 
 
-def _replayed(estimator: Estimator, moments: Sequence[Moment]) -> Iterator[tuple[Moment, bool]]:
+def _replayed(estimator: Estimator, moments: Moments) -> Iterator[tuple[Moment, bool]]:
     """Lets a new estimator follow samples in a row: yields each with its likelihood, and whether the gripper has
     changed, when it has been taken in."""
-    for number, moment in enumerate(moments):
+    for number, moment in enumerate(moments.last(len(moments))):
         regripped = number > 0 and moment.gripped != estimator.gripped
         likelihood = moment.likelihood
         if number:

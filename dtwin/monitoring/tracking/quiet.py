@@ -6,13 +6,11 @@ to the first at which it has to do more; the bits are those of one sample after 
 
 from __future__ import annotations
 
-from itertools import islice, repeat
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.candidate import Moment
 from dtwin.monitoring.estimation import kernels, motion, traces
 from dtwin.monitoring.estimation.estimator import Estimator, FilterArrays, Past
 from dtwin.monitoring.estimation.layout import SIZE
@@ -22,6 +20,7 @@ from dtwin.monitoring.sensing import readings as sensing
 from dtwin.monitoring.sensing.commands import closes
 from dtwin.monitoring.sensing.readings import Readings, ReadingsArrays
 from dtwin.monitoring.signatures import SignatureBank
+from dtwin.monitoring.tracking.moments import Moment
 from dtwin.parameters import PERIOD
 from dtwin.twin.compiled import kernel
 
@@ -40,14 +39,22 @@ class Stretch(NamedTuple):
     """What became of some samples in a row.
 
     Attributes:
-        moments: the samples that were taken in.
+        done: number of samples that were taken in.
+        columns: of these samples, and perhaps of more, as in `Moment`.
         doubted: samples from the last one on that are no evidence.
         concluded: whether the evidence of the last one was taken in; where it was not, there is more to do.
     """
 
-    moments: list[Moment]
+    done: int
+    columns: tuple[Any, ...]
     doubted: int
     concluded: bool
+
+    @property
+    def last(self) -> Moment:
+        """The last sample."""
+        row = self.done - 1
+        return Moment._make(column[row].tolist() if column.ndim == 1 else column[row] for column in self.columns)
 
 
 def quiet_rows(last: int, gripped: bool, sample: NDArray[np.int64], told: Array, held: Flags) -> int:
@@ -113,9 +120,8 @@ def follow(
     )
     readings.took(measured[done - 1], angles[done - 1])
     bank.adopt(estimator, past)
-    told = (doubts.tolist(), angles, used, counted.tolist(), likelihoods.tolist())
-    moments = map(Moment._make, zip(volts, repeat(estimator.gripped), *told, strict=False))
-    return Stretch(list(islice(moments, done)), doubted, concluded)
+    held = np.full(count, estimator.gripped)
+    return Stretch(done, (volts, held, doubts, angles, used, counted, likelihoods), doubted, concluded)
 
 
 @kernel(uses=(kernels, motion, traces, sensing))
@@ -231,6 +237,7 @@ def _work(
             t.at_once,
             t.rows,
             t.samples,
+            t.order,
             t.gaps,
             f.x,
             f.least,
@@ -248,6 +255,6 @@ def _work(
         past.x[place], past.P[place], past.swing[place] = f.x, f.P, f.swing
         past.command[place], past.handling[place] = f.command, f.handling
         past.commands[place], past.acting[place], past.mean[place] = m.commands, m.acting, m.mean
-        if traces.largest(t.h, t.J, t.precision, t.least, t.allowance) > threshold:
+        if traces.exceed(t.h, t.J, t.precision, t.least, t.allowance, threshold):
             return k + 1, doubted, True
     return len(measured), doubted, True

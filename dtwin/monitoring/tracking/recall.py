@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import MutableSequence
-
 import numpy as np
 
-from dtwin.monitoring.candidate import Moment
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.signatures import SignatureBank
+from dtwin.monitoring.tracking.moments import Moments
 
 
 class Recall:
@@ -24,7 +22,7 @@ class Recall:
         readings: Readings,
         estimator: Estimator,
         bank: SignatureBank,
-        moments: MutableSequence[Moment],
+        moments: Moments,
     ) -> None:
         """Takes in what was judged of a sample before it corrects the estimate.
 
@@ -36,11 +34,11 @@ class Recall:
             moments: the samples before; the last one counts what was left out of it if that is confirmed.
         """
         if moments and self._sample == sample - 1 and readings.confirmed.any():
-            moment = moments[-1]
+            (moment,) = moments.last(1)
             used, likelihood = moment.used.copy(), moment.likelihood
             for joint in np.flatnonzero(readings.confirmed & ~used).tolist():
                 used[joint] = True
                 likelihood += estimator.weigh(joint)
                 bank.recall(estimator, joint, sample - 2)
-            moments[-1] = moment._replace(used=used, likelihood=likelihood)
+            moments.replace_last(moment._replace(used=used, likelihood=likelihood))
         self._sample = sample if readings.left_out.any() else -1

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.candidate import Moment
 from dtwin.monitoring.diagnosis import MOST
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.traces import LONGEST
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.signatures import SignatureBank
+from dtwin.monitoring.tracking.moments import Moment, Moments
 from dtwin.monitoring.tracking.quiet import LEAST_LIKELY, UNSETTLED, WINDOW, Stretch, follow, quiet_rows
 from dtwin.monitoring.tracking.recall import Recall
 
@@ -43,7 +42,7 @@ class Tracking:
 
     def __init__(self, readings: Readings, bank: SignatureBank) -> None:
         self.readings, self.bank, self._recall = readings, bank, Recall()
-        self.moments: deque[Moment] = deque(maxlen=LONGEST + MOST + 2)
+        self.moments = Moments(LONGEST + MOST + 2)
         self.sample, self.command, self.gripped, self.used = -1, np.zeros(4), False, _NONE
         self._doubted = 0
 
@@ -71,8 +70,9 @@ class Tracking:
         """Notes the last sample, which is no evidence for a while after a doubtful command."""
         self._doubted = UNSETTLED if moment.doubt else max(self._doubted - 1, 0)
         likelihood = moment.likelihood if moment.likelihood > LEAST_LIKELY else LEAST_LIKELY
-        self.moments.append(moment._replace(counts=not self._doubted, likelihood=likelihood))
-        return self.moments[-1]
+        counted = moment._replace(counts=not self._doubted, likelihood=likelihood)
+        self.moments.append(counted)
+        return counted
 
     def settled(self, estimator: Estimator) -> bool:
         """Whether the next samples can be taken in many at once."""
@@ -101,14 +101,14 @@ class Tracking:
         told = np.hstack((measured[:rows], volts[:rows]))
         rows = quiet_rows(self.sample, self.gripped, sample[:rows], told, gripped[:rows])
         if not rows:
-            return Stretch([], self._doubted, True)
+            return Stretch(0, (), self._doubted, True)
         commands = np.vstack((self.command, volts[: rows - 1]))
         how = (threshold, self.sample + 1, measured[:rows], commands, self._doubted)
         stretch = follow(estimator, self.readings, self.bank, *how)
-        done, last = len(stretch.moments), stretch.moments[-1]
+        done = stretch.done
         self.sample += done
-        self.command, self.gripped, self.used = volts[done - 1], bool(gripped[done - 1]), last.used
+        self.command, self.gripped, self.used = volts[done - 1], bool(gripped[done - 1]), stretch.last.used
         self._doubted = stretch.doubted
         self._recall.take(self.sample, self.readings, estimator, self.bank, self.moments)
-        self.moments.extend(stretch.moments if stretch.concluded else stretch.moments[:-1])
+        self.moments.extend(stretch.columns, done if stretch.concluded else done - 1)
         return stretch

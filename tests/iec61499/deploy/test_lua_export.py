@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
@@ -18,6 +18,7 @@ from dtwin.iec61499.standard.notation import interface
 from dtwin.iec61499.types import ElementaryType
 from dtwin.parameters import ROOT
 from tests.iec61499.runtime.test_chart import STATES, Interpreter, action_lists, transition_lists
+from tests.support.examples import examples
 from tests.support.iec61499.lua_bench import INTERPRETERS, LuaBench, same
 from tests.support.iec61499.networks import Bench, chart
 
@@ -39,7 +40,7 @@ def exported(name: str) -> DeviceType:
     return export_type(basic(name))
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(
     st.fixed_dictionaries(dict.fromkeys(STATES, action_lists)),
     transition_lists,
@@ -79,7 +80,7 @@ def values(data_type: object) -> st.SearchStrategy[object]:
 
 
 @pytest.mark.parametrize("name", ALGORITHMIC)
-@settings(max_examples=60)
+@examples(60)
 @given(st.data())
 def test_the_library_does_the_same_as_in_the_embedded_runtime(name: str, data: st.DataObject) -> None:
     block = basic(name)

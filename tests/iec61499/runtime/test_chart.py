@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.standard.notation import interface
+from tests.support.examples import examples
 from tests.support.iec61499.networks import Bench, Types, chart, network
 
 
@@ -232,7 +233,7 @@ class Interpreter:
         return None
 
 
-@settings(max_examples=150)
+@examples(150)
 @given(
     st.fixed_dictionaries(dict.fromkeys(STATES, action_lists)),
     transition_lists,

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 
 from dtwin.iec61499.st import ast
 from dtwin.iec61499.st.check import check_algorithm
 from dtwin.iec61499.st.parser import parse_algorithm
 from dtwin.iec61499.st.printer import print_algorithm
+from tests.support.examples import examples
 from tests.support.iec61499.st_harness import LUA, run_exact, run_lua, run_python, same
 from tests.support.iec61499.st_programs import SCOPE, programs, states
 
-relaxed = settings(deadline=None, suppress_health_check=list(HealthCheck), max_examples=80, derandomize=True)
+relaxed = examples(80, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
 
 
 def agree(expected: dict[str, Any], got: dict[str, Any], tree: ast.ParsedAlgorithm, backend: str = "Python") -> None:

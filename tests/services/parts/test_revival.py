@@ -4,7 +4,7 @@ import struct
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from dtwin.errors import ModelError
@@ -13,6 +13,7 @@ from dtwin.services.parts.journal import MAGIC, Journal
 from dtwin.services.parts.journaled import JournaledCell
 from dtwin.services.parts.revival import KEPT, revive
 from dtwin.signals import Sensors
+from tests.support.examples import examples
 
 HEAD = MAGIC + struct.pack("<Q", 3)
 DIVERGING = struct.pack("<c4d?", b"V", *4 * [1e300], False)
@@ -51,7 +52,7 @@ def test_a_journal_that_cannot_be_read_is_kept_and_the_cell_starts_anew(tmp_path
     assert Journal(path, 0).seed == 5
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=30)
+@examples(30, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(st.binary(max_size=200) | st.binary(max_size=200).map(HEAD.__add__))
 def test_no_content_keeps_the_cell_from_starting(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "journal").write_bytes(content)
