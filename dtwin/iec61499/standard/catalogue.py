@@ -7,11 +7,21 @@ from collections.abc import Callable
 from typing import Final
 
 from dtwin.iec61499 import model
-from dtwin.iec61499.standard import adapters, assembling, events, function_blocks, functions, services, utilities
+from dtwin.iec61499.standard import (
+    adapters,
+    assembling,
+    events,
+    function_blocks,
+    functions,
+    services,
+    timers,
+    utilities,
+)
 from dtwin.iec61499.types import StructType
 
 _FIXED: Final[dict[str, model.FBType]] = {
     **events.FIXED,
+    **timers.FIXED,
     **adapters.FIXED,
     **functions.FIXED,
     **function_blocks.FIXED,

@@ -144,6 +144,13 @@ _BLOCKS: Final = (
             ("CLK[CV < 3 AND CV + 1 < N]", "CV := CV + 1; DTO := DT[CV];", "CLKO"),
         ],
     ),
+    basic(
+        "E_T_FF_SR",
+        "Toggles Q at CLK, sets it at S and resets it at R; tells of every change",
+        "S, R, CLK -> EO(Q)",
+        "-> Q: BOOL",
+        [("S[NOT Q]", "Q := TRUE;", "EO"), ("R[Q]", "Q := FALSE;", "EO"), ("CLK", "Q := NOT Q;", "EO")],
+    ),
     composite(
         "E_TRAIN",
         "Issues N events, DT apart",
@@ -171,8 +178,6 @@ _BLOCKS: Final = (
         "DT -> TABLE.DT; N -> TABLE.N; TABLE.CV -> DEMUX.K",
     ),
 )
-FIXED: Final = {block.header.name: block for block in _BLOCKS}
-"""The blocks whose name carries no size, by name."""
 
 
 def split(name: str, count: int) -> model.BasicFBType:
@@ -190,9 +195,10 @@ def merge(name: str, count: int) -> model.BasicFBType:
 def demultiplex(name: str, count: int) -> model.BasicFBType:
     """E_DEMUX_n: the event goes to the K-th output, counted from 0; nowhere when K is n or more.
 
-    The outputs of E_DEMUX are EO0 to EO3, those of E_DEMUX_n EO1 to EOn, as in 4diac FORTE.
+    The outputs of E_DEMUX are EO0 to EO3, those of E_DEMUX_n EO1 to EOn, as in 4diac FORTE; those of E_DEMUX8 of
+    4diac IDE EO0 to EO7.
     """
-    first = 0 if name == "E_DEMUX" else 1
+    first = 0 if name in ("E_DEMUX", "E_DEMUX8") else 1
     outputs = [f"EO{first + i}" for i in range(count)]
     rows = [(f"EI[K = {i}]", "", output) for i, output in enumerate(outputs)]
     return basic(name, "Sends an event to output K", f"EI(K) -> {', '.join(outputs)}", "K: UINT ->", rows)
@@ -207,3 +213,5 @@ def multiplex(name: str, count: int) -> model.BasicFBType:
 
 SIZED: Final = {"E_SPLIT": (split, 2), "E_MERGE": (merge, 2), "E_DEMUX": (demultiplex, 4), "E_MUX": (multiplex, 2)}
 """Makers of blocks whose name ends in their size, and the size of the block without a number."""
+FIXED: Final = {block.header.name: block for block in (*_BLOCKS, demultiplex("E_DEMUX8", 8))}
+"""The blocks whose name carries no size of this kind, by name."""

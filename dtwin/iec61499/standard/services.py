@@ -29,6 +29,8 @@ def _channels() -> dict[str, model.ServiceInterfaceFBType]:
         writing = events.format(" OUT", ""), data.format(f"; OUT: {kind}", "")
         blocks[f"I{letter}"] = _service(f"I{letter}", "Input of hardware", interface(*reading))
         blocks[f"Q{letter}"] = _service(f"Q{letter}", "Output of hardware", interface(*writing))
+    telling = events.format("", "") + ", IND(QO STATUS)", data.format("", "")
+    blocks["IE"] = _service("IE", "Event of hardware", interface(*telling))
     return blocks
 
 

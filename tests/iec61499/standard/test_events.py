@@ -266,3 +266,23 @@ def test_every_listed_block_is_found() -> None:
 @pytest.mark.parametrize("name", ["E_SPLIT_1", "E_SPLIT_0", "E_SPLIT_999", "SERVER_1_101", "F_INT_TO_COLOUR", "E_"])
 def test_names_that_are_no_block(name: str) -> None:
     assert find_standard(name) is None
+
+
+def test_t_ff_sr_tells_of_changes_alone() -> None:
+    bench = Bench("E_T_FF_SR")
+    seen = [(bench.fire(event), bench["Q"]) for event in ("R", "S", "S", "CLK", "CLK", "R", "R", "CLK")]
+    changes = [
+        (["EO"], True),
+        ([], True),
+        (["EO"], False),
+        (["EO"], True),
+        (["EO"], False),
+        ([], False),
+        (["EO"], True),
+    ]
+    assert seen == [([], False), *changes]
+
+
+def test_demux_8_counts_its_outputs_from_0() -> None:
+    bench = Bench("E_DEMUX8")
+    assert [bench.fire("EI", K=k) for k in range(9)] == [*([f"EO{k}"] for k in range(8)), []]
