@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dtwin.bus.twin_messages import UNITS, MonitoredUnit, MonitoringResiduals, MonitoringVerdict, UnitState
 from dtwin.errors import RecordingError
 from dtwin.parameters import ArmParameters
+from dtwin.run.prediction import DATA_SHEET, BelievedArm
 from dtwin.run.recording import Log
 from dtwin.signals import Event, EventKind
 from dtwin.task import task_of
@@ -110,7 +111,12 @@ def predictions(messages: Sequence[MonitoringResiduals]) -> Predictions:
 
 
 def write_monitoring(
-    log: Log, trace: DrawnTrace, model_file: Path, path: Path, arm: ArmParameters = _NOMINAL
+    log: Log,
+    trace: DrawnTrace,
+    model_file: Path,
+    path: Path,
+    arm: ArmParameters = _NOMINAL,
+    believed: BelievedArm = DATA_SHEET,
 ) -> None:
     """Writes a run and what the monitor made of it as an .rrd file; it appears complete or not at all.
 
@@ -119,6 +125,7 @@ def write_monitoring(
         trace: what the monitor made of the same ticks.
         model_file: MJCF of the cell.
         arm: the arm whose link lengths are drawn.
+        believed: the healthy arm of the monitor, which is drawn as a ghost.
 
     Raises:
         ModelError: the model cannot be drawn.
@@ -126,7 +133,7 @@ def write_monitoring(
     """
     if not len(log):
         raise RecordingError(f"{path}: expected a log of at least one tick to draw")
-    drawn = Scene(model_file, arm, task_of(log.metadata))
+    drawn = Scene(model_file, arm, task_of(log.metadata), believed)
     t = log.columns["t"]
     extent = extent_of(log, drawn.task)
     stream = open_stream(log, ROOT)
