@@ -190,7 +190,8 @@ def has_room(file: Path) -> bool:
 def _widened(before: Log | None, log: Log) -> Log:
     """The ticks of a growing log that hold its extent: its first and last, and those of its extreme values."""
     whole = log if before is None else concatenate([before, log], {})
-    values = np.column_stack((whole.angles(), whole.stack("target"), whole.stack("target") - whole.angles()))
+    error = whole.stack("target") - whole.angles()
+    values = np.column_stack((whole.angles(), whole.stack("target"), error, whole.columns["payload_mass"]))
     values = np.nan_to_num(values)
     kept = np.unique([0, len(whole) - 1, *values.argmin(axis=0), *values.argmax(axis=0)])
     return Log({name: column[kept] for name, column in whole.columns.items()})

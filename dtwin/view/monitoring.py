@@ -40,6 +40,8 @@ COLOURS: Final[Mapping[UnitState, style.RGB]] = {
 }
 _RESIDUALS_SHOWN: Final = 10.5
 """standard deviations"""
+_EVIDENCE_SHOWN: Final = 52.5
+"""2 log likelihood ratio; that of a fault goes on to thousands. A threshold for one false alarm in 10^6 h is 49."""
 _BODIES: Final = ("link_1", "link_2", "link_3", "jaw")
 """what shows the verdicts of the units"""
 _TEXT: Final = f"{scene.ROOT}/verdicts/text"
@@ -160,7 +162,7 @@ def monitoring_views(extent: Extent) -> rrb.Vertical:
         plot_view(f"Joint {j}: measured, predicted, 99 % band (rad)", f"{ROOT}/angles/joint_{j}", extent.angles)
         for j in (1, 2, 3)
     ]
-    evidence = plot_view("Evidence of a fault and threshold", f"{ROOT}/evidence")
+    evidence = plot_view("Evidence of a fault and threshold", f"{ROOT}/evidence", (0.0, _EVIDENCE_SHOWN))
     return rrb.Vertical(
         rrb.StateTimelineView(
             name="Verdicts", origin=f"{ROOT}/verdicts", time_view=rrb.TimeAxis(link="linktoglobal")

@@ -51,7 +51,7 @@ def write_recording(
         raise RecordingError(f"{path}: expected a log of at least one tick to draw")
     scene = Scene(model_file, arm, task_of(log.metadata), believed_by_controller(log.metadata))
     stream = open_stream(log)
-    layout = blueprint(extent_of(log, scene.task), *(hidden_views(hidden) if hidden else ()))
+    layout = blueprint(extent_of(log, scene.task), *(hidden_views(log, hidden, _NOMINAL) if hidden else ()))
     with saving(stream, path, layout):
         log_run(stream, scene, log, hidden)
         log_marks(stream, marks(log.events))

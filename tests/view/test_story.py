@@ -25,7 +25,7 @@ from dtwin.view.live import LiveView
 from dtwin.view.monitoring import write_monitoring
 from dtwin.view.story import Story, marks
 from dtwin.view.write import write_recording
-from tests.view.test_write import MODEL, at, contents
+from tests.view.test_write import MODEL, at, contents, ranges_of
 
 AWAY = PLACES["green"].theta
 
@@ -162,6 +162,11 @@ def test_the_layout_holds_the_whole_run_and_every_plot_of_a_run() -> None:
     far = extent_of(Log(MappingProxyType(columns)), DEFAULT_TASK)
     assert far.angles[0] == np.floor(columns["theta_2"].min()) < -6
     assert far.error == pytest.approx(10_500.0)
+    assert extent.payload == live_extent(DEFAULT_TASK).payload == pytest.approx(0.315)
+    columns["payload_mass"] = log.columns["payload_mass"] + 0.25
+    assert extent_of(Log(columns), DEFAULT_TASK).payload == pytest.approx(0.525)
+    columns["payload_mass"] = np.full(len(log), np.nan)
+    assert extent_of(Log(columns), DEFAULT_TASK).payload == extent.payload
 
 
 def test_the_shared_axis_is_in_the_blueprint(tmp_path: Path) -> None:
@@ -220,6 +225,8 @@ def test_a_failed_link_is_red_while_it_has_failed_and_its_name_stands_above(tmp_
         log.stack("measured"), spread, spread[:, 0], verdicts, (Event(2.0, "failed", "voltage constant"),)
     )
     write_monitoring(log, opinion, MODEL, tmp_path / "run.rrd")
+    low, high = ranges_of(tmp_path / "run.rrd")["monitor/evidence"]
+    assert low == 0.0 < opinion.threshold < high
     found = contents(tmp_path / "run.rrd")
     beam = found["/cell/visual_geometries/link_2/link_2_beam"]["Mesh3D:albedo_factor"]
     assert [(time / 1e7, value) for time, _, value in beam] == [(200, [0xEB322DFF]), (300, [0xFFFFFFFF])]
