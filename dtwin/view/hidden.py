@@ -35,12 +35,11 @@ _LEAST: Final = 0.02
 """Smallest force that gets an arrow, N."""
 _LONGEST: Final = 0.1
 """Length to which the arrow of a blow is cut, m."""
-_SHOWN: Final = 10.0
+_SHOWN: Final = 10.5
 """Largest force of the plot, N: the jaw strikes a box with ten times the force that it then presses with."""
-
 _SLIP: Final = 2.0
 """Least slip that its plot can show, mm."""
-_TORQUE: Final = 0.2
+_TORQUE: Final = 0.5
 """Least friction that its plot can show, N m."""
 _AHEAD: Final = 20.0
 """Least deflection of gears that its plot can show, mrad."""

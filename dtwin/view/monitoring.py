@@ -40,8 +40,8 @@ COLOURS: Final[Mapping[UnitState, style.RGB]] = {
 }
 _RESIDUALS_SHOWN: Final = 10.5
 """standard deviations"""
-_EVIDENCE_SHOWN: Final = 52.5
-"""2 log likelihood ratio; that of a fault goes on to thousands. A threshold for one false alarm in 10^6 h is 49."""
+_EVIDENCE_SHOWN: Final = 105.0
+"""2 log likelihood ratio: that of a fault goes on to thousands, the threshold for a false alarm in 10^6 h is 49"""
 _BODIES: Final = ("link_1", "link_2", "link_3", "jaw")
 """what shows the verdicts of the units"""
 _TEXT: Final = f"{scene.ROOT}/verdicts/text"

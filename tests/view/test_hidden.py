@@ -113,12 +113,12 @@ def test_every_further_view_has_something_to_show(path: Path, recording: Content
 def test_every_plot_has_a_range_that_holds_its_lines(path: Path) -> None:
     ranges = ranges_of(path)
     assert ranges["contact/slip"] == pytest.approx((0.0, 5.25))
-    assert ranges["contact/grip"] == (0.0, 10.0)
+    assert ranges["contact/grip"] == (0.0, 10.5)
     assert ranges["drive/gear"] == pytest.approx((-21.0, 21.0))
     assert ranges["drive/encoder"] == pytest.approx((-5.25, 5.25))
     for joint in (1, 2, 3):
         assert ranges[f"drive/voltage/joint_{joint}"] == pytest.approx((-10.5, 10.5))
-        assert ranges[f"drive/friction/joint_{joint}"] == pytest.approx((-0.21, 0.21))
+        assert ranges[f"drive/friction/joint_{joint}"] == pytest.approx((-0.525, 0.525))
 
 
 def test_a_run_records_what_its_machine_hides_and_how_long_its_links_are(tmp_path: Path) -> None:
