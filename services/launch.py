@@ -262,6 +262,7 @@ class CellOptions(PlantOptions, ControlOptions):
         options += ["--record", str(self.record.resolve())] if self.record else []
         options += ["--resumable"] if self.marked else []
         options += ["--monitored"] if self.monitoring else []
+        options += ["--commissioned", str(self.commissioned.resolve())] if self.commissioned else []
         return options + arguments(self, ArmOptions)
 
 

@@ -33,6 +33,7 @@ from dtwin.signals import Event, EventKind, Sensors, StepRecord, Truth, Voltages
 from dtwin.view.viewer import Ports, Viewer, ViewerProcess, has_gpu
 
 if TYPE_CHECKING:
+    from dtwin.run.prediction import BelievedArm
     from dtwin.view.live import LiveView
 
 log = logging.getLogger(__name__)
@@ -67,6 +68,9 @@ class Options(ArmOptions, Link):
     """Show the run live: in a window of the Rerun viewer, or in a browser (web), on the loopback interface only."""
     monitored: bool = False
     """Draw what the monitoring service says, too."""
+    commissioned: Path | None = None
+    """Record of the healthy arm that `dtwin commission` wrote, which the ghost is; without it the ghost is the arm
+    that the controller was started to believe in."""
     ports: Ports = field(default_factory=Ports)
     """Where the viewer listens."""
     notes: str = "{}"
@@ -118,6 +122,7 @@ class Recorder:
         self.rows = Rows(self._add_row, self._begin_another)
         self._parts: Parts | None = None
         self._view: LiveView | None = None
+        self._believed: BelievedArm | None = None
         kind = options.viewer
         self._viewer = ViewerProcess(kind, options.ports) if kind != "none" else None
         self._time = 0.0
@@ -279,8 +284,11 @@ class Recorder:
         file = None if options.record is None else numbered(options.record, self._runs)
         sparse = file is None and options.viewer == "web" and not has_gpu()
         url = "" if self._viewer is None else options.ports.data_url
+        ghost = self._believed = self._believed or _believed(options.commissioned, self._notes)
         try:
-            self._view = LiveView(options.mjcf, self._arm, file, url, options.monitored, sparse, options.task())
+            self._view = LiveView(
+                options.mjcf, self._arm, file, url, options.monitored, sparse, options.task(), ghost
+            )
         except NoSpaceError as error:
             self._say_unready(str(error))
 
@@ -345,6 +353,23 @@ def _first_recording(options: Options) -> int:
     if options.resumable and options.record is not None:
         return begun(options.record) + 1
     return 1
+
+
+def _believed(record: Path | None, notes: dict[str, Any]) -> BelievedArm:
+    """The arm that the ghost is.
+
+    Raises:
+        ModelError: the record is none, or the notes are not those of a run.
+    """
+    # These load what compiles the twin, which a log alone does not need.
+    from dtwin.identification.machine.record import read_record
+    from dtwin.monitoring.estimation.belief import commissioned
+    from dtwin.run.prediction import BelievedArm, believed_by_controller
+
+    if record is None:
+        return believed_by_controller(notes)
+    belief = commissioned(read_record(record))
+    return BelievedArm(belief.arm, offset=belief.offset, effects=belief.effects)
 
 
 if __name__ == "__main__":

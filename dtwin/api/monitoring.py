@@ -25,6 +25,7 @@ from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
 from dtwin.monitoring.trend import Forecast
 from dtwin.monitoring.verdict import Finding
 from dtwin.parameters import ArmParameters
+from dtwin.run.prediction import BelievedArm
 from dtwin.run.recording import Log
 from dtwin.run.settings import arm_of
 from dtwin.signals import Event
@@ -46,6 +47,7 @@ class Monitored:
         forecasts: slow changes that will reach a limit, soonest first.
         events: everything that was noticed, in order.
         trace: what was predicted and concluded at every sample.
+        believed: the healthy arm that was assumed.
     """
 
     log: Log
@@ -55,6 +57,7 @@ class Monitored:
     forecasts: tuple[Forecast, ...]
     events: tuple[Event, ...]
     trace: Trace
+    believed: BelievedArm
 
     @property
     def states(self) -> dict[str, str]:
@@ -79,7 +82,8 @@ class Monitored:
         """
         from dtwin.view.monitoring import write_monitoring  # Rerun takes half a second to import.
 
-        write_monitoring(self.log, self.trace, MODEL_FILE, Path(path), arm_of(self.log.metadata))
+        drawn = arm_of(self.log.metadata)
+        write_monitoring(self.log, self.trace, MODEL_FILE, Path(path), drawn, self.believed)
 
 
 @checked
@@ -115,7 +119,8 @@ def monitor(
     log = log_of(data)
     seen = stream(log)
     settings = MonitorSettings(alarms_per_hour=alarms_per_hour, tuning=tuning_for(task_of(log.metadata).boxes))
-    watching = Monitor(_belief(seen, model, store, commissioned), settings)
+    belief = _belief(seen, model, store, commissioned)
+    watching = Monitor(belief, settings)
     trace = watch(watching, seen, lambda done: progress(done, len(seen)))
     return Monitored(
         log,
@@ -125,6 +130,7 @@ def monitor(
         tuple(watching.forecasts),
         tuple(watching.events),
         trace,
+        BelievedArm(belief.arm, offset=belief.offset, effects=belief.effects),
     )
 
 

@@ -1,4 +1,4 @@
-"""The trajectory of the arm under given voltages, in one compiled call."""
+"""The trajectory of the arm under given voltages, in one compiled call, and where many trajectories end."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from numpy.typing import ArrayLike
 
 from dtwin.errors import DivergenceError, ParameterError, choices
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, ArmParameters, PayloadModel
-from dtwin.twin.dynamics import Array, integrate
+from dtwin.twin import dynamics
+from dtwin.twin.compiled import kernel
+from dtwin.twin.dynamics import Array, advance, coefficients, held_torque, integrate
 
 _WEIGHT_ONLY: Final = {"point": False, "weight": True}
 
@@ -58,6 +60,52 @@ def rollout(
     if reached < commands.shape[0]:
         raise DivergenceError("rollout of the analytic twin", reached * period, states[reached])
     return states
+
+
+def rollout_ends(
+    parameters: ArmParameters,
+    starts: Array,
+    volts: Array,
+    payload: Array,
+    *,
+    period: float = PERIOD,
+    substeps: int = 4,
+) -> Array:
+    """Where M trajectories of N samples end, each as `rollout` has it with a point mass at the tip.
+
+    Args:
+        parameters: parameters of the arm.
+        starts: (M, 6), angles (rad), then velocities (rad/s) at the starts.
+        volts: (M, N, 3), voltages, V.
+        payload: (M, N), masses at the tip, kg.
+        period, substeps: as for `rollout`.
+
+    Returns:
+        The states at the time N period, (M, 6); not finite where a trajectory diverges.
+
+    Raises:
+        ParameterError: a shape or number is wrong.
+    """
+    check_stepping(period, substeps, COULOMB_WIDTH)
+    if (starts.shape[1:], volts.shape[::2], payload.shape) != ((6,), (len(starts), 3), volts.shape[:2]):
+        shapes = f"{starts.shape}, {volts.shape}, {payload.shape}"
+        raise ParameterError(f"starts, volts, payload: expected shapes (M, 6), (M, N, 3), (M, N), got {shapes}")
+    states = np.array(starts, dtype=np.float64)
+    _advance_each(np.array(parameters.vector()), volts, payload, period / substeps, substeps, COULOMB_WIDTH, states)
+    return states
+
+
+@kernel(uses=(dynamics,))
+def _advance_each(
+    p: Array, volts: Array, payload: Array, step: float, substeps: int, width: float, states: Array
+) -> None:
+    for j in range(states.shape[0]):
+        x = (states[j, 0], states[j, 1], states[j, 2], states[j, 3], states[j, 4], states[j, 5])
+        for k in range(volts.shape[1]):
+            arm = coefficients(p, payload[j, k], False)
+            x, _ = advance(x, held_torque(volts[j, k], arm), arm, width, step, substeps)
+        for i in range(6):
+            states[j, i] = x[i]
 
 
 def checked_array(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:

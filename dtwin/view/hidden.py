@@ -16,7 +16,7 @@ from dtwin.run.hidden import DriveColumns, HiddenLog, TouchColumns
 from dtwin.run.recording import Log
 from dtwin.task import DEFAULT_TASK
 from dtwin.view import scene, style
-from dtwin.view.layout import plot_view
+from dtwin.view.layout import GRIPPER_ANGLES, VOLTS, plot_view, reach
 from dtwin.view.series import GRIPPER, time_column
 
 Array = NDArray[np.float64]
@@ -35,30 +35,69 @@ _LEAST: Final = 0.02
 """Smallest force that gets an arrow, N."""
 _LONGEST: Final = 0.1
 """Length to which the arrow of a blow is cut, m."""
-_SHOWN: Final = 10.0
+_SHOWN: Final = 10.5
 """Largest force of the plot, N: the jaw strikes a box with ten times the force that it then presses with."""
+_SLIP: Final = 2.0
+"""Least slip that its plot can show, mm."""
+_TORQUE: Final = 0.5
+"""Least friction that its plot can show, N m."""
+_AHEAD: Final = 20.0
+"""Least deflection of gears that its plot can show, mrad."""
+_READ: Final = 5.0
+"""Least error of encoders that its plot can show, mrad."""
 
 
-def hidden_views(hidden: HiddenLog) -> list[rrb.Vertical]:
-    """Tabs of what there is: contact first, then drives, friction, gears and encoders."""
+def hidden_views(log: Log, hidden: HiddenLog, believed: ArmParameters) -> list[rrb.Vertical]:
+    """Tabs of what there is: contact first, then drives, friction, gears and encoders.
+
+    Args:
+        log: the run.
+        hidden: the hidden truth of its ticks.
+        believed: as for `log_hidden`.
+    """
     tabs = []
-    if hidden.has_touches:
-        grip = plot_view("Forces of the pads (N)", GRIP, (0.0, _SHOWN))
-        slip = plot_view("Slip of the held box along the pads (mm)", SLIP)
-        tabs.append(rrb.Vertical(grip, slip, plot_view("Gripper angle (rad)", GRIPPER), name="Contact"))
-    if hidden.has_drives:
-        volts = [plot_view(f"Motor {j}: voltage commanded, acting (V)", f"{VOLTAGE}/joint_{j}") for j in (1, 2, 3)]
-        friction = [
-            plot_view(f"Joint {j}: friction believed, acting (N m)", f"{FRICTION}/joint_{j}") for j in (1, 2, 3)
+    if (touches := hidden.touches()) is not None:
+        slips = (0.0, reach(1e3 * touches.slip, _SLIP))
+        tabs.append(
+            rrb.Vertical(
+                plot_view("Forces of the pads (N)", GRIP, (0.0, _SHOWN)),
+                plot_view("Slip of the held box along the pads (mm)", SLIP, slips),
+                plot_view("Gripper angle (rad)", GRIPPER, GRIPPER_ANGLES),
+                name="Contact",
+            )
+        )
+    if (drives := hidden.drives()) is not None:
+        theta = log.stack("theta")
+        torques = _around(np.hstack((drives.friction, _friction(log, believed))), _TORQUE)
+        joints = (1, 2, 3)
+        volts = [
+            plot_view(f"Motor {j}: voltage commanded, acting (V)", f"{VOLTAGE}/joint_{j}", VOLTS) for j in joints
         ]
-        gear = plot_view("Motor ahead of its link (mrad)", GEAR)
-        encoder = plot_view("Encoder reading ahead of the joint (mrad)", ENCODER)
+        friction = [
+            plot_view(f"Joint {j}: friction believed, acting (N m)", f"{FRICTION}/joint_{j}", torques) for j in joints
+        ]
+        ahead = _around(1e3 * (drives.motors - theta), _AHEAD)
+        gear = plot_view("Motor ahead of its link (mrad)", GEAR, ahead)
+        read = _around(1e3 * (log.stack("measured") - theta), _READ)
+        encoder = plot_view("Encoder reading ahead of the joint (mrad)", ENCODER, read)
         tabs += [
             rrb.Vertical(*volts, name="Voltages"),
             rrb.Vertical(*friction, name="Friction"),
             rrb.Vertical(gear, encoder, name="Gears and encoders"),
         ]
     return tabs
+
+
+def _around(values: Array, least: float) -> tuple[float, float]:
+    """A range that is alike on both sides of 0."""
+    end = reach(values, least)
+    return -end, end
+
+
+def _friction(log: Log, believed: ArmParameters) -> Array:
+    """The friction that a twin believes in, at the true velocities, (ticks, 3), N m."""
+    omega = log.stack("omega")
+    return np.array(believed.damping) * omega + np.array(believed.coulomb) * np.tanh(omega / COULOMB_WIDTH)
 
 
 def log_hidden(stream: rr.RecordingStream, log: Log, hidden: HiddenLog, believed: ArmParameters) -> None:
@@ -82,8 +121,7 @@ def _log_drives(
 ) -> None:
     # What acts at a sample answers the sample before; the command of a row is only about to be given.
     commanded = np.vstack([np.zeros(3), log.stack("volts")[:-1, :3]])
-    omega = log.stack("omega")
-    friction = np.array(believed.damping) * omega + np.array(believed.coulomb) * np.tanh(omega / COULOMB_WIDTH)
+    friction = _friction(log, believed)
     for joint in (1, 2, 3):
         i, colour = joint - 1, style.JOINTS[joint - 1]
         for root, name, twin, true in (

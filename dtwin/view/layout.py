@@ -11,6 +11,7 @@ from uuid import UUID
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from numpy.typing import NDArray
 
 from dtwin.parameters import VOLTAGE_LIMIT
 from dtwin.run.recording import Log
@@ -26,6 +27,8 @@ _MARGIN: Final = 1.05
 """A range goes on a little beyond the last tick of its axis, which is written otherwise."""
 VOLTS: Final = (-1.25 * _MARGIN * VOLTAGE_LIMIT, 1.25 * _MARGIN * VOLTAGE_LIMIT)
 """Range of voltages, V, around the limits."""
+GRIPPER_ANGLES: Final = (0.0, 1.0 * _MARGIN)
+"""Range of angles of the gripper, rad."""
 _SHARED_AXIS: Final = UUID("5c0dca6a-e63f-9cf7-f657-2602590474cc")
 """Number of the view with which Rerun's viewer keeps the range of all linked time axes."""
 
@@ -38,11 +41,13 @@ class Extent:
         time: range of the time axis that all plots share.
         angles: range of angles, rad.
         error: largest tracking error, mrad.
+        payload: largest payload, kg.
     """
 
     time: rr.TimeRange
     angles: tuple[float, float]
     error: float
+    payload: float
 
 
 def extent_of(log: Log, task: Task) -> Extent:
@@ -53,24 +58,38 @@ def extent_of(log: Log, task: Task) -> Extent:
     told = ~np.isnan(log.stack("target"))
     shown = np.concatenate((log.angles(), log.stack("target")[told.all(axis=1)]))
     usual = _angles(task)
-    error = 1e3 * float(np.max(np.abs(log.stack("target") - log.angles()), initial=0.0, where=told))
+    error = 1e3 * (log.stack("target") - log.angles())[told]
     return Extent(
         rr.TimeRange(start, end),
         (min(usual[0], math.floor(shown.min())), max(usual[1], math.ceil(shown.max()))),
-        _MARGIN * _round(max(error, 1.0)),
+        reach(error, 1.0),
+        _payload(float(np.nanmax(log.columns["payload_mass"], initial=task.boxes.heaviest))),
     )
 
 
 def live_extent(task: Task) -> Extent:
     """What is shown of a run that goes on."""
     back, ahead = (rr.TimeRangeBoundary.cursor_relative(seconds=seconds) for seconds in (-_LIVE_SECONDS, 2.0))
-    return Extent(rr.TimeRange(back, ahead), _angles(task), _MARGIN * _LIVE_ERROR)
+    return Extent(rr.TimeRange(back, ahead), _angles(task), _MARGIN * _LIVE_ERROR, _payload(task.boxes.heaviest))
 
 
 def _angles(task: Task) -> tuple[float, float]:
     """Whole numbers around the angles of all places, rad."""
     angles = [angle for place in task.all_places.values() for angle in place.theta]
     return float(math.floor(min(angles))), float(math.ceil(max(angles)))
+
+
+def _payload(heaviest: float) -> float:
+    """The end of an axis that has whole tenths and holds a mass, kg."""
+    return _MARGIN * math.ceil(10 * heaviest) / 10
+
+
+def reach(values: NDArray[np.float64], least: float) -> float:
+    """The end of an axis that holds the sizes of some values, those that are finite, and at least `least`.
+
+    It is a little beyond 1, 2 or 5 times a power of ten, so that runs that are alike have the same axis.
+    """
+    return _MARGIN * _round(float(np.max(np.abs(values), initial=least, where=np.isfinite(values))))
 
 
 def _round(value: float) -> float:
@@ -104,7 +123,7 @@ def sparse_blueprint(extent: Extent) -> rrb.Blueprint:
 
 def _arranged(extent: Extent, time: rrb.TimePanel, *more: rrb.Vertical) -> rrb.Blueprint:
     """State and cell on the left, states over tabs on the right."""
-    tabs = rrb.Tabs(*more, _overview(extent), _joints(extent), _gripper(), active_tab=0)
+    tabs = rrb.Tabs(*more, _overview(extent), _joints(extent), _gripper(extent), active_tab=0)
     views = rrb.Horizontal(
         rrb.Vertical(_status(), cell_view(), _events(), row_shares=[0.45, 3, 1]),
         rrb.Vertical(_states(extent), tabs, row_shares=[1, 4]),
@@ -191,10 +210,10 @@ def _joints(extent: Extent) -> rrb.Vertical:
     )
 
 
-def _gripper() -> rrb.Vertical:
+def _gripper(extent: Extent) -> rrb.Vertical:
     return rrb.Vertical(
-        plot_view("Gripper angle (rad)", series.GRIPPER, (0.0, 1.0 * _MARGIN)),
-        plot_view("Payload (kg)", series.PAYLOAD),
+        plot_view("Gripper angle (rad)", series.GRIPPER, GRIPPER_ANGLES),
+        plot_view("Payload (kg)", series.PAYLOAD, (0.0, extent.payload)),
         name="Gripper",
     )
 

@@ -16,6 +16,7 @@ from dtwin.bus.twin_messages import MonitoredUnit, MonitoringResiduals, Monitori
 from dtwin.errors import NoSpaceError
 from dtwin.files import ensure_writable
 from dtwin.parameters import ArmParameters
+from dtwin.run.prediction import DATA_SHEET, BelievedArm
 from dtwin.run.recording import Log, concatenate
 from dtwin.task import DEFAULT_TASK, Task
 from dtwin.view.boxes import grasps, waiting
@@ -53,6 +54,7 @@ class LiveView:
             draws without a GPU.
         monitored: whether predictions and verdicts of a monitor are drawn as well.
         task: task of the cell.
+        believed: arm that the twin believes in, which is drawn as a ghost.
 
     Raises:
         ModelError: the model cannot be drawn.
@@ -69,8 +71,9 @@ class LiveView:
         monitored: bool = False,
         sparse: bool = False,
         task: Task = DEFAULT_TASK,
+        believed: BelievedArm = DATA_SHEET,
     ) -> None:
-        self._scene = Scene(model_file, arm, task)
+        self._scene = Scene(model_file, arm, task, believed)
         self._stream = rr.RecordingStream(APPLICATION, send_properties=False)
         self._stream.set_log_tick_enabled(False)
         self._stream.set_log_time_enabled(False)
@@ -187,7 +190,8 @@ def has_room(file: Path) -> bool:
 def _widened(before: Log | None, log: Log) -> Log:
     """The ticks of a growing log that hold its extent: its first and last, and those of its extreme values."""
     whole = log if before is None else concatenate([before, log], {})
-    values = np.column_stack((whole.angles(), whole.stack("target"), whole.stack("target") - whole.angles()))
+    error = whole.stack("target") - whole.angles()
+    values = np.column_stack((whole.angles(), whole.stack("target"), error, whole.columns["payload_mass"]))
     values = np.nan_to_num(values)
     kept = np.unique([0, len(whole) - 1, *values.argmin(axis=0), *values.argmax(axis=0)])
     return Log({name: column[kept] for name, column in whole.columns.items()})

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dtwin.bus.twin_messages import UNITS, MonitoredUnit, MonitoringResiduals, MonitoringVerdict, UnitState
 from dtwin.errors import RecordingError
 from dtwin.parameters import ArmParameters
+from dtwin.run.prediction import DATA_SHEET, BelievedArm
 from dtwin.run.recording import Log
 from dtwin.signals import Event, EventKind
 from dtwin.task import task_of
@@ -39,6 +40,8 @@ COLOURS: Final[Mapping[UnitState, style.RGB]] = {
 }
 _RESIDUALS_SHOWN: Final = 10.5
 """standard deviations"""
+_EVIDENCE_SHOWN: Final = 105.0
+"""2 log likelihood ratio: that of a fault goes on to thousands, the threshold for a false alarm in 10^6 h is 49"""
 _BODIES: Final = ("link_1", "link_2", "link_3", "jaw")
 """what shows the verdicts of the units"""
 _TEXT: Final = f"{scene.ROOT}/verdicts/text"
@@ -110,7 +113,12 @@ def predictions(messages: Sequence[MonitoringResiduals]) -> Predictions:
 
 
 def write_monitoring(
-    log: Log, trace: DrawnTrace, model_file: Path, path: Path, arm: ArmParameters = _NOMINAL
+    log: Log,
+    trace: DrawnTrace,
+    model_file: Path,
+    path: Path,
+    arm: ArmParameters = _NOMINAL,
+    believed: BelievedArm = DATA_SHEET,
 ) -> None:
     """Writes a run and what the monitor made of it as an .rrd file; it appears complete or not at all.
 
@@ -119,6 +127,7 @@ def write_monitoring(
         trace: what the monitor made of the same ticks.
         model_file: MJCF of the cell.
         arm: the arm whose link lengths are drawn.
+        believed: the healthy arm of the monitor, which is drawn as a ghost.
 
     Raises:
         ModelError: the model cannot be drawn.
@@ -126,7 +135,7 @@ def write_monitoring(
     """
     if not len(log):
         raise RecordingError(f"{path}: expected a log of at least one tick to draw")
-    drawn = Scene(model_file, arm, task_of(log.metadata))
+    drawn = Scene(model_file, arm, task_of(log.metadata), believed)
     t = log.columns["t"]
     extent = extent_of(log, drawn.task)
     stream = open_stream(log, ROOT)
@@ -153,7 +162,7 @@ def monitoring_views(extent: Extent) -> rrb.Vertical:
         plot_view(f"Joint {j}: measured, predicted, 99 % band (rad)", f"{ROOT}/angles/joint_{j}", extent.angles)
         for j in (1, 2, 3)
     ]
-    evidence = plot_view("Evidence of a fault and threshold", f"{ROOT}/evidence")
+    evidence = plot_view("Evidence of a fault and threshold", f"{ROOT}/evidence", (0.0, _EVIDENCE_SHOWN))
     return rrb.Vertical(
         rrb.StateTimelineView(
             name="Verdicts", origin=f"{ROOT}/verdicts", time_view=rrb.TimeAxis(link="linktoglobal")

@@ -1,7 +1,9 @@
-"""What the arm is to do: its places, the path of the motion with its end, and a ghost of the arm on that path.
+"""What the arm is to do, and what its twin says that it does: places, the path of the motion with its end, a ghost.
 
-A healthy arm under its controller is within a few milliradians of its path, so that the ghost hides inside it; what
-leaves the ghost is not the arm that the twin believes in.
+The ghost is the arm that the twin believes in, driven by the commanded voltages alone for the last fifth of a second:
+see `dtwin.run.prediction`, also for why it is no longer. Without a box a healthy arm is within a few milliradians of
+it, so that the ghost hides inside the arm, and within some hundredths of a radian with a box that is lighter or
+heavier than believed. What leaves its ghost is not the arm that the twin believes in. Shapes are those of the arm.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from dtwin.run.prediction import BelievedArm, OpenLoop
 from dtwin.run.recording import Log
 from dtwin.task import Task
 from dtwin.view import style
@@ -37,19 +40,21 @@ _CROSS: Final = 0.014
 
 
 class Plan:
-    """Draws what the arm is to do, part by part of a growing run.
+    """Draws what the arm is to do and what its twin says, part by part of a growing run.
 
     Args:
         model: compiled model of the cell, whose link lengths are those of the arm.
+        believed: the arm that the ghost is.
         root: entity below which it is drawn.
         drawn: group of the geoms that are drawn.
         tip: name of the body at the tip.
     """
 
-    def __init__(self, model: Any, root: str, drawn: int, tip: str) -> None:
+    def __init__(self, model: Any, believed: BelievedArm, root: str, drawn: int, tip: str) -> None:
         self._model, self._drawn, self._tip = model, drawn, tip
         self._root = f"{root}/{ROOT}"
         self._ghost = f"{self._root}/ghost"
+        self._twin = OpenLoop(believed, _STRIDE)
         self._before: NDArray[np.float64] | None = None
         self._began = 0.0
         self._line: list[NDArray[np.float64]] = []
@@ -100,6 +105,7 @@ class Plan:
 
     def send(self, stream: rr.RecordingStream, log: Log) -> None:
         """Sends path, goal and ghost of a log of at least one tick that follows those sent before."""
+        self._send_ghost(stream, log)
         target, t = log.stack("target"), log.columns["t"]
         told = ~np.isnan(target).any(axis=1)  # by a controller that tells its path
         target, t = target[told], t[told]
@@ -107,18 +113,17 @@ class Plan:
             return
         before = target[:1] if self._before is None else self._before
         moves = moving(target, before)
-        shown = moves & (np.arange(len(t)) % _STRIDE == 0)
-        shown[:-1] |= moves[:-1] & ~moves[1:]
-        shown[0] = True
         self._before = target[-1:]
-        poses = self._poses(target[shown])
-        times = time_column(t[shown])
+        self._send_paths(stream, t, moves, target)
+
+    def _send_ghost(self, stream: rr.RecordingStream, log: Log) -> None:
+        t, angles = self._twin.add(log)
+        poses = self._poses(angles)
         for name in _LINKS:
             columns = rr.Transform3D.columns(
                 translation=poses[name].position, quaternion=np.roll(poses[name].quaternion, -1, axis=1)
             )
-            stream.send_columns(f"{self._ghost}/{name}", indexes=[times], columns=columns)
-        self._send_paths(stream, t, moves, target)
+            stream.send_columns(f"{self._ghost}/{name}", indexes=[time_column(t)], columns=columns)
 
     def _send_paths(
         self,

@@ -16,6 +16,7 @@ from rerun_loader_mjcf import MJCFLogger
 
 from dtwin.errors import ModelError
 from dtwin.parameters import ArmParameters
+from dtwin.run.prediction import DATA_SHEET, BelievedArm
 from dtwin.run.recording import Log
 from dtwin.signals import NO_COLOUR
 from dtwin.task import DEFAULT_TASK, Task
@@ -50,13 +51,20 @@ class Scene:
         task: task of the cell, whose stands and colours are drawn.
     """
 
-    def __init__(self, model_file: Path, arm: ArmParameters, task: Task = DEFAULT_TASK) -> None:
+    def __init__(
+        self,
+        model_file: Path,
+        arm: ArmParameters,
+        task: Task = DEFAULT_TASK,
+        believed: BelievedArm = DATA_SHEET,
+    ) -> None:
         """Compiles the model.
 
         Args:
             model_file: MJCF of the cell.
             arm: arm whose link lengths replace those of the file.
             task: task of the cell, whose stands are drawn.
+            believed: arm that the twin believes in, which is drawn as a ghost.
 
         Raises:
             ModelError: the file is missing or no MJCF, or it lacks a joint or geom that is drawn.
@@ -76,7 +84,7 @@ class Scene:
             model.body_pos[body, 0] = length
         # The loader would draw the model's transparent geoms black.
         model.geom_size[model.geom_rgba[:, 3] == 0] = 0
-        self._plan = Plan(model, ROOT, _DRAWN, self._tip)
+        self._plan = Plan(model, believed, ROOT, _DRAWN, self._tip)
         self._coloured: dict[str, style.RGB] = {}
 
     def log_geometry(self, stream: rr.RecordingStream, t: float, sparse: bool = False) -> None:
@@ -110,7 +118,7 @@ class Scene:
         return rr.CoordinateFrame(self._logger.paths.body_frame(body))
 
     def log_motion(self, stream: rr.RecordingStream, log: Log, sparse: bool = False) -> None:
-        """Sends poses and, unless sparsely, the trail of the tip and what the arm is to do.
+        """Sends poses and, unless sparsely, the trail of the tip, what the arm is to do and its ghost.
 
         The log follows those sent before.
         """

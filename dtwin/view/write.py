@@ -12,6 +12,7 @@ import rerun as rr
 from dtwin.errors import RecordingError
 from dtwin.parameters import ArmParameters
 from dtwin.run.hidden import HiddenLog
+from dtwin.run.prediction import believed_by_controller
 from dtwin.run.recording import COLUMNS, Log
 from dtwin.task import task_of
 from dtwin.view.boxes import grasps, waiting
@@ -43,14 +44,14 @@ def write_recording(
             the ideal machine.
 
     Raises:
-        ModelError: the model cannot be drawn.
+        ModelError: the model cannot be drawn, or what the log says of its controller is not that of a run.
         RecordingError: the log is empty, or the path cannot be written.
     """
     if not len(log):
         raise RecordingError(f"{path}: expected a log of at least one tick to draw")
-    scene = Scene(model_file, arm, task_of(log.metadata))
+    scene = Scene(model_file, arm, task_of(log.metadata), believed_by_controller(log.metadata))
     stream = open_stream(log)
-    layout = blueprint(extent_of(log, scene.task), *(hidden_views(hidden) if hidden else ()))
+    layout = blueprint(extent_of(log, scene.task), *(hidden_views(log, hidden, _NOMINAL) if hidden else ()))
     with saving(stream, path, layout):
         log_run(stream, scene, log, hidden)
         log_marks(stream, marks(log.events))

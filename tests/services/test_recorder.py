@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from dtwin.bus.messages import Path as PathAngles
+from dtwin.errors import ModelError
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.run.recording import Log, read_log
 from dtwin.services.parts.part_files import begin, discard_markers
@@ -20,6 +21,7 @@ from tests.services.parts.test_log_parts import log as rows_of
 from tests.support.desk import Desk
 from tests.support.disks import full_disk
 from tests.support.waiting import until
+from tests.view.test_write import contents
 
 
 def feed(recorder: Recorder, first: int, last: int) -> None:
@@ -199,3 +201,18 @@ def test_a_cell_lives_through_a_full_disk(desk: Desk, tmp_path: Path) -> None:
     until(lambda: not desk.processes(), "all processes end", 60.0)
     times = read_log(tmp_path / "run.parquet").columns["t"]
     assert len(times) == round(times[-1] / PERIOD) + 1, "no row is missing"
+
+
+def test_the_ghost_is_the_arm_of_the_notes_or_of_a_record(tmp_path: Path) -> None:
+    drawn = []
+    told: list[dict[str, Any]] = [{}, {"control": {"payload": 0.3}}, {"control": {"model": {"mass": [1, 1, 1]}}}]
+    for number, notes in enumerate(told):
+        file = tmp_path / f"{number}.rrd"
+        recorder = Recorder(Options(record=file), notes, ArmParameters(), lambda event: None)
+        feed(recorder, 0, 100)
+        recorder.close()
+        rows = contents(file)["/cell/plan/ghost/link_3"]["Transform3D:translation"]
+        drawn.append([(time, place) for time, _, place in rows])
+    assert drawn[0] == drawn[1] != drawn[2]
+    with pytest.raises(ModelError, match=r"arm\.json"):
+        Recorder(Options(record=file, commissioned=tmp_path / "arm.json"), {}, ArmParameters(), lambda event: None)

@@ -9,7 +9,7 @@ from dtwin.errors import DivergenceError, ParameterError
 from dtwin.parameters import GRAVITY, HANGING, PHYSICS_STEP, ArmParameters, Triple, scaled
 from dtwin.twin.dynamics import forward_dynamics, friction, motor_torque
 from dtwin.twin.energy import energy
-from dtwin.twin.rollout import rollout
+from dtwin.twin.rollout import rollout, rollout_ends
 from tests.support.arms import DEFAULT, Array, vector
 
 REST = np.zeros(6)
@@ -146,6 +146,29 @@ def test_payload_over_time_is_two_rollouts_in_a_row() -> None:
 def test_volts_act_up_to_the_limit() -> None:
     beyond, at_limit = np.tile([20.0, -20.0, 1.0], (10, 1)), np.tile([8.0, -8.0, 1.0], (10, 1))
     assert (rollout(DEFAULT, REST, beyond) == rollout(DEFAULT, REST, at_limit)).all()
+
+
+@pytest.mark.parametrize("arm", [DEFAULT, FRICTION])
+def test_ends_of_many_rollouts_are_those_of_each(arm: ArmParameters) -> None:
+    generator = np.random.default_rng(1)
+    starts, volts = generator.uniform(-1, 1, (7, 6)), generator.uniform(-10, 10, (7, 20, 3))
+    payload = generator.uniform(0, 0.3, (7, 20))
+    ends = rollout_ends(arm, starts, volts, payload)
+    for end, *one in zip(ends, starts, volts, payload, strict=True):
+        np.testing.assert_allclose(end, rollout(arm, *one)[-1], rtol=0.0, atol=1e-12)
+    assert rollout_ends(arm, starts[:0], volts[:0], payload[:0]).shape == (0, 6)
+
+
+def test_an_end_that_diverges_is_not_finite_and_leaves_the_others() -> None:
+    starts = np.array([[0, 0, 0, 1e160, 0, 0], REST])
+    ends = rollout_ends(DEFAULT, starts, np.zeros((2, 10, 3)), np.zeros((2, 10)))
+    assert np.isfinite(ends).all(axis=1).tolist() == [False, True]
+
+
+def test_ends_of_rollouts_need_alike_numbers_of_starts_volts_and_masses() -> None:
+    message = r"expected shapes \(M, 6\), \(M, N, 3\), \(M, N\), got \(2, 6\), \(2, 10, 3\), \(2, 9\)"
+    with pytest.raises(ParameterError, match=message):
+        rollout_ends(DEFAULT, np.zeros((2, 6)), np.zeros((2, 10, 3)), np.zeros((2, 9)))
 
 
 def test_no_samples_is_the_start_alone() -> None:

@@ -15,7 +15,7 @@ from dtwin.run.hidden import HiddenLog
 from dtwin.run.recording import Log, RunLog
 from dtwin.signals import Sensors, StepRecord, Truth, Voltages
 from dtwin.view.write import write_recording
-from tests.view.test_write import MODEL, Contents, at, contents
+from tests.view.test_write import MODEL, Contents, at, contents, ranges_of
 
 TICKS = 5
 POSE = (0.1, 0.2, 0.3, 0.5, 0.5, -0.5, 0.5)
@@ -108,6 +108,17 @@ def test_every_further_view_has_something_to_show(path: Path, recording: Content
     assert found == {"contact/grip", "contact/slip", "drive/gear", "drive/encoder"} | joints
     for origin in found:
         assert any(entity == f"/{origin}" or entity.startswith(f"/{origin}/") for entity in recording), origin
+
+
+def test_every_plot_has_a_range_that_holds_its_lines(path: Path) -> None:
+    ranges = ranges_of(path)
+    assert ranges["contact/slip"] == pytest.approx((0.0, 5.25))
+    assert ranges["contact/grip"] == (0.0, 10.5)
+    assert ranges["drive/gear"] == pytest.approx((-21.0, 21.0))
+    assert ranges["drive/encoder"] == pytest.approx((-5.25, 5.25))
+    for joint in (1, 2, 3):
+        assert ranges[f"drive/voltage/joint_{joint}"] == pytest.approx((-10.5, 10.5))
+        assert ranges[f"drive/friction/joint_{joint}"] == pytest.approx((-0.525, 0.525))
 
 
 def test_a_run_records_what_its_machine_hides_and_how_long_its_links_are(tmp_path: Path) -> None:

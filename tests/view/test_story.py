@@ -1,4 +1,4 @@
-"""What a recording tells of a run: states of the controller, moments worth a look, what the arm is to do."""
+"""What a recording tells of a run: states of the controller, moments, what the arm is to do, what its twin says."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,17 +10,22 @@ from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
 from dtwin.bus.twin_messages import UNITS, MonitoredUnit, MonitoringVerdict, UnitState
+from dtwin.emulation.faults import parse_fault
 from dtwin.parameters import PERIOD, PICKUP, PLACES, ArmParameters
+from dtwin.run.cell import Cell
+from dtwin.run.options import ControlOptions
+from dtwin.run.prediction import OpenLoop, believed_by_controller
 from dtwin.run.recording import Log, RunLog
+from dtwin.run.settings import CellSettings
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
 from dtwin.task import DEFAULT_TASK
-from dtwin.twin.kinematics import forward
+from dtwin.twin.kinematics import forward, joint_positions
 from dtwin.view.layout import extent_of, live_extent
 from dtwin.view.live import LiveView
 from dtwin.view.monitoring import write_monitoring
 from dtwin.view.story import Story, marks
 from dtwin.view.write import write_recording
-from tests.view.test_write import MODEL, at, contents
+from tests.view.test_write import MODEL, at, contents, ranges_of
 
 AWAY = PLACES["green"].theta
 
@@ -98,7 +103,7 @@ def test_moments_are_faults_findings_and_stops_in_order_of_time() -> None:
     assert len(marks([Event(0.1 * k, "fault", "again") for k in range(1000)])) == 20
 
 
-def test_a_recording_shows_state_moments_path_and_ghost(tmp_path: Path) -> None:
+def test_a_recording_shows_state_moments_and_path(tmp_path: Path) -> None:
     events = (
         Event(1.5, "fault", "K2*=0.1@1.5 began"),
         Event(2.0, "stop", "safe stop: braking\n(monitoring, [see](http://x))"),
@@ -127,11 +132,20 @@ def test_a_recording_shows_state_moments_path_and_ghost(tmp_path: Path) -> None:
             x, y, _ = forward(theta, arm)
             np.testing.assert_allclose(point, (x, 0.0, y), atol=0.01)
         np.testing.assert_allclose(at(found["/cell/plan/goal"]["Points3D:positions"], tick), [line[-1]], atol=1e-6)
-    for body in ("link_1", "link_2", "link_3"):
-        ghost = found[f"/cell/plan/ghost/{body}"]["Transform3D:translation"]
-        arm_at = found[f"/cell/bodies/{body}"]["Transform3D:translation"]
-        for tick in (0, 120, 160, 200, 349):
-            np.testing.assert_allclose(at(ghost, tick), at(arm_at, tick), atol=0.02)
+
+
+def test_the_ghost_is_what_the_twin_of_the_controller_says(tmp_path: Path) -> None:
+    cell = Cell(CellSettings(duration=3.0, control=ControlOptions().control(), faults=(parse_fault("K2*=0.5@1"),)))
+    cell.run()
+    log = cell.log.freeze()
+    write_recording(log, MODEL, tmp_path / "run.rrd")
+    found = contents(tmp_path / "run.rrd")
+    t, angles = OpenLoop(believed_by_controller(log.metadata), every=4).add(log)
+    for body, joint in (("link_2", 1), ("link_3", 2)):
+        drawn = found[f"/cell/plan/ghost/{body}"]["Transform3D:translation"]
+        assert [time for time, _, _ in drawn] == [round(1e9 * time) for time in t]
+        expected = [joint_positions((a, b, c), ArmParameters())[joint] for a, b, c in angles.tolist()]
+        np.testing.assert_allclose([place for _, _, [place] in drawn], [(x, 0.0, y) for x, y in expected], atol=1e-6)
 
 
 def test_the_layout_holds_the_whole_run_and_every_plot_of_a_run() -> None:
@@ -148,6 +162,11 @@ def test_the_layout_holds_the_whole_run_and_every_plot_of_a_run() -> None:
     far = extent_of(Log(MappingProxyType(columns)), DEFAULT_TASK)
     assert far.angles[0] == np.floor(columns["theta_2"].min()) < -6
     assert far.error == pytest.approx(10_500.0)
+    assert extent.payload == live_extent(DEFAULT_TASK).payload == pytest.approx(0.315)
+    columns["payload_mass"] = log.columns["payload_mass"] + 0.25
+    assert extent_of(Log(columns), DEFAULT_TASK).payload == pytest.approx(0.525)
+    columns["payload_mass"] = np.full(len(log), np.nan)
+    assert extent_of(Log(columns), DEFAULT_TASK).payload == extent.payload
 
 
 def test_the_shared_axis_is_in_the_blueprint(tmp_path: Path) -> None:
@@ -162,19 +181,23 @@ def test_the_shared_axis_is_in_the_blueprint(tmp_path: Path) -> None:
     assert ranges == {"/view/5c0dca6a-e63f-9cf7-f657-2602590474cc/TimeAxis"}
 
 
-def test_a_run_drawn_in_parts_has_the_path_of_the_whole(tmp_path: Path) -> None:
+def test_a_run_drawn_in_parts_has_the_path_and_the_ghost_of_the_whole(tmp_path: Path) -> None:
     log = work()
     view = LiveView(MODEL, ArmParameters(), tmp_path / "live.rrd")
     for start in range(0, len(log), 30):
         view.add(log.part(start, start + 30))
     view.close()
     write_recording(log, MODEL, tmp_path / "whole.rrd")
-    live, whole = (
-        contents(tmp_path / name)["/cell/plan/path"]["LineStrips3D:strips"] for name in ("live.rrd", "whole.rrd")
-    )
+    found = [contents(tmp_path / name) for name in ("live.rrd", "whole.rrd")]
+    live, whole = (each["/cell/plan/path"]["LineStrips3D:strips"] for each in found)
     for tick in (240, 349):
         ends = [(at(rows, tick)[0][0], at(rows, tick)[0][-1]) for rows in (live, whole)]
         np.testing.assert_allclose(ends[0], ends[1], atol=1e-6)
+    for body in ("link_1", "link_2", "link_3"):
+        for component in ("Transform3D:translation", "Transform3D:quaternion"):
+            live, whole = (each[f"/cell/plan/ghost/{body}"][component] for each in found)
+            assert [(time, value) for time, _, value in live] == [(time, value) for time, _, value in whole]
+            assert len(live) == -(-len(log) // 4)
 
 
 @dataclass(frozen=True)
@@ -202,6 +225,8 @@ def test_a_failed_link_is_red_while_it_has_failed_and_its_name_stands_above(tmp_
         log.stack("measured"), spread, spread[:, 0], verdicts, (Event(2.0, "failed", "voltage constant"),)
     )
     write_monitoring(log, opinion, MODEL, tmp_path / "run.rrd")
+    low, high = ranges_of(tmp_path / "run.rrd")["monitor/evidence"]
+    assert low == 0.0 < opinion.threshold < high
     found = contents(tmp_path / "run.rrd")
     beam = found["/cell/visual_geometries/link_2/link_2_beam"]["Mesh3D:albedo_factor"]
     assert [(time / 1e7, value) for time, _, value in beam] == [(200, [0xEB322DFF]), (300, [0xFFFFFFFF])]

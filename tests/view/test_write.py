@@ -76,6 +76,24 @@ def at(rows: list[Row], tick: int) -> Any:
     return [value for time, _, value in rows if time <= 10_000_000 * tick][-1]
 
 
+def ranges_of(path: Path) -> dict[str, tuple[float, float]]:
+    """Lowest and highest value of every plot in the layout of a recording, by its origin.
+
+    A plot without a fixed range is missing.
+    """
+    reader = RrdReader(path)
+    [layout] = reader.blueprints()
+    origins, ranges = {}, {}
+    for chunk in reader.stream(store=layout).to_chunks():
+        batch = chunk.to_record_batch()
+        view = chunk.entity_path.split("/")[2:3]
+        if "ViewBlueprint:space_origin" in batch.schema.names:
+            origins[view[0]] = batch["ViewBlueprint:space_origin"].to_pylist()[0][0]
+        if "ScalarAxis:range" in batch.schema.names:
+            ranges[view[0]] = batch["ScalarAxis:range"].to_pylist()[0][0]
+    return {origins[view].strip("/"): tuple(shown) for view, shown in ranges.items()}
+
+
 @pytest.fixture(scope="module")
 def log() -> Log:
     return run_to("red")
@@ -218,6 +236,7 @@ def test_every_view_of_the_layout_has_something_to_show(log: Log, recording: Con
     assert {origin.strip("/") for origin in origins} == {"", *expected}
     for origin in expected:
         assert any(entity == f"/{origin}" or entity.startswith(f"/{origin}/") for entity in recording), origin
+    assert ranges_of(tmp_path / "run.rrd").keys() == expected - {"cell", "status"}
 
 
 def test_equal_runs_have_equal_contents_and_recordings_of_others_stay_apart(tmp_path: Path) -> None:

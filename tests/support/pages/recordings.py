@@ -1,4 +1,7 @@
-"""Takes the pictures of docs/recordings.md and of the first page: recordings in the viewer, and a film of a log."""
+"""Takes the pictures of docs/recordings.md and of the first page: recordings in the viewer, and a film of a log.
+
+With --distances it prints the table of that page instead: how far the ghost is from the arm.
+"""
 
 import os
 import subprocess
@@ -10,10 +13,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
+import numpy as np
 import tyro
 from PIL import Image
 
+from dtwin.identification.machine.record import read_record
+from dtwin.monitoring.estimation.belief import commissioned
 from dtwin.parameters import ROOT
+from dtwin.run.prediction import BelievedArm, OpenLoop, believed_by_controller
 from dtwin.run.recording import read_log
 from dtwin.signals import EventKind
 
@@ -22,6 +29,15 @@ AT_WORK: Final = "16.6"
 """Plant time at which the arm carries the first box, s."""
 FALLEN: Final = "48.1"
 """Plant time at which the arm has left its path, s."""
+RUNS: Final = {
+    "ideal arm": (),
+    "`--noise 0.003`": ("--noise", "0.003"),
+    "`--fault 'K2*=0.5@60'`": ("--fault", "K2*=0.5@60"),
+    "`--fault freeze2@60`": ("--fault", "freeze2@60"),
+    "`--fault mu2=0.05@60`": ("--fault", "mu2=0.05@60"),
+    "`--machine servo`, as the data sheet has it": ("--machine", "servo"),
+}
+"""Runs whose ghosts are compared with their arms."""
 WIDTH: Final = 1400
 COLOURS: Final = 256
 
@@ -34,6 +50,15 @@ class Pictures:
     """Folder to write them to."""
     before: str | None = None
     """Commit of which a recording is shown as it opened then; no such picture without it."""
+
+    distances: bool = False
+    """Print how far the ghosts of some runs are from their arms, and take no pictures."""
+
+    def run(self) -> None:
+        if self.distances:
+            measure()
+        else:
+            self.take()
 
     def take(self) -> None:
         folder = self.folder.resolve()
@@ -53,6 +78,34 @@ class Pictures:
                 unpack(self.before, Path("before"))
                 dtwin("monitor", "run.parquet", "--record", "before.rrd", status=1, root=Path("before").resolve())
                 picture("before.rrd", "0.7", folder / "recording-before.png")
+
+
+def measure() -> None:
+    """Prints the table of distances."""
+    with TemporaryDirectory() as work:
+        os.chdir(work)
+        for name, options in RUNS.items():
+            dtwin("run", "--duration", "120", *options, "--log", "run.parquet", "--json")
+            tell(name)
+        dtwin("run", "--duration", "240", "--machine", "servo", "--log", "work.parquet", "--json")
+        dtwin("commission", "work.parquet", "--out", "arm.json")
+        tuned = ("--machine", "servo", "--tuned", "arm.json")
+        dtwin("run", "--duration", "120", *tuned, "--log", "run.parquet", "--json")
+        tell("the same with `--tuned`")
+        belief = commissioned(read_record(Path("arm.json")))
+        record = BelievedArm(belief.arm, offset=belief.offset, effects=belief.effects)
+        tell("the same with its record, `--commissioned`", record)
+
+
+def tell(name: str, believed: BelievedArm | None = None) -> None:
+    """Prints the row of the last run, from its fault on if it has one."""
+    log = read_log(Path("run.parquet"))
+    _, angles = OpenLoop(believed or believed_by_controller(log.metadata)).add(log)
+    since = min((event.time for event in log.events if event.kind == EventKind.FAULT), default=0.0)
+    away = 1e3 * np.abs(angles - log.angles())[log.columns["t"] >= since]
+    figures = np.median(away, axis=0), np.percentile(away, 99, axis=0), away.max(axis=0)
+    cells = (", ".join(f"{value:.{1 if value < 9.95 else 0}f}" for value in joints) for joints in figures)
+    print(f"| {name} | {' | '.join(cells)} |", flush=True)
 
 
 def dtwin(*arguments: str, status: int = 0, root: Path = ROOT) -> None:
@@ -81,4 +134,4 @@ def unpack(commit: str, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    tyro.cli(Pictures).take()
+    tyro.cli(Pictures).run()
