@@ -323,6 +323,15 @@ def test_plants_of_one_file_are_apart_and_a_changed_file_is_read_anew(tmp_path: 
     assert first.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
 
 
+def test_a_step_does_not_read_the_clock() -> None:
+    """MuJoCo's own timers take longer than some of what they time."""
+    plant = Plant()
+    plant.data.timer.number[:] = 0
+    mujoco.mj_step(plant.model, plant.data)
+    assert plant.data.timer.number[mujoco.mjtTimer.mjTIMER_STEP] == 1
+    assert not plant.data.timer.duration.any()
+
+
 def test_missing_file(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match=r"nowhere\.xml"):
         Plant(model_file=tmp_path / "nowhere.xml")
