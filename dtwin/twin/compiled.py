@@ -4,14 +4,22 @@ Numba puts the files beside the sources, in `__pycache__`, or in the user's cach
 read-only; NUMBA_CACHE_DIR names another folder. It trusts what it finds there: half a file would end every process
 that reads it, and other machine code would crash it. So each file carries its checksum here, and a damaged one counts
 as none: the kernel is compiled again and the file replaced. Where nothing can be written, every process compiles.
+
+Of processes that want the same kernel at the same time one compiles and the others wait for its files: the lock of
+the file `.lock` beside them ends with the process that holds it. Without it two that keep two forms of a kernel at
+once would give their files the same name, and the index of the one would name the code of the other.
 """
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import logging
+import os
 import sys
+import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from importlib.machinery import PathFinder
 from importlib.util import find_spec, module_from_spec
@@ -25,6 +33,10 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 log = logging.getLogger(__name__)
 
 _CHECKSUM: Final = hashlib.sha256().digest_size
+_LONGEST: Final = 60.0
+"""Longest time for which a process waits for one that may have been stopped, s; then it compiles as well."""
+_LOOK: Final = 0.02
+"""Time between two looks whether the other one is done, s."""
 BLAS: Final = "scipy.linalg.cython_blas"
 """Module in which Numba finds the functions for products of matrices."""
 
@@ -85,12 +97,70 @@ class _Cache(FunctionCache):
                 status = Path(module.__file__).stat()
                 stamp = (stamp, status.st_mtime, status.st_size)
         self._cache_file = _CheckedFile(self._cache_path, self._impl.filename_base, stamp)
+        self._lock = _Lock(Path(self._cache_path) / f"{self._impl.filename_base}.lock")
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """What is kept, or None: then the lock is held, and the caller compiles and saves.
+
+        Numba holds a lock of its own from here to `save_overload`, so that no two threads do this at once; kernels
+        are locked in the order in which they call each other, which has no circles.
+        """
+        found = super().load_overload(sig, target_context)
+        if found is None:
+            self._lock.take()
+            found = super().load_overload(sig, target_context)
+            if found is not None:
+                self._lock.release()
+        return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
         try:
             super().save_overload(sig, data)
         except OSError as error:
             log.info("compiled code of %s is not kept: %s", self._name, error)
+        finally:
+            self._lock.release()
+
+
+class _Lock:
+    """The right of one process to compile a kernel.
+
+    A kernel that cannot be compiled stays locked until the process calls it as it should or ends; others wait once.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file: int | None = None
+
+    def take(self) -> None:
+        """Waits for the lock, but not for long; the caller may go on without it, and does what another does, too."""
+        if self._file is not None:
+            return
+        deadline = time.monotonic() + _LONGEST
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o644)
+            while not _locked(self._file) and time.monotonic() < deadline:
+                time.sleep(_LOOK)
+        except OSError as error:
+            log.info("%s: %s", self._path, error)
+
+    def release(self) -> None:
+        """Lets others compile."""
+        if self._file is not None:
+            with suppress(OSError):  # a child that was forked meanwhile has the file open as well
+                fcntl.flock(self._file, fcntl.LOCK_UN)
+            os.close(self._file)
+            self._file = None
+
+
+def _locked(file: int) -> bool:
+    """Locks a file, unless another process has."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 class _CheckedFile(IndexDataCacheFile):

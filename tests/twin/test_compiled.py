@@ -9,6 +9,8 @@ from typing import Final
 
 import pytest
 
+from dtwin.twin import compiled
+
 SOURCE = """
 from dtwin.twin.compiled import kernel
 
@@ -28,16 +30,23 @@ HARM: Final[dict[str, Callable[[bytes], bytes]]] = {
 
 def run(folder: Path, *names: str, **variables: str) -> list[list[str]]:
     """The results of the kernels of some modules and how often each was found, in a new process."""
-    done = subprocess.run(
+    return results(start(folder, *names, **variables))
+
+
+def start(folder: Path, *names: str, **variables: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
         [sys.executable, "-c", f"import {', '.join(names)}"],
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), *sys.path]), **variables},
-        capture_output=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
-        timeout=60,
-        check=False,
     )
-    assert done.returncode == 0, done.stderr
-    return [line.split() for line in done.stdout.splitlines()]
+
+
+def results(process: subprocess.Popen[str]) -> list[list[str]]:
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    return [line.split() for line in out.splitlines()]
 
 
 def write_kernels(folder: Path, *names: str) -> None:
@@ -81,3 +90,38 @@ def test_without_any_folder_every_process_compiles(folder: Path) -> None:
     variables = {"XDG_CACHE_HOME": str(folder / "home"), "HOME": str(folder / "home")}
     assert run(folder, "kernels", **variables) == [["42.0"]]
     assert run(folder, "kernels", **variables) == [["42.0"]]
+
+
+def test_of_processes_that_start_together_one_compiles(folder: Path) -> None:
+    together = [start(folder, "kernels") for _ in range(3)]
+    assert sorted(results(process) for process in together) == [[["42.0"]], [["42.0", "1"]], [["42.0", "1"]]]
+
+
+HOLDS = (
+    "import fcntl, sys; file = open(sys.argv[1], 'w'); fcntl.flock(file, fcntl.LOCK_EX); print(flush=True); input()"
+)
+
+
+def test_what_a_killed_process_had_locked_is_free(tmp_path: Path) -> None:
+    path = tmp_path / "a.lock"
+    holder = subprocess.Popen([sys.executable, "-c", HOLDS, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    with holder, path.open("w") as file:
+        assert holder.stdout is not None
+        holder.stdout.readline()
+        assert not compiled._locked(file.fileno())
+        holder.kill()
+        holder.wait()
+        assert compiled._locked(file.fileno())
+
+
+def test_a_lock_that_is_never_released_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiled, "_LONGEST", 0.1)
+    lock = compiled._Lock(tmp_path / "new" / "a.lock")
+    other = compiled._Lock(tmp_path / "new" / "a.lock")
+    lock.take()
+    other.take()
+    other.release()
+    with open(tmp_path / "new" / "a.lock") as file:
+        assert not compiled._locked(file.fileno())
+        lock.release()
+        assert compiled._locked(file.fileno())
