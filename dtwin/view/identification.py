@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
@@ -55,7 +56,7 @@ def write_identification(
     stream = rr.RecordingStream("dtwin identification", recording_id=digest, send_properties=False)
     stream.set_log_tick_enabled(False)
     stream.set_log_time_enabled(False)
-    with saving(stream, path, _layout()):
+    with saving(stream, path, _layout(motions["measured"])):
         for name, angles in motions.items():
             time = rr.TimeColumn(TIMELINE, duration=np.arange(len(angles)) * period)
             for joint in (1, 2, 3):
@@ -70,8 +71,10 @@ def write_identification(
         stream.log("correlation_order", rr.TextDocument(", ".join(names)), static=True)
 
 
-def _layout() -> rrb.Blueprint:
-    motions = [plot_view(f"Joint {j}: held-out motion (rad)", f"motion/joint_{j}") for j in (1, 2, 3)]
+def _layout(measured: Array) -> rrb.Blueprint:
+    """Axes hold the measured motion, in whole numbers; what a bad model predicts beyond them is cut."""
+    shown = math.floor(measured.min()), math.ceil(measured.max())
+    motions = [plot_view(f"Joint {j}: held-out motion (rad)", f"motion/joint_{j}", shown) for j in (1, 2, 3)]
     facts = [
         rrb.TextDocumentView(origin="parameters", name="Parameters"),
         rrb.Spatial2DView(origin="correlation", name="Correlation: red +1, blue -1"),
