@@ -17,6 +17,7 @@ from dtwin.services.console import ConsoleOptions
 from dtwin.signals import Sensors, StepRecord, Truth, Voltages
 from dtwin.task import told
 from tests.support.console import serve
+from tests.support.waiting import until
 
 TASK = cell_of("four-colours").task
 DRAWN = """async () => {
@@ -37,6 +38,7 @@ DRAWN = """async () => {
     canvas.remove();
     return { squares, texts, boxes, bars, size: [bounds.width, bounds.height] };
 }"""
+KNOWN = "async () => Boolean((await import('/static/js/store.js')).store.live.state?.places.violet)"
 
 
 @pytest.mark.parametrize("cell_file", ["four-colours", None])
@@ -55,7 +57,7 @@ def test_the_page_draws_every_place_where_it_is(tmp_path: Path, open_page: Calla
     with serve(tmp_path, task=TASK) as served:
         page = open_page(served.web.address)
         served.live()
-        page.wait_for_function("async () => (await import('/static/js/store.js')).store.live.state?.places.violet")
+        until(lambda: page.evaluate(KNOWN), "the page knows the places")
         drawn = page.evaluate(DRAWN)
     places = spots(TASK)
     assert drawn["texts"][: len(places)] == list(places)

@@ -79,9 +79,9 @@ def work(cell: TwinCell) -> Stream:
     [
         (spiked, {"spike"}),
         (shortened, set()),
-        (wild, {"failed"}),
+        pytest.param(wild, {"failed"}, marks=pytest.mark.thorough),  # fails as what follows
         (moved, {"failed"}),
-        (frozen, {"failed"}),
+        pytest.param(frozen, {"failed"}, marks=pytest.mark.thorough),
         (weakened, {"failed"}),
     ],
 )

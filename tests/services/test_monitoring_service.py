@@ -20,7 +20,11 @@ from tests.support.desk import Desk
 from tests.support.waiting import until
 
 
+@pytest.mark.thorough
 def test_a_fault_of_the_running_cell_is_published(desk: Desk) -> None:
+    """In usual runs test_tutorial.py finds a fault with its cause and acknowledges it, test_safe_stop_service.py
+    hears verdicts, residuals and the event of another, and tests/monitoring/test_findings.py acknowledges and sizes.
+    """
     desk.detach("--pace", "lockstep", "--monitoring", "--noise", "0.003", "--seed", "3")
     verdicts: list[MonitoringVerdict] = []
     values: list[MonitoringResiduals] = []

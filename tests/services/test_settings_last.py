@@ -37,7 +37,7 @@ from dtwin.services.parts.state_file import StateFile
 from dtwin.services.service import Service
 from dtwin.signals import ArmState, Event, EventKind, Sensors, Stop, Voltages
 from tests.services.test_stop_lasts import PATIENCE, watched
-from tests.support.desk import Desk
+from tests.support.desk import Desk, busy_cell
 from tests.support.ports import free_port
 from tests.support.waiting import pause, until
 
@@ -275,7 +275,7 @@ def test_settings_that_cannot_be_written_are_kept_in_memory_until_they_can(tmp_p
 
 def test_confirmed_settings_are_in_force_before_the_arm_moves(desk: Desk, tmp_path: Path) -> None:
     history = str(tmp_path / "history.jsonl")
-    options = ("--law", "computed_torque", "--simulation", "--history", history)
+    options = ("--law", "computed_torque", "--simulation", "--history", history, *busy_cell(tmp_path))
     desk.detach("--pace", "lockstep", "--seed", "2", *options)
     with watched(desk) as watch:
         bus = watch.bus

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 
 from dtwin.identification.estimation.estimate import identify
@@ -7,7 +9,7 @@ from tests.support.identification import ARM, SETTINGS, clean, measured, noisy
 
 
 def test_viscous_is_preferred_on_a_viscous_arm() -> None:
-    choice = choose([noisy(0, 0.005)], SETTINGS)
+    choice = choose([noisy(0, 0.005)], replace(SETTINGS, starts=3))
     assert choice.best == "viscous"
     both, coulomb = choice.estimates["both"], choice.estimates["coulomb"]
     assert both.whiteness.white
