@@ -29,9 +29,9 @@ TIME_DIGITS: Final = 3
 """Decimal places of target times that are tried, s."""
 POPULATION: Final = 40
 """Number of candidates in a generation, four per variable."""
-SHARE: Final = 4
-"""Number of candidates that a process is handed at once: handing over takes time, and so does waiting for the last
-one of a generation."""
+SHARED: Final = 1.5
+"""Share of the candidates that are left of which each worker could have one: handing over takes time, and so does
+waiting for the last one of a generation."""
 LOWEST: Final = (50.0, 10.0, 0.5)
 """Lower bounds of kp, ki and kd in the search, unless half of a gain in use is less."""
 HIGHEST: Final = (2000.0, 2000.0, 100.0)
@@ -106,7 +106,7 @@ def optimise(
 
     def judge(workers: Workers, _: Any, rows: Iterable[Array]) -> list[float]:
         points = [tuple(row.tolist()) for row in np.atleast_2d(np.array(list(rows)))]
-        shares = [points[k : k + SHARE] for k in range(0, len(points), SHARE)]
+        shares = _shares(points, workers.count)
         judged = workers.map(partial(_judge_all, objective), shares, name=lambda share: f"{len(share)} candidates")
         found = [each for share in judged for each in share]
         scores.extend(found)
@@ -132,6 +132,17 @@ def optimise(
         )
         seconds = time.perf_counter() - began
     return Optimum(min(scores, key=lambda found: found.cost), reference, tuple(scores), seconds)
+
+
+def _shares(points: Sequence[Sequence[float]], workers: int) -> list[list[Sequence[float]]]:
+    """Parts for workers to take in turn, smaller and smaller so that all are done at the same time (guided
+    self-scheduling, Polychronopoulos and Kuck, IEEE Transactions on Computers 36, 1987)."""
+    shares, left = [], list(points)
+    while left:
+        size = math.ceil(len(left) / (SHARED * workers))
+        shares.append(left[:size])
+        left = left[size:]
+    return shares
 
 
 def check_search(target_times: tuple[float, float], candidates: int) -> None:

@@ -16,6 +16,7 @@ from dtwin.run.settings import CellSettings
 from dtwin.services import runfile
 from tests.support.desk import Desk
 from tests.support.devices import DeployedApplication, embedded
+from tests.support.logs import difference
 from tests.support.ports import listening
 from tests.support.waiting import until
 
@@ -55,7 +56,7 @@ def test_a_secured_cell_logs_what_a_headless_run_logs(desk: Desk, secured: Path,
     cell = Cell(CellSettings(13, 5, control=ControlOptions().control()))
     cell.run()
     cell.log.freeze().write_parquet(headless)
-    assert log.read_bytes() == headless.read_bytes()
+    assert difference(log, headless) == ""
     assert list((desk.folder / "dtwin").iterdir()) == []
 
 
