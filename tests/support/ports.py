@@ -1,22 +1,41 @@
 """Ports of the loopback interface on which nobody listens, and those where a process does."""
 
 import os
+import secrets
 import socket
+from contextlib import suppress
 from pathlib import Path
+from typing import Final
 
 from dtwin.iec61499.net.address import LOOPBACK
 
+_FOR_CLIENTS: Final = Path("/proc/sys/net/ipv4/ip_local_port_range")
+_FIRST: Final = 10_000
+
 
 def free_ports(count: int) -> list[int]:
-    """Several free ports; all probes are open at once, so that the ports differ."""
-    probes = [socket.socket() for _ in range(count)]
+    """Several free ports, which differ because all probes are open at once.
+
+    They lie below those that the system gives to clients: one of these could be taken before its server listens.
+    """
+    probes: list[socket.socket] = []
     try:
-        for probe in probes:
-            probe.bind((LOOPBACK, 0))
+        while len(probes) < count:
+            probes.append(socket.socket())
+            with suppress(OSError):  # somebody has it
+                probes[-1].bind((LOOPBACK, _candidate()))
+                continue
+            probes.pop().close()
         return [probe.getsockname()[1] for probe in probes]
     finally:
         for probe in probes:
             probe.close()
+
+
+def _candidate() -> int:
+    """Any port from 10000 on that is not for clients; 0 for one that the system gives."""
+    below = int(_FOR_CLIENTS.read_text().split()[0]) - _FIRST if _FOR_CLIENTS.exists() else 0
+    return _FIRST + secrets.randbelow(below) if below > 0 else 0
 
 
 def free_port() -> int:
