@@ -29,10 +29,10 @@ def application(blocks: Path, system: str) -> tuple[model.FBNetwork, Library]:
     """
     library = Library([blocks])
     key = (blocks.absolute(), system, library.stamp())
-    if key not in _kept:
+    found = _kept.get(key)
+    if found is None:
         found = resource_network(library.load_system(blocks / system)), library
         while len(_kept) >= _MOST:
             _kept.pop(next(iter(_kept)), None)
         _kept[key] = found
-        return found
-    return _kept[key]
+    return found

@@ -19,8 +19,8 @@ JOINTS: Final = ("joint_1", "joint_2", "joint_3", "gripper")
 ACTUATORS: Final = ("motor_1", "motor_2", "motor_3", "motor_gripper")
 SENSORS: Final = ("theta_1", "theta_2", "theta_3", "omega_1", "omega_2", "omega_3", "gripper")
 SITES: Final = ("tip", "pickup", "blue", "red", "green")
-_NAMES_A_FILE: Final = b"file="
-"""Stands in every MJCF file that takes something from another one."""
+_NAMES_A_FILE: Final = re.compile(rb"\bfile\w*\s*=")
+"""An attribute such as file or fileright: MJCF that takes something from another file has one."""
 
 
 def ideal_arm(file: Path) -> mujoco.MjModel:
@@ -31,9 +31,9 @@ def ideal_arm(file: Path) -> mujoco.MjModel:
     """
     try:
         content = file.read_bytes()
-    except OSError:  # is told by the one who compiles it
-        content = _NAMES_A_FILE
-    if _NAMES_A_FILE in content:
+    except OSError:
+        content = None  # The reason is told by what compiles it.
+    if content is None or _NAMES_A_FILE.search(content):
         return compile_arm(file, None, 0.0, None)
     return copy(_kept_arm(file, content))
 

@@ -70,8 +70,12 @@ class Library:
 
     def stamp(self) -> tuple[tuple[str, int, int], ...]:
         """Name, time of change (ns) and size of every file in the folders; as long as it is the same, so are they."""
-        files = (file for folder in self._paths for file in sorted(folder.rglob("*")))
-        return tuple((str(file), (status := file.stat()).st_mtime_ns, status.st_size) for file in files)
+        found = []
+        for file in (file for folder in self._paths for file in sorted(folder.rglob("*"))):
+            with suppress(OSError):  # gone meanwhile, or a link to nowhere
+                status = file.stat()
+                found.append((str(file), status.st_mtime_ns, status.st_size))
+        return tuple(found)
 
     def names(self) -> tuple[str, ...]:
         """The names of the types in the folders."""

@@ -35,3 +35,11 @@ def test_systems_of_one_folder_are_apart_and_few_are_kept(tmp_path: Path) -> Non
         shutil.copytree(BLOCKS, tmp_path / str(k))
         application(tmp_path / str(k), SYSTEM)
     assert len(_kept) <= _MOST
+
+
+def test_a_link_to_nowhere_beside_the_blocks_does_no_harm(tmp_path: Path) -> None:
+    blocks = tmp_path / "fb"
+    shutil.copytree(BLOCKS, blocks)
+    (blocks / "GONE.fbt").symlink_to(tmp_path / "nowhere.fbt")
+    first, _ = application(blocks, SYSTEM)
+    assert application(blocks, SYSTEM)[0] is first

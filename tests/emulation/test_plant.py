@@ -323,6 +323,17 @@ def test_plants_of_one_file_are_apart_and_a_changed_file_is_read_anew(tmp_path: 
     assert first.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
 
 
+def test_a_file_that_includes_another_is_read_anew_when_that_has_changed(tmp_path: Path) -> None:
+    before, option, rest = MODEL_FILE.read_text().partition("<option ")
+    option, end, after = (option + rest).partition("</option>")
+    included, whole = tmp_path / "option.xml", tmp_path / "arm.xml"
+    whole.write_text(f"{before}<include file = 'option.xml'/>{after}")
+    for integrator in ("RK4", "Euler"):
+        included.write_text(f"<mujoco>{(option + end).replace('RK4', integrator)}</mujoco>")
+        found = Plant(model_file=whole).model.opt.integrator
+        assert found == getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+
+
 def test_a_step_does_not_read_the_clock() -> None:
     """MuJoCo's own timers take longer than some of what they time."""
     plant = Plant()
