@@ -363,13 +363,10 @@ def _believed(record: Path | None, notes: dict[str, Any]) -> BelievedArm:
     """
     # These load what compiles the twin, which a log alone does not need.
     from dtwin.identification.machine.record import read_record
-    from dtwin.monitoring.estimation.belief import commissioned
-    from dtwin.run.prediction import BelievedArm, believed_by_controller
+    from dtwin.monitoring.estimation.belief import believed_arm, commissioned
+    from dtwin.run.prediction import believed_by_controller
 
-    if record is None:
-        return believed_by_controller(notes)
-    belief = commissioned(read_record(record))
-    return BelievedArm(belief.arm, offset=belief.offset, effects=belief.effects)
+    return believed_by_controller(notes) if record is None else believed_arm(commissioned(read_record(record)))
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from dtwin.identification.estimation.quality import noise
 from dtwin.identification.machine.record import read_record
 from dtwin.identification.model import IdentifiedModel
 from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.monitoring.estimation.belief import Belief, assumed, commissioned, identified
+from dtwin.monitoring.estimation.belief import Belief, assumed, believed_arm, commissioned, identified
 from dtwin.monitoring.estimation.estimator import tuning_for
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream, Trace, stream, watch
@@ -130,7 +130,7 @@ def monitor(
         tuple(watching.forecasts),
         tuple(watching.events),
         trace,
-        BelievedArm(belief.arm, offset=belief.offset, effects=belief.effects),
+        believed_arm(belief),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from dtwin.identification.model import IdentifiedModel
 from dtwin.monitoring.estimation.layout import ARM_NAMES
 from dtwin.parameters import ArmParameters, Triple, symbol_of
 from dtwin.twin.effects import NO_EFFECTS, Effects
+
+if TYPE_CHECKING:
+    from dtwin.run.prediction import BelievedArm
 
 Array = NDArray[np.float64]
 
@@ -176,6 +179,13 @@ def identified(model: IdentifiedModel) -> Belief:
         offset=(first, second, third),
         offset_deviation=(spread[0], spread[1], spread[2]),
     )
+
+
+def believed_arm(belief: Belief) -> BelievedArm:
+    """The healthy arm of a belief as a prediction takes it; a box counts with the usual mass."""
+    from dtwin.run.prediction import BelievedArm  # loads what a monitor does without
+
+    return BelievedArm(belief.arm, offset=belief.offset, effects=belief.effects)
 
 
 def commissioned(record: MachineRecord) -> Belief:

@@ -18,7 +18,7 @@ import tyro
 from PIL import Image
 
 from dtwin.identification.machine.record import read_record
-from dtwin.monitoring.estimation.belief import commissioned
+from dtwin.monitoring.estimation.belief import believed_arm, commissioned
 from dtwin.parameters import ROOT
 from dtwin.run.prediction import BelievedArm, OpenLoop, believed_by_controller
 from dtwin.run.recording import read_log
@@ -92,8 +92,7 @@ def measure() -> None:
         tuned = ("--machine", "servo", "--tuned", "arm.json")
         dtwin("run", "--duration", "120", *tuned, "--log", "run.parquet", "--json")
         tell("the same with `--tuned`")
-        belief = commissioned(read_record(Path("arm.json")))
-        record = BelievedArm(belief.arm, offset=belief.offset, effects=belief.effects)
+        record = believed_arm(commissioned(read_record(Path("arm.json"))))
         tell("the same with its record, `--commissioned`", record)
 
 
