@@ -1,8 +1,8 @@
 """What the twin says of a run: where voltages took the arm in the last moments, without a look at the encoders.
 
-An upright arm drifts away from every model of it: from the start of a motion of 2 s to its end even the ideal arm's
-own model is off by radians, because of noise and of boxes that are some percent lighter or heavier than believed. So
-each prediction is a rollout over the last HORIZON seconds alone: it starts anew before each tick. It starts with the
+An upright arm drifts away from every model of it, because of noise and of boxes that are some percent lighter or
+heavier than believed: over a motion of 2 s even the ideal arm's own model does not tell its angles any more. So each
+prediction is a rollout over the last HORIZON seconds alone: it starts anew before each tick. It starts with the
 angles and velocities of the parabola that fits the readings around that moment best (A. Savitzky, M. J. E. Golay,
 Anal. Chem. 36, 1964, 1627-1639), and counts on the commands since.
 
@@ -34,11 +34,9 @@ TICKS: Final = 20
 HORIZON: Final = TICKS * PERIOD
 """Time that a rollout takes, s."""
 _SUBSTEPS: Final = 2
-"""Number of steps of a rollout in a tick: within 0.01 mrad of four of a healthy arm."""
+"""Number of steps of a rollout in a tick."""
 _AROUND: Final = 5
 """Number of readings before its start, and of those after it, from which a rollout starts."""
-_NEEDED: Final = TICKS + _AROUND
-"""Number of ticks before one that is predicted."""
 _FIT: Final = np.linalg.pinv(np.vander(PERIOD * np.arange(-_AROUND, _AROUND + 1), 3))
 """(3, readings): half the acceleration, velocity and angle in the middle of readings."""
 
@@ -85,10 +83,11 @@ class OpenLoop:
     Args:
         believed: the arm that is predicted.
         every: number of ticks of which one is predicted, from the first one on.
+        ticks: number of ticks of a rollout.
     """
 
-    def __init__(self, believed: BelievedArm, every: int = 1) -> None:
-        self._believed, self._every = believed, every
+    def __init__(self, believed: BelievedArm, every: int = 1, ticks: int = TICKS) -> None:
+        self._believed, self._every, self._ticks = believed, every, ticks
         self._rows = np.empty((0, 8))
         self._next = 0
 
@@ -108,23 +107,24 @@ class OpenLoop:
         rows = np.vstack((self._rows, new))
         ticks = np.arange(first, len(rows), self._every)
         self._next = (first - len(rows)) % self._every
-        self._rows = rows[-_NEEDED:]
+        needed = self._ticks + _AROUND
+        self._rows = rows[-needed:]
 
         angles = rows[ticks, 1:4]
-        told = ticks >= _NEEDED
-        took = rows[ticks, 0] - rows[ticks - _NEEDED * told, 0]
-        told &= np.abs(took - _NEEDED * PERIOD) < PERIOD / 2
+        told = ticks >= needed
+        took = rows[ticks, 0] - rows[ticks - needed * told, 0]
+        told &= np.abs(took - needed * PERIOD) < PERIOD / 2
         angles[told] = self._predicted(rows, ticks[told])
         finite = np.isfinite(angles).all(axis=1)
         return rows[ticks[finite], 0], angles[finite]
 
     def _predicted(self, rows: Array, ticks: NDArray[np.intp]) -> Array:
         """The angles at some rows, (n, 3), rad, which have enough rows before them."""
-        starts = ticks - TICKS
+        starts = ticks - self._ticks
         readings = rows[starts[:, None] + np.arange(-_AROUND, _AROUND + 1), 1:4]
         _, velocity, angle = np.moveaxis(_FIT @ readings, 1, 0)
         states = np.hstack((angle, velocity))
-        commands = rows[starts[:, None] + np.arange(TICKS), 4:]
+        commands = rows[starts[:, None] + np.arange(self._ticks), 4:]
         volts, masses = np.ascontiguousarray(commands[..., :3]), np.ascontiguousarray(commands[..., 3])
         believed = self._believed
         if believed.effects == NO_EFFECTS:
