@@ -31,8 +31,8 @@ class Stepping(NamedTuple):
 def _prepared_step() -> int | None:
     """The address of `mj_step` in the library that is loaded; None where it is not found.
 
-    MuJoCo's package for Python lets every part of a step read the clock, which takes a third of the step. Nobody here
-    reads those times, so the clock is taken away (`mjcb_time` of MuJoCo's interface), for the whole process.
+    MuJoCo's package for Python lets every part of a step read the clock, which costs a good part of the step. Nobody
+    here reads those times, so the clock is taken away (`mjcb_time` of MuJoCo's interface), for the whole process.
     """
     files = sorted(Path(mujoco.__file__).parent.glob("libmujoco*.so*"))
     if len(files) != 1:

@@ -30,8 +30,9 @@ TIME_DIGITS: Final = 3
 POPULATION: Final = 40
 """Number of candidates in a generation, four per variable."""
 SHARED: Final = 1.5
-"""Share of the candidates that are left of which each worker could have one: handing over takes time, and so does
-waiting for the last one of a generation."""
+"""How many parts each worker could still have if all parts were as large as the next one. Parts get smaller towards
+the end: handing over costs time, and so does waiting for the last one of a generation (guided self-scheduling,
+C. D. Polychronopoulos, D. J. Kuck, IEEE Trans. Comput. 36, 1987, 1425-1439)."""
 LOWEST: Final = (50.0, 10.0, 0.5)
 """Lower bounds of kp, ki and kd in the search, unless half of a gain in use is less."""
 HIGHEST: Final = (2000.0, 2000.0, 100.0)
@@ -135,8 +136,7 @@ def optimise(
 
 
 def _shares(points: Sequence[Sequence[float]], workers: int) -> list[list[Sequence[float]]]:
-    """Parts for workers to take in turn, smaller and smaller so that all are done at the same time (guided
-    self-scheduling, Polychronopoulos and Kuck, IEEE Transactions on Computers 36, 1987)."""
+    """Parts for workers to take in turn, smaller and smaller so that all are done at the same time."""
     shares, left = [], list(points)
     while left:
         size = math.ceil(len(left) / (SHARED * workers))

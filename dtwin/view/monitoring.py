@@ -41,7 +41,7 @@ COLOURS: Final[Mapping[UnitState, style.RGB]] = {
 _RESIDUALS_SHOWN: Final = 10.5
 """standard deviations"""
 _EVIDENCE_SHOWN: Final = 105.0
-"""2 log likelihood ratio: that of a fault goes on to thousands, the threshold for a false alarm in 10^6 h is 49"""
+"""2 log likelihood ratio: twice the highest threshold that is usual, while that of a fault goes on to thousands"""
 _BODIES: Final = ("link_1", "link_2", "link_3", "jaw")
 """what shows the verdicts of the units"""
 _TEXT: Final = f"{scene.ROOT}/verdicts/text"

@@ -1,8 +1,8 @@
 """The traces that faults would leave in the innovations, from many onsets at once, compiled; see `kernels`.
 
 Faults and onsets stand side by side in groups of as many as there are lanes: number place * 18 + fault is lane
-number % 16 of group number // 16; the last lanes stand for none. The errors are in single precision, which moves the
-evidence by a millionth or so of itself and takes half the time; the sums are in double precision.
+number % 16 of group number // 16; the last lanes stand for none. The errors are in single precision, of which twice
+as many fit a vector of the processor; the sums are in double precision.
 """
 
 from __future__ import annotations
