@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from functools import cache
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -13,6 +14,7 @@ from dtwin.run.cell import Cell
 from dtwin.run.recording import Log
 from dtwin.run.settings import CellSettings
 from tests.support.examples import EXAMPLES, THOROUGH, USUAL, usual
+from tests.support.scheduling import Scheduling, give_way
 
 # No deadline, since a first call may compile; the same examples every time.
 settings.register_profile(USUAL, deadline=None, derandomize=True, max_examples=usual(EXAMPLES))
@@ -20,6 +22,17 @@ settings.register_profile(THOROUGH, deadline=None, derandomize=True, max_example
 settings.load_profile(USUAL)
 
 NOISE = 0.003
+
+
+def pytest_configure() -> None:
+    """Lets the worker that fills gaps give way to the others."""
+    give_way()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Scheduling:
+    """Hands files to workers."""
+    return Scheduling(config, log)
 
 
 @pytest.fixture(scope="session", autouse=True)

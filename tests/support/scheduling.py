@@ -1,0 +1,45 @@
+"""Which worker runs which tests: two take those with cells, pages or controllers, which wait; one fills the gaps.
+
+That one runs at a low priority, so that it takes no processor from a cell that runs in real time.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Final
+
+from xdist.scheduler import LoadFileScheduling
+from xdist.workermanage import WorkerController
+
+FILLER: Final = "gw2"
+"""Name of the worker that fills the gaps, the third one."""
+_PRIORITY: Final = 10
+_WAITING: Final = (
+    "tests/api/test_live.py",
+    "tests/console/",
+    "tests/interop/",
+    "tests/services/",
+    "tests/test_cells_page.py",
+)
+"""Beginnings of the names of the files whose tests wait for other processes."""
+
+
+def give_way() -> None:
+    """Lowers the priority of this process if it is the worker that fills the gaps."""
+    if os.environ.get("PYTEST_XDIST_WORKER") == FILLER and hasattr(os, "nice"):
+        os.nice(_PRIORITY)
+
+
+class Scheduling(LoadFileScheduling):
+    """Files in the order of their names, those that wait first; the worker that fills gaps gets none of those."""
+
+    def _assign_work_unit(self, node: WorkerController) -> None:
+        """Gives a worker its next file, or none any more."""
+        waits = node.gateway.id != FILLER
+        kind = [scope for scope in self.workqueue if scope.startswith(_WAITING) == waits]
+        if kind:
+            self.workqueue.move_to_end(kind[0], last=False)
+        elif not waits:
+            node.shutdown()
+            return
+        super()._assign_work_unit(node)
