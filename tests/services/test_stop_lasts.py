@@ -59,8 +59,8 @@ CASES = [
 ]
 """Without torque there is nothing to hold: two killed services leave one that knows of the stop, one leaves two."""
 AGAIN = pytest.mark.thorough
-"""Marks what begins without torque. The same happens to a standstill, which it turns into torque off: thorough runs
-alone repeat it on another cell."""
+"""Marks what only thorough runs repeat: stops that begin without torque, which a standstill turns into anyway, and
+two services at once, where usual runs kill each by itself and all three."""
 BOTH = ["standstill", pytest.param("torque off", marks=AGAIN)]
 
 
@@ -229,7 +229,9 @@ def stopped(request: pytest.FixtureRequest) -> Iterator[tuple[Watch, str]]:
 @pytest.mark.parametrize(
     ("stopped", "killed"),
     [
-        pytest.param(stop, killed, id=f"{stop}-{'+'.join(killed)}", marks=[AGAIN] * (stop == "torque off"))
+        pytest.param(
+            stop, killed, id=f"{stop}-{'+'.join(killed)}", marks=[AGAIN] * (stop == "torque off" or len(killed) == 2)
+        )
         for stop, killed in CASES
     ],
     indirect=["stopped"],
