@@ -33,6 +33,9 @@ A number that fits better farther off stands for something else, which the model
 """
 _STEP: Final = 1e-4
 """Step of the difference quotients in standard deviations of the priors."""
+_DELAY_STEP: Final = 0.1
+"""That of the delay. Dry friction is integrated step by step, so readings jump a little where commands begin to act
+in another step; a quotient over a short step would take the jump for a slope."""
 _STATE_STEP: Final = 1e-6
 
 
@@ -134,10 +137,10 @@ class MachineProblem:
         for state, e, weight in zip(states, self.segments, weights, strict=True):
             base = _readings(vector, state, e)
             shared, local = np.empty((base.size, len(self.free))), np.empty((base.size, 6))
-            for column, (place, deviation) in enumerate(zip(self._places, self.scale, strict=True)):
-                moved = vector.copy()
-                moved[place] += _STEP * deviation
-                shared[:, column] = ((_readings(moved, state, e) - base) * weight).ravel() / _STEP
+            for column, (name, place) in enumerate(zip(self.free, self._places, strict=True)):
+                moved, step = vector.copy(), _DELAY_STEP if name == "delay" else _STEP
+                moved[place] += step * self.scale[column]
+                shared[:, column] = ((_readings(moved, state, e) - base) * weight).ravel() / step
             for column in range(6):
                 pushed = state.copy()
                 pushed[column] += _STATE_STEP

@@ -13,14 +13,14 @@ from dtwin.identification.data import Array, Experiment
 from dtwin.identification.machine.fit import MachineFit, fit_machine
 from dtwin.identification.machine.judged import HeldOutMotion, Judged, identify_machine, judge, record_of
 from dtwin.identification.machine.left import what_is_left
-from dtwin.identification.machine.problem import FARTHEST
+from dtwin.identification.machine.problem import FARTHEST, MachineProblem
 from dtwin.identification.machine.record import EncoderCheck, SensorCheck, read_record, write_record
 from dtwin.identification.machine.sheet import sheet
 from dtwin.parameters import ArmParameters
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
 from dtwin.twin.effects import NO_EFFECTS, Effects
-from dtwin.twin.machine import MACHINE_NAMES, vector_of
+from dtwin.twin.machine import MACHINE_NAMES, SUBSTEP, vector_of
 from tests.support.segments import NOISE, motions
 
 ARM = ArmParameters()
@@ -55,6 +55,24 @@ def test_a_machine_of_the_model_is_found_with_honest_intervals(fitted: MachineFi
         assert deviation < 0.3 * sheet(ARM)[name].deviation, name
     assert what_is_left(fitted) == ()
     assert judge(fitted, motions(TRUE, 3, 2)).fit.min() > 0.98
+
+
+@pytest.mark.parametrize("steps", [1, 2, 3])
+def test_a_delay_is_told_as_well_where_commands_begin_to_act_in_another_step(steps: int) -> None:
+    """At whole integration steps readings jump a little with the delay: a slope over 1 ms passes over that."""
+    segments = tuple(motions(TRUE, 3, 1))
+    problem = MachineProblem(segments, ("delay",), TRUE, sheet(ARM))
+    x, weights = problem.start(), [np.ones(e.measured.shape) for e in segments]
+
+    def at(delay: float) -> Array:
+        x[0] = delay / problem.scale[0]
+        return np.concatenate([readings.ravel() for readings in problem.simulate(x)])
+
+    delay = steps * SUBSTEP - 1e-7
+    slope = (at(delay + 5e-4) - at(delay - 5e-4)) / 1e-3
+    x[0] = delay / problem.scale[0]
+    column = np.concatenate([part.shared[:, 0] for part in problem.linearise(x, weights)]) / problem.scale[0]
+    assert np.linalg.norm(column - slope) < 0.25 * np.linalg.norm(slope)
 
 
 def test_what_the_model_lacks_is_said_in_words() -> None:
