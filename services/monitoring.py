@@ -180,7 +180,7 @@ class Monitoring:
     def _watch(self, sensors: Sensors, acted: Voltages | Acted) -> None:
         monitor = self._monitor
         volts = np.array(acted.volts)
-        monitor.update(sensors.sequence, np.array(sensors.theta), volts, acted.box_gripped)
+        monitor.update(sensors.sequence, np.array(sensors.theta), volts, acted.box_gripped, sensors.gripper)
         if sensors.sequence % RESIDUAL_EVERY == 0:
             self._tell_residuals(residuals(sensors.sequence, sensors.theta, monitor))
         if not self._tell_news() and sensors.sequence % VERDICT_EVERY == 0:

@@ -22,8 +22,10 @@ from dtwin.monitoring.estimation.layout import W
 from dtwin.monitoring.kinds import (
     FREE,
     FREEZE,
+    GRIP,
     KINDS,
     LOCK,
+    READ,
     RELATIVE,
     UNKNOWN,
     FaultId,
@@ -31,6 +33,7 @@ from dtwin.monitoring.kinds import (
     parse_fault_id,
     reference,
 )
+from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.trend import WATCHED, Trend
 from dtwin.monitoring.verdict import Finding, finding
@@ -197,6 +200,13 @@ class Findings:
             elif count == 0 and (name in self.current or name in self._tolerated):
                 self.end(time, name)
 
+    def grip(self, time: float, gripper: GripperWatch) -> None:
+        """Takes in that the gripper has begun not to follow its motor, or follows it again, at a plant time (s)."""
+        if gripper.fails:
+            self.enter(time, finding(FaultId(GRIP), gripper.since * PERIOD, time))
+        else:
+            self.end(time, GRIP)
+
     def give_up(self, time: float, since: float, last: Finding, sound: Mapping[str, Finding]) -> None:
         """Replaces one cause after the other by the only thing that is sure: that the cause is unknown.
 
@@ -208,7 +218,7 @@ class Findings:
         """
         recent = [last, *(found for found in self.history if found.detected >= since)]
         for found in recent:
-            if found.fault.kind != FREEZE:
+            if found.fault.kind not in READ:
                 self.current.pop(found.parameter, None)
         for name, found in sound.items():
             if not found.fault.about.on_box or found.since > self._released:
@@ -306,7 +316,7 @@ class Findings:
         for fault in accepted:
             name = str(fault)
             found = self.current.pop(name, None)
-            if fault.kind == FREEZE:
+            if fault.kind in READ:
                 self._tolerated.add(name)
             text = self.refined(found, estimator).text() if found else f"the trend of {name}"
             self.note(time, "acknowledged", text)

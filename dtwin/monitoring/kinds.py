@@ -15,12 +15,12 @@ from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters
 from dtwin.signals import ArmState
 
-Hypothesis = Literal["jump", "jumps", "loss", "hold", "torque", "push", "stop"]
+Hypothesis = Literal["jump", "jumps", "loss", "hold", "torque", "push", "stop", "none"]
 """What an arm with the fault is taken to do in the diagnosis.
 
 The state named like the kind jumps; all states that it is about jump; the state that it is about becomes zero; a
-joint is held where it is; an unknown torque acts, from then on or for a short time; or the reading of a joint's
-encoder stays what it is.
+joint is held where it is; an unknown torque acts, from then on or for a short time; the reading of a joint's
+encoder stays what it is; or nothing, since it is no matter of the arm's motion.
 """
 
 RELATIVE: Final = ""
@@ -31,6 +31,12 @@ UNKNOWN: Final = "unknown"
 """Kinds that the diagnosis tries whatever is suspected."""
 FREEZE: Final = "freeze"
 """The kind that is seen in the readings themselves, unless a joint at rest would give the same ones."""
+GRIP: Final = "grip"
+"""The kind that the gripper's own encoder tells: its jaw does not go, or stay, where the motor drives it."""
+READ: Final = (FREEZE, GRIP)
+"""Kinds that are read from encoders and last until these say otherwise; no diagnosis enters or ends them."""
+NAMED: Final = {"cutgripper": GRIP}
+"""Kinds as which faults are found that the emulation calls otherwise."""
 PUSH: Final = "push"
 BIAS: Final = "bias"
 DRIFT: Final = "drift"
@@ -134,6 +140,7 @@ KINDS: Final[dict[str, Kind]] = {
         none="slip",
     ),
     "slip": Kind("gripper slip", "loss", angles_known=True, on_joint=False, on_box=True, states=("payload",)),
+    GRIP: Kind("gripper does not follow", "none", angles_known=True, on_joint=False),
     BIAS: Kind(
         "encoder bias",
         "jump",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -30,6 +31,7 @@ from dtwin.parameters import PERIOD
 from dtwin.signals import Event
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 
 class Monitor:
@@ -70,7 +72,7 @@ class Monitor:
         return self._track.sample
 
     @property
-    def used(self) -> NDArray[np.bool_]:
+    def used(self) -> Flags:
         """Which readings of the last sample were taken in, (3,)."""
         return self._track.used
 
@@ -79,7 +81,7 @@ class Monitor:
         """Plant time of the last sample, s."""
         return self.sample * PERIOD
 
-    def update(self, sample: int, measured: Array, volts: Array, gripped: bool) -> None:
+    def update(self, sample: int, measured: Array, volts: Array, gripped: bool, jaw: float = math.nan) -> None:
         """Takes in a sample and the command that answered it.
 
         Args:
@@ -87,10 +89,13 @@ class Monitor:
             measured: (3,), encoder readings, rad.
             volts: (4,), that of the gripper last, V.
             gripped: whether the command holds a box.
+            jaw: reading of the gripper's encoder, rad; not a number where there is none.
         """
+        track, gap = self._track, sample - self.sample
+        if track.gripper.take(sample, jaw, float(volts[3])):
+            self.findings.grip(sample * PERIOD, track.gripper)
         if not (tells(measured) and tells(volts)):
             return  # what says nothing has not arrived; the next sample counts it as missing
-        track, gap = self._track, sample - self.sample
         angles = self._readings.take(measured)
         bridged = gap == 1 or (1 < gap <= BRIDGED + 1 and gripped == track.gripped)
         if self.sample < 0 or not bridged:
@@ -107,21 +112,20 @@ class Monitor:
             self._belief = replace(self._belief, noise=louder)
             self._start_over()
 
-    def follow(self, sample: NDArray[np.int64], measured: Array, volts: Array, gripped: NDArray[np.bool_]) -> int:
+    def follow(self, sample: NDArray[np.int64], measured: Array, volts: Array, gripped: Flags, jaw: Array) -> int:
         """Takes in the first of some samples as `update` does: one, or all up to the first at which there is more to
         do than to watch; returns how many.
 
         Args:
-            sample, measured, volts, gripped: (N,), (N, 3), (N, 4), (N,), as for `update`, a row a sample.
+            sample, measured, volts, gripped, jaw: (N,), (N, 3), (N, 4), (N,), (N,), as for `update`, a row a sample.
         """
         rows = slice(min(len(sample), self.trend.left(self.time)))
         watching = isinstance(self._mode, Watching) and self._listening is None and self._probation.passed
-        quiet = watching and not self.findings.known and self._track.settled(self.estimator)
-        stretch = quiet and self._track.follow(
-            self.estimator, self.threshold, sample[rows], measured[rows], volts[rows], gripped[rows]
-        )
+        quiet = watching and len(sample) > 1 and not self.findings.known and self._track.settled(self.estimator)
+        seen = sample[rows], measured[rows], volts[rows], gripped[rows], jaw[rows]
+        stretch = quiet and self._track.follow(self.estimator, self.threshold, *seen)
         if not stretch or not stretch.done:
-            self.update(int(sample[0]), measured[0], volts[0], bool(gripped[0]))
+            self.update(int(sample[0]), measured[0], volts[0], bool(gripped[0]), float(jaw[0]))
             return 1
         if stretch.concluded:
             self.trend.enter(self.time, self.estimator)
@@ -169,17 +173,16 @@ class Monitor:
     def standing(self) -> list[Finding]:
         """What is wrong now with sizes as they are known now, first come first, and last what is being diagnosed."""
         found = [self.findings.refined(each, self.estimator) for each in self.findings.current.values()]
-        match self._mode:
-            case Diagnosing(pending=Finding() as pending):
-                found.append(pending)
+        if isinstance(self._mode, Diagnosing) and self._mode.pending is not None:
+            found.append(self._mode.pending)
         return found
 
     def acknowledge(self, parameter: str = "") -> list[str]:
         """Takes the state of the arm as it is now to be known: its findings, or one, are struck out.
 
-        The estimator keeps what it has learned - a changed constant, a joint that is locked - so that only a further
-        change is found, and measured from here. Nothing was learned of an unknown cause: it is found again if it
-        shows again. An encoder that has stopped is not reported again until it has worked. A trend counts from here.
+        The estimator keeps what it has learned, so that only a further change is found, and measured from here. Of an
+        unknown cause nothing was learned: it is found again if it shows again. An encoder that has stopped, or a jaw
+        that does not follow, is not reported again until it has worked. A trend counts from here.
 
         Args:
             parameter: name of a finding or forecast, "" for all.
@@ -199,8 +202,7 @@ class Monitor:
 
     def verdict(self) -> MonitoringVerdict:
         """The opinion now, as it is published."""
-        found = self.standing()
-        states = unit_states(self._suspected(), self.forecasts, found)
+        states = unit_states(self._suspected(), self.forecasts, found := self.standing())
         units = unfit_units(self._misfit) or monitored_units(states, found)
         forecasts = tuple(forecast.text() for forecast in self.forecasts)
         return MonitoringVerdict(self.time, units, forecasts, self.unobservable(), self.missed, self.restarts)
@@ -297,13 +299,12 @@ class Monitor:
                 self._bank.update(estimator, used, self.sample, counts)
                 self._look(mode)
 
-    def _listen(self, used: NDArray[np.bool_]) -> None:
+    def _listen(self, used: Flags) -> None:
         """Judges the noise by the first samples at rest; if it is not as believed, all since is looked at again."""
         if self._listening is None or not self._listening.take(self.estimator, used):
             return
-        match self._mode:
-            case Settling(then=then):
-                self._mode = then
+        if isinstance(self._mode, Settling):
+            self._mode = self._mode.then
         belief = hear(self._belief, self.settings.tuning, self._track.moments, self._listening)
         self._listening = None
         if belief is not self._belief:
@@ -392,8 +393,7 @@ class Monitor:
             self._begin(self._readings.last, self._track.gripped)
         self._turns.enter(Turn(self.sample, pending.detected, before, dict(self.findings.current)))
         self.findings.settle(self.time, candidate, pending).apply(self.estimator, self.trend)
-        first = self._turns.astray(self.sample)
-        if first is not None:
+        if (first := self._turns.astray(self.sample)) is not None:
             self.findings.give_up(self.time, first.detected, pending, first.findings)
             self._try_again(Lost(first.estimator))
         elif candidate.fault.kind == UNKNOWN:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
@@ -33,6 +33,7 @@ class Stream:
         volts: (N, 4), that of the gripper last, V.
         gripped: (N,) bool.
         colour: (N,), colour of the box that waits, "" for none.
+        jaw: (N,), readings of the gripper's encoder, rad.
     """
 
     sample: NDArray[np.int64]
@@ -40,6 +41,7 @@ class Stream:
     volts: Array
     gripped: NDArray[np.bool_]
     colour: NDArray[np.str_]
+    jaw: Array
 
     def __len__(self) -> int:
         return len(self.sample)
@@ -47,7 +49,7 @@ class Stream:
     def part(self, start: int, stop: int) -> Stream:
         """Rows start to stop - 1."""
         rows = slice(start, stop)
-        return Stream(self.sample[rows], self.measured[rows], self.volts[rows], self.gripped[rows], self.colour[rows])
+        return Stream(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def feed(self, monitor: Monitor | ThesisMonitor, start: int, stop: int) -> None:
         """Gives rows start to stop - 1 to a monitor."""
@@ -64,7 +66,8 @@ class Stream:
         """Gives rows from start on, and before stop, to a monitor up to the first at which it notices something;
         returns how many."""
         rows = slice(start, stop)
-        return monitor.follow(self.sample[rows], self.measured[rows], self.volts[rows], self.gripped[rows])
+        arm = self.sample[rows], self.measured[rows], self.volts[rows], self.gripped[rows]
+        return monitor.follow(*arm, self.jaw[rows])
 
 
 def stream(log: Log) -> Stream:
@@ -84,6 +87,7 @@ def stream(log: Log) -> Stream:
         log.stack("volts"),
         log.columns["box_gripped"],
         log.columns["box_colour"],
+        log.columns["gripper"],
     )
 
 

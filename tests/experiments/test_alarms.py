@@ -8,7 +8,7 @@ from dtwin.emulation.faults import parse_fault
 from dtwin.experiments.monitoring.alarms import alarms_report, calibration, false_alarms, good
 from dtwin.experiments.monitoring.baselines import METHODS, Method, baseline
 from dtwin.experiments.monitoring.watching import SCENARIOS, Noticed, Outcome, WatchedMachine
-from dtwin.monitoring.kinds import parse_fault_id
+from dtwin.monitoring.kinds import NAMED, parse_fault_id
 from dtwin.monitoring.offline import stream
 from dtwin.parameters import ArmParameters
 from dtwin.run.cell import Cell
@@ -18,7 +18,8 @@ from dtwin.run.settings import CellSettings
 
 def names_of(number: int) -> list[str]:
     """Findings that name all faults of a scenario right."""
-    return [change.partition("*")[0].partition("+")[0] for change in SCENARIOS[number].changes]
+    targets = [change.partition("*")[0].partition("+")[0] for change in SCENARIOS[number].changes]
+    return [NAMED.get(target, target) for target in targets]
 
 
 LATER: dict[Method, Noticed] = {"momentum observer": Noticed(2.1, 0), "CUSUM": Noticed(None, 1)}

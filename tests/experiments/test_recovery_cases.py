@@ -43,6 +43,7 @@ def test_cases_are_drawn_from_the_whole_table_and_are_possible() -> None:
         ("bias2+=0.01,freeze3", {"stop"}, None),
         ("m2*=1.3", {"stop"}, None),
         ("slip", {"go on"}, "as before"),
+        ("cutgripper", {"stop"}, None),
     ],
 )
 def test_the_right_answer_is_what_physics_allows(fault: str, measures: set[str], ability: str | None) -> None:

@@ -1,7 +1,7 @@
 """Many samples at once: the same bits as one sample after the other, whatever happens."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def spiked(seen: Stream) -> Stream:
 
 def shortened(seen: Stream) -> Stream:
     kept = np.delete(np.arange(len(seen)), slice(STRANGE, STRANGE + 3))
-    return Stream(*(getattr(seen, name)[kept] for name in ("sample", "measured", "volts", "gripped", "colour")))
+    return Stream(*(getattr(seen, field.name)[kept] for field in fields(seen)))
 
 
 def wild(seen: Stream) -> Stream:

@@ -178,9 +178,9 @@ def run_healthy(work: Healthy) -> Quiet:
     monitor = Monitor(identified_belief(work.noise, "uniform", work.seed, work.machine), work.settings)
 
     def record(step: StepRecord) -> None:
-        command = step.voltages
-        volts = np.array(command.volts)
-        monitor.update(step.sensors.sequence, np.array(step.sensors.theta), volts, command.box_gripped)
+        sensors, command = step.sensors, step.voltages
+        measured, volts = np.array(sensors.theta), np.array(command.volts)
+        monitor.update(sensors.sequence, measured, volts, command.box_gripped, sensors.gripper)
 
     plant = Emulation(machine=work.machine, noise=work.noise, seed=work.seed)
     run(plant, EmbeddedController(), tick_count(3600.0 * work.hours), record=record)

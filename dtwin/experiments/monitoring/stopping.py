@@ -172,6 +172,7 @@ class _StopRun:
                 np.array(record.sensors.theta),
                 np.array(command.volts),
                 command.box_gripped,
+                record.sensors.gripper,
             )
             found = next((f for f in monitor.history if f.detected >= self._start), None)
             if found is not None:

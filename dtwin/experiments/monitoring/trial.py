@@ -207,7 +207,8 @@ class _FaultRun:
         measured = np.array(sensors.theta)
         events = len(self.monitor.events)
         if isinstance(self.monitor, Monitor):
-            self.monitor.update(sensors.sequence, measured, np.array(command.volts), command.box_gripped)
+            volts = np.array(command.volts)
+            self.monitor.update(sensors.sequence, measured, volts, command.box_gripped, sensors.gripper)
         else:
             self.monitor.update(sensors.sequence, measured, command.box_gripped, sensors.box_colour)
         moving = max(map(abs, truth.omega)) > MOVING

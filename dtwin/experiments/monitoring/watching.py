@@ -20,7 +20,7 @@ from dtwin.identification.machine.record import Grade
 from dtwin.identification.machine.sensors import check_sensors
 from dtwin.monitoring.calibration import watched
 from dtwin.monitoring.estimation.belief import Belief, commissioned
-from dtwin.monitoring.kinds import KINDS, parse_fault_id
+from dtwin.monitoring.kinds import KINDS, NAMED, parse_fault_id
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.parameters import PERIOD, ArmParameters
@@ -81,6 +81,7 @@ SCENARIOS: Final = (
     Scenario(("lock3",)),
     Scenario(("cut1",)),
     Scenario(("slip",), held=True),
+    Scenario(("cutgripper",), held=True),
     Scenario(("late",)),
     Scenario(("supply*=0.8",)),
     Scenario(("push2+=0.3",), lasts=0.1),
@@ -200,7 +201,8 @@ def watch_machines(
 
 def _names(change: str) -> tuple[str, ...]:
     """The findings that name a fault right: viscous and dry friction are one cause."""
-    fault = parse_fault_id(parse_fault(f"{change}@0").target)
+    target = parse_fault(f"{change}@0").target
+    fault = parse_fault_id(NAMED.get(target, target))
     return tuple(fault.named(kind) for kind, row in KINDS.items() if row.cause == fault.about.cause)
 
 

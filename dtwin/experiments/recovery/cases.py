@@ -56,6 +56,7 @@ DRAWS: Final[dict[str, Draw]] = {
     "mu": _sized("muN", "+=", 0.005, 0.03),
     "payload": _sized("payload", "+=", 0.015, 0.06),
     "slip": _switched("slip"),
+    "grip": _switched("cutgripper"),
     "bias": _sized("biasN", "+=", 0.005, 0.03, signed=True),
     "drift": _sized("driftN", "+=", 0.001, 0.005, signed=True),
     "freeze": _switched("freezeN"),

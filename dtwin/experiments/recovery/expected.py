@@ -9,7 +9,7 @@ from dtwin.bus.twin_messages import PredictedMotion
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.faults import Condition, Fault, schedule
 from dtwin.errors import FaultError, choices
-from dtwin.monitoring.kinds import UNKNOWN
+from dtwin.monitoring.kinds import NAMED, UNKNOWN
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, scaled, symbol_of
 from dtwin.recovery.answers import ANSWERS, Measure
 from dtwin.recovery.measures import BOXES
@@ -17,8 +17,8 @@ from dtwin.recovery.tuning import Ability, search
 from dtwin.simulation.checks import MOTIONS, Checker
 from dtwin.simulation.upload import changed
 
-_HIDDEN: Final = ("pads", "cutgripper")
-"""Targets of faults of the gripper, of which the monitor has no kind."""
+_HIDDEN: Final = ("pads",)
+"""Targets of faults of the gripper of which the monitor has no kind."""
 
 
 class Expected(NamedTuple):
@@ -41,7 +41,8 @@ def kind_of(fault: Fault) -> str:
     """
     if fault.target in _HIDDEN:
         raise FaultError(f"fault {fault.target}: expected one that the monitor can name, not {choices(_HIDDEN)}")
-    kind = symbol_of(fault.target) if fault.target in PARAMETER_NAMES else fault.target.rstrip("123")
+    target = NAMED.get(fault.target, fault.target)
+    kind = symbol_of(target) if target in PARAMETER_NAMES else target.rstrip("123")
     return kind if kind in ANSWERS else UNKNOWN
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dtwin.monitoring.diagnosis import MOST
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.traces import LONGEST
+from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.signatures import SignatureBank
 from dtwin.monitoring.tracking.moments import Moment, Moments
@@ -32,6 +33,7 @@ class Tracking:
         bank: gathers the evidence of sudden changes.
 
     Attributes:
+        gripper: watches the gripper by its own encoder.
         moments: the last samples.
         sample: number of the last one, -1 before the first.
         command: (4,), command that answered it, V; that of the gripper last.
@@ -41,7 +43,7 @@ class Tracking:
     """
 
     def __init__(self, readings: Readings, bank: SignatureBank) -> None:
-        self.readings, self.bank, self._recall = readings, bank, Recall()
+        self.readings, self.bank, self.gripper, self._recall = readings, bank, GripperWatch(), Recall()
         self.moments = Moments(LONGEST + MOST + 2)
         self.sample, self.command, self.gripped, self.used = -1, np.zeros(4), False, _NONE
         self._doubted = 0
@@ -86,6 +88,7 @@ class Tracking:
         measured: Array,
         volts: Array,
         gripped: NDArray[np.bool_],
+        jaw: Array,
     ) -> Stretch:
         """Takes in as many of some samples as come in a row, up to the first at which there is more to do.
 
@@ -94,18 +97,20 @@ class Tracking:
         Args:
             estimator: the arm as believed.
             threshold: value of the largest statistic above which there is more to do.
-            sample, measured, volts, gripped: (N,), (N, 3), (N, 4), (N,): number, readings (rad) and the command that
-                answered each.
+            sample, measured, volts, gripped, jaw: (N,), (N, 3), (N, 4), (N,), (N,): number, readings (rad) and the
+                command that answered each, and the reading of the gripper's encoder, rad.
         """
         rows = min(WINDOW, len(sample))
         told = np.hstack((measured[:rows], volts[:rows]))
         rows = quiet_rows(self.sample, self.gripped, sample[:rows], told, gripped[:rows])
+        rows = self.gripper.calm(sample[:rows], jaw[:rows], volts[:rows, 3])
         if not rows:
             return Stretch(0, (), self._doubted, True)
         commands = np.vstack((self.command, volts[: rows - 1]))
         how = (threshold, self.sample + 1, measured[:rows], commands, self._doubted)
         stretch = follow(estimator, self.readings, self.bank, *how)
         done = stretch.done
+        self.gripper.pass_over(sample[:done], jaw[:done], volts[:done, 3])
         self.sample += done
         self.command, self.gripped, self.used = volts[done - 1], bool(gripped[done - 1]), stretch.last.used
         self._doubted = stretch.doubted

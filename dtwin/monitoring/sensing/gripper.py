@@ -1,0 +1,132 @@
+"""Whether the jaw goes where its motor drives it, by the gripper's own encoder.
+
+The jaw is one hinge between two stops, decoupled from the arm: J w' = K u - D w. Within twice the time that the data
+sheet's motor would take, it has to go half of its way. A jaw that closes may meet a box, so only the first half of
+the way to the stop counts. Where it has been it must not leave while it is driven there. A jaw that was
+never seen to go where it is driven has no encoder, and is not judged.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.parameters import PERIOD, GripperParameters
+
+Array = NDArray[np.float64]
+
+_LEAST_WAY: Final = 0.05
+"""Way that is too short to judge a motor by, rad."""
+_BACK: Final = 0.05
+"""How far a jaw may come back from where it has been driven, rad."""
+_SLOWER: Final = 2.0
+"""How much slower than the data sheet's a motor may be."""
+_DRIVEN: Final = 0.5
+"""Share of the voltage of the gripper from which on it counts as driven."""
+
+
+class GripperWatch:
+    """Follows one gripper.
+
+    Args:
+        gripper: the gripper as it was designed.
+
+    Attributes:
+        fails: whether the jaw does not do what it is driven to, as far as it has been driven.
+        since: number of the sample at which that began.
+    """
+
+    def __init__(self, gripper: GripperParameters | None = None) -> None:
+        self._gripper = gripper or GripperParameters()
+        self._direction, self._judged, self._moves = 0, True, False
+        self._start, self._from, self._farthest, self._way, self._late = 0, 0.0, 0.0, 0.0, 0
+        self.fails, self.since = False, 0
+
+    def take(self, sample: int, angle: float, volts: float) -> bool:
+        """Takes in a sample and the command that answered it; returns whether `fails` has changed.
+
+        Args:
+            sample: its number.
+            angle: reading of the gripper's encoder, rad; one that is no number says nothing.
+            volts: voltage of the gripper, V.
+        """
+        if not (math.isfinite(angle) and math.isfinite(volts)):
+            return False
+        failed, direction = self.fails, self._driven(volts)
+        if direction != self._direction or sample < self._start:
+            self._begin(sample, angle, direction)
+        if not direction:
+            return False
+        moved = direction * (angle - self._from)
+        self._farthest = max(self._farthest, moved)
+        if not self._judged and (moved >= 0.5 * self._way or sample >= self._late):
+            self._judged, self._moves = True, self._moves or moved >= 0.5 * self._way
+            self.fails = self._moves and moved < 0.5 * self._way
+            self.since = self._start if self.fails and not failed else self.since
+        elif self._moves and moved < self._farthest - _BACK and not failed:
+            self.fails, self.since = True, sample
+        return self.fails != failed
+
+    def calm(self, sample: NDArray[np.int64], angle: Array, volts: Array) -> int:
+        """The number of samples, from the first one on, that change nothing of `fails`.
+
+        Args:
+            sample, angle, volts: (N,), as for `take`.
+        """
+        if self._goes_on(angle, volts):
+            return len(sample)
+        ahead = self._copy()
+        rows = zip(sample.tolist(), angle.tolist(), volts.tolist(), strict=True)
+        return next((row for row, each in enumerate(rows) if ahead.take(*each)), len(sample))
+
+    def pass_over(self, sample: NDArray[np.int64], angle: Array, volts: Array) -> None:
+        """Takes in samples that change nothing of `fails`; (N,), as for `take`."""
+        if self._goes_on(angle, volts):
+            if self._direction:
+                farthest = float((self._direction * (angle - self._from)).max())
+                self._farthest = max(self._farthest, farthest)
+            return
+        for each in zip(sample.tolist(), angle.tolist(), volts.tolist(), strict=True):
+            self.take(*each)
+
+    def _goes_on(self, angle: Array, volts: Array) -> bool:
+        """Whether samples tell of the same drive, about which all is known, and of a jaw that stays in its place."""
+        if not self._judged or not np.isfinite(angle).all() or not np.isfinite(volts).all():
+            return False
+        if {self._driven(value) for value in set(volts.tolist())} != {self._direction}:
+            return False
+        moved = self._direction * (angle - self._from)
+        return bool((moved >= max(self._farthest, float(moved.max())) - _BACK).all())
+
+    def _begin(self, sample: int, angle: float, direction: int) -> None:
+        """The drive changes with a sample."""
+        gripper = self._gripper
+        middle = 0.5 * (gripper.closed + gripper.opened)
+        way = gripper.opened - angle if direction > 0 else angle - middle
+        self._direction, self._start, self._from, self._farthest, self._way = direction, sample, angle, 0.0, way
+        self._judged = not direction or way < _LEAST_WAY
+        self._late = sample + math.ceil(_SLOWER * self._time_for(0.5 * way) / PERIOD) if not self._judged else sample
+
+    def _driven(self, volts: float) -> int:
+        """1 while the gripper is opened, -1 while it is closed, 0 while neither."""
+        least = _DRIVEN * self._gripper.volts
+        return (volts >= least) - (volts <= -least)
+
+    def _time_for(self, way: float) -> float:
+        """The time that the data sheet's motor takes for a way (rad) from rest, s."""
+        gripper = self._gripper
+        lag = gripper.inertia / gripper.damping
+        speed = gripper.voltage_constant * gripper.volts / gripper.damping
+        low, high = 0.0, way / speed + lag
+        while high - low > 0.1 * PERIOD:
+            middle = 0.5 * (low + high)
+            far = speed * (middle - lag * -math.expm1(-middle / lag))
+            low, high = (middle, high) if far < way else (low, middle)
+        return high
+
+    def _copy(self) -> Self:
+        return copy.copy(self)

@@ -1,0 +1,142 @@
+"""The gripper watched by its own encoder."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dtwin.emulation.faults import parse_fault
+from dtwin.emulation.machine.sections import Contact, Machine
+from dtwin.monitoring.estimation.belief import assumed
+from dtwin.monitoring.monitor import Monitor
+from dtwin.monitoring.offline import stream
+from dtwin.monitoring.sensing.gripper import GripperWatch
+from dtwin.parameters import PERIOD, ArmParameters, GripperParameters
+from dtwin.run.cell import Cell
+from dtwin.run.options import ControlOptions
+from dtwin.run.recording import Log
+from dtwin.run.settings import CellSettings
+from dtwin.signals import EventKind
+
+GRIPPER = GripperParameters()
+BOX = 0.4955
+"""Angle at which a box stops the jaw, rad."""
+
+
+def driven(volts: list[float], strength: float = 1.0, stop: float = GRIPPER.closed) -> list[float]:
+    """Readings of a jaw that starts open at rest and has a share of its motor's torque, by its equation of motion."""
+    angle, speed, seen = GRIPPER.opened, 0.0, []
+    for u in volts:
+        seen.append(angle)
+        for _ in range(10):
+            torque = strength * GRIPPER.voltage_constant * u - GRIPPER.damping * speed
+            speed += 0.1 * PERIOD * torque / GRIPPER.inertia
+            angle += 0.1 * PERIOD * speed
+            if not stop <= angle <= GRIPPER.opened:
+                angle, speed = min(max(angle, stop), GRIPPER.opened), 0.0
+    return seen
+
+
+def judged(volts: list[float], angles: list[float]) -> list[tuple[int, bool]]:
+    """Samples at which the opinion changes, and what it is then."""
+    watch = GripperWatch()
+    return [
+        (k, watch.fails) for k, (u, angle) in enumerate(zip(volts, angles, strict=True)) if watch.take(k, angle, u)
+    ]
+
+
+CYCLE = [3.0] * 100 + [-3.0] * 200 + [3.0] * 150 + [-3.0] * 200 + [3.0] * 150
+
+
+@pytest.mark.parametrize("stop", [GRIPPER.closed, BOX])
+@pytest.mark.parametrize("strength", [0.6, 1.0, 1.4])
+def test_a_jaw_that_goes_where_it_is_driven_does_not_fail(strength: float, stop: float) -> None:
+    noise = np.random.default_rng(1).normal(0.0, 0.003, len(CYCLE))
+    assert judged(CYCLE, (np.array(driven(CYCLE, strength, stop)) + noise).tolist()) == []
+
+
+@pytest.mark.parametrize("start", [100, 300, 450, 650])
+def test_a_jaw_that_stays_fails_within_half_a_second_of_its_command(start: int) -> None:
+    angles = driven(CYCLE)
+    angles[start:] = [angles[start]] * len(angles[start:])
+    found = judged(CYCLE, angles)
+    if start == 100:  # it has never been seen to move
+        assert found == []
+    else:
+        (at, fails), *_ = found
+        assert fails
+        assert 0.2 < PERIOD * (at - start) < 0.7
+
+
+def test_a_jaw_that_gives_way_fails_and_one_that_goes_again_recovers() -> None:
+    angles = driven(CYCLE)
+    angles[250:300] = np.linspace(angles[250], angles[250] + 0.2, 50).tolist()
+    angles[300:] = np.interp(range(len(angles[300:])), [0, 60], [angles[299], GRIPPER.opened]).tolist()
+    (gave, fails), (went, again) = judged(CYCLE[:450], angles[:450])
+    assert (fails, again) == (True, False)
+    assert 250 < gave < 270
+    assert 300 < went < 350
+
+
+def test_a_gripper_without_an_encoder_is_not_judged() -> None:
+    assert judged(CYCLE, [0.0] * len(CYCLE)) == []
+    assert judged(CYCLE, [math.nan] * len(CYCLE)) == []
+
+
+@given(st.data())
+def test_many_samples_at_once_are_judged_as_one_after_the_other(data: st.DataObject) -> None:
+    parts = data.draw(st.lists(st.tuples(st.sampled_from([3.0, -3.0, 0.0]), st.integers(1, 80)), max_size=8))
+    volts = [3.0] * 5 + [-3.0] * 90 + [u for u, count in parts for _ in range(count)]
+    angles = np.array(driven(volts))
+    stuck = data.draw(st.integers(95, len(volts)))
+    angles[stuck:] = angles[stuck - 1] + data.draw(st.floats(-0.1, 0.1))
+    samples, values = np.arange(len(volts)), np.array(volts)
+    one, many, row = GripperWatch(), GripperWatch(), 0
+    while row < len(volts):
+        rows = slice(row, row + data.draw(st.integers(1, 60)))
+        calm = many.calm(samples[rows], angles[rows], values[rows])
+        news = [one.take(k, float(angles[k]), volts[k]) for k in range(row, row + calm)]
+        passed = slice(row, row + calm)
+        many.pass_over(samples[passed], angles[passed], values[passed])
+        assert not any(news)
+        row += calm
+        if row < min(rows.stop, len(volts)):
+            assert one.take(row, float(angles[row]), volts[row])
+            assert many.take(row, float(angles[row]), volts[row])
+            row += 1
+        assert (one.fails, one.since) == (many.fails, many.since)
+
+
+def watched(log: Log) -> Monitor:
+    monitor, seen = Monitor(assumed(ArmParameters(), (1e-3,) * 3)), stream(log)
+    seen.feed(monitor, 0, len(seen))
+    return monitor
+
+
+def test_a_gripper_without_voltage_is_named_and_the_joints_are_well(run_cell: Callable[..., Log]) -> None:
+    """Without contact the jaw stays where it is, so that the next command shows it."""
+    monitor = watched(run_cell(35.0, 3, "cutgripper@18", noise=0.001))
+    units = monitor.verdict().units
+    assert units["gripper"].state == "failed"
+    assert units["gripper"].text.startswith("gripper does not follow")
+    assert {units[f"joint {j}"].state for j in (1, 2, 3)} == {"nominal"}
+    (finding,) = monitor.history
+    assert 0.3 < finding.detected - finding.since < 0.7
+    assert monitor.acknowledge("grip") == ["grip"]
+    assert monitor.verdict().units["gripper"].state == "nominal"
+
+
+def test_a_gripper_that_loses_its_voltage_with_a_box_is_told_before_the_box_is_lost() -> None:
+    """With contact the box pushes the jaw open."""
+    machine, control = Machine(contact=Contact(enabled=True)), ControlOptions().control()
+    cell = Cell(CellSettings(20.0, 3, machine=machine, control=control, faults=(parse_fault("cutgripper@10.5"),)))
+    cell.run()
+    log = cell.log.freeze()
+    assert log.columns["box_gripped"][1049]
+    slipped = next(event.time for event in log.events if event.kind == EventKind.SLIPPED)
+    first = watched(log).history[0]
+    assert first.parameter == "grip"
+    assert 10.5 < first.detected < min(slipped, 11.0)
