@@ -27,6 +27,7 @@ from dtwin.monitoring.kinds import (
     LOCK,
     READ,
     RELATIVE,
+    SLIP,
     UNKNOWN,
     FaultId,
     faults,
@@ -46,6 +47,8 @@ _MOVES: Final = 0.1
 """rad/s"""
 _LOST: Final = 0.02
 """share of a voltage constant, or of 1 kg, that is as good as none"""
+_TOGETHER: Final = 0.3
+"""s between the change of a mass and a movement of the box that are one matter"""
 _SURE: Final = 3.0
 """standard deviations"""
 _FREEZES: Final = tuple((fault.joint - 1, str(fault), fault) for fault in faults(FREEZE))
@@ -85,6 +88,7 @@ class Findings:
 
     Args:
         sizes: plausible sizes of changes, by state.
+        gripper: what the gripper's own encoder tells.
 
     Attributes:
         current: what is wrong now, by parameter.
@@ -92,8 +96,8 @@ class Findings:
         events: everything that was noticed, in order.
     """
 
-    def __init__(self, sizes: Mapping[str, float]) -> None:
-        self._sizes = sizes
+    def __init__(self, sizes: Mapping[str, float], gripper: GripperWatch) -> None:
+        self._sizes, self._gripper = sizes, gripper
         self._explained: dict[str, int] = {}
         self._tolerated: set[str] = set()
         self._gripped = self._released = -1.0
@@ -148,6 +152,8 @@ class Findings:
         since = (candidate.onset.sample + 1) * PERIOD
         if fault.about.on_box:
             since = max(since, self._gripped)
+            if abs(self._gripper.stirred * PERIOD - since) < _TOGETHER:
+                fault = FaultId(SLIP)  # a box that weighs otherwise does not move between the pads
         return finding(fault, since, detected, size, deviation, probability, settled=False)
 
     def _settle(self, time: float, candidate: Candidate, settled: Finding) -> Consequences:
@@ -200,10 +206,10 @@ class Findings:
             elif count == 0 and (name in self.current or name in self._tolerated):
                 self.end(time, name)
 
-    def grip(self, time: float, gripper: GripperWatch) -> None:
+    def grip(self, time: float) -> None:
         """Takes in that the gripper has begun not to follow its motor, or follows it again, at a plant time (s)."""
-        if gripper.fails:
-            self.enter(time, finding(FaultId(GRIP), gripper.since * PERIOD, time))
+        if self._gripper.fails:
+            self.enter(time, finding(FaultId(GRIP), self._gripper.since * PERIOD, time))
         else:
             self.end(time, GRIP)
 

@@ -38,6 +38,7 @@ READ: Final = (FREEZE, GRIP)
 NAMED: Final = {"cutgripper": GRIP}
 """Kinds as which faults are found that the emulation calls otherwise."""
 PUSH: Final = "push"
+SLIP: Final = "slip"
 BIAS: Final = "bias"
 DRIFT: Final = "drift"
 LATE: Final = "late"
@@ -137,9 +138,9 @@ KINDS: Final[dict[str, Kind]] = {
         nothing=0.1,
         # The arm answers to another mass too unlike linearly to start from none.
         starts=(-0.15, -0.1, -0.05, 0.1, 0.2),
-        none="slip",
+        none=SLIP,
     ),
-    "slip": Kind("gripper slip", "loss", angles_known=True, on_joint=False, on_box=True, states=("payload",)),
+    SLIP: Kind("gripper slip", "loss", angles_known=True, on_joint=False, on_box=True, states=("payload",)),
     GRIP: Kind("gripper does not follow", "none", angles_known=True, on_joint=False),
     BIAS: Kind(
         "encoder bias",

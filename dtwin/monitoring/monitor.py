@@ -63,7 +63,7 @@ class Monitor:
         self._mode: Mode = Watching()
         self._turns, self._probation = Turns(), Probation()
         self._misfit: dict[int, str] = {}
-        self.findings = Findings(self._sizes)
+        self.findings = Findings(self._sizes, self._track.gripper)
         self.missed, self.restarts = 0, 0
 
     @property
@@ -93,7 +93,7 @@ class Monitor:
         """
         track, gap = self._track, sample - self.sample
         if track.gripper.take(sample, jaw, float(volts[3])):
-            self.findings.grip(sample * PERIOD, track.gripper)
+            self.findings.grip(sample * PERIOD)
         if not (tells(measured) and tells(volts)):
             return  # what says nothing has not arrived; the next sample counts it as missing
         angles = self._readings.take(measured)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -140,3 +141,24 @@ def test_a_gripper_that_loses_its_voltage_with_a_box_is_told_before_the_box_is_l
     first = watched(log).history[0]
     assert first.parameter == "grip"
     assert 10.5 < first.detected < min(slipped, 11.0)
+
+
+def test_a_box_that_moves_between_the_pads_is_noticed_once_for_each_grip() -> None:
+    watch, angles = GripperWatch(), driven(CYCLE, stop=BOX)
+    angles[250:] = [angle + 0.01 if 250 <= k < 280 else angle for k, angle in enumerate(angles[250:], 250)]
+    stirred = []
+    for k, (u, angle) in enumerate(zip(CYCLE, angles, strict=True)):
+        watch.take(k, angle + (0.002 if k % 2 else 0.0), u)
+        stirred.append(watch.stirred)
+    assert set(stirred) == {-1, 250}
+    assert stirred.index(250) == 250
+
+
+def test_a_mass_that_changes_while_the_box_moves_between_the_pads_is_a_slip(run_cell: Callable[..., Log]) -> None:
+    """The readings of the arm alone tell of a box that weighs less."""
+    log = run_cell(35.0, 3, "payload+=-0.1@30", noise=0.001)
+    held = log.columns["gripper"].copy()
+    rests = np.arange(len(log)) * PERIOD
+    held[(rests > 30.03) & log.columns["box_gripped"]] += 0.01
+    moved = replace(log, columns={**log.columns, "gripper": held})
+    assert [watched(each).history[0].parameter for each in (log, moved)] == ["payload", "slip"]

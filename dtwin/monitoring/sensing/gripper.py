@@ -4,6 +4,8 @@ The jaw is one hinge between two stops, decoupled from the arm: J w' = K u - D w
 sheet's motor would take, it has to go half of its way. A jaw that closes may meet a box, so only the first half of
 the way to the stop counts. Where it has been it must not leave while it is driven there. A jaw that was
 never seen to go where it is driven has no encoder, and is not judged.
+
+A jaw that is driven against a box stands still. When it does not any more, the box has moved between the pads.
 """
 
 from __future__ import annotations
@@ -25,6 +27,10 @@ _BACK: Final = 0.05
 """How far a jaw may come back from where it has been driven, rad."""
 _SLOWER: Final = 2.0
 """How much slower than the data sheet's a motor may be."""
+_STANDS: Final = 0.005
+"""How far readings of a jaw that stands differ, rad: three steps of an encoder of 12 bits."""
+_STOOD: Final = 30
+"""Number of samples after which a jaw counts as standing."""
 _DRIVEN: Final = 0.5
 """Share of the voltage of the gripper from which on it counts as driven."""
 
@@ -38,13 +44,15 @@ class GripperWatch:
     Attributes:
         fails: whether the jaw does not do what it is driven to, as far as it has been driven.
         since: number of the sample at which that began.
+        stirred: number of the sample at which what last stood between the pads began to move; -1 before any.
     """
 
     def __init__(self, gripper: GripperParameters | None = None) -> None:
         self._gripper = gripper or GripperParameters()
         self._direction, self._judged, self._moves = 0, True, False
         self._start, self._from, self._farthest, self._way, self._late = 0, 0.0, 0.0, 0.0, 0
-        self.fails, self.since = False, 0
+        self._place, self._reached = 0.0, 0
+        self.fails, self.since, self.stirred = False, 0, -1
 
     def take(self, sample: int, angle: float, volts: float) -> bool:
         """Takes in a sample and the command that answered it; returns whether `fails` has changed.
@@ -61,6 +69,11 @@ class GripperWatch:
             self._begin(sample, angle, direction)
         if not direction:
             return False
+        if abs(angle - self._place) > _STANDS:
+            stood = self._judged and self._moves and sample >= self._reached + _STOOD
+            if direction < 0 and stood and self.stirred < self._start:
+                self.stirred = sample
+            self._place, self._reached = angle, sample
         moved = direction * (angle - self._from)
         self._farthest = max(self._farthest, moved)
         if not self._judged and (moved >= 0.5 * self._way or sample >= self._late):
@@ -100,7 +113,8 @@ class GripperWatch:
         if {self._driven(value) for value in set(volts.tolist())} != {self._direction}:
             return False
         moved = self._direction * (angle - self._from)
-        return bool((moved >= max(self._farthest, float(moved.max())) - _BACK).all())
+        stays = (np.abs(angle - self._place) <= _STANDS) & (moved >= max(self._farthest, float(moved.max())) - _BACK)
+        return bool(stays.all())
 
     def _begin(self, sample: int, angle: float, direction: int) -> None:
         """The drive changes with a sample."""
@@ -108,6 +122,7 @@ class GripperWatch:
         middle = 0.5 * (gripper.closed + gripper.opened)
         way = gripper.opened - angle if direction > 0 else angle - middle
         self._direction, self._start, self._from, self._farthest, self._way = direction, sample, angle, 0.0, way
+        self._place, self._reached = angle, sample
         self._judged = not direction or way < _LEAST_WAY
         self._late = sample + math.ceil(_SLOWER * self._time_for(0.5 * way) / PERIOD) if not self._judged else sample
 
