@@ -45,7 +45,7 @@ TOLD: Final = 0.6
 """Standard deviation of a number, relative to that of the data sheet, below which the data tell it."""
 _START: Final = Effects(stribeck_velocity=(0.175, 0.175, 0.175))
 """Effects whose numbers are not identified: the middle of the data sheet's range."""
-_UNEXPLAINED: Final = 2.0
+_UNEXPLAINED: Final = 1.5
 """Ratio of what is not explained to the noise of the encoders from which on an effect is missing."""
 
 
