@@ -108,7 +108,7 @@ def test_many_samples_at_once_are_judged_as_one_after_the_other(data: st.DataObj
             assert one.take(row, float(angles[row]), volts[row])
             assert many.take(row, float(angles[row]), volts[row])
             row += 1
-        assert (one.fails, one.since) == (many.fails, many.since)
+        assert (one.fails, one.since, one.stirred) == (many.fails, many.since, many.stirred)
 
 
 def watched(log: Log) -> Monitor:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import copy
 import math
-from typing import Final, Self
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,7 +92,7 @@ class GripperWatch:
         """
         if self._goes_on(angle, volts):
             return len(sample)
-        ahead = self._copy()
+        ahead = copy.copy(self)
         rows = zip(sample.tolist(), angle.tolist(), volts.tolist(), strict=True)
         return next((row for row, each in enumerate(rows) if ahead.take(*each)), len(sample))
 
@@ -122,7 +122,7 @@ class GripperWatch:
         middle = 0.5 * (gripper.closed + gripper.opened)
         way = gripper.opened - angle if direction > 0 else angle - middle
         self._direction, self._start, self._from, self._farthest, self._way = direction, sample, angle, 0.0, way
-        self._place, self._reached = angle, sample
+        self._place, self._reached, self.stirred = angle, sample, min(self.stirred, sample - 1)
         self._judged = not direction or way < _LEAST_WAY
         self._late = sample + math.ceil(_SLOWER * self._time_for(0.5 * way) / PERIOD) if not self._judged else sample
 
@@ -132,16 +132,9 @@ class GripperWatch:
         return (volts >= least) - (volts <= -least)
 
     def _time_for(self, way: float) -> float:
-        """The time that the data sheet's motor takes for a way (rad) from rest, s."""
-        gripper = self._gripper
-        lag = gripper.inertia / gripper.damping
-        speed = gripper.voltage_constant * gripper.volts / gripper.damping
-        low, high = 0.0, way / speed + lag
-        while high - low > 0.1 * PERIOD:
-            middle = 0.5 * (low + high)
-            far = speed * (middle - lag * -math.expm1(-middle / lag))
-            low, high = (middle, high) if far < way else (low, middle)
-        return high
+        """The time that the data sheet's motor takes for a way (rad) from rest, s.
 
-    def _copy(self) -> Self:
-        return copy.copy(self)
+        Damping takes some percent of so short a way, far less than the doubt about the motor.
+        """
+        gripper = self._gripper
+        return math.sqrt(2.0 * way * gripper.inertia / (gripper.voltage_constant * gripper.volts))
