@@ -34,7 +34,7 @@ FREEZE: Final = "freeze"
 GRIP: Final = "grip"
 """The kind that the gripper's own encoder tells: its jaw does not go, or stay, where the motor drives it."""
 READ: Final = (FREEZE, GRIP)
-"""Kinds that are read from encoders and last until these say otherwise; no diagnosis enters or ends them."""
+"""Kinds that last until an encoder itself says otherwise."""
 NAMED: Final = {"cutgripper": GRIP}
 """Kinds as which faults are found that the emulation calls otherwise."""
 PUSH: Final = "push"
