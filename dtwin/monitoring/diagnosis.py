@@ -138,14 +138,14 @@ class Diagnosis:
         odds = math.log(SURE / (1.0 - SURE))
         return self.certain or self.best()[0].gain > odds * self._temper
 
-    def others(self) -> tuple[str, ...]:
-        """The causes that with the most likely one have a probability of SURE together, most likely first."""
+    def others(self) -> tuple[tuple[FaultId, float], ...]:
+        """The causes that with the most likely one have a probability of SURE together, each with its own."""
         (_, total), *rest = self.ranked()
         found = []
         for candidate, probability in rest:
             if total >= SURE:
                 break
-            found.append(str(candidate.fault))
+            found.append((candidate.fault, probability))
             total += probability
         return tuple(found)
 

@@ -110,28 +110,33 @@ class Findings:
         self.events.append(Event(time, kind, text))
 
     def assess(
-        self, candidate: Candidate, probability: float, detected: float, others: tuple[str, ...] = ()
+        self, candidate: Candidate, probability: float, detected: float, others: Sequence[tuple[FaultId, float]] = ()
     ) -> Finding:
         """What a candidate amounts to so far, noticed at a plant time (s), and what else it may be.
 
-        Of two changes it is the larger one.
+        Of two changes it is the larger one. What would be another mass is a slip, too, if the gripper says so.
         """
         changes = candidate.changes()
         state = max(changes, key=lambda name: self._relative(name, changes[name]), default="")
         found = self._told(candidate, state, probability, detected)
-        return msgspec.structs.replace(found, others=tuple(name for name in others if name != found.parameter))
+        if found.fault.kind == SLIP and self._stirred(found.since):
+            more = sum(share for fault, share in others if fault.about.on_box)
+            found = msgspec.structs.replace(found, confidence=min(found.confidence + more, 1.0))
+            others = [each for each in others if not each[0].about.on_box]
+        instead = tuple(str(fault) for fault, _ in others if str(fault) != found.parameter)
+        return msgspec.structs.replace(found, others=instead)
 
     def settle(self, time: float, candidate: Candidate, pending: Finding) -> Consequences:
         """Enters a diagnosis that is complete, or strikes out what it undoes; plant time in s."""
         if candidate.other is None:
-            settled = [self.assess(candidate, pending.confidence, pending.detected, pending.others)]
+            told = [self.assess(candidate, pending.confidence, pending.detected)]
         else:
             states = sorted(changes := candidate.changes(), key=lambda name: -self._relative(name, changes[name]))
             sure = [name for name in states if _is_sure(changes[name])] or states[:1]
             told = [self._told(candidate, name, pending.confidence, pending.detected) for name in sure]
-            named = {found.parameter for found in told}
-            instead = tuple(name for name in pending.others if name not in named)
-            settled = [msgspec.structs.replace(found, others=instead) for found in told]
+        named = {found.parameter for found in told}
+        instead = tuple(name for name in pending.others if name not in named)
+        settled = [msgspec.structs.replace(found, others=instead) for found in told]
         after = [self._settle(time, candidate, found) for found in settled]
         jumped = [each.jumped for each in after if each.jumped]
         forget = tuple(name for each in after for name in each.forget)
@@ -152,7 +157,7 @@ class Findings:
         since = (candidate.onset.sample + 1) * PERIOD
         if fault.about.on_box:
             since = max(since, self._gripped)
-            if abs(self._gripper.stirred * PERIOD - since) < _TOGETHER:
+            if self._stirred(since):
                 fault = FaultId(SLIP)  # a box that weighs otherwise does not move between the pads
         return finding(fault, since, detected, size, deviation, probability, settled=False)
 
@@ -205,6 +210,11 @@ class Findings:
                 self.enter(time, finding(fault, time - count * PERIOD, time))
             elif count == 0 and (name in self.current or name in self._tolerated):
                 self.end(time, name)
+
+    def _stirred(self, since: float) -> bool:
+        """Whether what the gripper holds began to move between the pads at about a plant time (s)."""
+        stirred = self._gripper.stirred
+        return stirred >= 0 and abs(stirred * PERIOD - since) < _TOGETHER
 
     def grip(self, time: float) -> None:
         """Takes in that the gripper has begun not to follow its motor, or follows it again, at a plant time (s)."""

@@ -13,9 +13,11 @@ from dtwin.monitoring.estimation.belief import Belief, Tail, Unmodelled
 from dtwin.monitoring.estimation.estimator import Estimator, Tuning
 from dtwin.monitoring.estimation.layout import BIAS, INDEX, SIZE
 from dtwin.monitoring.estimation.traces import WIDTH
+from dtwin.monitoring.findings import Findings
 from dtwin.monitoring.kinds import JUMPS, parse_fault_id, plausible_sizes
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
+from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.monitoring.settings import MonitorSettings
 from dtwin.monitoring.signatures import ALIKE, Onset, SignatureBank, Suspicion, allowances, limits, threshold
 from dtwin.monitoring.tracking.moments import Moments
@@ -109,7 +111,7 @@ def test_causes_are_named_until_they_share_what_is_sure(belief: Belief) -> None:
     assert (str(first.fault), str(second.fault)) == ("K1", "payload")
     assert (sure / less, sure + less + least) == (pytest.approx(math.e), pytest.approx(1.0))
     assert sure < SURE < sure + less
-    assert found.others() == ("payload",)
+    assert found.others() == ((parse_fault_id("payload"), less),)
     assert diagnosis(belief, {"K1": 30.0, "payload": 19.0, "bias2": 12.0}).others() == ()
 
 
@@ -117,5 +119,21 @@ def test_tempered_evidence_leaves_more_causes_and_earns_less(belief: Belief) -> 
     gains = {"K1": 20.0, "payload": 12.0, "bias2": 11.0}
     assert diagnosis(belief, gains).others() == ()
     assert diagnosis(belief, gains).earned()
-    assert diagnosis(belief, gains, ALIKE).others() == ("payload", "bias2")
+    assert [str(fault) for fault, _ in diagnosis(belief, gains, ALIKE).others()] == ["payload", "bias2"]
     assert not diagnosis(belief, gains, ALIKE).earned()
+
+
+@pytest.mark.parametrize(
+    ("stirred", "named", "confidence", "others"),
+    [(-1, "payload", 0.6, ("slip", "K1")), (12, "slip", 0.9, ("K1",))],
+)
+def test_a_box_that_moves_between_the_pads_leaves_one_cause_of_two(
+    belief: Belief, stirred: int, named: str, confidence: float, others: tuple[str, ...]
+) -> None:
+    gripper = GripperWatch()
+    gripper.stirred = stirred
+    (top, _), *_ = diagnosis(belief, {"payload": 20.0}).ranked()
+    shares = ((parse_fault_id("slip"), 0.3), (parse_fault_id("K1"), 0.1))
+    found = Findings(plausible_sizes(belief.arm), gripper).assess(top, 0.6, 0.2, shares)
+    assert (found.parameter, found.others) == (named, others)
+    assert found.confidence == pytest.approx(confidence)
