@@ -27,8 +27,8 @@ _INFLATION: Final = 2.0
 is wrong. It was chosen on the machines 501 to 506; `dtwin experiment strangers` judges it on others."""
 _STAND_IN: Final = {"rotor_inertia": 1.8, "stiction": 1.6}
 """Further factors for what stands in for the play and the elasticity of gears and for how friction falls with
-velocity, which the model lacks: root mean squares, in standard deviations, of the errors of 19 machines, all of those
-that were tuned on."""
+velocity, which the model lacks: root mean squares, in standard deviations, of the errors of the machines 501 to 506,
+620 to 625, 815 and 961 to 966."""
 _ROUNDING: Final = 1e-9
 _FAR: Final = 3.0
 """Standard deviations beyond which a residual counts less (Huber, Robust Statistics, 1981): spikes, lost samples."""
