@@ -31,7 +31,7 @@ from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.identification.machine.record import read_record
 from dtwin.identification.model import read_model
 from dtwin.monitoring.estimation.belief import Belief, assumed, commissioned, identified
-from dtwin.monitoring.estimation.estimator import tuning_for
+from dtwin.monitoring.estimation.tuning import tuning_for
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
 from dtwin.parameters import ArmParameters, Triple

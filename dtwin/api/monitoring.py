@@ -18,7 +18,7 @@ from dtwin.identification.machine.record import read_record
 from dtwin.identification.model import IdentifiedModel
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.monitoring.estimation.belief import Belief, assumed, believed_arm, commissioned, identified
-from dtwin.monitoring.estimation.estimator import tuning_for
+from dtwin.monitoring.estimation.tuning import tuning_for
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream, Trace, stream, watch
 from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings

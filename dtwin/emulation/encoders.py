@@ -25,7 +25,7 @@ _BLOCK: Final = 4096
 
 @dataclass(frozen=True, slots=True)
 class EncoderFaults:
-    """Faults of the three joint encoders: the additive errors offset + rate t, and which have stopped.
+    """Faults of the three joint encoders: readings are scale times as large, plus offset + rate t; some have stopped.
 
     The offset is in rad, the rate in rad/s, t is the plant time in s; the numbers of stopped encoders are 1 to 3.
     """
@@ -33,6 +33,7 @@ class EncoderFaults:
     offset: Triple = (0.0, 0.0, 0.0)
     rate: Triple = (0.0, 0.0, 0.0)
     frozen: frozenset[int] = frozenset()
+    scale: Triple = (1.0, 1.0, 1.0)
 
 
 HEALTHY: Final = EncoderFaults()
@@ -167,5 +168,5 @@ class Encoders:
             if i + 1 in faults.frozen and self._last:
                 readings[i] = self._last[i]
             else:
-                readings[i] += faults.offset[i] + faults.rate[i] * time
+                readings[i] = faults.scale[i] * readings[i] + (faults.offset[i] + faults.rate[i] * time)
         return readings

@@ -5,6 +5,7 @@
            | "payload" ("*=" | "+=" | "=") number             mass of any box while it is held, kg
            | "pads" ("*=" | "+=" | "=") number                friction between pads and boxes, with contact only
            | ("bias" | "drift") joint "+=" number             error added to the encoder's reading, rad or rad/s
+           | "scale" joint "*=" number                        encoder's reading is so many times as large
            | ("freeze" | "lock" | "cut") joint                encoder stops; joint is held; voltage does not arrive
            | "cutgripper"                                     voltage does not arrive at the gripper's motor
            | "supply" ("*=" | "+=" | "=") number              share of the commanded voltages that reaches the joints
@@ -33,6 +34,7 @@ GRAMMAR: Final = "TARGET [*=|+=|= NUMBER] @ START [- END], as in K2*=0.1@45, D1+
 
 _JOINTS: Final = (1, 2, 3)
 _ADDITIVE: Final = tuple(f"{kind}{joint}" for kind in ("bias", "drift", "push") for joint in _JOINTS)
+_SCALES: Final = tuple(f"scale{joint}" for joint in _JOINTS)
 _SWITCH_KINDS: Final = ("freeze", "lock", "cut")
 _SWITCHES: Final = tuple(f"{kind}{joint}" for kind in _SWITCH_KINDS for joint in _JOINTS)
 _SLIP: Final = "slip"
@@ -43,11 +45,12 @@ PADS: Final = "pads"
 _SUPPLY: Final = "supply"
 _LATE: Final = "late"
 _FACTORS: Final = (_PAYLOAD, PADS, _SUPPLY)
-TARGETS: Final = (*PARAMETER_NAMES, *_FACTORS, *_ADDITIVE, *_SWITCHES, _CUT_GRIPPER, _LATE, _SLIP)
+TARGETS: Final = (*PARAMETER_NAMES, *_FACTORS, *_ADDITIVE, *_SCALES, *_SWITCHES, _CUT_GRIPPER, _LATE, _SLIP)
 
 _OPERATIONS: Final[dict[str, tuple[str, ...]]] = {
     **dict.fromkeys((*PARAMETER_NAMES, *_FACTORS), ("*=", "+=", "=")),
     **dict.fromkeys(_ADDITIVE, ("+=",)),
+    **dict.fromkeys(_SCALES, ("*=",)),
     **dict.fromkeys((*_SWITCHES, _CUT_GRIPPER, _SLIP, _LATE), ()),
 }
 _NUMBER: Final = r"\d+(?:\.\d*)?(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?"
@@ -92,6 +95,8 @@ class Fault:
             raise FaultError(f"fault {self.target}: takes no number, expected {self.target}@START")
         if not abs(self.value) <= GREATEST:
             raise FaultError(f"fault {self.target}: expected a number up to {GREATEST:g}, got {self.value}")
+        if self.target in _SCALES and not self.value > 0:
+            raise FaultError(f"fault {self.target}: expected a factor above 0, got {self.value}")
         if not 0 <= self.start <= LATEST:
             raise FaultError(f"fault {self.target}: expected a start from 0 to {LATEST:g} s, got {self.start}")
         if not self.end > self.start:
@@ -215,6 +220,7 @@ def schedule(
 def _compose(parameters: ArmParameters, active: Sequence[Fault], lightest: float) -> Condition:
     shares = dict.fromkeys(_FACTORS, (1.0, 0.0))
     offset, rate, push = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+    scale = [1.0, 1.0, 1.0]
     switched: dict[str, set[int]] = {kind: set() for kind in _SWITCH_KINDS}
     late = False
     for fault in active:
@@ -234,6 +240,8 @@ def _compose(parameters: ArmParameters, active: Sequence[Fault], lightest: float
             elif kind == "drift":
                 offset[i] -= fault.value * fault.start
                 rate[i] += fault.value
+            elif kind == "scale":
+                scale[i] *= fault.value
             elif kind == "push":
                 push[i] += fault.value
             else:
@@ -241,7 +249,12 @@ def _compose(parameters: ArmParameters, active: Sequence[Fault], lightest: float
     return Condition(
         parameters,
         *shares[_PAYLOAD],
-        EncoderFaults((offset[0], offset[1], offset[2]), (rate[0], rate[1], rate[2]), frozenset(switched["freeze"])),
+        EncoderFaults(
+            (offset[0], offset[1], offset[2]),
+            (rate[0], rate[1], rate[2]),
+            frozenset(switched["freeze"]),
+            (scale[0], scale[1], scale[2]),
+        ),
         frozenset(switched["lock"]),
         frozenset(switched["cut"]),
         *shares[PADS],

@@ -29,9 +29,10 @@ from dtwin.errors import ParameterError
 from dtwin.identification.machine.record import LEARNED, Healthy, Learned, MachineRecord, Passed
 from dtwin.monitoring.candidate import misfit_after
 from dtwin.monitoring.estimation.belief import Array, Belief, Tail, Unmodelled, commissioned
-from dtwin.monitoring.estimation.estimator import Estimator, Tuning
+from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.kernels import swung
 from dtwin.monitoring.estimation.layout import ARM_NAMES, INDEX, MOVING, TORQUE
+from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.kinds import JUMPS, plausible_sizes
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream

@@ -80,20 +80,20 @@ class Candidate:
         self._stopping = fault.joint - 1 if hypothesis == "stop" else -1
         self._stopped: float | None = None
         self._delay = self._first_delay = delay
-        opened = {"jump": (str(fault),), "jumps": fault.states}.get(hypothesis, ())
+        opened = {"jump": (str(fault),), "jumps": fault.states, "scale": fault.states}.get(hypothesis, ())
         if other:
             opened = (*opened, str(other))
         self.estimator = estimator = onset.estimator.copy()
         spreads = {name: sizes[name] for name in opened}
         self._spreads = {name: size * max(self._opening, 1) ** -0.5 for name, size in spreads.items()}
+        if hypothesis == "scale":
+            estimator.scale(fault.joint)
         self._states = (self._lost,) if self._lost else tuple(spreads)
         for name in self._states:
             estimator.remember(name)
         self._box: Change | None = None
         for name, change in (expected or {}).items():
-            estimator.x[INDEX[name]] += change
-            if name == "payload":
-                estimator.box_mass += change
+            estimator.shift(name, change)
         match hypothesis:
             case "hold" if not delay:
                 estimator.lock(fault.joint)

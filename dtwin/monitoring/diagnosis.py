@@ -21,6 +21,7 @@ from dtwin.monitoring.kinds import (
     KINDS,
     LOCK,
     PUSH,
+    SCALE,
     UNKNOWN,
     FaultId,
     Hypothesis,
@@ -212,6 +213,12 @@ class Diagnosis:
         hypotheses = [(suspicion.fault, suspicion.onset) for suspicion in likely]
         hypotheses += [(s.fault, onset) for s in likely[:PAIRED] for onset in s.others]
         hypotheses += [(fault, s.onset) for s in likely for fault in _told_by(s.fault, "jumps")]
+        hypotheses += [
+            (FaultId(SCALE, s.fault.joint), onset)
+            for s in likely
+            if s.fault.kind in _OF_ENCODER
+            for onset in (s.onset, *s.others)
+        ]
         hypotheses += [(fault, onset) for fault in faults(LOCK) for onset in onsets]
         hypotheses += [(fault, onsets[0]) for fault in faults(UNKNOWN)]
         hypotheses += [(FaultId(FREE), onset) for onset in onsets if locked]

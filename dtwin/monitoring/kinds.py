@@ -12,15 +12,15 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from dtwin.errors import ParameterError
-from dtwin.parameters import ArmParameters
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters
 from dtwin.signals import ArmState
 
-Hypothesis = Literal["jump", "jumps", "loss", "hold", "torque", "push", "stop", "none"]
+Hypothesis = Literal["jump", "jumps", "scale", "loss", "hold", "torque", "push", "stop", "none"]
 """What an arm with the fault is taken to do in the diagnosis.
 
-The state named like the kind jumps; all states that it is about jump; the state that it is about becomes zero; a
-joint is held where it is; an unknown torque acts, from then on or for a short time; the reading of a joint's
-encoder stays what it is; or nothing, since it is no matter of the arm's motion.
+The state named like the kind jumps; all states that it is about jump; an encoder reads larger angles than there are;
+the state that it is about becomes zero; a joint is held where it is; an unknown torque acts, from then on or for a
+short time; the reading of a joint's encoder stays what it is; or nothing, since it is no matter of the arm's motion.
 """
 
 RELATIVE: Final = ""
@@ -41,6 +41,7 @@ PUSH: Final = "push"
 SLIP: Final = "slip"
 BIAS: Final = "bias"
 DRIFT: Final = "drift"
+SCALE: Final = "scale"
 LATE: Final = "late"
 SUPPLY: Final = "supply"
 _JOINTS: Final = (1, 2, 3)
@@ -78,7 +79,9 @@ class Kind:
             of the same matter, and their cause could be seen wherever a change of the last state could.
         unit: unit of the size, or RELATIVE; None where there is no size.
         plausible: standard deviation of a sudden change before anything is known of it, in the unit; None if the
-            signature bank does not look for one.
+            diagnosis does not look for one.
+        traced: whether the signature bank looks for it, too. What it does not look for shows as something else, and
+            the diagnosis tries it then.
         nothing: share of `plausible` below which a change counts as undone.
         starts: changes, in the unit, that the diagnosis starts from besides none.
         passing: whether it is over before it is named, so that nothing is wrong any more.
@@ -95,6 +98,7 @@ class Kind:
     states: tuple[str, ...] = ()
     unit: str | None = None
     plausible: float | None = None
+    traced: bool = True
     nothing: float = 0.0
     starts: tuple[float, ...] = ()
     passing: bool = False
@@ -153,6 +157,16 @@ KINDS: Final[dict[str, Kind]] = {
         limit=Limit(0.01, relative=False, either_way=True),
     ),
     DRIFT: Kind("encoder drift", "jump", states=("drift",), unit="rad/s", plausible=0.02, nothing=0.02),
+    SCALE: Kind(
+        "encoder scale",
+        "scale",
+        angles_known=True,
+        states=(SCALE,),
+        unit=RELATIVE,
+        plausible=0.1,
+        traced=False,
+        nothing=0.02,
+    ),
     FREEZE: Kind("encoder freeze", "stop"),
     LOCK: Kind("locked joint", "hold", angles_known=True),
     FREE: Kind("joint locked no more", "hold", angles_known=True, on_joint=False),
@@ -247,7 +261,9 @@ def faults(kind: str) -> tuple[FaultId, ...]:
     return tuple(FaultId(kind, joint) for joint in _JOINTS) if KINDS[kind].on_joint else (FaultId(kind),)
 
 
-JUMPS: Final = tuple(str(fault) for kind, row in KINDS.items() if row.plausible is not None for fault in faults(kind))
+JUMPS: Final = tuple(
+    str(fault) for kind, row in KINDS.items() if row.plausible is not None and row.traced for fault in faults(kind)
+)
 """Names of the states whose sudden change is looked for."""
 LIMITS: Final = {str(fault): row.limit for kind, row in KINDS.items() if row.limit for fault in faults(kind)}
 """Limits of the slow changes that are looked for, by names of the states."""
@@ -255,11 +271,12 @@ LIMITS: Final = {str(fault): row.limit for kind, row in KINDS.items() if row.lim
 
 def reference(state: str, arm: ArmParameters) -> float:
     """What a relative change of a state is told relative to, in the unit of the state."""
-    return arm.get(state) if parse_fault_id(state).joint else 1.0
+    return arm.get(state) if state in PARAMETER_NAMES else 1.0
 
 
 def plausible_sizes(arm: ArmParameters) -> dict[str, float]:
-    """Standard deviation of the size of each of JUMPS before anything is known of it, in the unit of the state."""
+    """Standard deviation of the size of each sudden change before anything is known of it, in the unit of the
+    state."""
     sizes = {}
     for kind, row in KINDS.items():
         if row.plausible is not None:

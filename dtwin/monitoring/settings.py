@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from dtwin.errors import ParameterError
-from dtwin.monitoring.estimation.estimator import Tuning
+from dtwin.monitoring.estimation.tuning import Tuning
 
 ALARMS_PER_HOUR: Final = 1.0 / 720.0
 """false alarms to be expected unless something else is asked for: one in thirty days"""

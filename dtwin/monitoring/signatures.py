@@ -21,7 +21,7 @@ from dtwin.monitoring.estimation.belief import Belief, Tail
 from dtwin.monitoring.estimation.estimator import Estimator, Past
 from dtwin.monitoring.estimation.layout import PAYLOAD
 from dtwin.monitoring.estimation.traces import NONE, ONSETS, WIDTH, Traces, begin, by_onset, exceed, largest, take
-from dtwin.monitoring.kinds import BIAS, JUMPS, FaultId, parse_fault_id
+from dtwin.monitoring.kinds import BIAS, DRIFT, JUMPS, SCALE, FaultId, parse_fault_id
 from dtwin.monitoring.settings import MonitorSettings
 
 Array = NDArray[np.float64]
@@ -67,7 +67,7 @@ class Limits(NamedTuple):
         allowance: (18,), see `allowances`.
         temper: by how much less than its likelihood says evidence counts.
         charges: logarithm of the likelihood that a fault has to be ahead by, because what the model lacks looks like
-            it; by fault of JUMPS.
+            it; by name of the state that jumps.
     """
 
     alarm: float
@@ -82,6 +82,8 @@ def limits(settings: MonitorSettings, belief: Belief) -> Limits:
     alarm, warning = (threshold(rate, Tail()) for rate in (settings.alarms_per_hour, settings.warnings_per_hour))
     allowance = allowances(settings.alarms_per_hour, belief.tails)
     charges = dict(zip(JUMPS, (0.5 * allowance).tolist(), strict=True))
+    for joint in (1, 2, 3):
+        charges[f"{SCALE}{joint}"] = max(charges[f"{BIAS}{joint}"], charges[f"{DRIFT}{joint}"])
     alike = ALIKE if any(belief.error.slow) else 1.0
     return Limits(alarm, warning, allowance, alike * (1.0 + float(np.median(allowance)) / alarm), charges)
 

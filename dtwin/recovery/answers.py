@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, Literal, get_args
 
-from dtwin.monitoring.kinds import FREE, FREEZE, GRIP, KINDS, LATE, LOCK, PUSH, SUPPLY, UNKNOWN, FaultId
+from dtwin.monitoring.kinds import FREE, FREEZE, GRIP, KINDS, LATE, LOCK, PUSH, SCALE, SUPPLY, UNKNOWN, FaultId
 
 Measure = Literal["rescale", "refit", "offset", "payload", "margins", "go on", "stop"]
 """What the operator does.
@@ -68,6 +68,7 @@ ANSWERS: Final[dict[str, Answer]] = {
     GRIP: Answer("stop", "no box can be held or let go", "repair the gripper", _STOPPED),
     "bias": Answer("offset", "the offset is measured and can be taken off", "replace encoder {joint}", _ABLE),
     "drift": Answer("stop", "an offset that grows cannot be taken off", "replace encoder {joint}", _STOPPED),
+    SCALE: Answer("stop", "a wrong scale cannot be taken off", "replace encoder {joint}", _STOPPED),
     FREEZE: Answer("stop", "the angle of the joint is not known", "replace encoder {joint}", _STOPPED),
     LOCK: Answer("stop", "the joint does not move", "free joint {joint}", _STOPPED),
     FREE: Answer("go on", "the joint moves again", "", ("nothing needed",)),

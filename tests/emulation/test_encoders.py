@@ -52,6 +52,12 @@ def test_bias_and_drift_add_up() -> None:
     assert source.measure(ANGLES, 40.0) == pytest.approx([0.12, -0.2, 0.31, 0.9], abs=1e-15)
 
 
+def test_another_scale_grows_with_the_angle_and_adds_to_a_bias() -> None:
+    source = encoders()
+    source.set_faults(EncoderFaults(offset=(0.02, 0.0, 0.0), scale=(1.1, 0.5, 1.0)))
+    assert source.measure(ANGLES, 40.0) == pytest.approx([0.13, -0.1, 0.3, 0.9], abs=1e-15)
+
+
 def test_frozen_encoder_repeats_its_last_reading() -> None:
     source = encoders("uniform", 0.01)
     before = source.measure(ANGLES, 0.0)

@@ -15,6 +15,7 @@ from dtwin.parameters import PARAMETER_NAMES, ArmParameters
 ARM = ArmParameters()
 SCALED = (*PARAMETER_NAMES, "payload", "pads", "supply")
 ADDED = tuple(f"{kind}{joint}" for kind in ("bias", "drift", "push") for joint in (1, 2, 3))
+FACTORS = tuple(f"scale{joint}" for joint in (1, 2, 3))
 times = st.floats(0.0, 1e6)
 numbers = st.floats(-GREATEST, GREATEST)
 
@@ -22,9 +23,11 @@ numbers = st.floats(-GREATEST, GREATEST)
 @st.composite
 def faults(draw: st.DrawFn) -> Fault:
     target = draw(st.sampled_from(TARGETS))
-    operations = ("*=", "+=", "=") if target in SCALED else ("+=",) if target in ADDED else ("",)
-    operation = draw(st.sampled_from(operations))
+    one = "+=" if target in ADDED else "*=" if target in FACTORS else ""
+    operation = draw(st.sampled_from(("*=", "+=", "=") if target in SCALED else (one,)))
     value = draw(numbers) if operation else 0.0
+    if target in FACTORS:
+        value = max(abs(value), 1e-6)
     start = draw(times)
     endless = target == "slip" or draw(st.booleans())
     end = math.inf if endless else draw(st.floats(math.nextafter(start, math.inf), 2e6))
@@ -76,6 +79,8 @@ def test_examples(text: str, fault: Fault) -> None:
         ("K2*=-1e7@45", r"a number up to 1e\+06, got -1"),
         ("K2*=0.1@1e10", r"a start from 0 to 1e\+09 s, got 1"),
         ("K2*=0.1@1e999", r"a start from 0 to 1e\+09 s, got inf"),
+        ("scale2*=0@45", "expected a factor above 0, got 0"),
+        ("scale2+=0.1@45", r"expected \*= NUMBER"),
         ("K2*=0.1@45-45", "expected an end after its start 45.0 s, got 45.0"),
         ("slip@30-40", "slip@START without an end"),
     ],
@@ -119,6 +124,11 @@ def test_encoder_faults_grow_from_their_start() -> None:
     encoders = conditions("drift3+=0.001@30", "drift3+=0.002@40", "bias3+=0.1@50", "freeze1@50")[50].encoders
     assert encoders.offset[2] + encoders.rate[2] * 60 == pytest.approx(0.1 + 0.001 * 30 + 0.002 * 20)
     assert encoders.frozen == {1}
+
+
+def test_scales_of_an_encoder_multiply() -> None:
+    at = conditions("scale2*=1.02@30-50", "scale2*=0.5@40")
+    assert [at[t].encoders.scale for t in (30, 40, 50)] == [(1.0, 1.02, 1.0), (1.0, 0.51, 1.0), (1.0, 0.5, 1.0)]
 
 
 def test_joints_are_locked_and_cut_between_start_and_end() -> None:

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from dtwin.monitoring.estimation.belief import Belief, assumed
-from dtwin.monitoring.estimation.estimator import Estimator, Tuning
+from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import ARM_NAMES, BIAS, DRIFT, INDEX, MOVING, NAMES, PAYLOAD
+from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.offline import stream
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log

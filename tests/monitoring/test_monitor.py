@@ -32,6 +32,8 @@ def followed(belief: Belief, seen: Stream, stop: int | None = None) -> Monitor:
         ("payload+=0.05", 0.15),
         ("bias3+=0.02", 0.15),
         ("drift2+=0.01", 0.15),
+        ("scale2*=1.02", 0.15),
+        ("scale3*=0.97", 0.15),
         ("freeze1", None),
         ("lock2", None),
         ("cut3", None),

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from dtwin.monitoring.estimation.belief import Unmodelled, assumed
-from dtwin.monitoring.estimation.estimator import HANDLING, Estimator, Tuning
+from dtwin.monitoring.estimation.estimator import HANDLING, Estimator
 from dtwin.monitoring.estimation.layout import ARM, ARM_NAMES, INDEX, MOVING, PAYLOAD, SIZE, TORQUE, W
 from dtwin.monitoring.estimation.motion import Array, MachineMotion, Motion, RigidMotion
+from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.twin.effects import Effects
 from dtwin.twin.machine import machine_rollout, vector_of

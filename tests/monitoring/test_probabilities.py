@@ -10,9 +10,10 @@ import pytest
 from dtwin.monitoring.diagnosis import SURE, Diagnosis
 from dtwin.monitoring.estimation import traces
 from dtwin.monitoring.estimation.belief import Belief, Tail, Unmodelled
-from dtwin.monitoring.estimation.estimator import Estimator, Tuning
+from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import BIAS, INDEX, SIZE
 from dtwin.monitoring.estimation.traces import WIDTH
+from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.findings import Findings
 from dtwin.monitoring.kinds import JUMPS, parse_fault_id, plausible_sizes
 from dtwin.monitoring.monitor import Monitor
@@ -67,7 +68,7 @@ def test_a_joint_at_rest_is_evidence_of_what_shows_at_once_only(moving: bool) ->
     F, gains = np.zeros((6, 27)), np.zeros((3, SIZE))
     score, information = np.array([3.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0])
     joints = np.array([moving, True, True])
-    traces.carry(E, h, J, at_once, F, gains, score, information, ALL, True, joints, 1.0, 0.01)
+    traces.carry(E, h, J, at_once, F, gains, score, information, ALL, True, joints, 1.0, np.full(3, 0.01))
     assert (J[0, :2].tolist(), h[0, :2].tolist()) == ([2.0 * moving, 2.0], [3.0 * moving, 3.0])
 
 

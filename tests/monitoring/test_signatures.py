@@ -9,9 +9,10 @@ from scipy.special import chdtrc
 
 from dtwin.monitoring.estimation import traces
 from dtwin.monitoring.estimation.belief import Belief, Tail
-from dtwin.monitoring.estimation.estimator import Estimator, Tuning
-from dtwin.monitoring.estimation.layout import BIAS, DRIFT, INDEX, MOVING, SIZE, TORQUE
+from dtwin.monitoring.estimation.estimator import Estimator
+from dtwin.monitoring.estimation.layout import BIAS, DRIFT, MOVING, SIZE, TORQUE, unit_jump
 from dtwin.monitoring.estimation.traces import LONGEST, ONSETS, WIDTH
+from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.kinds import JUMPS, plausible_sizes
 from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.signatures import (
@@ -35,7 +36,7 @@ def traced(error: Array, estimator: Estimator) -> Array:
     """What a sample adds to h and J by the definition, in double precision; carries the error, (33,), in place."""
     error[:6] = estimator.F @ error[:MOVING]
     error[TORQUE:MOVING] *= estimator.memory
-    error[BIAS:DRIFT] += 0.01 * error[DRIFT:]
+    error[BIAS:DRIFT] += estimator.evidence().growth * error[DRIFT:]
     added = np.zeros(2)
     for i in range(3):
         g = error[i] + error[BIAS + i]
@@ -44,7 +45,7 @@ def traced(error: Array, estimator: Estimator) -> Array:
     return added
 
 
-@pytest.mark.parametrize("fault", ["K1", "D3", "payload", "bias2", "drift1"])
+@pytest.mark.parametrize("fault", ["K1", "D3", "payload", "bias2", "drift1", "scale2"])
 def test_a_trace_is_the_difference_of_the_innovations(
     fault: str, belief: Belief, run_cell: Callable[..., Log]
 ) -> None:
@@ -56,11 +57,13 @@ def test_a_trace_is_the_difference_of_the_innovations(
     for k in range(1, first + 2):
         estimator.predict(seen.volts[k - 1, :3], bool(seen.gripped[k - 1]))
         estimator.correct(seen.measured[k], ALL)
+    if fault == "scale2":
+        estimator.scale(2)
     size = 1e-6
     jumped = estimator.copy()
-    jumped.x[INDEX[fault]] -= size
+    jumped.shift(fault, -size)
     E = np.zeros((1, SIZE, WIDTH), dtype=np.float32)
-    E[0, INDEX[fault], 3] = 1.0
+    E[0, :, 3] = unit_jump(fault, estimator.x)
     h, J, at_once = np.zeros((3, 1, WIDTH))
     error, total, exact = E[0, :, 3].astype(float), np.zeros(2), np.zeros(2)
     for k in range(first + 2, first + 60):
@@ -80,7 +83,7 @@ def test_a_trace_is_the_difference_of_the_innovations(
             True,
             ALL,
             estimator.memory,
-            0.01,
+            estimator.evidence().growth,
         )
         exact += traced(error, estimator)
         g = (jumped.innovation - estimator.innovation) / size

@@ -8,8 +8,9 @@ import pytest
 
 from dtwin.monitoring import trend as trend_of_parameters
 from dtwin.monitoring.estimation.belief import Belief
-from dtwin.monitoring.estimation.estimator import Estimator, Tuning
+from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import INDEX
+from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.trend import FEWEST, INTERVAL, Trend, line
 
 

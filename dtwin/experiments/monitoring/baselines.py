@@ -15,7 +15,7 @@ from typing import Final, Literal
 import numpy as np
 
 from dtwin.monitoring.calibration import SETTLING, tail_of
-from dtwin.monitoring.estimation.estimator import Tuning
+from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.offline import Array, Stream
 from dtwin.monitoring.settings import ALARMS_PER_HOUR
 from dtwin.parameters import PERIOD, ArmParameters

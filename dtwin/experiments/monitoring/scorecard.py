@@ -27,6 +27,7 @@ FAULTS: Final = (
     *("payload+=0.05", "payload+=-0.05", "payload*=1.5", "payload*=0.5", "slip"),
     *("bias1+=0.02", "bias2+=0.02", "bias3+=0.02", "bias2+=0.005"),
     *("drift1+=0.01", "drift2+=0.01", "drift3+=0.02"),
+    *("scale1*=1.02", "scale2*=1.02", "scale3*=1.02"),
     *("freeze1", "freeze2", "freeze3", "lock1", "lock2", "lock3", "cut1", "cut2", "cut3"),
 )
 """faults in the notation of `parse_fault`, without their start"""

@@ -264,4 +264,6 @@ class _FaultRun:
             return (after - before) / before if unit == RELATIVE else after - before
         if fault.target == "payload":
             return self.payload - (self.held_at_start or NOMINAL_BOX)
-        return None if unit is None else fault.value
+        if unit is None:
+            return None
+        return fault.value - 1.0 if fault.operation == "*=" else fault.value

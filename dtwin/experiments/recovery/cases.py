@@ -59,6 +59,7 @@ DRAWS: Final[dict[str, Draw]] = {
     "grip": _switched("cutgripper"),
     "bias": _sized("biasN", "+=", 0.005, 0.03, signed=True),
     "drift": _sized("driftN", "+=", 0.001, 0.005, signed=True),
+    "scale": _sized("scaleN", "*=", 1.01, 1.05),
     "freeze": _switched("freezeN"),
     "lock": _switched("lockN"),
     "cut": _switched("cutN"),

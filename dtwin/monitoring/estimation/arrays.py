@@ -21,6 +21,7 @@ class Evidence(NamedTuple):
     score: Array
     information: Array
     memory: float
+    growth: Array
 
 
 class FilterArrays(NamedTuple):
@@ -50,6 +51,7 @@ class FilterArrays(NamedTuple):
     sine: Array
     cosine: Array
     memory: float
+    growth: Array
     grip: float
     displacement: float
 

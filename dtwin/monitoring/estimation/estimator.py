@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -36,16 +35,17 @@ from dtwin.monitoring.estimation.layout import (
     SIZE,
     TORQUE,
     W,
+    unit_jump,
 )
 from dtwin.monitoring.estimation.motion import MachineMotion, MotionArrays, motion_of
+from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.parameters import PERIOD
-from dtwin.task import BoxStream
 
 Array = NDArray[np.float64]
 
 _OWN: Final = (
     *("x", "P", "gains", "innovation", "variance", "score", "information", "_walk", "_torque", "_swing"),
-    *("_command", "_handling", "_clones", "_C", "_B", "_motion"),
+    *("_command", "_handling", "_clones", "_C", "_B", "_growth", "_motion"),
 )
 """what changes in place, of which a copy needs its own"""
 HANDLING: Final = 10
@@ -54,31 +54,6 @@ _JOLT: Final = 0.5
 """standard deviation of the joints' speeds after one of them was locked, relative to the speed it had"""
 _FOREIGN: Final = 0.1
 """N m, standard deviation of a torque on a joint that no fault explains"""
-
-
-@dataclass(frozen=True, slots=True)
-class Tuning:
-    """How much the healthy arm may differ from moment to moment.
-
-    Attributes:
-        walk: relative standard deviation K, D, c and I may gain in one second.
-        offset_walk: standard deviation an encoder's offset may gain in one second, rad.
-        box_mass: expected, kg.
-        box_deviation: standard deviation of the boxes' masses, kg; less than the 6 g of
-            masses spread evenly over 20 g, whose tails end where those of a normal distribution go on.
-        speed: standard deviation of the speeds at the first sample, rad/s.
-    """
-
-    walk: float = 2e-4
-    offset_walk: float = 1e-5
-    box_mass: float = 0.2
-    box_deviation: float = 0.004
-    speed: float = 3.0
-
-
-def tuning_for(boxes: BoxStream) -> Tuning:
-    """The tuning for an arm that handles boxes of given masses."""
-    return Tuning(box_mass=boxes.middle, box_deviation=round(boxes.spread / 5, 12))
 
 
 class Estimator:
@@ -122,6 +97,8 @@ class Estimator:
         self._compliance = np.array(error.compliance)
         self._grip, self._displacement = error.grip, error.displacement
         self._locked = 0
+        self._growth = np.full(3, PERIOD)
+        self._scaled: tuple[int, ...] = ()
         self._least, self._most = bounds(arm)
         self._lower, self._upper = widened(self._least, self._most)
         self.box_mass, self.payload_variance = tuning.box_mass, tuning.box_deviation**2
@@ -163,7 +140,9 @@ class Estimator:
         possible = np.empty(SIZE)
         kernels.bound(self.x, self._least, self._most, gripped, possible)
         end, self.F = self._motion.carry(possible, volts, gripped, self._locked)
-        kernels.carry(self.x, end, self.memory, PERIOD)
+        for i in self._scaled:
+            self._growth[i] = end[i] - possible[i]
+        kernels.carry(self.x, end, self.memory, self._growth)
         torque, displaced = np.empty(3), np.empty(3)
         kernels.disturb(
             self.x,
@@ -180,7 +159,7 @@ class Estimator:
             torque,
             displaced,
         )
-        kernels.predict(self.P, self.F, torque, displaced, self._walk, self.memory, PERIOD)
+        kernels.predict(self.P, self.F, torque, displaced, self._walk, self.memory, self._growth)
 
     def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:
         """Takes in a sample, (3,) rad; returns the logarithm of the likelihood of the readings used."""
@@ -210,7 +189,7 @@ class Estimator:
                 self.variance,
                 used,
                 self.memory,
-                PERIOD,
+                self._growth,
             )
         return likelihood
 
@@ -246,8 +225,10 @@ class Estimator:
 
     @property
     def plain(self) -> bool:
-        """Whether all that a sample changes is in `arrays` and `motion_arrays`: effects, no lock, nothing cloned."""
-        return isinstance(self._motion, MachineMotion) and not self._locked and not self._cloned
+        """Whether all that a sample changes is in `arrays` and `motion_arrays`: effects, and nothing wrong that is
+        known."""
+        known = self._locked or self._scaled or self._cloned
+        return isinstance(self._motion, MachineMotion) and not known
 
     def arrays(self) -> FilterArrays:
         """What the kernels of a sample work with, of a plain estimator; its own."""
@@ -277,6 +258,7 @@ class Estimator:
             self._motion.sine,
             self._motion.cosine,
             self.memory,
+            self._growth,
             self._grip,
             self._displacement,
         )
@@ -306,10 +288,25 @@ class Estimator:
         Args:
             deviations: further standard deviations by state, in its unit.
         """
-        rows = [INDEX[name] for name in deviations]
-        self.P[rows, rows] += np.square(list(deviations.values()))
+        for name, deviation in deviations.items():
+            column = deviation * unit_jump(name, self.x)
+            self.P += np.outer(column, column)
         if "payload" in deviations:
             self.payload_variance = max(self.payload_variance, deviations["payload"] ** 2)
+
+    def shift(self, name: str, change: float) -> None:
+        """Takes a state to be larger by so much, in its unit."""
+        self.x += change * unit_jump(name, self.x)
+        if name == "payload":
+            self.box_mass += change
+
+    def scale(self, joint: int) -> None:
+        """Takes the reading of a joint (1 to 3) to be larger than the angle by a share, none so far; it is told by
+        the state `scale` of the joint, which takes the place of the drift."""
+        if joint - 1 not in self._scaled:
+            self.forget(f"drift{joint}")
+            self._make_certain(DRIFT + joint - 1, 0.0)
+            self._scaled = (*self._scaled, joint - 1)
 
     def lock(self, joint: int) -> None:
         """Takes a joint (1 to 3) to be held where it is now, 0 to be free again."""
@@ -370,7 +367,15 @@ class Estimator:
     def evidence(self) -> Evidence:
         """What the last sample tells of changes; the arrays are the estimator's own."""
         return Evidence(
-            self.x, self._least, self._friction, self.F, self.gains, self.score, self.information, self.memory
+            self.x,
+            self._least,
+            self._friction,
+            self.F,
+            self.gains,
+            self.score,
+            self.information,
+            self.memory,
+            self._growth,
         )
 
     @property

@@ -64,12 +64,12 @@ def bound(x: Array, least: Array, most: Array, gripped: bool, found: Array) -> N
 
 
 @kernel
-def carry(x: Array, end: Array, memory: float, period: float) -> None:
+def carry(x: Array, end: Array, memory: float, growth: Array) -> None:
     """Carries the mean over one sample, in place, at whose end q and w are `end` (6,); see `predict`."""
     for i in range(6):
         x[i] = end[i]
     for i in range(3):
-        x[BIAS + i] += period * x[DRIFT + i]
+        x[BIAS + i] += growth[i] * x[DRIFT + i]
         x[TORQUE + i] *= memory
 
 
@@ -143,7 +143,7 @@ def swung(swing: float, jump: float) -> float:
 
 @kernel
 def predict(
-    P: Array, F: Array, torque: Array, displacement: Array, walk: Array, memory: float, period: float
+    P: Array, F: Array, torque: Array, displacement: Array, walk: Array, memory: float, growth: Array
 ) -> None:
     """Carries the covariance over one sample, in place.
 
@@ -154,7 +154,7 @@ def predict(
         displacement: (3,), variance that the angles gain in the sample without any torque, rad^2.
         walk: (33,), variance that each state gains in the sample.
         memory: share that is left after a sample of a torque that the model does not explain.
-        period: s.
+        growth: (3,), by what the offsets grow for a unit of the states from DRIFT on, see `layout`.
     """
     top = F @ np.ascontiguousarray(P[:MOVING])
     corner = np.ascontiguousarray(top[:, :MOVING]) @ F.T
@@ -172,10 +172,10 @@ def predict(
         P[i, i] += displacement[i]
     for i in range(3):
         for j in range(SIZE):
-            P[BIAS + i, j] += period * P[DRIFT + i, j]
+            P[BIAS + i, j] += growth[i] * P[DRIFT + i, j]
     for i in range(3):
         for j in range(SIZE):
-            P[j, BIAS + i] += period * P[j, DRIFT + i]
+            P[j, BIAS + i] += growth[i] * P[j, DRIFT + i]
     for i in range(TORQUE, MOVING):
         for j in range(SIZE):
             P[i, j] *= memory
@@ -302,7 +302,7 @@ def follow_clones(
     variance: Array,
     used: Any,
     memory: float,
-    period: float,
+    growth: Array,
 ) -> None:
     """Carries what states were at earlier moments over one sample, in place (stochastic cloning, Roumeliotis and
     Burdick 2002): a clone stands still, but what is measured later tells more of it.
@@ -316,13 +316,12 @@ def follow_clones(
         score: (3,), of the innovations, 1/rad.
         variance: (3,), of the innovations, rad^2.
         used: (3,) bool, which readings the filter took in.
-        memory: as for `predict`.
-        period: s.
+        memory, growth: as for `predict`.
     """
     C[:6] = F @ C[:MOVING]
     C[TORQUE:MOVING] *= memory
     for i in range(3):
-        C[BIAS + i] += period * C[DRIFT + i]
+        C[BIAS + i] += growth[i] * C[DRIFT + i]
     for i in range(3):
         if not used[i]:
             continue

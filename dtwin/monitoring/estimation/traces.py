@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from dtwin.monitoring.estimation.layout import BIAS, DRIFT, INDEX, MOVING, SIZE, TORQUE, W
 from dtwin.monitoring.kinds import BIAS as OFFSET
 from dtwin.monitoring.kinds import JUMPS
-from dtwin.parameters import PERIOD
 from dtwin.twin import lanes
 from dtwin.twin.compiled import kernel
 from dtwin.twin.lanes import memory, widened
@@ -146,7 +145,7 @@ def carry(
     counts: bool,
     moving: Any,
     memory: float,
-    period: float,
+    growth: Array,
 ) -> None:
     """Carries the traces over one sample, in place.
 
@@ -161,11 +160,12 @@ def carry(
         moving: (3,) bool, which joints move. What friction does to one that rests it does in the next sample as well:
             of that only faults are evidence that show at once.
         memory: share that is left after a sample of a torque that the model does not explain.
-        period: s.
+        growth: (3,), by what the offsets grow for a unit of the states from DRIFT on.
     """
     c, k = np.empty((6, MOVING), dtype=np.float32), np.empty((3, SIZE), dtype=np.float32)
     c[:], k[:] = F, gains
-    kept, step = np.float32(memory), np.float32(period)
+    kept = np.float32(memory)
+    grown1, grown2, grown3 = np.float32(growth[0]), np.float32(growth[1]), np.float32(growth[2])
     for n in range(len(E)):
         block = E[n]
         e = load(block, 0)
@@ -177,9 +177,9 @@ def carry(
             a4, a5, a6 = a4 + c[3, j] * e, a5 + c[4, j] * e, a6 + c[5, j] * e
         for j in range(TORQUE, MOVING):
             store(block, j, kept * load(block, j))
-        b1 = load(block, BIAS) + step * load(block, DRIFT)
-        b2 = load(block, BIAS + 1) + step * load(block, DRIFT + 1)
-        b3 = load(block, BIAS + 2) + step * load(block, DRIFT + 2)
+        b1 = load(block, BIAS) + grown1 * load(block, DRIFT)
+        b2 = load(block, BIAS + 1) + grown2 * load(block, DRIFT + 1)
+        b3 = load(block, BIAS + 2) + grown3 * load(block, DRIFT + 2)
         store(block, 0, a1)
         store(block, 1, a2)
         store(block, 2, a3)
@@ -287,6 +287,7 @@ def take(
     score: Array,
     information: Array,
     memory: float,
+    growth: Array,
     used: Any,
     sample: int,
     counts: bool,
@@ -304,7 +305,7 @@ def take(
     moving = np.empty(3, dtype=np.bool_)
     for i in range(3):
         moving[i] = abs(x[W + i]) > STANDSTILL or friction[i] == 0.0
-    carry(E, h, J, at_once, F, gains, score, information, used, counts, moving, memory, PERIOD)
+    carry(E, h, J, at_once, F, gains, score, information, used, counts, moving, memory, growth)
     bounds, everywhere = np.empty(_FAULTS), least.reshape(-1)
     for fault in range(_FAULTS):
         bounds[fault] = 0.0 if x[rows[fault]] <= lowest[rows[fault]] else -np.inf

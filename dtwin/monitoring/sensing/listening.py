@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation.belief import Belief
-from dtwin.monitoring.estimation.estimator import Estimator, Tuning
+from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import ARM, W
+from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.modes import STARTING
 from dtwin.monitoring.sensing.noise import Noise, judge
 from dtwin.monitoring.signatures import SignatureBank

@@ -21,7 +21,6 @@ from dtwin.monitoring.sensing.commands import closes
 from dtwin.monitoring.sensing.readings import Readings, ReadingsArrays
 from dtwin.monitoring.signatures import SignatureBank
 from dtwin.monitoring.tracking.moments import Moment
-from dtwin.parameters import PERIOD
 from dtwin.twin.compiled import kernel
 
 Array = NDArray[np.float64]
@@ -166,7 +165,7 @@ def _work(
         last[:] = measured[k]
         kernels.bound(f.x, f.least, f.most, gripped, possible)
         motion.carry_machine(possible, volts[k], 0, m.vector, m.gripped, m.commands, m.acting, m.mean, end, f.F)
-        kernels.carry(f.x, end, f.memory, PERIOD)
+        kernels.carry(f.x, end, f.memory, f.growth)
         kernels.disturb(
             f.x,
             volts[k],
@@ -182,7 +181,7 @@ def _work(
             torque,
             displaced,
         )
-        kernels.predict(f.P, f.F, torque, displaced, f.walk, f.memory, PERIOD)
+        kernels.predict(f.P, f.F, torque, displaced, f.walk, f.memory, f.growth)
         motion.eccentricity(f.x[:3], f.sine, f.cosine, eccentric)
         kernels.expect(f.x, f.P, eccentric, f.noise, expected, deviations)
         sensing.judge(
@@ -247,6 +246,7 @@ def _work(
             f.score,
             f.information,
             f.memory,
+            f.growth,
             used[k],
             first + k,
             counted[k],
