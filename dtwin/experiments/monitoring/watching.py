@@ -77,6 +77,7 @@ SCENARIOS: Final = (
     Scenario(("payload+=-0.02",), held=True),
     Scenario(("bias1+=-0.01",)),
     Scenario(("bias2+=0.01",)),
+    Scenario(("scale3*=0.98",)),
     Scenario(("freeze2",)),
     Scenario(("lock3",)),
     Scenario(("cut1",)),
