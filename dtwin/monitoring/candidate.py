@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dtwin.monitoring.estimation.arrays import Change
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import INDEX
-from dtwin.monitoring.kinds import FaultId
+from dtwin.monitoring.kinds import FaultId, reference
 from dtwin.monitoring.signatures import Onset
 from dtwin.monitoring.tracking.moments import Moment, Moments
 
@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 RARER: Final = math.log(1000.0)
 """Logarithm of how much rarer two changes at once are than one."""
+_LOST: Final = 0.02
+"""Share of a voltage constant, or of 1 kg, that is as good as none."""
 _RECENT: Final = 0.04
 """Weight of the last sample in the mean of the innovations."""
 _FARTHEST: Final = 25.0
@@ -33,6 +35,11 @@ _SEEN: Final = 20
 """Samples in which it shows that a push has ended."""
 _PUSH: Final = 0.3
 """Standard deviation of the torque of a push, N m."""
+
+
+def is_none(name: str, value: float, estimator: Estimator) -> bool:
+    """Whether a parameter of the arm, or the mass of a box, is as good as zero."""
+    return abs(value) < max(_LOST * reference(name, estimator.belief.arm), 2.5 * estimator.deviation(name))
 
 
 def misfit_after(before: float, estimator: Estimator, used: NDArray[np.bool_]) -> float:
@@ -133,9 +140,17 @@ class Candidate:
             self.follow(moment)
 
     @property
+    def told(self) -> FaultId:
+        """What it amounts to so far: what has changed to nothing is a fault of another kind."""
+        state, none = str(self.fault), self.fault.about.none
+        change = self.changes().get(state) if none else None
+        lost = change is not None and is_none(state, change.value, self.estimator)
+        return FaultId(none, self.fault.joint) if lost else self.fault
+
+    @property
     def cause(self) -> tuple[str, ...]:
         """What tells it from candidates of other causes."""
-        faults = (self.fault, self.other) if self.other else (self.fault,)
+        faults = (self.fault, self.other) if self.other else (self.told,)
         return tuple(sorted(f"{fault.about.cause} {fault.joint}" for fault in faults))
 
     @property

@@ -49,6 +49,10 @@ LEAST: Final = 20
 """samples after the alarm before anything is settled"""
 ENOUGH: Final = 150
 """samples after the alarm at which a decided cause is settled though its size is not precise"""
+LOCATED: Final = 0.99
+"""probability of a joint at which its causes are settled together"""
+PATIENT: Final = 300
+"""samples after the alarm at which causes are settled of which only the joint is decided"""
 CERTAIN: Final = 8.0
 """log odds of a fault against the arm as believed at which it counts as failed"""
 PAUSE: Final = 4
@@ -106,6 +110,8 @@ class Diagnosis:
         self._sizes = sizes
         self.alarm = sample
         self._temper, self._misfit = temper, misfit
+        # Where evidence counts for less, it has taken the time that is waited for otherwise.
+        self._least = LEAST if temper == 1.0 else LEAST // 2
         likely = suspicions[:CONSIDERED]
         self._likely = likely[:PAIRED]
         self._history, self._sample = history, sample
@@ -146,7 +152,7 @@ class Diagnosis:
         for candidate, probability in rest:
             if total >= SURE:
                 break
-            found.append((candidate.fault, probability))
+            found.append((candidate.told, probability))
             total += probability
         return tuple(found)
 
@@ -158,7 +164,7 @@ class Diagnosis:
             return [(self.candidates[0], 0.0)]
         causes: dict[tuple[str, ...], tuple[Candidate, float]] = {}
         for candidate, amount in zip(self.candidates, evidence, strict=True):
-            weight = math.exp((amount - most) / self._temper)
+            weight = math.exp((amount - most) / self._temper) / candidate.fault.about.rarer
             if weight > causes.get(candidate.cause, (candidate, -1.0))[1]:
                 causes[candidate.cause] = candidate, weight
         total = sum(weight for _, weight in causes.values())
@@ -191,8 +197,8 @@ class Diagnosis:
             return False
         if top.misfit > self._misfit or self.certain:
             return age >= ENOUGH or (self.certain and age >= LEAST and self._convinces(top, probability))
-        if age < LEAST or probability < DECIDED:
-            return age >= MOST
+        if age < self._least or probability < DECIDED:
+            return age >= MOST or (age >= PATIENT and self._located(top.fault.joint) >= LOCATED)
         if top.other or top.waits:
             return age >= ENOUGH
         return age >= ENOUGH or all(
@@ -200,6 +206,10 @@ class Diagnosis:
             for name in top.changes()
             if name in self._sizes
         )
+
+    def _located(self, joint: int) -> float:
+        """Probability that it is a matter of a joint (1 to 3), whatever the cause; 0 for what is none."""
+        return sum(probability for each, probability in self.ranked() if joint and each.fault.joint == joint)
 
     def _convinces(self, top: Candidate, probability: float) -> bool:
         """Whether a candidate is sure; one that is no stop has to explain the motion besides."""

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import msgspec
 
 from dtwin.errors import ParameterError, choices
-from dtwin.monitoring.candidate import Candidate
+from dtwin.monitoring.candidate import Candidate, is_none
 from dtwin.monitoring.estimation.arrays import Change
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import W
@@ -45,8 +45,6 @@ EXPLAINED: Final = 500
 """samples of a joint's motion without a new suspicion after which an unknown cause is gone"""
 _MOVES: Final = 0.1
 """rad/s"""
-_LOST: Final = 0.02
-"""share of a voltage constant, or of 1 kg, that is as good as none"""
 _TOGETHER: Final = 0.3
 """s between the change of a mass and a movement of the box that are one matter"""
 _SURE: Final = 3.0
@@ -123,7 +121,7 @@ class Findings:
             more = sum(share for fault, share in others if fault.about.on_box)
             found = msgspec.structs.replace(found, confidence=min(found.confidence + more, 1.0))
             others = [each for each in others if not each[0].about.on_box]
-        instead = tuple(str(fault) for fault, _ in others if str(fault) != found.parameter)
+        instead = tuple(dict.fromkeys(str(fault) for fault, _ in others if str(fault) != found.parameter))
         return msgspec.structs.replace(found, others=instead)
 
     def settle(self, time: float, candidate: Candidate, pending: Finding) -> Consequences:
@@ -148,7 +146,7 @@ class Findings:
         if state:
             change, changed = candidate.changes()[state], parse_fault_id(state)
             size, deviation = _size(changed, change, candidate.estimator)
-            if changed.about.none and _is_none(state, change.value, candidate.estimator):
+            if changed.about.none and is_none(state, change.value, candidate.estimator):
                 fault = FaultId(changed.about.none, changed.joint)
             elif fault.about.hypothesis != "loss":
                 fault = changed
@@ -358,8 +356,3 @@ def _size(state: FaultId, change: Change, estimator: Estimator) -> tuple[float, 
 def _is_sure(change: Change) -> bool:
     """Whether something has changed at all."""
     return abs(change.value - change.before) >= _SURE * change.deviation
-
-
-def _is_none(name: str, value: float, estimator: Estimator) -> bool:
-    """Whether a parameter of the arm, or the mass of a box, is as good as zero."""
-    return abs(value) < max(_LOST * reference(name, estimator.belief.arm), 2.5 * estimator.deviation(name))

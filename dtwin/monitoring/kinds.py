@@ -82,6 +82,7 @@ class Kind:
             diagnosis does not look for one.
         traced: whether the signature bank looks for it, too. What it does not look for shows as something else, and
             the diagnosis tries it then.
+        rarer: how much rarer it is than other kinds, before anything is known.
         nothing: share of `plausible` below which a change counts as undone.
         starts: changes, in the unit, that the diagnosis starts from besides none.
         passing: whether it is over before it is named, so that nothing is wrong any more.
@@ -99,6 +100,7 @@ class Kind:
     unit: str | None = None
     plausible: float | None = None
     traced: bool = True
+    rarer: float = 1.0
     nothing: float = 0.0
     starts: tuple[float, ...] = ()
     passing: bool = False
@@ -165,6 +167,7 @@ KINDS: Final[dict[str, Kind]] = {
         unit=RELATIVE,
         plausible=0.1,
         traced=False,
+        rarer=3.0,
         nothing=0.02,
     ),
     FREEZE: Kind("encoder freeze", "stop"),

@@ -88,6 +88,24 @@ def test_a_diagnosis_that_a_box_does_not_outlast_ends_at_once(belief: Belief, ru
     assert findings.current == {}
 
 
+def test_a_motor_without_voltage_is_no_weak_one_besides(belief: Belief, run_cell: Callable[..., Log]) -> None:
+    """The jump of the constant to nothing and the loss of the voltage are one cause, which is settled at once."""
+    seen, monitor = stream(run_cell(30.0, 3, "cut2@16.5")), Monitor(belief)
+    seen.feed(monitor, 0, 1655)
+    row, causes = 1655, []
+    while not monitor.history:
+        if isinstance(monitor._mode, Diagnosing):
+            causes.append([str(candidate.told) for candidate, _ in monitor._mode.diagnosis.ranked()])
+        seen.feed(monitor, row, row + 1)
+        row += 1
+    assert causes
+    assert all("K2" not in told for told in causes[-5:])
+    (found,) = monitor.history
+    assert (found.parameter, found.others) == ("cut2", ())
+    assert found.confidence > 0.999
+    assert row < 1700
+
+
 def test_the_change_of_a_box_hardly_weighed_is_as_uncertain_as_it_says(
     belief: Belief, run_cell: Callable[..., Log]
 ) -> None:
