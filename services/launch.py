@@ -199,12 +199,13 @@ class CellOptions(PlantOptions, ControlOptions):
         model = ["--model", str(self.model_file())] if self.model else []
         if self.identification:
             programs.append(_service("identification", [*link, *model, "--store", str(self.store.resolve())]))
+        record = ["--commissioned", str(self.commissioned.resolve())] if self.commissioned else []
         if self.monitoring:
             stop = ["--safe-stop"] if self.safe_stop else []
-            arm = ["--commissioned", str(self.commissioned.resolve())] if self.commissioned else model
-            programs.append(_service("monitoring", [*link, *cell, *arm, *stop]))
+            programs.append(_service("monitoring", [*link, *cell, *(record or model), *stop]))
         if self.simulation:
-            programs.append(_service("simulation", [*link, *cell, "--history", str(self.history.resolve())]))
+            history = ["--history", str(self.history.resolve())]
+            programs.append(_service("simulation", [*link, *cell, *record, *history]))
         if self.console:
             programs.append(_service("console", [*link, *self._console_options(ports, console)]))
         programs.append(_service("emulator", [*link, *emulator, "--wait-for", "bridge"], leading=True))

@@ -43,6 +43,7 @@ from dtwin.bus.twin_messages import (
 from dtwin.controller.bounds import check_bounds, check_model
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
+from dtwin.identification.machine.record import read_record
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.state_file import from_message
@@ -51,6 +52,7 @@ from dtwin.signals import Event, EventKind, Sensors
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.history import HISTORY, Entry, History
 from dtwin.simulation.upload import Proposal, Uploader, changed
+from dtwin.twin.effects import NO_EFFECTS
 
 log = logging.getLogger(__name__)
 
@@ -65,10 +67,14 @@ class Options(CellFileOption, Link):
 
     history: Path = HISTORY
     """File for the history of the settings; it says what was in force when the service starts again."""
+    commissioned: Path | None = None
+    """Record that `dtwin commission` wrote: of this arm the motions are simulated, with all that it has."""
 
     def run(self) -> int:
         with Service(NAME, self) as service:
-            Simulation(service, History(self.history), Checker(task=self.task())).run()
+            record = None if self.commissioned is None else read_record(self.commissioned)
+            checker = Checker(task=self.task(), effects=record.effects if record else NO_EFFECTS)
+            Simulation(service, History(self.history), checker, record.arm if record else None).run()
         return 0
 
 
@@ -107,10 +113,20 @@ class BridgePort:
 
 
 class Simulation:
-    """One upload after another."""
+    """One upload after another.
 
-    def __init__(self, service: Service, history: History, checker: Checker) -> None:
+    Args:
+        service: frame of the service.
+        history: history of the settings.
+        checker: checker of uploads.
+        arm: arm that motions are simulated of unless a request names another one; None for the controller's model.
+    """
+
+    def __init__(
+        self, service: Service, history: History, checker: Checker, arm: ArmParameters | None = None
+    ) -> None:
         self._service = service
+        self._arm = arm
         self._history = history
         self._checker = checker
         self._uploader: Uploader | None = None
@@ -201,7 +217,8 @@ class Simulation:
         """Answers on a thread of its own: a check may take longer than a tick."""
         if request.arm is not None:
             check_model(request.arm)
-        return self._change(lambda uploader: uploader.upload(_proposal(uploader, request), self._time, request.arm))
+        arm = request.arm or self._arm
+        return self._change(lambda uploader: uploader.upload(_proposal(uploader, request), self._time, arm))
 
     def _roll_back(self, request: RollBackRequest) -> Upload:
         return self._change(lambda uploader: uploader.roll_back(request.who, request.why, self._time))
@@ -229,7 +246,7 @@ class Simulation:
         with self._lock:
             uploader = self._there()
             settings = changed(uploader.settings, asked.gains, asked.target_time, asked.model, asked.payload)
-            arm = asked.arm or settings.model
+            arm = asked.arm or self._arm or settings.model
             check_bounds(settings)
             check_model(arm)
             found = self._checker.simulate(settings, arm, asked.box)

@@ -9,12 +9,14 @@ from typing import Final
 from dtwin.bus.twin_messages import PredictedMotion, Upload
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
-from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.parameters import PERIOD, ArmParameters, Gains
 from dtwin.recovery.tuning import Tuned, search, times
 from dtwin.simulation.checks import MOTIONS, motion_case
 from dtwin.simulation.margins.demands import DEMANDS, cases
+from dtwin.simulation.margins.loop import lateness
 from dtwin.simulation.margins.poses import places
-from dtwin.simulation.whatif import MotionCase, Simulator, TwinArm
+from dtwin.simulation.whatif import Simulator
+from dtwin.twin.effects import Effects
 
 LATE: Final = 1.0
 """ticks that a late command acts after its own"""
@@ -22,22 +24,12 @@ SOFTER: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
 """factors on the speed of the loop that are tried, in this order"""
 
 
-class LateArm(TwinArm):
-    """The analytic twin whose voltages act a period late."""
-
-    def __init__(self, case: MotionCase, ticks: int) -> None:
-        super().__init__(case, ticks)
-        self._late: Triple | None = None
-
-    def advance(self, tick: int, volts: Triple) -> Triple:
-        """Holds the voltages before the given ones (V), and at first these, until the next tick."""
-        acting = volts if self._late is None else self._late
-        self._late = volts
-        return super().advance(tick, acting)
-
-
 def settings_for_late(
-    in_force: Upload, arm: ArmParameters, boxes: Sequence[float], reference: Sequence[PredictedMotion]
+    in_force: Upload,
+    arm: ArmParameters,
+    effects: Effects,
+    boxes: Sequence[float],
+    reference: Sequence[PredictedMotion],
 ) -> Tuned:
     """The gains nearest to those in force with the demanded margins at all places though commands are late, and the
     shortest target time with which the arm then tracks as well as the healthy one.
@@ -45,6 +37,7 @@ def settings_for_late(
     Args:
         in_force: settings in force.
         arm: arm as it is known.
+        effects: what it had beside its parameters before commands came late.
         boxes: masses of the boxes, kg.
         reference: what the healthy arm's motions are expected to be.
 
@@ -52,33 +45,33 @@ def settings_for_late(
         ParameterError: no gains have the margins.
     """
     settings = ControlSettings(in_force.target_time, in_force.gains, in_force.law, in_force.model, in_force.payload)
-    simulator = Simulator()
-    gains = _with_margins(simulator, settings, arm)
+    simulator, late = Simulator(), replace(effects, delay=effects.delay + LATE * PERIOD)
+    gains = _with_margins(simulator, settings, arm, late)
 
     def expect(gains: Gains, target_time: float) -> list[PredictedMotion]:
-        return _expect(simulator, replace(settings, gains=gains, target_time=target_time), arm, boxes)
+        return _expect(simulator, replace(settings, gains=gains, target_time=target_time), arm, late, boxes)
 
     return search(arm, max(boxes), expect, gains, settings.target_time, reference, stiffer=(1.0,))
 
 
-def _with_margins(simulator: Simulator, settings: ControlSettings, arm: ArmParameters) -> Gains:
+def _with_margins(simulator: Simulator, settings: ControlSettings, arm: ArmParameters, late: Effects) -> Gains:
     """A loop that is slower by a factor f has Kp times f^2, Ki times f^3 and Kd times f."""
     demands = DEMANDS[settings.law]
     for factor in SOFTER:
         tried = replace(settings, gains=_slowed(settings.gains, factor))
-        found = cases(simulator.controller, tried, arm, places(), LATE)
+        found = cases(simulator.controller, tried, arm, places(), lateness(late), late)
         if all(demands.shortfall(case.margins) is None for case in found):
             return tried.gains
     raise ParameterError(f"late commands: no gains have the margins, down to {SOFTER[-1]:g} times the loop's speed")
 
 
 def _expect(
-    simulator: Simulator, settings: ControlSettings, arm: ArmParameters, boxes: Sequence[float]
+    simulator: Simulator, settings: ControlSettings, arm: ArmParameters, late: Effects, boxes: Sequence[float]
 ) -> list[PredictedMotion]:
     found = []
     for box in boxes:
         for motion in MOTIONS:
-            f = simulator.run(motion_case(motion, settings, arm, box), LateArm).figures
+            f = simulator.run(motion_case(motion, settings, arm, box, effects=late)).figures
             found.append(PredictedMotion(*motion, f.tracking_rms, f.tracking_max, f.peak_volts, f.saturated))
     return found
 

@@ -17,14 +17,17 @@ from dtwin.bus.twin_messages import (
     Upload,
 )
 from dtwin.controller.bounds import ENCODER_OFFSETS
+from dtwin.identification.machine.record import MachineRecord
 from dtwin.monitoring.kinds import parse_fault_id
-from dtwin.parameters import ArmParameters, Gains, Triple, scaled
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, Triple, scaled
 from dtwin.recovery.answers import Measure
 from dtwin.recovery.delay import settings_for_late
 from dtwin.recovery.desk import Desk
-from dtwin.recovery.refit import refitted
+from dtwin.recovery.refit import estimated, refitted
 from dtwin.recovery.strength import beyond_strength
 from dtwin.recovery.tuning import BOUND, Ability, Expect, Tuned, search, worst_ratio
+from dtwin.simulation.proposal import controllable
+from dtwin.twin.effects import NO_EFFECTS
 
 BOXES: Final = (0.2, 0.21)
 """kg, the usual box and the heaviest"""
@@ -65,6 +68,8 @@ class Measures:
     Args:
         desk: place at the bus of the cell.
         healthy: the arm as it was identified.
+        record: record of the arm if it is none that obeys the equations of motion: it says what the arm has beside
+            its parameters, and of which model the controller has to be.
 
     Attributes:
         offsets: plant time (s) of every upload of encoder offsets, and the offsets (rad).
@@ -73,10 +78,10 @@ class Measures:
     Late when the time of the desk is over, and Grave when something else stops the arm.
     """
 
-    def __init__(self, desk: Desk, healthy: ArmParameters) -> None:
+    def __init__(self, desk: Desk, healthy: ArmParameters, record: MachineRecord | None = None) -> None:
         self.offsets: list[tuple[float, Triple]] = []
         self._desk = desk
-        self._arm = healthy
+        self._arm, self._record = healthy, record
         self._reference: list[PredictedMotion] = []
         self._followed = 0
         self._take: dict[Measure, Callable[[Sequence[MonitoredUnit]], Taken]] = {
@@ -89,10 +94,13 @@ class Measures:
 
     def begin(self) -> float:
         """Puts the model of the healthy arm into force, asks what to expect of it, and returns since when, s."""
-        upload = self._desk.upload("the model identified of the healthy arm", model=self._arm)
-        self._desk.confirm(upload)
+        model = self._arm if self._record is None else controllable(self._record)
+        in_force = self._desk.settings()
+        if in_force.model != model:
+            in_force = self._desk.upload("the model identified of the healthy arm", model=model, arm=self._arm)
+            self._desk.confirm(in_force)
         self._reference = self._expect(PredictionRequest(arm=self._arm))
-        return upload.time
+        return in_force.time
 
     def take(self, measure: Measure, found: Sequence[MonitoredUnit]) -> Taken:
         """Takes a measure against findings that ask for it."""
@@ -100,7 +108,10 @@ class Measures:
 
     def _refit(self, found: Sequence[MonitoredUnit]) -> Taken:
         names = [unit.parameter for unit in found]
-        arm = refitted(self._desk, self._arm, names, min(unit.detected for unit in found))
+        if self._record is None:
+            arm = refitted(self._desk, self._arm, names, min(unit.detected for unit in found))
+        else:
+            arm = estimated(self._desk, self._arm, self._record.arm, names)
         return Taken(self._adopt(arm), {name: arm.get(name) for name in names})
 
     def _rescale(self, found: Sequence[MonitoredUnit]) -> Taken:
@@ -115,18 +126,20 @@ class Measures:
         needs more time before it can follow its paths gets that first.
         """
         desk, in_force = self._desk, self._desk.settings()
+        changed = {name: arm.get(name) for name in PARAMETER_NAMES if arm.get(name) != self._arm.get(name)}
+        model = in_force.model.with_values(changed)
 
         def expect(gains: Gains, target_time: float) -> list[PredictedMotion]:
-            return self._expect(PredictionRequest(gains, target_time, model=arm))
+            return self._expect(PredictionRequest(gains, target_time, model=model, arm=arm))
 
         weak = bool(beyond_strength(arm, max(BOXES)))
         able = not weak and worst_ratio(expect(in_force.gains, in_force.target_time), self._reference) <= BOUND
-        uploaded = desk.upload("the arm has changed", model=arm) if able else None
+        uploaded = desk.upload("the arm has changed", model=model, arm=arm) if able else None
         tuned = self._tuned(in_force, arm, BOXES, expect)
         changes = (tuned.gains, tuned.target_time) != (in_force.gains, in_force.target_time)
         if uploaded is None:
             desk.confirm(self._tune(tuned, in_force, arm))
-            uploaded, changes = desk.upload("the arm has changed", model=arm), False
+            uploaded, changes = desk.upload("the arm has changed", model=model, arm=arm), False
         desk.confirm(uploaded)
         self._arm = arm
         if changes:
@@ -227,7 +240,8 @@ class Measures:
     def _stand_delay(self, found: Sequence[MonitoredUnit]) -> Taken:
         """Lowers the gains until the loop has its margins with the delay, and the speed until the arm tracks well."""
         desk, in_force = self._desk, self._desk.settings()
-        tuned = settings_for_late(in_force, self._arm, BOXES, self._reference)
+        effects = NO_EFFECTS if self._record is None else self._record.effects
+        tuned = settings_for_late(in_force, self._arm, effects, BOXES, self._reference)
         if tuned.ability in _TOO_WEAK:
             raise TooWeak(_TOO_WEAK[tuned.ability])
         if (tuned.gains, tuned.target_time) == (in_force.gains, in_force.target_time):

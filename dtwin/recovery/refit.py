@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 from dtwin.bus.messages import DECIDE, IDENTIFY
 from dtwin.bus.twin_messages import IdentificationDecision, IdentificationRequest, IdentificationState
 from dtwin.errors import CommunicationError
+from dtwin.monitoring.kinds import RELATIVE, parse_fault_id, plausible_sizes, reference
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, symbol_of
 from dtwin.recovery.desk import Desk
 
-MODEL_NAME = "recovery"
+PATIENCE: Final = 5.0
+"""s for which a better estimate of the monitor is waited for"""
+WELL: Final = 0.02
+"""standard deviation of an estimate that is known well, relative to a plausible change"""
+MODEL_NAME: Final = "recovery"
 """Name under which identification keeps the model."""
 
 
@@ -44,6 +50,36 @@ def refitted(desk: Desk, arm: ArmParameters, names: Sequence[str], since: float)
     anew = arm.with_values(found)
     changes = ", ".join(f"{name} is {anew.get(name):.4f}, was {arm.get(name):.4f}" for name in names)
     desk.say(f"accepts the model: {changes}")
+    return anew
+
+
+def estimated(desk: Desk, arm: ArmParameters, healthy: ArmParameters, names: Sequence[str]) -> ArmParameters:
+    """An arm of which some parameters are as the monitor estimates them, as soon as it knows them well.
+
+    The monitor knows what an arm has beside its parameters, which a fit of motions to the equations of motion does
+    not.
+
+    Args:
+        desk: place at the bus of the cell.
+        arm: arm as it was known.
+        healthy: arm that the monitor began with.
+        names: parameters that have changed.
+
+    Raises:
+        Late: the time is over.
+        Grave: a finding stands that stops the arm.
+    """
+    plausible, until = plausible_sizes(healthy), desk.time + PATIENCE
+    units = {name: reference(name, healthy) if parse_fault_id(name).about.unit == RELATIVE else 1.0 for name in names}
+    known = {name: desk.findings[name] for name in names}
+    desk.say(f"waits until the monitor knows {' and '.join(names)} well")
+    for _ in desk.messages():
+        known |= {name: desk.findings[name] for name in names if name in desk.findings}
+        if desk.time >= until or all(known[n].deviation * units[n] <= WELL * plausible[n] for n in names):
+            break
+    anew = arm.with_values({name: arm.get(name) + known[name].size * units[name] for name in names})
+    changes = ", ".join(f"{name} is {anew.get(name):.4f}, was {arm.get(name):.4f}" for name in names)
+    desk.say(f"takes what the monitor has estimated: {changes}")
     return anew
 
 

@@ -18,12 +18,13 @@ from dtwin.errors import DivergenceError, ParameterError
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.simulation.figures import Figures, triple
 from dtwin.simulation.margins.demands import DEMANDS, Case
-from dtwin.simulation.margins.loop import linear_loop
+from dtwin.simulation.margins.loop import lateness, linear_loop
 from dtwin.simulation.margins.measures import margins
 from dtwin.simulation.margins.poses import Pose
 from dtwin.simulation.places import angles_of
 from dtwin.simulation.whatif import MotionCase, Simulator
 from dtwin.task import DEFAULT_TASK, PICKUP_NAME, Task
+from dtwin.twin.effects import NO_EFFECTS, Effects
 
 TAIL: Final = 0.5
 """Time after the end of a path for which a checked motion is simulated, s."""
@@ -82,14 +83,16 @@ class Checker:
     Args:
         blocks: folder of the function-block library.
         task: task of the cell.
+        effects: what the arm has beside its parameters.
 
     Attributes:
         motions: motions of the cell.
     """
 
-    def __init__(self, blocks: Path = BLOCKS, task: Task = DEFAULT_TASK) -> None:
+    def __init__(self, blocks: Path = BLOCKS, task: Task = DEFAULT_TASK, effects: Effects = NO_EFFECTS) -> None:
         self._blocks = blocks
         self._task = task
+        self._effects = effects
         self.motions = motions_of(task)
         self._heavier = round(task.boxes.heaviest - task.boxes.middle, 12)
 
@@ -170,7 +173,7 @@ class Checker:
             DivergenceError: the state of the arm is no longer finite.
         """
         chosen = self.motions if motions is None else motions
-        cases = (motion_case(motion, settings, arm, box, self._task) for motion in chosen)
+        cases = (motion_case(motion, settings, arm, box, self._task, self._effects) for motion in chosen)
         return [self._simulator.run(case).figures for case in cases]
 
     def _margins(self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion]) -> list[Case]:
@@ -183,7 +186,8 @@ class Checker:
         for goal, carries in dict.fromkeys((motion.goal, motion.carries) for motion in motions):
             payload = settings.payload if carries else 0.0
             pose = Pose(goal, angles_of(goal, self._task))
-            loop = linear_loop(self._simulator.controller, settings, arm, payload, pose.theta)
+            late = lateness(self._effects)
+            loop = linear_loop(self._simulator.controller, settings, arm, payload, pose.theta, late, self._effects)
             case = Case(pose, payload, margins(loop, demands.delay))
             short = demands.shortfall(case.margins)
             if short is not None:
@@ -193,7 +197,12 @@ class Checker:
 
 
 def motion_case(
-    motion: Motion, settings: ControlSettings, arm: ArmParameters, box: float, task: Task = DEFAULT_TASK
+    motion: Motion,
+    settings: ControlSettings,
+    arm: ArmParameters,
+    box: float,
+    task: Task = DEFAULT_TASK,
+    effects: Effects = NO_EFFECTS,
 ) -> MotionCase:
     """The case of one of the motions of the cell, with a box of a mass (kg) if one is carried."""
     return MotionCase(
@@ -204,4 +213,5 @@ def motion_case(
         payload=box if motion.carries else 0.0,
         carries=motion.carries,
         duration=settings.target_time + TAIL,
+        effects=effects,
     )

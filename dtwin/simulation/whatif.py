@@ -26,6 +26,8 @@ from dtwin.simulation.figures import Array, Figures, figures, triple
 from dtwin.task import DEFAULT_TASK, Task
 from dtwin.twin.closed_loop import CompiledLoop, Motion
 from dtwin.twin.dynamics import integrate
+from dtwin.twin.effects import NO_EFFECTS, Effects
+from dtwin.twin.machine import SUBSTEP, WIDTH, integrate_machine, vector_of
 from dtwin.twin.rollout import is_weight_only
 from dtwin.twin.side_by_side import Begun, SideBySide
 
@@ -49,6 +51,7 @@ class MotionCase:
         arm: simulated arm; the controller keeps its own model.
         payload: mass at the tip, kg.
         carries: whether the controller counts on a box of mass settings.payload; None for when payload is not 0.
+        effects: what the simulated arm has beside its parameters.
         payload_model: "point" for a point mass at the tip, "weight" for its weight without inertia.
         noise: amplitude (uniform) or standard deviation (gaussian) of the encoder noise, rad.
         noise_kind: "uniform", "gaussian" or "none".
@@ -66,6 +69,7 @@ class MotionCase:
     arm: ArmParameters = field(default_factory=ArmParameters)
     payload: float = 0.0
     carries: bool | None = None
+    effects: Effects = NO_EFFECTS
     payload_model: PayloadModel = "point"
     noise: float = 0.0
     noise_kind: NoiseKind = "uniform"
@@ -79,7 +83,8 @@ class MotionCase:
             raise ParameterError(f"start: expected finite angles and velocities, got {self.theta} and {self.omega}")
         if not PERIOD <= self.seconds <= LONGEST:
             raise ParameterError(f"duration: expected {PERIOD} to {LONGEST:g} s, got {self.seconds:g}")
-        is_weight_only(self.payload_model)
+        if is_weight_only(self.payload_model) and self.effects != NO_EFFECTS:
+            raise ParameterError("payload model: expected point for an arm with effects, got weight")
 
     @property
     def seconds(self) -> float:
@@ -161,8 +166,43 @@ class TwinArm:
             self._vector, self._command, self._load, PERIOD, SUBSTEPS, self._weight_only, COULOMB_WIDTH, rows
         ):
             raise DivergenceError("what-if simulation", tick * PERIOD, rows[0])
-        first, second, third = rows[1, :3].tolist()
-        return (first, second, third)
+        return triple(rows[1, :3])
+
+
+class MachineArm:
+    """The analytic twin with effects as an arm; commands before the first tick were like the first.
+
+    Its encoders are not eccentric: the loop controls what they read, and a pose that is some milliradians off is as
+    heavy.
+
+    Args:
+        case: case that is simulated; its payload is a point mass.
+        ticks: number of ticks of the motion.
+    """
+
+    def __init__(self, case: MotionCase, ticks: int) -> None:
+        self.states = np.empty((ticks + 1, 6))
+        self.states[0] = (*case.theta, *case.omega)
+        self._vector = vector_of(case.arm, case.effects)
+        self._commands, self._loads = np.empty((ticks, 3)), np.full(ticks, case.payload)
+        self._acting = np.full(3, np.nan)
+
+    def advance(self, tick: int, volts: Triple) -> Triple:
+        """Commands voltages (V) from a tick to the next, writes the next row and returns its angles (rad).
+
+        Raises:
+            DivergenceError: the state is no longer finite.
+        """
+        self._commands[tick] = volts
+        commands, loads, rows = self._commands[: tick + 1], self._loads[: tick + 1], self.states[tick : tick + 2]
+        if not integrate_machine(self._vector, commands, loads, PERIOD, SUBSTEP, WIDTH, tick, self._acting, rows):
+            raise DivergenceError("what-if simulation", tick * PERIOD, rows[0])
+        return triple(rows[1, :3])
+
+
+def _twin(case: MotionCase, ticks: int) -> Arm:
+    """The analytic twin for a case and a number of ticks."""
+    return TwinArm(case, ticks) if case.effects == NO_EFFECTS else MachineArm(case, ticks)
 
 
 class Simulator:
@@ -188,17 +228,17 @@ class Simulator:
 
         Args:
             case: case to simulate.
-            arm_of: makes the arm for a case and a number of ticks; the analytic twin without it.
+            arm_of: makes the arm for a case and a number of ticks; the analytic twin if not given.
 
         Raises:
             ParameterError: there is no place of the goal's name.
             DivergenceError: the state of the arm is no longer finite.
         """
         ticks = _ticks(case)
-        if self._loop is not None and arm_of is None:
+        if self._loop is not None and arm_of is None and case.effects == NO_EFFECTS:
             motion = self._compiled(self._loop, case, ticks)
         else:
-            motion = self._stepped(case, (arm_of or TwinArm)(case, ticks), ticks)
+            motion = self._stepped(case, (arm_of or _twin)(case, ticks), ticks)
         return _outcome(case, self.controller.target(), motion)
 
     def run_all(self, cases: Sequence[MotionCase]) -> Iterator[Outcome]:
@@ -210,7 +250,7 @@ class Simulator:
             ParameterError: there is no place of a goal's name.
             DivergenceError: the state of the next motion's arm is no longer finite.
         """
-        if self._side_by_side is None:
+        if self._side_by_side is None or any(case.effects != NO_EFFECTS for case in cases):
             yield from map(self.run, cases)
             return
         for ticks, group in itertools.groupby(cases, _ticks):

@@ -38,6 +38,7 @@ from dtwin.bus.twin_messages import (
 )
 from dtwin.controller.settings import USUAL_GAINS
 from dtwin.errors import CommunicationError
+from dtwin.identification.machine.record import MachineRecord
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import ArmParameters
 from dtwin.recovery.desk import Desk
@@ -45,6 +46,8 @@ from dtwin.recovery.measures import Measures
 from dtwin.recovery.operator import Operator
 from dtwin.signals import MONITOR, Event
 from dtwin.simulation.checks import MOTIONS
+from dtwin.twin.effects import Effects
+from tests.support.records import recorded
 
 HEALTHY = ArmParameters()
 TICK = 0.5
@@ -173,10 +176,10 @@ def cell() -> FakeCell:
     return FakeCell()
 
 
-def watched(cell: FakeCell) -> Operator:
+def watched(cell: FakeCell, record: MachineRecord | None = None) -> Operator:
     """The operator after 60 s at a cell; the upload of the healthy arm's model is left out of its list."""
     desk = Desk(cast(Bus, cell), cell.over, lambda time: None, 60.0)
-    measures = Measures(desk, HEALTHY)
+    measures = Measures(desk, HEALTHY, record)
     measures.begin()
     cell.uploads.clear()
     operator = Operator(desk, measures)
@@ -203,6 +206,28 @@ def test_a_weaker_motor_is_refitted_and_its_model_uploaded(cell: FakeCell) -> No
     (upload,) = cell.uploads
     assert upload.model == HEALTHY.with_values({"K2": 0.1416})
     assert operator.trouble == ""
+
+
+def test_the_monitor_tells_what_an_arm_with_effects_has_become(cell: FakeCell) -> None:
+    """No fit to the equations of motion would; rotors are parts of the links that the controller knows."""
+    cell.found |= {"K2": (20.0, -0.1, 0.2), "mu1": (20.0, 0.004, 1e-4)}
+
+    def learn() -> None:
+        if cell.time > 22.5:
+            cell.found["K2"] = (20.0, -0.15, 0.001)
+
+    cell.changing = learn
+    operator = watched(cell, recorded(Effects(rotor_inertia=(1e-4, 0.0, 0.0))))
+    weak = 0.85 * HEALTHY.get("K2")
+    assert measures_of(operator) == [("refit", ("mu1", "K2"))]
+    assert operator.steps[0].taken.values == {"mu1": pytest.approx(0.004), "K2": pytest.approx(weak)}
+    assert cell.identified == []
+    upload = cell.uploads[0]
+    assert upload.arm is not None
+    assert upload.model is not None
+    for told in (upload.arm, upload.model):
+        assert (told.get("K2"), told.get("mu1")) == (pytest.approx(weak), pytest.approx(0.004))
+    assert upload.model.get("I1") - upload.arm.get("I1") == pytest.approx(1e-4)
 
 
 def test_two_changes_of_one_measure_are_refitted_together(cell: FakeCell) -> None:
@@ -251,7 +276,7 @@ def test_settings_that_are_taken_back_are_told(cell: FakeCell) -> None:
     operator = Operator(desk, measures)
     operator.watch()
     assert [(step.measure, step.taken.uploaded) for step in operator.steps] == [("offset", None)]
-    assert operator.trouble == "version 3 of the settings was taken back: worse"
+    assert operator.trouble == "version 2 of the settings was taken back: worse"
 
 
 def test_an_offset_is_taken_off_once_it_is_known_well(cell: FakeCell) -> None:

@@ -11,6 +11,7 @@ from dtwin.parameters import ArmParameters, Gains, scaled
 from dtwin.simulation.checks import MOTIONS, Checker, Motion, Refused
 from dtwin.simulation.places import angles_of
 from dtwin.simulation.whatif import MotionCase, Simulator
+from dtwin.twin.effects import Effects
 
 USUAL = ControlSettings()
 
@@ -66,3 +67,12 @@ def test_only_the_motions_that_are_asked_for_count(checker: Checker) -> None:
     with pytest.raises(Refused, match="green"):
         checker.check(fast, ArmParameters())
     assert checker.check(fast, ArmParameters(), [Motion("pickup", "red", True)]).worst.goal == "red"
+
+
+def test_what_an_arm_has_beside_its_parameters_counts(checker: Checker) -> None:
+    sticking = Checker(effects=Effects(stiction=(0.01, 0.01, 0.01), rotor_inertia=(1e-4, 1e-4, 1e-4)))
+    rough, smooth = sticking.check(USUAL, ArmParameters()), checker.check(USUAL, ArmParameters())
+    assert rough.rms > 1.3 * smooth.rms
+    assert rough.disk_margin != smooth.disk_margin
+    with pytest.raises(Refused, match="not stable"):
+        Checker(effects=Effects(delay=0.03)).check(USUAL, ArmParameters())

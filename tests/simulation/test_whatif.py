@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -16,7 +17,9 @@ from dtwin.errors import ParameterError
 from dtwin.experiments.simulation.emulated_arm import EmulatedArm
 from dtwin.parameters import HANGING, PERIOD, PLACES, ArmParameters, Gains, Law
 from dtwin.simulation.whatif import MotionCase, Simulator
+from dtwin.twin.effects import NO_EFFECTS, Effects
 from dtwin.twin.energy import energy
+from dtwin.twin.machine import machine_rollout, vector_of
 
 T4 = ControlSettings(target_time=4.0)
 
@@ -47,6 +50,18 @@ def test_arm_of_mujoco_and_twin_move_alike(simulator: Simulator, payload: float)
     twin, arm = simulator.run(case), simulator.run(case, partial(EmulatedArm, case.arm))
     np.testing.assert_allclose(twin.states, arm.states, rtol=0, atol=1e-9)
     np.testing.assert_allclose(twin.volts, arm.volts, rtol=0, atol=1e-6)
+
+
+def test_an_arm_with_effects_moves_as_their_equations_say(simulator: Simulator) -> None:
+    effects = Effects(lag=(0.004, 0.003, 0.002), stiction=(0.01, 0.0, 0.02), cable=(0.1, 0.0, 0.0), delay=0.013)
+    case = MotionCase("green", T4, payload=0.2, effects=effects)
+    (motion,) = simulator.run_all([case])
+    volts, loads = motion.volts, np.full(len(motion.volts), 0.2)
+    states, _ = machine_rollout(vector_of(case.arm, effects), motion.states[0], volts, loads)
+    np.testing.assert_allclose(motion.states, states, rtol=0, atol=1e-12)
+    assert motion.figures.tracking_max > simulator.run(replace(case, effects=NO_EFFECTS)).figures.tracking_max
+    with pytest.raises(ParameterError, match="expected point for an arm with effects, got weight"):
+        replace(case, payload_model="weight")
 
 
 def test_the_emulated_arm_of_a_machine_is_read_by_its_encoders() -> None:

@@ -137,6 +137,11 @@ class Loop:
         return ratio
 
 
+def lateness(effects: Effects) -> float:
+    """Time after which an arm with effects obeys a command, ticks; a lag delays by its time constant at most."""
+    return (effects.delay + max(effects.lag)) / PERIOD
+
+
 def linear_loop(
     controller: MotionController,
     settings: ControlSettings,
