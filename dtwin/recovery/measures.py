@@ -17,6 +17,7 @@ from dtwin.bus.twin_messages import (
     Upload,
 )
 from dtwin.controller.bounds import ENCODER_OFFSETS
+from dtwin.errors import ParameterError
 from dtwin.identification.machine.record import MachineRecord
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, Triple, scaled
@@ -241,7 +242,10 @@ class Measures:
         """Lowers the gains until the loop has its margins with the delay, and the speed until the arm tracks well."""
         desk, in_force = self._desk, self._desk.settings()
         effects = NO_EFFECTS if self._record is None else self._record.effects
-        tuned = settings_for_late(in_force, self._arm, effects, BOXES, self._reference)
+        try:
+            tuned = settings_for_late(in_force, self._arm, effects, BOXES, self._reference)
+        except ParameterError as error:
+            raise TooWeak(str(error)) from None
         if tuned.ability in _TOO_WEAK:
             raise TooWeak(_TOO_WEAK[tuned.ability])
         if (tuned.gains, tuned.target_time) == (in_force.gains, in_force.target_time):

@@ -94,10 +94,14 @@ class Operator:
     def _deal(self) -> None:
         """Answers new findings, first all that ask for the measure that comes first."""
         desk = self._desk
-        if not self._new():
+        first = self._new()
+        if not first:
             return
         desk.pass_time(SETTLING)
-        new = {name: (unit, answer_to(parse_fault_id(name))) for name, unit in self._new().items()}
+        # What needs nothing done may be over by now, such as a slip once the gripper has opened.
+        over = {name: unit for name, unit in first.items() if answer_to(parse_fault_id(name)).measure == "go on"}
+        found_now = {**over, **self._new()}
+        new = {name: (unit, answer_to(parse_fault_id(name))) for name, unit in found_now.items()}
         if not new:
             return
         measure = min((answer.measure for _, answer in new.values()), key=MEASURES.index)

@@ -16,7 +16,7 @@ from dtwin.recovery.answers import ANSWERS
 
 CONTROL = ControlSettings(gains=USUAL_GAINS["cascade"], law="cascade")
 TRIAL = RecoveryTrial(
-    *(0, "K2*=0.9", 0.1, ("K2",), ("refit",), ("refit",), True, "recovered", True, 12.0, False, 1.0, 3.0, "")
+    *(0, "ideal", "K2*=0.9", 0.1, ("K2",), ("refit",), ("refit",), True, "recovered", True, 12.0, False, 1.0, 3.0, "")
 )
 
 
@@ -65,5 +65,5 @@ def test_a_campaign_passes_with_the_shares_that_are_asked_for() -> None:
     assert not passed([*good[2:], *[replace(TRIAL, works=False)] * 3])
     assert not passed([*good, replace(TRIAL, box_lost=True)])
     text = recovery_report([TRIAL, replace(TRIAL, seed=1, right=False, recovered=None)]).text
-    assert "| 0 | `K2*=0.9` | 0.1 | K2 | refit | yes | recovered | yes | 12.0 | 1.0 V (3.0 V) |" in text
+    assert "| 0 | ideal | `K2*=0.9` | 0.1 | K2 | refit | yes | recovered | yes | 12.0 | 1.0 V (3.0 V) |" in text
     assert "Right answer: 1 of 2" in text

@@ -388,6 +388,22 @@ def test_what_nothing_helps_stops_the_arm_whatever_is_being_done(cell: FakeCell,
     assert f" {parameter[-1]}, then `dtwin release`" in cell.told[-1]
 
 
+def test_a_slip_that_is_over_before_it_is_answered_is_told(cell: FakeCell) -> None:
+    def put_down() -> None:
+        cell.found = {"slip": (20.0, 0.0, 0.0)} if 20.0 <= cell.time < 20.4 else {}
+
+    cell.changing = put_down
+    assert measures_of(watched(cell)) == [("go on", ("slip",))]
+
+
+def test_an_arm_that_stands_no_further_delay_is_stopped(cell: FakeCell) -> None:
+    cell.found["late"] = (20.0, 1.0, 0.01)
+    operator = watched(cell, recorded(Effects(delay=0.04)))
+    assert [measure for measure, _ in measures_of(operator)] == ["margins", "stop"]
+    assert "no gains have the margins, down to 0.5 times" in cell.told[-1]
+    assert operator.trouble == ""
+
+
 def test_a_slip_and_a_push_are_told_and_nothing_else(cell: FakeCell) -> None:
     cell.found["slip"] = (20.0, 0.0, 0.0)
     cell.events.append(Event(30.0, f"{MONITOR}push", "push of joint 2"))

@@ -13,12 +13,14 @@ from rich.table import Table
 
 from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import ExperimentCommand, JsonOption, OnMachine, at_least, progress_bar
+from dtwin.emulation.machine.sections import IDEAL
 from dtwin.experiments.recovery.campaign import RecoveryTrial, passed, recovery_experiment, recovery_report
 from dtwin.experiments.recovery.cases import RecoveryCase
 from dtwin.experiments.recovery.demonstration import LIMIT, LONGEST, parse_faults, recover
 from dtwin.experiments.recovery.outcome import Recovery, fault_text
 from dtwin.experiments.recovery.picture import draw
 from dtwin.experiments.report import Report
+from dtwin.experiments.untouched import untouched
 from dtwin.files import ensure_writable
 from dtwin.run.options import MachineOption
 from dtwin.services.emulator import Pace
@@ -95,19 +97,33 @@ class ExperimentRecovery(ExperimentCommand[list[RecoveryTrial]], OnMachine):
     """Draw faults of every kind, sizes and moments, and have each answered in a cell of its own.
 
     The exit status is 1 when fewer than 95 % of the runs get the right answer, fewer than 90 % of the arms work again
-    or stand where they cannot, or a box is lost in a stop. A run takes about a minute.
+    or stand where they cannot, or a box is lost in a stop. A run takes about a minute, a commissioning two.
     """
 
     name: ClassVar = "recovery"
 
     runs: int = 20
     """Number of runs; the case of each is drawn with its number, from that of --seed on."""
-    noise: float = 0.002
-    """Magnitude of the encoder noise, rad, uniform."""
+    noise: float | None = None
+    """Magnitude of the encoder noise, rad, uniform; 0.002 of an ideal arm if not given, that of its encoders of any
+    other."""
+    machines: int = 0
+    """Number of drawn machines that the arms are in turn, among bodies that touch, each commissioned from 300 s of
+    its work; 0 for that of --machine."""
+    first: int = 1201
+    """Number of the first of these machines; the others have the next ones."""
+    controller: str = "embedded"
+    """Controller of the cells: embedded, or forte://HOST:PORT, the 4diac FORTE to deploy to."""
 
     def measure(self, progress: Progress) -> list[RecoveryTrial]:
         at_least("--runs", self.runs, 1)
-        return recovery_experiment(self.runs, self.seed, self.noise, self.machine, progress)
+        at_least("--machines", self.machines, 0)
+        ideal = self.machine == IDEAL.name and not self.machines
+        noise = (0.002 if ideal else 0.0) if self.noise is None else self.noise
+        options = CellOptions(
+            pace="lockstep", seed=self.seed, noise=noise, machine=self.machine, controller=self.controller
+        )
+        return recovery_experiment(options, self.runs, untouched(self.first, self.machines), progress)
 
     def report(self, result: list[RecoveryTrial]) -> Report:
         return self.titled(recovery_report(result))

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from dtwin.campaign.spread import Progress
+from dtwin.emulation.machine.files import machine_of, toml
+from dtwin.emulation.machine.sections import IDEAL, Contact
 from dtwin.experiments.recovery.cases import drawn_case
 from dtwin.experiments.recovery.demonstration import recover
+from dtwin.experiments.recovery.known import KnownArm, known_arm
 from dtwin.experiments.recovery.outcome import Recovery, fault_text
 from dtwin.experiments.report import Report
 from dtwin.services.launch import CellOptions
@@ -26,6 +33,7 @@ class RecoveryTrial:
 
     Attributes:
         seed: number of the case, and of the random generators of boxes and noise.
+        machine: machine that the arm is.
         fault: faults without their times.
         noticed: time from the faults until the first finding was noticed, s, None for never.
         found: what the findings named.
@@ -42,6 +50,7 @@ class RecoveryTrial:
     """
 
     seed: int
+    machine: str
     fault: str
     noticed: float | None
     found: tuple[str, ...]
@@ -57,27 +66,42 @@ class RecoveryTrial:
     trouble: str
 
 
-def recovery_experiment(runs: int, first: int, noise: float, machine: str, progress: Progress) -> list[RecoveryTrial]:
+def recovery_experiment(
+    options: CellOptions, runs: int, machines: Sequence[int], progress: Progress
+) -> list[RecoveryTrial]:
     """Runs cells with drawn cases, one after another.
 
     Args:
+        options: what the cells are run with; its seed is the number of the first case.
         runs: number of runs.
-        first: number of the first case.
-        noise: magnitude of the encoder noise, rad, uniform.
-        machine: machine that the arms are.
+        machines: numbers of drawn machines that the arms are in turn, among bodies that touch; none for that of the
+            options.
         progress: told how many runs are done.
 
     Raises:
         CommunicationError: a cell does not come up.
         IdentificationError: the model of a healthy arm cannot be identified.
     """
-    trials = []
-    for seed in range(first, first + runs):
-        cell = f"recovery-{os.getpid()}"
-        options = CellOptions(pace="lockstep", seed=seed, noise=noise, machine=machine, cell=cell)
-        trials.append(_trial(recover(options, drawn_case(seed))))
-        progress(len(trials), runs)
+    trials, known = [], dict[str, KnownArm]()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        files = [_written(number, folder) for number in machines]
+        for k in range(runs):
+            machine = str(files[k % len(files)]) if files else options.machine or IDEAL.name
+            case = replace(options, seed=options.seed + k, machine=machine, cell=f"recovery-{os.getpid()}")
+            if files and machine not in known:
+                place = Path(tempfile.mkdtemp(dir=folder))
+                known[machine] = known_arm(case.settings(), place, np.random.default_rng(case.seed))
+            trials.append(_trial(recover(case, drawn_case(case.seed), known=known.get(machine)), Path(machine).stem))
+            progress(len(trials), runs)
     return trials
+
+
+def _written(number: int, folder: Path) -> Path:
+    """The file of a drawn machine whose bodies touch."""
+    file = folder / f"{number}.toml"
+    file.write_text(toml(replace(machine_of(str(number)), contact=Contact(enabled=True))))
+    return file
 
 
 def passed(trials: Sequence[RecoveryTrial]) -> bool:
@@ -93,8 +117,8 @@ def recovery_report(trials: Sequence[RecoveryTrial]) -> Report:
     """The page of the experiment."""
     count = len(trials)
     head = (
-        "| seed | fault | noticed | named | answer | right answer | outcome | works again | after | jump |\n"
-        "|---|---|---|---|---|---|---|---|---|---|"
+        "| seed | machine | fault | noticed | named | answer | right | outcome | works again | after | jump |\n"
+        "|---|---|---|---|---|---|---|---|---|---|---|"
     )
     rows = "\n".join(_row(trial) for trial in trials)
     right, works = sum(trial.right for trial in trials), sum(trial.works for trial in trials)
@@ -112,7 +136,7 @@ def recovery_report(trials: Sequence[RecoveryTrial]) -> Report:
     )
 
 
-def _trial(run: Recovery) -> RecoveryTrial:
+def _trial(run: Recovery, machine: str) -> RecoveryTrial:
     story, began = run.story, run.story.fault
 
     def since(time: float | None) -> float | None:
@@ -120,6 +144,7 @@ def _trial(run: Recovery) -> RecoveryTrial:
 
     return RecoveryTrial(
         run.seed,
+        machine,
         fault_text(run),
         since(min((unit.detected for unit in story.findings), default=None)),
         tuple(unit.parameter for unit in story.findings),
@@ -139,6 +164,7 @@ def _trial(run: Recovery) -> RecoveryTrial:
 def _row(trial: RecoveryTrial) -> str:
     cells = (
         str(trial.seed),
+        trial.machine,
         f"`{trial.fault}`",
         _seconds(trial.noticed),
         ", ".join(trial.found) or "-",

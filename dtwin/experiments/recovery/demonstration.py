@@ -13,15 +13,12 @@ import numpy as np
 from dtwin.bus.messages import FAULT, Done, FaultRequest
 from dtwin.emulation.faults import Fault, parse_fault
 from dtwin.errors import CommunicationError, ParameterError
-from dtwin.experiments.identification.standard import standard_estimate
 from dtwin.experiments.recovery.cases import RecoveryCase, grown_friction
 from dtwin.experiments.recovery.expected import expected_of
 from dtwin.experiments.recovery.healthy import healthy_run
+from dtwin.experiments.recovery.known import KnownArm, known_arm
 from dtwin.experiments.recovery.outcome import Recovery, Story, judge
-from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.model import write_model
-from dtwin.identification.result import from_estimate
-from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.parameters import PERIOD
 from dtwin.recovery.desk import Desk, Late
 from dtwin.recovery.measures import Measures
 from dtwin.recovery.operator import Operator
@@ -54,6 +51,7 @@ def recover(
     options: CellOptions,
     case: RecoveryCase | None = None,
     progress: Callable[[float], None] = lambda time: None,
+    known: KnownArm | None = None,
 ) -> Recovery:
     """Starts a cell with all services, makes faults, and has them answered.
 
@@ -61,6 +59,7 @@ def recover(
         options: what the cell is run with.
         case: what happens to the cell; grown friction, drawn with the seed of the cell, if None.
         progress: told the plant time, s.
+        known: what is known of the healthy arm; identified first if None.
 
     Raises:
         FaultError: there is no right answer to a fault.
@@ -70,40 +69,35 @@ def recover(
     """
     generator = np.random.default_rng(np.random.SeedSequence(options.seed).spawn(3)[2])
     made = case or grown_friction(generator)
-    settings = options.settings()
-    machine = settings.machine
-    expected = expected_of(made.faults, machine.arm(settings.arm), options.control())
-    estimate = standard_estimate(Rig(noise=settings.noise, machine=machine), generator)
-    model = from_estimate(estimate, np.ones(3), "simulated experiment")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        write_model(model, folder / "arm.json")
+        healthy = known or known_arm(options.settings(), folder, generator)
         log_file = options.log or folder / "run.parquet"
         complete = replace(
-            options,
+            healthy.used(replace(options, monitoring=True)),
             log=log_file,
             identification=True,
             store=folder / "identified",
-            monitoring=True,
-            model=str(folder / "arm.json"),
             simulation=True,
             history=folder / "history.jsonl",
         )
+        settings = complete.settings()
+        expected = expected_of(made.faults, settings.machine.arm(settings.arm), complete.control())
         with launched(complete) as cell:
             cell.await_ready()
             desk = Desk(cell.bus, lambda: cell.over, progress, LONGEST)
-            story = _played(desk, model.arm, made)
+            story = _played(desk, healthy, made)
             if cell.stop.is_set():
                 raise KeyboardInterrupt
         log = read_log(log_file)
-    settings = replace(complete.settings(), duration=len(log) * PERIOD)
-    healthy = healthy_run(settings, model.arm, float("inf") if story.started is None else story.started)
-    return judge(options.seed, made.faults, expected, story, log, healthy)
+    settings = replace(settings, duration=len(log) * PERIOD)
+    same = healthy_run(settings, healthy.model, float("inf") if story.started is None else story.started)
+    return judge(options.seed, made.faults, expected, story, log, same)
 
 
-def _played(desk: Desk, healthy: ArmParameters, case: RecoveryCase) -> Story:
+def _played(desk: Desk, healthy: KnownArm, case: RecoveryCase) -> Story:
     """Lets the cell work, makes faults, and has them answered until the time is over."""
-    measures = Measures(desk, healthy)
+    measures = Measures(desk, healthy.arm, healthy.record)
     operator = Operator(desk, measures)
     started = began = None
     try:
