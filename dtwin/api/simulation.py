@@ -17,6 +17,7 @@ from dtwin.campaign.spread import Workforce
 from dtwin.controller.settings import APPLICATION_LAW, Compensation, ControlSettings, usual_gains
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import ParameterError
+from dtwin.identification.machine.record import read_record
 from dtwin.identification.model import IdentifiedModel
 from dtwin.identification.store import STORE
 from dtwin.parameters import ArmParameters, Gains, Law, Triple, assignment
@@ -25,8 +26,10 @@ from dtwin.simulation import optimise as search
 from dtwin.simulation.checks import MOTIONS, Motion
 from dtwin.simulation.objective import Limits, Objective, possible_arms, scenarios_for
 from dtwin.simulation.places import angles_of, parse_goal, parse_start
+from dtwin.simulation.proposal import controllable
 from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
 from dtwin.task import DEFAULT_TASK, PICKUP_NAME, Task
+from dtwin.twin.effects import NO_EFFECTS
 
 _LIMITS: Final = Limits()
 _COMPENSATION: Final = Compensation()
@@ -55,6 +58,7 @@ def simulate(
     duration: float | None = None,
     set: Texts | Mapping[str, float] = (),
     model: Model | None = None,
+    commissioned: AnyPath | None = None,
     controller_model: Model | None = None,
     store: AnyPath = STORE,
     cell_file: AnyPath | None = None,
@@ -83,7 +87,8 @@ def simulate(
         duration: how long to look at the motion, s; None for the target time and 2 s more.
         set: parameters of the simulated arm in SI units, `{"D2": 0.1}` or `"D2=0.1"`; the controller's model stays.
         model: identified model that is simulated; None for the data sheet.
-        controller_model: identified model that the controller uses; None for that of `model`.
+        commissioned: record of `dtwin commission` instead of a model: its arm is simulated, with all that it has.
+        controller_model: identified model that the controller uses; None for that of `model` or of the record.
         store: folder of the kept models.
         cell_file: cell whose places there are: a file (*.toml), or a name of the folder cells; None for the usual.
 
@@ -94,8 +99,11 @@ def simulate(
         DivergenceError: the motion has left the finite numbers.
     """
     task = DEFAULT_TASK if cell_file is None else cell_of(str(cell_file)).task
-    arm = _arm(model, store, ArmParameters())
-    believed = _arm(controller_model, store, arm)
+    if commissioned is not None and model is not None:
+        raise ParameterError("commissioned: expected no model beside it")
+    record = None if commissioned is None else read_record(Path(commissioned))
+    arm = record.arm if record else _arm(model, store, ArmParameters())
+    believed = _arm(controller_model, store, controllable(record) if record else arm)
     pairs = set if isinstance(set, Mapping) else dict(map(assignment, texts(set)))
     control = ControlSettings(
         target_time,
@@ -108,7 +116,15 @@ def simulate(
     case = motion_case(start, goal, control, arm, payload, task)
     simulated = arm.with_values(pairs)
     return _simulator(task).run(
-        replace(case, arm=simulated, noise=noise, noise_kind=noise_kind, seed=seed, duration=duration)
+        replace(
+            case,
+            arm=simulated,
+            effects=record.effects if record else NO_EFFECTS,
+            noise=noise,
+            noise_kind=noise_kind,
+            seed=seed,
+            duration=duration,
+        )
     )
 
 

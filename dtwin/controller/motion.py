@@ -96,15 +96,27 @@ class MotionController:
                 if name not in OFFSETS and value != self._inputs.get(name):
                     resource.write(name, value)
             self._settings, self._inputs, self._configured = settings, inputs, resource.snapshot()
-        if isinstance(goal, str):
-            if goal not in self._places:
-                raise ParameterError(f"unknown place {goal!r}: expected {choices(self._places)}")
-            goal = self._places[goal].theta
-        for name, angle in zip(PATH_END, goal, strict=True):
-            resource.write(name, angle)
+        self._aim(goal)
         if omega != STILL:
             self._remember(theta, omega)
         self._carries = carries
+
+    def go(self, theta: Triple, goal: Goal) -> Triple:
+        """Starts another path with its first sample, and keeps what the blocks have learned on the way.
+
+        Args:
+            theta: measured angles, rad.
+            goal: place or joint angles at which the motion ends.
+
+        Returns:
+            The voltages of joints 1 to 3, V.
+
+        Raises:
+            ParameterError: there is no place of the goal's name.
+        """
+        self._aim(goal)
+        v_1, v_2, v_3 = self._exchange((*theta, True, self._carries))
+        return (v_1, v_2, v_3)
 
     def step(self, theta: Triple) -> Triple:
         """Voltages of joints 1 to 3 (V) that answer the next sample of the angles (rad)."""
@@ -120,6 +132,14 @@ class MotionController:
         """Angles at which the path ends, rad."""
         theta_1, theta_2, theta_3 = self._target()
         return (theta_1, theta_2, theta_3)
+
+    def _aim(self, goal: Goal) -> None:
+        if isinstance(goal, str):
+            if goal not in self._places:
+                raise ParameterError(f"unknown place {goal!r}: expected {choices(self._places)}")
+            goal = self._places[goal].theta
+        for name, angle in zip(PATH_END, goal, strict=True):
+            self.resource.write(name, angle)
 
     def _remember(self, theta: Triple, omega: Triple) -> None:
         """Gives controller and observer the samples before, from which they compute a velocity."""

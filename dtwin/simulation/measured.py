@@ -16,6 +16,7 @@ from dtwin.parameters import PERIOD, ArmParameters, Triple
 from dtwin.run.recording import Log
 from dtwin.simulation.figures import SAME_ANGLE, Array, Figures, figures, fit
 from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
+from dtwin.twin.effects import NO_EFFECTS, Effects
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +106,13 @@ def settings_of(log: Log) -> ControlSettings:
 
 
 def compare(
-    log: Log, motion: Measured, settings: ControlSettings, arm: ArmParameters, payload: float, simulator: Simulator
+    log: Log,
+    motion: Measured,
+    settings: ControlSettings,
+    arm: ArmParameters,
+    payload: float,
+    simulator: Simulator,
+    effects: Effects = NO_EFFECTS,
 ) -> MotionComparison:
     """Compares a measured motion with the prediction from its first sample alone.
 
@@ -116,6 +123,7 @@ def compare(
         arm: model of the arm.
         payload: mass of a held box, kg.
         simulator: simulator that predicts the motion.
+        effects: what the arm has beside its parameters.
     """
     rows = slice(motion.start, motion.stop)
     measured, path = log.stack("measured")[rows], log.stack("target")[rows]
@@ -129,6 +137,7 @@ def compare(
         payload=payload if motion.carries else 0.0,
         carries=motion.carries,
         duration=len(measured) * PERIOD,
+        effects=effects,
     )
     predicted = simulator.run(case)
     angles = np.vstack((measured, measured[-1:]))

@@ -35,6 +35,9 @@ SUBSTEPS: Final = 4
 """Number of RK4 steps per tick, each of 2.5 ms as in the emulation."""
 HOLD: Final = 2.0
 """Time for which a motion is simulated after its path has ended, s."""
+REST: Final = 100
+"""Ticks for which an arm with effects has rested before its motion: the blocks have learned by then what they do not
+know of it, as they have before most motions of a cell."""
 LONGEST: Final = 600.0
 """Longest duration of a simulated motion, s."""
 
@@ -238,7 +241,8 @@ class Simulator:
         if self._loop is not None and arm_of is None and case.effects == NO_EFFECTS:
             motion = self._compiled(self._loop, case, ticks)
         else:
-            motion = self._stepped(case, (arm_of or _twin)(case, ticks), ticks)
+            resting = REST if case.effects != NO_EFFECTS and case.omega == STILL else 0
+            motion = self._stepped(case, (arm_of or _twin)(case, resting + ticks), ticks, resting)
         return _outcome(case, self.controller.target(), motion)
 
     def run_all(self, cases: Sequence[MotionCase]) -> Iterator[Outcome]:
@@ -283,24 +287,29 @@ class Simulator:
         start = np.array((*case.theta, *case.omega))
         return loop.run(start, ticks, case.arm, case.payload, case.payload_model, _carries(case), noise)
 
-    def _stepped(self, case: MotionCase, arm: Arm, ticks: int) -> Motion:
+    def _stepped(self, case: MotionCase, arm: Arm, ticks: int, resting: int) -> Motion:
+        """A motion tick by tick, after some ticks in which the arm is held where it starts."""
         controller, step, path_of = self.controller, self.controller.step, self.controller.path
         encoders = _encoders(case)
         samples: list[Triple] = []
         path: list[Triple] = []
         commands: list[Triple] = []
         theta = case.theta
-        for k in range(ticks):
+        for k in range(resting + ticks):
             sample = theta if encoders is None else _measure(encoders, theta)
-            if k:
-                volts = step(sample)
+            if not k:
+                goal = case.theta if resting else case.goal
+                volts = controller.begin(sample, goal, case.settings, carries=_carries(case), omega=case.omega)
+            elif k == resting:
+                volts = controller.go(sample, case.goal)
             else:
-                volts = controller.begin(sample, case.goal, case.settings, carries=_carries(case), omega=case.omega)
+                volts = step(sample)
             samples.append(sample)
             path.append(path_of())
             commands.append(volts)
             theta = arm.advance(k, volts)
-        return Motion(arm.states, np.array(samples), np.array(path), np.array(commands))
+        found = (np.array(each)[resting:] for each in (arm.states, samples, path, commands))
+        return Motion(*found)
 
 
 def _ticks(case: MotionCase) -> int:

@@ -9,11 +9,15 @@ from typing import Any
 import msgspec
 import pytest
 
+import dtwin
 from dtwin.cli import main
 from dtwin.controller.settings import ControlSettings
+from dtwin.identification.machine.record import write_record
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
 from dtwin.simulation.history import Entry, History
+from dtwin.twin.effects import Effects
+from tests.support.records import recorded
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -57,6 +61,16 @@ def test_simulate_predicts_what_was_measured(tmp_path: Path, capsys: pytest.Capt
     assert report["candidates"][0]["target_time"] == 1.5
     assert main(["simulate", "--log", str(path)]) == 0
     assert "fit 0.99" in capsys.readouterr().out
+
+
+def test_simulate_takes_the_record_of_an_arm(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    record = tmp_path / "arm.json"
+    write_record(recorded(Effects(stiction=(0.02, 0.02, 0.02))), record)
+    (rough,) = answer(capsys, "simulate", "--commissioned", str(record))["candidates"]
+    assert tuple(rough["tracking_max"]) == dtwin.simulate(commissioned=record).figures.tracking_max
+    assert max(rough["tracking_max"]) > 2.0 * max(dtwin.simulate().figures.tracking_max)
+    assert main(["simulate", "--commissioned", str(record), "--model", "other.json"]) == 2
+    assert "--commissioned: expected no --model beside it" in capsys.readouterr().err
 
 
 def test_optimise_saves_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,7 +19,7 @@ from dtwin.parameters import HANGING, PERIOD, PLACES, ArmParameters, Gains, Law
 from dtwin.simulation.whatif import MotionCase, Simulator
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from dtwin.twin.energy import energy
-from dtwin.twin.machine import machine_rollout, vector_of
+from dtwin.twin.machine import SUBSTEP, WIDTH, integrate_machine, vector_of
 
 T4 = ControlSettings(target_time=4.0)
 
@@ -53,15 +53,26 @@ def test_arm_of_mujoco_and_twin_move_alike(simulator: Simulator, payload: float)
 
 
 def test_an_arm_with_effects_moves_as_their_equations_say(simulator: Simulator) -> None:
-    effects = Effects(lag=(0.004, 0.003, 0.002), stiction=(0.01, 0.0, 0.02), cable=(0.1, 0.0, 0.0), delay=0.013)
+    """From the third sample on, before which commands act that came before the motion."""
+    effects = Effects(stiction=(0.01, 0.0, 0.02), cable=(0.1, 0.0, 0.0), delay=0.013)
     case = MotionCase("green", T4, payload=0.2, effects=effects)
     (motion,) = simulator.run_all([case])
-    volts, loads = motion.volts, np.full(len(motion.volts), 0.2)
-    states, _ = machine_rollout(vector_of(case.arm, effects), motion.states[0], volts, loads)
-    np.testing.assert_allclose(motion.states, states, rtol=0, atol=1e-12)
+    states = motion.states[2:].copy()
+    loads, acting = np.full(len(motion.volts), 0.2), np.full(3, np.nan)
+    integrate_machine(vector_of(case.arm, effects), motion.volts, loads, PERIOD, SUBSTEP, WIDTH, 2, acting, states)
+    np.testing.assert_allclose(motion.states[2:], states, rtol=0, atol=1e-12)
     assert motion.figures.tracking_max > simulator.run(replace(case, effects=NO_EFFECTS)).figures.tracking_max
     with pytest.raises(ParameterError, match="expected point for an arm with effects, got weight"):
         replace(case, payload_model="weight")
+
+
+def test_an_arm_with_effects_has_rested_before_it_moves(simulator: Simulator) -> None:
+    """A cable's torque, which the model lacks, is held by the observer when the path begins."""
+    settings = ControlSettings(gains=USUAL_GAINS["cascade"], law="cascade")
+    case = MotionCase("pickup", settings, effects=Effects(torque=(0.02, 0.0, 0.0)))
+    rested, cold = simulator.run(case), simulator.run(replace(case, omega=(1e-6, 0.0, 0.0)))
+    assert np.abs(rested.measured - rested.path).max() < 2e-5
+    assert np.abs(cold.measured - cold.path).max() > 2e-3
 
 
 def test_the_emulated_arm_of_a_machine_is_read_by_its_encoders() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_ga
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import ParameterError
 from dtwin.files import ensure_writable
+from dtwin.identification.machine.record import MachineRecord, read_record
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import PERIOD, ArmParameters, Law, Triple
 from dtwin.run.options import CellFileOption, CompensationOptions
@@ -28,8 +30,10 @@ from dtwin.simulation.candidates import vary
 from dtwin.simulation.figures import Figures, triple
 from dtwin.simulation.measured import MotionComparison, compare, find, settings_of
 from dtwin.simulation.places import parse_goal
+from dtwin.simulation.proposal import controllable
 from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
 from dtwin.terminal import as_text, print_json, print_table
+from dtwin.twin.effects import NO_EFFECTS, Effects
 
 _SAMPLES = 9
 """number of samples that the velocity of a running arm is taken from"""
@@ -78,8 +82,10 @@ class Simulate(CompensationOptions, CellFileOption, RuntimeOption):
     """A parameter of the simulated arm, e.g. D2=0.1 or mu1=0.02; repeatable. The controller's model stays."""
     model: str | None = None
     """Identified model that is simulated: a file or a name in --store; the data sheet if not given."""
+    commissioned: Path | None = None
+    """Record of `dtwin commission` instead of a model: its arm is simulated, with all that it has."""
     controller_model: str | None = None
-    """Identified model that the controller uses; that of --model if not given."""
+    """Identified model that the controller uses; that of --model, or of the record, if not given."""
     store: Path = STORE
     """Folder of the kept models."""
     candidate: list[str] = field(default_factory=list)
@@ -96,6 +102,8 @@ class Simulate(CompensationOptions, CellFileOption, RuntimeOption):
     def execute(self) -> int:
         if self.plot is not None:
             ensure_writable(self.plot)
+        if self.commissioned is not None and self.model is not None:
+            raise ParameterError("--commissioned: expected no --model beside it")
         simulator = Simulator(task=self.task())
         log = read_log(self.log) if self.log is not None else None
         base, comparison = self._measured(log, simulator) if log is not None else (self._base(), None)
@@ -119,18 +127,21 @@ class Simulate(CompensationOptions, CellFileOption, RuntimeOption):
         return 0
 
     def _base(self) -> MotionCase:
-        arm = self._arm(self.model, ArmParameters())
+        record = self._record
+        arm = record.arm if record else self._arm(self.model, ArmParameters())
+        model = controllable(record) if record else arm
         control = ControlSettings(
             self.target_time,
             usual_gains(self.law, self.kp, self.ki, self.kd),
             self.law,
-            self.believed(self._arm(self.controller_model, arm)),
+            self.believed(self._arm(self.controller_model, model)),
             self.task().boxes.middle if self.box is None else self.box,
             compensation=self.compensation(),
         )
         return replace(
             motion_case(self.start, self.goal, control, arm, self.payload, self.task()),
             arm=with_set(arm, self.set),
+            effects=self._effects,
             noise=self.noise,
             noise_kind=self.noise_kind,
             seed=self.seed,
@@ -147,15 +158,24 @@ class Simulate(CompensationOptions, CellFileOption, RuntimeOption):
         # A parabola through several samples: a difference of two would show the encoders' noise.
         times = PERIOD * np.arange(1 - len(last), 1)
         speeds = np.polyfit(times, np.array([sample.theta for sample in last]), 2)[1]
-        arm = base.arm if self.model or self.set else now.model
+        arm = base.arm if self.model or self.commissioned or self.set else now.model
         goal = parse_goal(self.goal, arm, theta, self.task())
         return replace(base, goal=goal, settings=settings, theta=theta, omega=triple(speeds), arm=arm)
 
     def _measured(self, log: Log, simulator: Simulator) -> tuple[MotionCase, MotionComparison]:
         settings = settings_of(log)
-        arm = with_set(self._arm(self.model, settings.model), self.set)
-        comparison = compare(log, find(log, self.at), settings, arm, self.payload or settings.payload, simulator)
+        arm = self._record.arm if self._record else self._arm(self.model, settings.model)
+        motion, payload = find(log, self.at), self.payload or settings.payload
+        comparison = compare(log, motion, settings, with_set(arm, self.set), payload, simulator, self._effects)
         return comparison.predicted.case, comparison
+
+    @cached_property
+    def _record(self) -> MachineRecord | None:
+        return None if self.commissioned is None else read_record(self.commissioned)
+
+    @property
+    def _effects(self) -> Effects:
+        return self._record.effects if self._record else NO_EFFECTS
 
     def _arm(self, reference: str | None, otherwise: ArmParameters) -> ArmParameters:
         if reference is None:
