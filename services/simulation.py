@@ -176,6 +176,9 @@ class Simulation:
         with self._lock:
             try:
                 self._checker.load()
+                if self._arm is not None and self._uploader is not None:
+                    share = self._checker.tolerate(self._uploader.settings, self._arm)
+                    log.info("uploads keep at least %.0f %% of the demanded margins", 100.0 * share)
             except DtwinError as error:
                 log.error("%s", error)
 

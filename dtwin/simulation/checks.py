@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,7 +17,7 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.errors import DivergenceError, ParameterError
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.simulation.figures import Figures, triple
-from dtwin.simulation.margins.demands import DEMANDS, Case
+from dtwin.simulation.margins.demands import DEMANDS, UNSTABLE, Case, Shortfall
 from dtwin.simulation.margins.loop import lateness, linear_loop
 from dtwin.simulation.margins.measures import margins
 from dtwin.simulation.margins.poses import Pose
@@ -28,6 +28,8 @@ from dtwin.twin.effects import NO_EFFECTS, Effects
 
 TAIL: Final = 0.5
 """Time after the end of a path for which a checked motion is simulated, s."""
+TOLERANCE: Final = 0.9
+"""Share of the margins of an arm that has less than is demanded that other settings have to keep."""
 WORST_TRACKING: Final = 0.3
 """Largest distance from the path in any motion of the cell, rad."""
 
@@ -94,6 +96,7 @@ class Checker:
         self._task = task
         self._effects = effects
         self.motions = motions_of(task)
+        self._least = 1.0
         self._heavier = round(task.boxes.heaviest - task.boxes.middle, 12)
 
     @cached_property
@@ -106,7 +109,24 @@ class Checker:
         Raises:
             FunctionBlockError: the library cannot be used.
         """
-        self.check(ControlSettings(), ArmParameters(), self.motions[:1])
+        settings, arm, motions = ControlSettings(), ArmParameters(), self.motions[:1]
+        list(self._resting(settings, arm, motions))
+        self.predict(settings, arm, motions)
+
+    def tolerate(self, settings: ControlSettings, arm: ArmParameters) -> float:
+        """Demands no more than settings in force have on the arm as it is known, when that is less than is demanded.
+
+        An arm that is too slow for the demanded margins works with less, and must not be kept from what helps it.
+
+        Returns:
+            the share of the demanded margins that is asked for from now on; stability is demanded whatever it is.
+
+        Raises:
+            FunctionBlockError: the library cannot be used.
+        """
+        short = [shortfall for _, shortfall in self._resting(settings, arm, self.motions) if shortfall is not None]
+        self._least = TOLERANCE * min((shortfall.share for shortfall in short), default=1.0 / TOLERANCE)
+        return self._least
 
     def check(
         self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion] | None = None
@@ -182,18 +202,25 @@ class Checker:
         Raises:
             Refused: a margin is below what is demanded of the law; the message says which, where, and what is.
         """
-        demands, found = DEMANDS[settings.law], []
+        found = []
+        for case, short in self._resting(settings, arm, motions):
+            if short is not None and (short.name == UNSTABLE or short.share < self._least):
+                raise Refused(f"{case}: {short.text}")
+            found.append(case)
+        return found
+
+    def _resting(
+        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion]
+    ) -> Iterator[tuple[Case, Shortfall | None]]:
+        """The margins where motions end, and what falls short there of what is demanded."""
+        demands = DEMANDS[settings.law]
         for goal, carries in dict.fromkeys((motion.goal, motion.carries) for motion in motions):
             payload = settings.payload if carries else 0.0
             pose = Pose(goal, angles_of(goal, self._task))
             late = lateness(self._effects)
             loop = linear_loop(self._simulator.controller, settings, arm, payload, pose.theta, late, self._effects)
             case = Case(pose, payload, margins(loop, demands.delay))
-            short = demands.shortfall(case.margins)
-            if short is not None:
-                raise Refused(f"{case}: {short.text}")
-            found.append(case)
-        return found
+            yield case, demands.shortfall(case.margins)
 
 
 def motion_case(

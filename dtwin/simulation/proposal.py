@@ -19,6 +19,7 @@ from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.simulation.margins.demands import MARGINS, Case, cases
 from dtwin.simulation.margins.design import NOISE, Candidate, best_of, design
 from dtwin.simulation.margins.poses import Pose, places, poses
+from dtwin.twin.effects import Effects
 
 _MOST_GAIN: Final = 60.0
 """Gain margin, dB, above which none is told."""
@@ -77,12 +78,16 @@ def lateness(record: MachineRecord) -> tuple[float, float]:
 
 def controllable(record: MachineRecord) -> ArmParameters:
     """The arm as the controller should believe it to be: rotors are parts of links, and friction is what is told."""
-    arm, effects = record.arm, record.effects
+    friction = {f"mu{joint}": 0.0 for joint in (1, 2, 3) if not record.numbers[f"mu{joint}"].told}
+    return with_rotors(record.arm, record.effects).with_values(friction)
+
+
+def with_rotors(arm: ArmParameters, effects: Effects) -> ArmParameters:
+    """An arm whose rotors are parts of its links."""
     first, second, third = (
         inertia + rotor for inertia, rotor in zip(arm.inertia, effects.rotor_inertia, strict=True)
     )
-    friction = {f"mu{joint}": 0.0 for joint in (1, 2, 3) if not record.numbers[f"mu{joint}"].told}
-    return replace(arm, inertia=(first, second, third)).with_values(friction)
+    return replace(arm, inertia=(first, second, third))
 
 
 def compensation(record: MachineRecord) -> Compensation:

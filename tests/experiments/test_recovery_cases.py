@@ -6,13 +6,16 @@ import pytest
 
 from dtwin.controller.settings import USUAL_GAINS, ControlSettings
 from dtwin.emulation.faults import parse_fault, schedule
+from dtwin.emulation.machine.files import machine_of
+from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import FaultError
 from dtwin.experiments.recovery.campaign import RecoveryTrial, passed, recovery_report
 from dtwin.experiments.recovery.cases import DRAWS, drawn_case
 from dtwin.experiments.recovery.demonstration import parse_faults
-from dtwin.experiments.recovery.expected import expected_of, kind_of
+from dtwin.experiments.recovery.expected import expected_of, kind_of, made_of
 from dtwin.parameters import ArmParameters
 from dtwin.recovery.answers import ANSWERS
+from dtwin.twin.effects import NO_EFFECTS, Effects
 
 CONTROL = ControlSettings(gains=USUAL_GAINS["cascade"], law="cascade")
 TRIAL = RecoveryTrial(
@@ -49,6 +52,17 @@ def test_cases_are_drawn_from_the_whole_table_and_are_possible() -> None:
 def test_the_right_answer_is_what_physics_allows(fault: str, measures: set[str], ability: str | None) -> None:
     expected = expected_of(parse_faults([fault]), ArmParameters(), CONTROL)
     assert (expected.measures, expected.ability) == (measures, ability)
+
+
+def test_what_a_machine_has_beside_its_parameters_decides_what_it_can_do() -> None:
+    """A motor that no voltage gets through to does not follow its path; back-EMF is a damping."""
+    arm, effects = made_of(machine_of("servo"), ArmParameters())
+    assert effects.rotor_inertia[0] > 0.0
+    assert arm.damping[0] > ArmParameters().damping[0]
+    assert made_of(IDEAL, ArmParameters()) == (ArmParameters(), NO_EFFECTS)
+    faults, lossy = parse_faults(["supply*=0.85"]), Effects(dead_zone=(2.0, 2.0, 2.0))
+    abilities = [expected_of(faults, ArmParameters(), CONTROL, each).ability for each in (NO_EFFECTS, lossy)]
+    assert abilities == ["as before", None]
 
 
 def test_a_fault_without_an_answer_is_refused() -> None:

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings import USUAL_GAINS, ControlSettings
 from dtwin.parameters import ArmParameters, Gains, scaled
-from dtwin.simulation.checks import MOTIONS, Checker, Motion, Refused
+from dtwin.simulation.checks import MOTIONS, TOLERANCE, Checker, Motion, Refused
 from dtwin.simulation.places import angles_of
 from dtwin.simulation.whatif import MotionCase, Simulator
 from dtwin.twin.effects import Effects
@@ -76,3 +76,18 @@ def test_what_an_arm_has_beside_its_parameters_counts(checker: Checker) -> None:
     assert rough.disk_margin != smooth.disk_margin
     with pytest.raises(Refused, match="not stable"):
         Checker(effects=Effects(delay=0.03)).check(USUAL, ArmParameters())
+
+
+def test_an_arm_too_slow_for_the_margins_is_not_kept_from_what_keeps_its_own() -> None:
+    settings = ControlSettings(gains=USUAL_GAINS["cascade"], law="cascade")
+    slow, arm = Checker(effects=Effects(delay=0.025)), ArmParameters()
+    with pytest.raises(Refused, match="margin"):
+        slow.check(settings, arm)
+    share = slow.tolerate(settings, arm)
+    assert share == pytest.approx(0.5 * TOLERANCE, abs=0.02)
+    slow.check(replace(settings, model=scaled(arm, "K", 0.98)), arm)
+    with pytest.raises(Refused, match="margin"):
+        slow.check(replace(settings, model=scaled(arm, "K", 0.85)), arm)
+    with pytest.raises(Refused, match="not stable"):
+        slow.check(replace(settings, model=scaled(arm, "K", 0.3)), arm)
+    assert Checker().tolerate(settings, arm) == 1.0

@@ -14,7 +14,7 @@ from dtwin.bus.messages import FAULT, Done, FaultRequest
 from dtwin.emulation.faults import Fault, parse_fault
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.experiments.recovery.cases import RecoveryCase, grown_friction
-from dtwin.experiments.recovery.expected import expected_of
+from dtwin.experiments.recovery.expected import expected_of, made_of
 from dtwin.experiments.recovery.healthy import healthy_run
 from dtwin.experiments.recovery.known import KnownArm, known_arm
 from dtwin.experiments.recovery.outcome import Recovery, Story, judge
@@ -82,7 +82,8 @@ def recover(
             history=folder / "history.jsonl",
         )
         settings = complete.settings()
-        expected = expected_of(made.faults, settings.machine.arm(settings.arm), complete.control())
+        arm, effects = made_of(settings.machine, settings.arm)
+        expected = expected_of(made.faults, arm, complete.control(), effects)
         with launched(complete) as cell:
             cell.await_ready()
             desk = Desk(cell.bus, lambda: cell.over, progress, LONGEST)

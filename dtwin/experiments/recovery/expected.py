@@ -8,14 +8,18 @@ from typing import Final, NamedTuple
 from dtwin.bus.twin_messages import PredictedMotion
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.faults import Condition, Fault, schedule
+from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.errors import FaultError, choices
+from dtwin.experiments.identification.strangers import truth_of
 from dtwin.monitoring.kinds import NAMED, UNKNOWN
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, scaled, symbol_of
 from dtwin.recovery.answers import ANSWERS, Measure
 from dtwin.recovery.measures import BOXES
 from dtwin.recovery.tuning import Ability, search
 from dtwin.simulation.checks import MOTIONS, Checker
+from dtwin.simulation.proposal import with_rotors
 from dtwin.simulation.upload import changed
+from dtwin.twin.effects import EFFECT_NAMES, NO_EFFECTS, Effects
 
 _HIDDEN: Final = ("pads",)
 """Targets of faults of the gripper of which the monitor has no kind."""
@@ -46,33 +50,45 @@ def kind_of(fault: Fault) -> str:
     return kind if kind in ANSWERS else UNKNOWN
 
 
-def expected_of(faults: Sequence[Fault], arm: ArmParameters, settings: ControlSettings) -> Expected:
+def expected_of(
+    faults: Sequence[Fault], arm: ArmParameters, settings: ControlSettings, effects: Effects = NO_EFFECTS
+) -> Expected:
     """The right answer to faults, which begin at once.
 
     Args:
         faults: the faults.
         arm: the healthy arm.
         settings: settings of the controller before them.
+        effects: what the arm has beside its parameters.
     """
     measures = frozenset(ANSWERS[kind_of(fault)].measure for fault in faults)
     if "stop" in measures:
         return Expected(frozenset({"stop"}), None)
     condition = schedule(arm, faults)[0].condition
-    ability = _ability(condition, arm, settings)
+    ability = _ability(condition, arm, settings, effects)
     if ability in ("without a box", "not at all"):
         return Expected(frozenset({"stop"}), None)
     return Expected(measures, ability)
 
 
-def _ability(condition: Condition, arm: ArmParameters, settings: ControlSettings) -> Ability:
+def made_of(machine: Machine, nominal: ArmParameters) -> tuple[ArmParameters, Effects]:
+    """What a machine is in truth, in the terms of the twin, as far as it has them."""
+    if machine == IDEAL:
+        return nominal, NO_EFFECTS
+    values = truth_of(machine, nominal)
+    arm = nominal.with_values({name: values[name] for name in PARAMETER_NAMES})
+    return arm, NO_EFFECTS.with_values({name: values[name] for name in EFFECT_NAMES})
+
+
+def _ability(condition: Condition, arm: ArmParameters, settings: ControlSettings, effects: Effects) -> Ability:
     """How the arm can work with the model of what it has become."""
-    checker = Checker()
+    checker = Checker(effects=effects)
     now = scaled(condition.parameters, "K", condition.supply)
     masses = [condition.payload(mass) for mass in BOXES]
     reference = _expect(checker, settings, arm, BOXES)
 
     def expect(gains: Gains, target_time: float) -> list[PredictedMotion]:
-        known = changed(settings, gains, target_time, now, masses[0])
+        known = changed(settings, gains, target_time, with_rotors(now, effects), masses[0])
         return _expect(checker, known, now, masses)
 
     return search(now, max(masses), expect, settings.gains, settings.target_time, reference).ability

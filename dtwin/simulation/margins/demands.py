@@ -18,6 +18,10 @@ STABLE: Final = 1.0 - 1e-6
 """Spectral radius from which the closed loop counts as not stable: errors would take hours to halve."""
 
 
+UNSTABLE: Final = "stability"
+"""Name of what an unstable loop falls short of."""
+
+
 class Shortfall(NamedTuple):
     """A margin that falls short of the demand.
 
@@ -54,7 +58,7 @@ class Demands:
         """The margin that falls short the most; None when all are as demanded."""
         if not found.spectral_radius < STABLE:
             radius = f"not stable: spectral radius {found.spectral_radius:.4f} of one tick, expected below 1"
-            return Shortfall("stability", radius, 0.0)
+            return Shortfall(UNSTABLE, radius, 0.0)
         values = {
             "disk margin": (found.disk, self.disk, ".2f", ""),
             "gain margin": (found.gain, self.gain, ".1f", " dB"),
