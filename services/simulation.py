@@ -221,7 +221,9 @@ class Simulation:
         if request.arm is not None:
             check_model(request.arm)
         arm = request.arm or self._arm
-        return self._change(lambda uploader: uploader.upload(_proposal(uploader, request), self._time, arm))
+        return self._change(
+            lambda uploader: uploader.upload(_proposal(uploader, request), self._time, arm, request.late)
+        )
 
     def _roll_back(self, request: RollBackRequest) -> Upload:
         return self._change(lambda uploader: uploader.roll_back(request.who, request.why, self._time))
@@ -252,7 +254,7 @@ class Simulation:
             arm = asked.arm or self._arm or settings.model
             check_bounds(settings)
             check_model(arm)
-            found = self._checker.simulate(settings, arm, asked.box)
+            found = self._checker.simulate(settings, arm, asked.box, late=asked.late)
             version = uploader.version
         return Predicted(
             version,

@@ -14,6 +14,7 @@ from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
 HEAVIEST: Final = 1.0
 """Greatest mass of a box in a request, kg: far more than the arm can lift."""
+Ticks = Annotated[float, msgspec.Meta(ge=0.0, le=2.0)]
 Kilograms = Annotated[float, msgspec.Meta(ge=0.0, le=HEAVIEST)]
 Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}$")]
 
@@ -106,9 +107,10 @@ class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA)
         target_time: s.
         model: arm model for the controller.
         version: version of the history that shall be in force again.
-        arm: arm as the twin knows it, for the check; the controller's model when None.
+        arm: arm as the twin knows it, for the check; that of the cell's record, or the controller's model, when None.
         payload: mass of a box that the controller shall assume, kg.
         encoder_offset: offsets to be taken off what the encoders read, rad.
+        late: ticks by which commands act later than they did, for the check.
     """
 
     who: Word
@@ -121,6 +123,7 @@ class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA)
     arm: ArmParameters | None = None
     payload: Kilograms | None = None
     encoder_offset: Triple | None = None
+    late: Ticks = 0.0
 
 
 class RollBackRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -174,9 +177,10 @@ class PredictionRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCH
         gains: gains of the computed-torque law; those in force when None.
         target_time: s; the one in force when None.
         model: arm model of the controller; the one in force when None.
-        arm: arm as the twin knows it; the controller's model when None.
+        arm: arm as the twin knows it; that of the cell's record, or the controller's model, when None.
         box: kg, of a carried box.
         payload: mass of a box that the controller assumes, kg; the one in force when None.
+        late: ticks by which commands act later than they did.
     """
 
     gains: Gains | None = None
@@ -185,6 +189,7 @@ class PredictionRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCH
     arm: ArmParameters | None = None
     box: Kilograms = 0.2
     payload: Kilograms | None = None
+    late: Ticks = 0.0
 
 
 class PredictedMotion(msgspec.Struct, frozen=True):

@@ -9,11 +9,11 @@ from typing import Final
 from dtwin.bus.twin_messages import PredictedMotion, Upload
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
-from dtwin.parameters import PERIOD, ArmParameters, Gains
+from dtwin.parameters import ArmParameters, Gains
 from dtwin.recovery.tuning import Tuned, search, times
 from dtwin.simulation.checks import MOTIONS, motion_case
 from dtwin.simulation.margins.demands import DEMANDS, cases
-from dtwin.simulation.margins.loop import lateness
+from dtwin.simulation.margins.loop import lateness, later
 from dtwin.simulation.margins.poses import places
 from dtwin.simulation.whatif import Simulator
 from dtwin.twin.effects import Effects
@@ -45,7 +45,7 @@ def settings_for_late(
         ParameterError: no gains have the margins.
     """
     settings = ControlSettings(in_force.target_time, in_force.gains, in_force.law, in_force.model, in_force.payload)
-    simulator, late = Simulator(), replace(effects, delay=effects.delay + LATE * PERIOD)
+    simulator, late = Simulator(), later(effects, LATE)
     gains = _with_margins(simulator, settings, arm, late)
 
     def expect(gains: Gains, target_time: float) -> list[PredictedMotion]:

@@ -58,6 +58,7 @@ class Desk:
         findings: settled findings that stand, by the parameters that changed.
         boxes: how much each box that differed weighed more than usual, kg, by the plant time (s) of the finding.
         stopped: whether the operator has stopped the arm.
+        late: ticks by which commands are known to act later than they did.
     """
 
     def __init__(
@@ -68,6 +69,7 @@ class Desk:
         self.findings: dict[str, MonitoredUnit] = {}
         self.boxes: dict[float, float] = {}
         self.stopped = False
+        self.late = 0.0
         self.bus = bus
         self._over = over
         self._progress = progress
@@ -149,6 +151,7 @@ class Desk:
             arm=arm,
             payload=payload,
             encoder_offset=encoder_offset,
+            late=self.late,
         )
         return self.bus.ask(UPLOAD, request, Upload)
 

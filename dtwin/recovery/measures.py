@@ -22,7 +22,7 @@ from dtwin.identification.machine.record import MachineRecord
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, Triple, scaled
 from dtwin.recovery.answers import Measure
-from dtwin.recovery.delay import settings_for_late
+from dtwin.recovery.delay import LATE, settings_for_late
 from dtwin.recovery.desk import Desk
 from dtwin.recovery.refit import estimated, refitted
 from dtwin.recovery.strength import beyond_strength
@@ -248,6 +248,7 @@ class Measures:
             raise TooWeak(str(error)) from None
         if tuned.ability in _TOO_WEAK:
             raise TooWeak(_TOO_WEAK[tuned.ability])
+        desk.late = LATE
         if (tuned.gains, tuned.target_time) == (in_force.gains, in_force.target_time):
             desk.say(f"gains and target time can stay though commands are late: {_expected(tuned)}")
             return Taken(None, {})
@@ -260,7 +261,9 @@ class Measures:
         return [
             motion
             for box in boxes
-            for motion in self._desk.bus.ask(PREDICT, msgspec.structs.replace(request, box=box), Predicted).motions
+            for motion in self._desk.bus.ask(
+                PREDICT, msgspec.structs.replace(request, box=box, late=self._desk.late), Predicted
+            ).motions
         ]
 
 

@@ -18,7 +18,7 @@ from dtwin.errors import DivergenceError, ParameterError
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.simulation.figures import Figures, triple
 from dtwin.simulation.margins.demands import DEMANDS, UNSTABLE, Case, Shortfall
-from dtwin.simulation.margins.loop import lateness, linear_loop
+from dtwin.simulation.margins.loop import lateness, later, linear_loop
 from dtwin.simulation.margins.measures import margins
 from dtwin.simulation.margins.poses import Pose
 from dtwin.simulation.places import angles_of
@@ -129,7 +129,11 @@ class Checker:
         return self._least
 
     def check(
-        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion] | None = None
+        self,
+        settings: ControlSettings,
+        arm: ArmParameters,
+        motions: Sequence[Motion] | None = None,
+        late: float = 0.0,
     ) -> ExpectedTracking:
         """Predicts the performance of settings on an arm and refuses bad ones.
 
@@ -137,6 +141,7 @@ class Checker:
             settings: settings to be uploaded.
             arm: model of the arm, which takes the place of the plant.
             motions: motions that must keep to their paths; None for all of the cell.
+            late: ticks by which commands act later than they did.
 
         Raises:
             Refused: a value is out of bounds, a margin is too small, or a motion leaves its path; the message says
@@ -145,8 +150,8 @@ class Checker:
         motions = self.motions if motions is None else motions
         try:
             check_bounds(settings)
-            resting = self._margins(settings, arm, motions)
-            prediction = self.predict(settings, arm, motions)
+            resting = self._margins(settings, arm, motions, late)
+            prediction = self.predict(settings, arm, motions, late)
         except (ParameterError, DivergenceError) as error:
             raise Refused(str(error)) from None
         worst = max(prediction.tracking)
@@ -163,7 +168,11 @@ class Checker:
         )
 
     def predict(
-        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion] | None = None
+        self,
+        settings: ControlSettings,
+        arm: ArmParameters,
+        motions: Sequence[Motion] | None = None,
+        late: float = 0.0,
     ) -> ExpectedTracking:
         """Predicts the performance of settings on an arm, good or bad; margins at rest are not checked.
 
@@ -175,8 +184,8 @@ class Checker:
         """
         motions = self.motions if motions is None else motions
         loaded = [motion for motion in motions if motion.carries]
-        found = self.simulate(settings, arm, settings.payload, motions)
-        found += self.simulate(settings, arm, settings.payload + self._heavier, loaded)
+        found = self.simulate(settings, arm, settings.payload, motions, late)
+        found += self.simulate(settings, arm, settings.payload + self._heavier, loaded, late)
         tracking = np.array([figures.tracking_max for figures in found])
         worst = (*motions, *loaded)[int(tracking.max(axis=1).argmax())]
         volts = np.max([figures.peak_volts for figures in found], axis=0)
@@ -185,40 +194,49 @@ class Checker:
         return ExpectedTracking(triple(tracking.max(axis=0)), rms, triple(volts), saturated, worst, 0.0, 0.0)
 
     def simulate(
-        self, settings: ControlSettings, arm: ArmParameters, box: float, motions: Sequence[Motion] | None = None
+        self,
+        settings: ControlSettings,
+        arm: ArmParameters,
+        box: float,
+        motions: Sequence[Motion] | None = None,
+        late: float = 0.0,
     ) -> list[Figures]:
         """Simulates motions, with a box of a mass (kg) where one is carried, and returns the figures of each.
+
+        Commands act some ticks later than they did.
 
         Raises:
             DivergenceError: the state of the arm is no longer finite.
         """
-        chosen = self.motions if motions is None else motions
-        cases = (motion_case(motion, settings, arm, box, self._task, self._effects) for motion in chosen)
+        chosen, effects = self.motions if motions is None else motions, later(self._effects, late)
+        cases = (motion_case(motion, settings, arm, box, self._task, effects) for motion in chosen)
         return [self._simulator.run(case).figures for case in cases]
 
-    def _margins(self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion]) -> list[Case]:
+    def _margins(
+        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion], late: float
+    ) -> list[Case]:
         """The margins where motions end; delays longer than what is demanded are not looked at.
 
         Raises:
             Refused: a margin is below what is demanded of the law; the message says which, where, and what is.
         """
         found = []
-        for case, short in self._resting(settings, arm, motions):
+        for case, short in self._resting(settings, arm, motions, late):
             if short is not None and (short.name == UNSTABLE or short.share < self._least):
                 raise Refused(f"{case}: {short.text}")
             found.append(case)
         return found
 
     def _resting(
-        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion]
+        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion], late: float = 0.0
     ) -> Iterator[tuple[Case, Shortfall | None]]:
         """The margins where motions end, and what falls short there of what is demanded."""
-        demands = DEMANDS[settings.law]
+        demands, effects = DEMANDS[settings.law], later(self._effects, late)
         for goal, carries in dict.fromkeys((motion.goal, motion.carries) for motion in motions):
             payload = settings.payload if carries else 0.0
             pose = Pose(goal, angles_of(goal, self._task))
-            late = lateness(self._effects)
-            loop = linear_loop(self._simulator.controller, settings, arm, payload, pose.theta, late, self._effects)
+            after = lateness(effects)
+            loop = linear_loop(self._simulator.controller, settings, arm, payload, pose.theta, after, effects)
             case = Case(pose, payload, margins(loop, demands.delay))
             yield case, demands.shortfall(case.margins)
 

@@ -157,13 +157,14 @@ class Uploader:
             self.trial = None
             self.last = self._found(self.version + 1, found, time)
 
-    def upload(self, proposal: Proposal, time: float, arm: ArmParameters | None = None) -> Entry:
+    def upload(self, proposal: Proposal, time: float, arm: ArmParameters | None = None, late: float = 0.0) -> Entry:
         """Puts new settings into force, on trial.
 
         Args:
             proposal: new settings.
             time: plant time, s.
             arm: model of the arm for the checks; the controller's model with the proposed changes when None.
+            late: ticks by which commands act later than they did.
 
         Returns:
             The entry of the history, after the settings have been read back from the controller.
@@ -175,7 +176,7 @@ class Uploader:
         settings = proposal.applied(self.settings)
         try:
             self._refuse_untimely(proposal)
-            prediction = self._checker.check(settings, arm or settings.model)
+            prediction = self._checker.check(settings, arm or settings.model, late=late)
         except Refused as reason:
             self._record("refuse", proposal, self.settings, time, str(reason))
             raise

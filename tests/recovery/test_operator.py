@@ -351,6 +351,7 @@ def test_late_commands_leave_gains_with_margins_and_make_the_arm_slower(cell: Fa
     cell.found["late"] = (20.0, 0.0, 0.0)
     operator = watched(cell)
     assert measures_of(operator) == [("margins", ("late",))]
+    assert [upload.late for upload in cell.uploads] == [1.0]
     (upload,) = cell.uploads
     assert upload.gains == USUAL_GAINS["cascade"]
     assert upload.target_time is not None

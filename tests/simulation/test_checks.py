@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from dtwin.controller.settings import USUAL_GAINS, ControlSettings
-from dtwin.parameters import ArmParameters, Gains, scaled
+from dtwin.parameters import PERIOD, ArmParameters, Gains, scaled
 from dtwin.simulation.checks import MOTIONS, TOLERANCE, Checker, Motion, Refused
 from dtwin.simulation.places import angles_of
 from dtwin.simulation.whatif import MotionCase, Simulator
@@ -91,3 +91,12 @@ def test_an_arm_too_slow_for_the_margins_is_not_kept_from_what_keeps_its_own() -
     with pytest.raises(Refused, match="not stable"):
         slow.check(replace(settings, model=scaled(arm, "K", 0.3)), arm)
     assert Checker().tolerate(settings, arm) == 1.0
+
+
+def test_commands_that_come_late_count_in_margins_and_motions() -> None:
+    settings, arm = ControlSettings(gains=USUAL_GAINS["cascade"], law="cascade"), ArmParameters()
+    found = Checker().check(settings, arm, late=1.0)
+    assert found == Checker(effects=Effects(delay=PERIOD)).check(settings, arm)
+    in_time = Checker().check(settings, arm)
+    assert found.disk_margin < in_time.disk_margin
+    assert max(found.tracking) > max(in_time.tracking)

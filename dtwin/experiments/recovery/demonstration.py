@@ -14,7 +14,7 @@ from dtwin.bus.messages import FAULT, Done, FaultRequest
 from dtwin.emulation.faults import Fault, parse_fault
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.experiments.recovery.cases import RecoveryCase, grown_friction
-from dtwin.experiments.recovery.expected import expected_of, made_of
+from dtwin.experiments.recovery.expected import expected_of, kind_of, made_of
 from dtwin.experiments.recovery.healthy import healthy_run
 from dtwin.experiments.recovery.known import KnownArm, known_arm
 from dtwin.experiments.recovery.outcome import Recovery, Story, judge
@@ -69,6 +69,8 @@ def recover(
     """
     generator = np.random.default_rng(np.random.SeedSequence(options.seed).spawn(3)[2])
     made = case or grown_friction(generator)
+    for fault in made.faults:
+        kind_of(fault)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         healthy = known or known_arm(options.settings(), folder, generator)

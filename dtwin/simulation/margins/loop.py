@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Final, NamedTuple
 
@@ -140,6 +140,11 @@ class Loop:
 def lateness(effects: Effects) -> float:
     """Time after which an arm with effects obeys a command, ticks; a lag delays by its time constant at most."""
     return (effects.delay + max(effects.lag)) / PERIOD
+
+
+def later(effects: Effects, late: float) -> Effects:
+    """The effects of an arm whose commands act some ticks later than they did."""
+    return replace(effects, delay=effects.delay + late * PERIOD)
 
 
 def linear_loop(
