@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import msgspec
+import numpy as np
 
 from dtwin.bus.messages import PREDICT
 from dtwin.bus.twin_messages import (
@@ -40,6 +41,8 @@ WRONG: Final = 0.001
 """rad by which an offset that was taken off may differ from what is known of it later"""
 SAME_MASS: Final = 0.005
 """kg by which a box may differ from what the controller assumes"""
+SAME: Final = 1e-9
+"""Share by which a number that a device reads back may differ from what it was sent as text."""
 _TOO_WEAK: Final[dict[Ability, str]] = {
     "without a box": "the arm can work without a box only",
     "not at all": "the arm cannot keep to its paths any more",
@@ -97,7 +100,7 @@ class Measures:
         """Puts the model of the healthy arm into force, asks what to expect of it, and returns since when, s."""
         model = self._arm if self._record is None else controllable(self._record)
         in_force = self._desk.settings()
-        if in_force.model != model:
+        if not np.allclose(in_force.model.vector(), model.vector(), rtol=SAME, atol=0.0):
             in_force = self._desk.upload("the model identified of the healthy arm", model=model, arm=self._arm)
             self._desk.confirm(in_force)
         self._reference = self._expect(PredictionRequest(arm=self._arm))

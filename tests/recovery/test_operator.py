@@ -40,7 +40,7 @@ from dtwin.controller.settings import USUAL_GAINS
 from dtwin.errors import CommunicationError
 from dtwin.identification.machine.record import MachineRecord
 from dtwin.monitoring.kinds import parse_fault_id
-from dtwin.parameters import ArmParameters
+from dtwin.parameters import ArmParameters, scaled
 from dtwin.recovery.desk import Desk
 from dtwin.recovery.measures import Measures
 from dtwin.recovery.operator import Operator
@@ -194,6 +194,14 @@ def measures_of(operator: Operator) -> list[tuple[str, tuple[str, ...]]]:
 def test_nothing_found_is_nothing_done(cell: FakeCell) -> None:
     operator = watched(cell)
     assert (operator.steps, operator.trouble, cell.uploads, cell.told) == ([], "", [], [])
+
+
+@pytest.mark.parametrize(("share", "uploads"), [(1e-12, 0), (1e-3, 1)])
+def test_a_model_in_force_is_not_sent_again(cell: FakeCell, share: float, uploads: int) -> None:
+    """A device may read back another last digit than it was sent."""
+    cell._now = msgspec.structs.replace(cell._now, model=scaled(HEALTHY, "K", 1.0 + share))
+    Measures(Desk(cast(Bus, cell), cell.over, lambda time: None, 60.0), HEALTHY).begin()
+    assert len(cell.uploads) == uploads
 
 
 def test_a_weaker_motor_is_refitted_and_its_model_uploaded(cell: FakeCell) -> None:
