@@ -212,8 +212,8 @@ class Diagnosis:
         return sum(probability for each, probability in self.ranked() if joint and each.fault.joint == joint)
 
     def _convinces(self, top: Candidate, probability: float) -> bool:
-        """Whether a candidate is sure; one that is no stop has to explain the motion besides."""
-        return probability >= DECIDED and (top.fault.kind in (FREEZE, LOCK) or top.misfit <= self._misfit)
+        """Whether a candidate is sure; any but an encoder that has stopped has to explain the motion besides."""
+        return probability >= DECIDED and (top.fault.kind == FREEZE or top.misfit <= self._misfit)
 
     def _changes(self, likely: Sequence[Suspicion], locked: bool) -> list[Candidate]:
         """What the most likely suspicions may be, and what leaves no traces of its own to suspect."""
