@@ -51,7 +51,6 @@ from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.history import HISTORY, Entry, History
-from dtwin.simulation.trial import COMMISSIONED, TrialRules
 from dtwin.simulation.upload import Proposal, Uploader, changed
 from dtwin.twin.effects import NO_EFFECTS
 
@@ -127,7 +126,7 @@ class Simulation:
         self, service: Service, history: History, checker: Checker, arm: ArmParameters | None = None
     ) -> None:
         self._service = service
-        self._arm, self._rules = arm, TrialRules() if arm is None else COMMISSIONED
+        self._arm = arm
         self._history = history
         self._checker = checker
         self._uploader: Uploader | None = None
@@ -148,7 +147,7 @@ class Simulation:
         service = self._service
         while self._uploader is None and not service.stopping:
             try:
-                self._uploader = Uploader(BridgePort(service.bus), self._history, self._checker, self._rules)
+                self._uploader = Uploader(BridgePort(service.bus), self._history, self._checker)
             except CommunicationError as error:
                 log.info("%s", error)
                 service.next(RETRY)

@@ -47,11 +47,6 @@ class TrialRules:
     late: int = 3
 
 
-COMMISSIONED: Final = TrialRules(factor=2.5)
-"""Rules for an arm with a record: among bodies it moves over points, faster than on the motions that the twin
-predicts."""
-
-
 class Trial:
     """A trial, which judges every sample.
 
