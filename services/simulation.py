@@ -41,9 +41,9 @@ from dtwin.bus.twin_messages import (
     UploadRequest,
 )
 from dtwin.controller.bounds import check_bounds, check_model
-from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
-from dtwin.identification.machine.record import read_record
+from dtwin.identification.machine.record import MachineRecord, read_record
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.state_file import from_message
@@ -51,6 +51,7 @@ from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.history import HISTORY, Entry, History
+from dtwin.simulation.proposal import controllable
 from dtwin.simulation.upload import Proposal, Uploader, changed
 from dtwin.twin.effects import NO_EFFECTS
 
@@ -74,7 +75,7 @@ class Options(CellFileOption, Link):
         with Service(NAME, self) as service:
             record = None if self.commissioned is None else read_record(self.commissioned)
             checker = Checker(task=self.task(), effects=record.effects if record else NO_EFFECTS)
-            Simulation(service, History(self.history), checker, record.arm if record else None).run()
+            Simulation(service, History(self.history), checker, record).run()
         return 0
 
 
@@ -119,14 +120,15 @@ class Simulation:
         service: frame of the service.
         history: history of the settings.
         checker: checker of uploads.
-        arm: arm that motions are simulated of unless a request names another one; None for the controller's model.
+        record: record of the arm that motions are simulated of unless a request names another one; None for an arm
+            that obeys the equations of motion, as the controller's model says.
     """
 
     def __init__(
-        self, service: Service, history: History, checker: Checker, arm: ArmParameters | None = None
+        self, service: Service, history: History, checker: Checker, record: MachineRecord | None = None
     ) -> None:
         self._service = service
-        self._arm = arm
+        self._record, self._arm = record, None if record is None else record.arm
         self._history = history
         self._checker = checker
         self._uploader: Uploader | None = None
@@ -176,11 +178,19 @@ class Simulation:
         with self._lock:
             try:
                 self._checker.load()
-                if self._arm is not None and self._uploader is not None:
-                    share = self._checker.tolerate(self._uploader.settings, self._arm)
-                    log.info("uploads keep at least %.0f %% of the demanded margins", 100.0 * share)
+                self._tolerate()
             except DtwinError as error:
                 log.error("%s", error)
+
+    def _tolerate(self) -> None:
+        """Demands less of an arm of which the record says that no settings have the demanded margins."""
+        record, uploader = self._record, self._uploader
+        if record is None or uploader is None or record.settings is None or not record.settings.refused:
+            return
+        law = uploader.settings.law
+        usual = ControlSettings(law=law, gains=usual_gains(law), model=controllable(record))
+        share = self._checker.tolerate(usual, record.arm)
+        log.info("uploads have to keep %.0f %% of the demanded margins", 100.0 * share)
 
     def _judge(self, sensors: Sensors, path: PathAngles) -> None:
         uploader = self._uploader

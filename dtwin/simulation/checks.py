@@ -114,9 +114,14 @@ class Checker:
         self.predict(settings, arm, motions)
 
     def tolerate(self, settings: ControlSettings, arm: ArmParameters) -> float:
-        """Demands no more than settings in force have on the arm as it is known, when that is less than is demanded.
+        """Demands little more than settings have on an arm, when that is less than is demanded.
 
         An arm that is too slow for the demanded margins works with less, and must not be kept from what helps it.
+        Settings with which it is not stable are no reason to demand less.
+
+        Args:
+            settings: settings that no upload changes, lest every upload lowers what the next one needs.
+            arm: arm as it is known.
 
         Returns:
             the share of the demanded margins that is asked for from now on; stability is demanded whatever it is.
@@ -124,8 +129,8 @@ class Checker:
         Raises:
             FunctionBlockError: the library cannot be used.
         """
-        short = [shortfall for _, shortfall in self._resting(settings, arm, self.motions) if shortfall is not None]
-        self._least = TOLERANCE * min((shortfall.share for shortfall in short), default=1.0 / TOLERANCE)
+        short = [found.share for _, found in self._resting(settings, arm, self.motions) if found is not None]
+        self._least = TOLERANCE * min(short) if short and min(short) > 0.0 else 1.0
         return self._least
 
     def check(

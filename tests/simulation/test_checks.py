@@ -91,6 +91,10 @@ def test_an_arm_too_slow_for_the_margins_is_not_kept_from_what_keeps_its_own() -
     with pytest.raises(Refused, match="not stable"):
         slow.check(replace(settings, model=scaled(arm, "K", 0.3)), arm)
     assert Checker().tolerate(settings, arm) == 1.0
+    unstable = replace(settings, model=scaled(arm, "K", 0.3))
+    assert slow.tolerate(unstable, arm) == 1.0, "nothing is allowed because all was lost"
+    with pytest.raises(Refused, match="margin"):
+        slow.check(settings, arm)
 
 
 def test_commands_that_come_late_count_in_margins_and_motions() -> None:
