@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from dtwin.experiments.monitoring.twin_cell import TwinCell
-from dtwin.monitoring.estimation.belief import Unmodelled, assumed
+from dtwin.monitoring.estimation.belief import Belief, Unmodelled, assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.tracking.quiet import quiet_rows
 from dtwin.run.options import ControlOptions
+from dtwin.run.recording import Log
 
 STRANGE = 3000
 """row at which something befalls the samples"""
@@ -94,6 +95,17 @@ def test_the_bits_are_those_of_one_sample_after_the_other(
         effects=cell.effects,
         error=Unmodelled(slow=(0.05,) * 3, compliance=(1e-4,) * 3),
     )
+    agree(belief, seen, kinds)
+
+
+@pytest.mark.parametrize(("befalls", "kinds"), [(spiked, {"spike"}), (weakened, {"failed"})])
+def test_so_they_are_of_an_arm_that_obeys_the_equations_of_motion(
+    run_cell: Callable[..., Log], belief: Belief, befalls: Callable[[Stream], Stream], kinds: set[str]
+) -> None:
+    agree(belief, befalls(stream(run_cell(40.0, 3))), kinds)
+
+
+def agree(belief: Belief, seen: Stream, kinds: set[str]) -> None:
     slow, fast = Monitor(belief), Monitor(belief)
     one_by_one(slow, seen)
     taken = at_once(fast, seen)

@@ -76,6 +76,43 @@ class Past(NamedTuple):
     mean: Array
 
 
+class TwinArrays(NamedTuple):
+    """The twin's coefficients, see `_coefficients`.
+
+    Attributes:
+        empty: (18,), those of the empty arm.
+        moved: (1, 18, 27), their derivatives by the moving states.
+        nominal: (33,), the state that they are meant for.
+    """
+
+    empty: Array
+    moved: Array
+    nominal: Array
+
+
+class MotionArrays(NamedTuple):
+    """What `carry` works with; the last three change in place.
+
+    Attributes:
+        rigid: whether the arm obeys the equations of motion, so that `vector` tells nothing, and `twin` all.
+        twin: what `_carry_rigid` knows of the arm.
+        vector: (78,), the machine, whose estimated numbers are those of the state.
+        gripped: whether a box is held, on whose mass the motion depends.
+        commands: (n, 3), commands up to the last sample, V; the last one alone of a rigid arm, not a number if nobody
+            knows it.
+        acting: (3,), voltages that act, V; not a number if nobody knows.
+        mean: (3,), mean voltages of the sample before, V.
+    """
+
+    rigid: bool
+    twin: TwinArrays
+    vector: Array
+    gripped: bool
+    commands: Array
+    acting: Array
+    mean: Array
+
+
 class Change(NamedTuple):
     """A state's value before and now, and the standard deviation of their difference."""
 

@@ -37,7 +37,7 @@ from dtwin.monitoring.estimation.layout import (
     W,
     unit_jump,
 )
-from dtwin.monitoring.estimation.motion import MachineMotion, MotionArrays, motion_of
+from dtwin.monitoring.estimation.motion import MotionArrays, motion_of
 from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.parameters import PERIOD
 
@@ -225,14 +225,11 @@ class Estimator:
 
     @property
     def plain(self) -> bool:
-        """Whether all that a sample changes is in `arrays` and `motion_arrays`: effects, and nothing wrong that is
-        known."""
-        known = self._locked or self._scaled or self._cloned
-        return isinstance(self._motion, MachineMotion) and not known
+        """Whether all that a sample changes is in `arrays` and `motion_arrays`: nothing is wrong that is known."""
+        return not (self._locked or self._scaled or self._cloned)
 
     def arrays(self) -> FilterArrays:
         """What the kernels of a sample work with, of a plain estimator; its own."""
-        assert isinstance(self._motion, MachineMotion)
         return FilterArrays(
             self.x,
             self.P,
@@ -265,19 +262,18 @@ class Estimator:
 
     def motion_arrays(self) -> MotionArrays:
         """What carries the motion of a plain estimator; its own."""
-        assert isinstance(self._motion, MachineMotion)
         return self._motion.arrays(self.gripped)
 
     def room(self, count: int) -> Past:
         """Room for what a plain estimator is at some samples."""
-        changing = (self.x, self.P, self._swing, self._command, self._handling, *self.motion_arrays()[2:])
+        changing = (self.x, self.P, self._swing, self._command, self._handling, *self.motion_arrays()[-3:])
         rows = (np.empty((count, *each.shape), dtype=each.dtype) for each in changing)
         return Past(np.zeros(count, dtype=bool), *rows)
 
     def at(self, past: Past, row: int) -> Estimator:
         """The estimator as it was."""
         other = self.copy()
-        mine = (other.x, other.P, other._swing, other._command, other._handling, *other.motion_arrays()[2:])
+        mine = (other.x, other.P, other._swing, other._command, other._handling, *other.motion_arrays()[-3:])
         for each, was in zip(mine, past[1:], strict=True):
             each[:] = was[row]
         return other

@@ -84,7 +84,7 @@ def follow(
     """Takes in samples in a row, the gripper unchanged, until there is more to do.
 
     Args:
-        estimator: of an arm with effects, without a locked joint or clones.
+        estimator: without a locked joint or clones.
         readings: settled, with no reading left out.
         bank: evidence so far.
         threshold: value of the largest statistic above which there is more to do.
@@ -164,7 +164,7 @@ def _work(
         )
         last[:] = measured[k]
         kernels.bound(f.x, f.least, f.most, gripped, possible)
-        motion.carry_machine(possible, volts[k], 0, m.vector, m.gripped, m.commands, m.acting, m.mean, end, f.F)
+        motion.carry(possible, volts[k], m, end, f.F)
         kernels.carry(f.x, end, f.memory, f.growth)
         kernels.disturb(
             f.x,

@@ -1,0 +1,154 @@
+"""The motion of an arm that obeys the equations of motion, over one sample."""
+
+from __future__ import annotations
+
+import copy
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.monitoring.estimation import derivatives
+from dtwin.monitoring.estimation.arrays import MotionArrays, TwinArrays
+from dtwin.monitoring.estimation.derivatives import by_voltages, hold
+from dtwin.monitoring.estimation.layout import ARM, ARM_NAMES, INDEX, LATE, MOVING, PAYLOAD, SIZE, SUPPLY, TORQUE, W
+from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters
+from dtwin.twin import sensitivity
+from dtwin.twin.compiled import kernel
+from dtwin.twin.dynamics import coefficients
+from dtwin.twin.machine import MACHINE_NAMES
+from dtwin.twin.sensitivity import integrate_linearised
+
+Array = NDArray[np.float64]
+
+SUBSTEPS: Final = 4
+"""RK4 steps a sample, as in the emulation"""
+TURNS: Final = 3
+"""steps of Newton's method that find the torque that holds a locked joint"""
+_COMPLEX_STEP: Final = 1e-30
+_LEAST_VOLTS: Final = 1e-6
+"""V: the derivative by a torque is that by the voltage constant divided by the voltage; this little moves nothing"""
+_NO_ECCENTRICITY: Final = np.zeros(3)
+_UNUSED: Final = np.zeros(3)
+_NO_MACHINE: Final = np.zeros(len(MACHINE_NAMES))
+
+
+class RigidMotion:
+    """The motion of an arm that obeys the equations of motion; it remembers the last command."""
+
+    sine = cosine = _NO_ECCENTRICITY
+
+    def __init__(self, arm: ArmParameters) -> None:
+        empty, moved = _coefficients(arm)
+        nominal = np.zeros(SIZE)
+        nominal[ARM:PAYLOAD] = [arm.get(name) for name in ARM_NAMES]
+        self._twin = TwinArrays(empty, moved, nominal)
+        self._last = np.full((1, 3), np.nan)
+
+    def begin(self) -> None:
+        """See `Motion.begin`."""
+        self._last[:] = np.nan
+
+    def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:
+        """See `Motion.carry`."""
+        if not locked:
+            end, F = np.empty(6), np.empty((6, MOVING))
+            carry_rigid(x, volts, gripped, self._twin, self._last, end, F)
+            return end, F
+        before = self._last[0] if np.isfinite(self._last).all() else volts
+        meant, last = np.clip((volts, before), -VOLTAGE_LIMIT, VOLTAGE_LIMIT)
+        self._last[0] = volts
+        later = last - meant
+        u = (1.0 + x[SUPPLY]) * (meant + x[LATE] * later)
+        u[np.abs(u) < _LEAST_VOLTS] = _LEAST_VOLTS
+        twin = self._twin
+        held = twin.empty + twin.moved[0, :, ARM:] @ (x - twin.nominal)[ARM:MOVING]
+        states, slopes, level = np.empty((2, 6)), np.zeros((2, 6, MOVING)), np.zeros(1, dtype=np.int64)
+        states[0], slopes[0, :, :6] = x[:6], np.eye(6)
+        end, F = states[1], slopes[1]
+        for _ in range(TURNS):
+            integrate_linearised(
+                held[None], twin.moved, level, u[None], PERIOD, SUBSTEPS, COULOMB_WIDTH, states, slopes
+            )
+            _oppose(u, x, end, F, locked - 1)
+        F[:, TORQUE:MOVING] = F[:, ARM : ARM + 3] / u
+        end += F[:, TORQUE:MOVING] @ x[TORQUE:MOVING]
+        by_voltages(F, x, meant + x[LATE] * later, later)
+        if not gripped:
+            F[:, PAYLOAD] = 0.0
+        hold(x, end, F, locked - 1)
+        return end, F
+
+    def eccentricity(self, angles: Array) -> Array:
+        """None."""
+        return _NO_ECCENTRICITY
+
+    def arrays(self, gripped: bool) -> MotionArrays:
+        """See `Motion.arrays`."""
+        return MotionArrays(True, self._twin, _NO_MACHINE, gripped, self._last, _UNUSED, _UNUSED)
+
+    def copy(self) -> RigidMotion:
+        """See `Motion.copy`."""
+        other = copy.copy(self)
+        other._last = self._last.copy()
+        return other
+
+
+@kernel(uses=(derivatives, sensitivity))
+def carry_rigid(x: Array, volts: Array, gripped: bool, twin: TwinArrays, last: Array, end: Array, F: Array) -> None:
+    """Writes to end (6,) and F (6, 27) what `RigidMotion.carry` gives while no joint is locked, and the command to
+    last (1, 3)."""
+    u, held, mean, later = np.empty((1, 3)), np.empty((1, 18)), np.empty(3), np.empty(3)
+    states, slopes, level = np.empty((2, 6)), np.empty((2, 6, MOVING)), np.zeros(1, dtype=np.int64)
+    slopes[0] = 0.0
+    for i in range(3):
+        meant = min(max(volts[i], -VOLTAGE_LIMIT), VOLTAGE_LIMIT)
+        before = volts[i] if math.isnan(last[0, i]) else last[0, i]
+        last[0, i] = volts[i]
+        later[i] = min(max(before, -VOLTAGE_LIMIT), VOLTAGE_LIMIT) - meant
+        mean[i] = meant + x[LATE] * later[i]
+        u[0, i] = (1.0 + x[SUPPLY]) * mean[i]
+        if abs(u[0, i]) < _LEAST_VOLTS:
+            u[0, i] = _LEAST_VOLTS
+    for k in range(18):
+        held[0, k] = twin.empty[k]
+        for j in range(ARM, MOVING):
+            held[0, k] += twin.moved[0, k, j] * (x[j] - twin.nominal[j])
+    for i in range(6):
+        states[0, i] = x[i]
+        slopes[0, i, i] = 1.0
+    integrate_linearised(held, twin.moved, level, u, PERIOD, SUBSTEPS, COULOMB_WIDTH, states, slopes)
+    end[:], F[:] = states[1], slopes[1]
+    for i in range(6):
+        for joint in range(3):
+            F[i, TORQUE + joint] = F[i, ARM + joint] / u[0, joint]
+            end[i] += F[i, TORQUE + joint] * x[TORQUE + joint]
+        if not gripped:
+            F[i, PAYLOAD] = 0.0
+    by_voltages(F, x, mean, later)
+
+
+def _oppose(u: Array, x: Array, end: Array, F: Array, joint: int) -> None:
+    """Changes the voltage of a locked joint to one that holds it, by Newton's method."""
+    slope = F[W + joint, ARM + joint] / u[joint] * x[ARM + joint]
+    if slope:
+        u[joint] -= end[W + joint] / slope
+        if abs(u[joint]) < _LEAST_VOLTS:
+            u[joint] = _LEAST_VOLTS
+
+
+def _coefficients(arm: ArmParameters) -> tuple[Array, Array]:
+    """The twin's coefficients (18,) of the empty arm and their derivatives (1, 18, 27) by the moving states.
+
+    They are linear in K, D, mu and the payload; c and I are known to a few percent at worst.
+    """
+    vector = np.array(arm.vector())
+    empty = np.array(coefficients(vector, 0.0, False))
+    moved = np.zeros((1, len(empty), MOVING))
+    for name in ARM_NAMES:
+        stepped = vector + 1j * _COMPLEX_STEP * (np.array(PARAMETER_NAMES) == name)
+        slope = np.imag(np.array(coefficients.py_func(stepped, 0.0, False))) / _COMPLEX_STEP
+        moved[0, :, INDEX[name]] = slope
+    moved[0, :, PAYLOAD] = np.array(coefficients(vector, 1.0, False)) - empty
+    return empty, moved
