@@ -25,7 +25,7 @@ NOISE = 0.003
 
 
 def pytest_configure() -> None:
-    """Lets the worker that fills gaps give way to the others."""
+    """Lets workers that fill gaps give way to the others."""
     give_way()
 
 

@@ -1,6 +1,6 @@
-"""Which worker runs which tests: two take those with cells, pages or controllers, which wait; one fills the gaps.
+"""Which worker runs which tests: two take those with cells, pages or controllers, which wait; others fill the gaps.
 
-That one runs at a low priority, so that it takes no processor from a cell that runs in real time.
+Those run at a low priority, so that they take no processor from a cell that runs in real time.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import Final
 from xdist.scheduler import LoadFileScheduling
 from xdist.workermanage import WorkerController
 
-FILLER: Final = "gw2"
-"""Name of the worker that fills the gaps, the third one."""
+WAITERS: Final = ("gw0", "gw1")
+"""Names of the workers that wait."""
 _PRIORITY: Final = 10
 _WAITING: Final = (
     "tests/api/test_live.py",
@@ -25,17 +25,17 @@ _WAITING: Final = (
 
 
 def give_way() -> None:
-    """Lowers the priority of this process if it is the worker that fills the gaps."""
-    if os.environ.get("PYTEST_XDIST_WORKER") == FILLER and hasattr(os, "nice"):
+    """Lowers the priority of this process if it is a worker that fills the gaps."""
+    if os.environ.get("PYTEST_XDIST_WORKER", WAITERS[0]) not in WAITERS and hasattr(os, "nice"):
         os.nice(_PRIORITY)
 
 
 class Scheduling(LoadFileScheduling):
-    """Files in the order of their names, those that wait first; the worker that fills gaps gets none of those."""
+    """Files in the order of their names, those that wait first; workers that fill gaps get none of those."""
 
     def _assign_work_unit(self, node: WorkerController) -> None:
         """Gives a worker its next file, or none any more."""
-        waits = node.gateway.id != FILLER
+        waits = node.gateway.id in WAITERS
         kind = [scope for scope in self.workqueue if scope.startswith(_WAITING) == waits]
         if kind:
             self.workqueue.move_to_end(kind[0], last=False)
