@@ -66,6 +66,7 @@ class Candidate:
     Attributes:
         estimator: the arm under the hypothesis.
         gain: log-likelihood over the arm as believed, since the onset, and the logarithm of how rare it is.
+        peak: the most that a single sample has added to that.
         misfit: how badly it explains the last samples, see `misfit_after`.
     """
 
@@ -80,6 +81,7 @@ class Candidate:
     ) -> None:
         self.fault, self.other, self.onset = fault, other, onset
         self.gain = -RARER if other else 0.0
+        self.peak = 0.0
         self.misfit = 1.0
         hypothesis = fault.about.hypothesis
         self._opening = 0 if delay and hypothesis == "jump" else onset.gap
@@ -132,6 +134,7 @@ class Candidate:
             self.gain = -math.inf
         elif moment.counts:
             self.gain += gain
+            self.peak = max(self.peak, gain)
             self.misfit = misfit_after(self.misfit, estimator, used)
 
     def catch_up(self, history: Moments, sample: int) -> None:

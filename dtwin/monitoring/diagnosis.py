@@ -66,6 +66,8 @@ _SERIOUS: Final = 0.6
 _STEPS: Final = 2
 """samples between two onsets at which an encoder's offset may have jumped"""
 _OF_ENCODER: Final = (BIAS, DRIFT)
+_AT_ONCE: Final = (BIAS, SCALE)
+"""kinds that show in the first sample after their onset"""
 _TORQUES: Final = ("K", "D", "mu", BIAS, DRIFT)
 """kinds of what an unknown torque on a joint may be mistaken for"""
 SURE: Final = 0.95
@@ -142,8 +144,11 @@ class Diagnosis:
 
     def earned(self) -> bool:
         """Whether something has failed with a probability of SURE at least."""
+        best = self.best()[0]
+        # What an encoder jumps by shows in one sample, of which no other is a repetition.
+        once = best.peak if best.fault.kind in _AT_ONCE else 0.0
         odds = math.log(SURE / (1.0 - SURE))
-        return self.certain or self.best()[0].gain > odds * self._temper
+        return self.certain or once + (best.gain - once) / self._temper > odds
 
     def others(self) -> tuple[tuple[FaultId, float], ...]:
         """The causes that with the most likely one have a probability of SURE together, each with its own."""
