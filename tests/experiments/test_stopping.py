@@ -20,9 +20,12 @@ def test_an_arm_whose_motor_2_has_lost_its_torque_ends_without_voltage() -> None
     assert outcome.rest_s is None
 
 
-@pytest.mark.parametrize("fault", ["payload*=1.5", "lock2"])
-def test_an_arm_that_can_be_held_is_brought_to_rest_and_held(fault: str) -> None:
-    outcome = stop_trial(StopTrial(1, fault))
+@pytest.mark.parametrize(
+    ("fault", "seed"),
+    [("payload*=1.5", 1), ("lock2", 1), ("lock3", 2)],  # the last one is 0.25 rad from its path when it is found
+)
+def test_an_arm_that_can_be_held_is_brought_to_rest_and_held(fault: str, seed: int) -> None:
+    outcome = stop_trial(StopTrial(seed, fault))
     assert outcome.moving
     assert outcome.stop == "standstill"
     assert outcome.torque_off_s is None

@@ -126,3 +126,22 @@ def test_held_path_starts_with_the_measured_angles_and_velocities() -> None:
         np.testing.assert_allclose(planner.triple("THETA_D"), path, atol=1e-12)
     assert not planner["MOVING"]
     np.testing.assert_array_equal(planner.triple("OMEGA_D"), 0.0)
+
+
+@pytest.mark.parametrize("joint", [0, 1, 2])
+def test_a_joint_far_from_its_path_stays_where_it_is_when_the_arm_brakes(joint: int) -> None:
+    planner = Driven("PATH_PLANNER")
+    planner.fire("TARGET", **to("red"))
+    for _ in range(60):
+        planner.fire("REQ")
+    before, omega = np.array(planner.triple("THETA_D")), np.array(planner.triple("OMEGA_D"))
+    measured = before + 0.09
+    measured[joint] = before[joint] - 0.11
+    rest = before + 0.15 * omega
+    rest[joint] = measured[joint]
+    for _ in range(31):
+        assert planner.fire("REQ", STOP=1, **triple("THETA", measured)) == ["STANDING", "CNF"]
+        assert planner.triple("THETA_D")[joint] == measured[joint]
+        assert planner.triple("OMEGA_D")[joint] == 0.0
+    np.testing.assert_allclose(planner.triple("THETA_D"), rest, atol=1e-12)
+    np.testing.assert_array_equal(planner.triple("OMEGA_D"), 0.0)

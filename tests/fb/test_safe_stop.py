@@ -116,9 +116,10 @@ def test_a_restart_never_ends_a_stop(stop: int) -> None:
     colour=st.sampled_from(sorted(PLACES)),
     duration=st.floats(0.5, 3.0),
     ticks=st.integers(1, 320),
+    behind=st.lists(st.floats(-0.099, 0.099), min_size=3, max_size=3),
 )
 def test_the_path_brakes_to_rest_without_a_jump_and_without_turning_back(
-    start: list[float], colour: str, duration: float, ticks: int
+    start: list[float], colour: str, duration: float, ticks: int, behind: list[float]
 ) -> None:
     planner = Driven("PATH_PLANNER")
     planner.fire("TIMING", T=duration)
@@ -126,15 +127,17 @@ def test_the_path_brakes_to_rest_without_a_jump_and_without_turning_back(
     for _ in range(ticks):
         planner.fire("REQ")
     theta, omega = planner.triple("THETA_D"), planner.triple("OMEGA_D")
+    measured = theta - np.array(behind)
     for tick in range(1, 45):
-        assert planner.fire("REQ", STOP=BRAKING if tick < BRAKING_SAMPLES else STANDSTILL) == ["STANDING", "CNF"]
+        stop = BRAKING if tick < BRAKING_SAMPLES else STANDSTILL
+        assert planner.fire("REQ", STOP=stop, **triple("THETA", measured)) == ["STANDING", "CNF"]
         assert planner["MOVING"]
         t = min(0.01 * tick, 0.3)
         np.testing.assert_allclose(planner.triple("THETA_D"), theta + omega * t * (1 - t / 0.6), atol=1e-12)
         np.testing.assert_allclose(planner.triple("OMEGA_D"), omega * (1 - t / 0.3), atol=1e-12)
         assert (np.sign(planner.triple("OMEGA_D")) * np.sign(omega) >= 0).all()
         np.testing.assert_allclose(planner.triple("ALPHA_D"), -omega / 0.3 * (tick < 30), atol=1e-12)
-        distance = np.abs(planner.triple("THETA_D") - start).max()
+        distance = np.abs(planner.triple("THETA_D") - measured).max()
         assert planner["AWAY"] == distance
     assert not planner.triple("OMEGA_D").any()
 
@@ -144,8 +147,9 @@ def test_a_released_path_starts_at_rest_where_the_arm_is() -> None:
     planner.fire("TARGET", **to("red"))
     for _ in range(70):
         planner.fire("REQ")
+    path = triple("THETA", planner.triple("THETA_D"))
     for _ in range(50):
-        planner.fire("REQ", STOP=STANDSTILL)
+        planner.fire("REQ", STOP=STANDSTILL, **path)
     theta = planner.triple("THETA_D") + np.array([0.02, -0.03, 0.04])
     assert planner.fire("REQ", STOP=NONE, **triple("THETA", theta)) == ["RESET", "CNF"]
     np.testing.assert_array_equal(planner.triple("THETA_D"), theta)
