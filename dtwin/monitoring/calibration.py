@@ -39,6 +39,7 @@ from dtwin.monitoring.offline import Stream
 from dtwin.monitoring.sensing.commands import closes
 from dtwin.monitoring.settings import ALARMS_PER_HOUR
 from dtwin.monitoring.signatures import allowances, threshold
+from dtwin.monitoring.tracking.samples import Tape
 from dtwin.parameters import GRAVITY, PERIOD, ArmParameters, Triple
 
 MEMORIES: Final = (0.1, 0.3, 1.0)
@@ -270,16 +271,15 @@ def _after(belief: Belief, seen: Stream) -> Belief:
 
 def _watched(belief: Belief, seen: Stream) -> _Watched:
     """What a monitor makes of a healthy arm."""
-    monitor = _calm(belief)
-    statistics, misfit, information = np.zeros((len(seen), len(JUMPS))), np.ones(len(seen)), []
-    now = 1.0
-    for row in range(len(seen)):
-        seen.feed(monitor, row, row + 1)
-        statistics[row] = monitor.statistics
-        misfit[row] = now = misfit_after(now, monitor.estimator, monitor.used)
-        if row % _EVERY == 0:
+    monitor, tape, misfit, information = _calm(belief), Tape.of(len(seen)), np.ones(len(seen)), []
+    now, done = 1.0, 0
+    while done < len(seen):
+        done += seen.follow(monitor, done, min(-(-done // _EVERY) * _EVERY + 1, len(seen)), tape)
+        if (done - 1) % _EVERY == 0:
             information.append(monitor.information(_SOON))
-    return _Watched(statistics[SETTLING:], float(misfit[SETTLING:].max()), np.array(information))
+    for row in range(len(seen)):
+        misfit[row] = now = misfit_after(now, tape.score[row], tape.information[row], tape.used[row])
+    return _Watched(tape.statistics[SETTLING:], float(misfit[SETTLING:].max()), np.array(information))
 
 
 def _calm(belief: Belief) -> Monitor:

@@ -42,12 +42,16 @@ def is_none(name: str, value: float, estimator: Estimator) -> bool:
     return abs(value) < max(_LOST * reference(name, estimator.belief.arm), 2.5 * estimator.deviation(name))
 
 
-def misfit_after(before: float, estimator: Estimator, used: NDArray[np.bool_]) -> float:
+def misfit_after(before: float, score: Array, information: Array, used: NDArray[np.bool_]) -> float:
     """The mean square of the last innovations in standard deviations after another sample; 1 of a true model.
 
     Innovations count as they count for the estimate: of noise with heavy tails, up to where the tails begin.
+
+    Args:
+        before: that mean before the sample.
+        score, information, used: (3,), of the sample, see `Estimator`.
     """
-    squares = np.minimum(estimator.score[used] ** 2 / estimator.information[used], _FARTHEST)
+    squares = np.minimum(score[used] ** 2 / information[used], _FARTHEST)
     return before + _RECENT * (float(squares.mean()) - before) if squares.size else before
 
 
@@ -135,7 +139,7 @@ class Candidate:
         elif moment.counts:
             self.gain += gain
             self.peak = max(self.peak, gain)
-            self.misfit = misfit_after(self.misfit, estimator, used)
+            self.misfit = misfit_after(self.misfit, estimator.score, estimator.information, used)
 
     def catch_up(self, history: Moments, sample: int) -> None:
         """Takes in all samples since the onset; the last one in the history has the given number."""

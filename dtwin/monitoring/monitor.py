@@ -24,6 +24,7 @@ from dtwin.monitoring.signatures import SignatureBank, limits
 from dtwin.monitoring.stopped import Stopped
 from dtwin.monitoring.tracking.moments import Moment
 from dtwin.monitoring.tracking.quiet import LEAST_LIKELY
+from dtwin.monitoring.tracking.samples import NO_TAPE, Samples, Tape
 from dtwin.monitoring.tracking.tracking import BRIDGED, SETTLING, Tracking
 from dtwin.monitoring.trend import Trend
 from dtwin.monitoring.verdict import Finding, Forecast, monitored_units, unfit_units, unit_states
@@ -112,20 +113,19 @@ class Monitor:
             self._belief = replace(self._belief, noise=louder)
             self._start_over()
 
-    def follow(self, sample: NDArray[np.int64], measured: Array, volts: Array, gripped: Flags, jaw: Array) -> int:
-        """Takes in the first of some samples as `update` does: one, or all up to the first at which there is more to
-        do than to watch; returns how many.
+    def follow(self, seen: Samples, tape: Tape = NO_TAPE) -> int:
+        """Takes in some samples as `update` does: one, or all up to the first at which there is more to do than to
+        watch; returns how many.
 
         Args:
-            sample, measured, volts, gripped, jaw: (N,), (N, 3), (N, 4), (N,), (N,), as for `update`, a row a sample.
+            seen: samples, as for `update`.
+            tape: receives what is made of them, but for the last one, which the attributes tell.
         """
-        rows = slice(min(len(sample), self.trend.left(self.time)))
         watching = isinstance(self._mode, Watching) and self._listening is None and self._probation.passed
-        quiet = watching and len(sample) > 1 and not self.findings.known and self._track.settled(self.estimator)
-        seen = sample[rows], measured[rows], volts[rows], gripped[rows], jaw[rows]
-        stretch = quiet and self._track.follow(self.estimator, self.threshold, *seen)
+        many = watching and len(seen.sample) > 1 and not self.findings.known and self._track.settled(self.estimator)
+        stretch = many and self._track.follow(self.estimator, self.threshold, seen, self.trend.left(self.time), tape)
         if not stretch or not stretch.done:
-            self.update(int(sample[0]), measured[0], volts[0], bool(gripped[0]), float(jaw[0]))
+            self.update(*seen.row(0))
             return 1
         if stretch.concluded:
             self.trend.enter(self.time, self.estimator)

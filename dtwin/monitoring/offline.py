@@ -13,6 +13,7 @@ from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.errors import ParameterError
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.thesis import ThesisMonitor
+from dtwin.monitoring.tracking.samples import NO_TAPE, Samples, Tape
 from dtwin.parameters import PERIOD
 from dtwin.run.recording import Log
 from dtwin.signals import Event
@@ -62,12 +63,19 @@ class Stream:
         while start < stop:
             start += self.follow(monitor, start, stop)
 
-    def follow(self, monitor: Monitor, start: int, stop: int) -> int:
+    def follow(self, monitor: Monitor, start: int, stop: int, tape: Tape = NO_TAPE) -> int:
         """Gives rows from start on, and before stop, to a monitor up to the first at which it notices something;
-        returns how many."""
+        returns how many. A tape that is as long as the stream receives what is made of them."""
         rows = slice(start, stop)
-        arm = self.sample[rows], self.measured[rows], self.volts[rows], self.gripped[rows]
-        return monitor.follow(*arm, self.jaw[rows])
+        seen = Samples(self.sample[rows], self.measured[rows], self.volts[rows], self.gripped[rows], self.jaw[rows])
+        done = monitor.follow(seen, tape.part(start, stop))
+        if len(tape.statistic):
+            row, estimator = start + done - 1, monitor.estimator
+            tape.innovation[row], tape.variance[row] = estimator.innovation, estimator.variance
+            tape.score[row], tape.information[row] = estimator.score, estimator.information
+            tape.used[row], tape.statistic[row] = monitor.used, monitor.statistic
+            tape.statistics[row] = monitor.statistics
+        return done
 
 
 def stream(log: Log) -> Stream:
@@ -114,22 +122,21 @@ class Trace:
 
 def watch(monitor: Monitor, seen: Stream, progress: Callable[[int], None] = lambda done: None) -> Trace:
     """Gives a whole log to a fresh monitor; `progress` is told the rows done once a second of plant time."""
-    predicted, deviation, statistic = np.zeros((len(seen), 3)), np.zeros((len(seen), 3)), np.zeros(len(seen))
+    tape = Tape.of(len(seen))
     verdicts: list[tuple[int, MonitoringVerdict]] = []
-    noticed = -1
-    for row in range(len(seen)):
-        seen.feed(monitor, row, row + 1)
-        innovation = monitor.estimator.innovation
-        predicted[row] = seen.measured[row] - innovation
-        deviation[row] = np.sqrt(monitor.estimator.variance)
-        statistic[row] = monitor.statistic
+    noticed, done = -1, 0
+    while done < len(seen):
+        next_second = -(-done // SECOND) * SECOND + 1
+        done += seen.follow(monitor, done, min(next_second, len(seen)), tape)
+        row = done - 1
         if row % SECOND == 0 or len(monitor.events) != noticed:
             noticed = len(monitor.events)
             verdict = monitor.verdict()
             if not verdicts or _told(verdict) != _told(verdicts[-1][1]):
                 verdicts.append((row, verdict))
-            progress(row + 1)
-    return Trace(predicted, deviation, statistic, monitor.threshold, tuple(verdicts), tuple(monitor.events))
+            progress(done)
+    predicted, deviation = seen.measured - tape.innovation, np.sqrt(tape.variance)
+    return Trace(predicted, deviation, tape.statistic, monitor.threshold, tuple(verdicts), tuple(monitor.events))
 
 
 def _told(verdict: MonitoringVerdict) -> list[tuple[object, ...]]:

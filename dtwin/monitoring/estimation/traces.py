@@ -115,6 +115,16 @@ def largest(h: Array, J: Array, precision: Array, least: Array, allowance: Array
 
 
 @kernel
+def largest_of_each(h: Array, J: Array, precision: Array, least: Array, found: Array) -> None:
+    """Writes the largest of h^2 / (J + precision) of each fault, (18,); arguments as in `Traces`."""
+    found[:] = 0.0
+    for number in range(ONSETS * _FAULTS):
+        n, lane = number // WIDTH, number % WIDTH
+        counted = max(h[n, lane], least[n, lane])
+        found[number % _FAULTS] = max(found[number % _FAULTS], counted * counted / (J[n, lane] + precision[n, lane]))
+
+
+@kernel
 def exceed(h: Array, J: Array, precision: Array, least: Array, allowance: Array, limit: float) -> bool:
     """Whether one of h^2 / (J + precision) is above a limit beyond what is allowed for, or not a number.
 

@@ -21,6 +21,7 @@ from dtwin.monitoring.sensing.commands import closes
 from dtwin.monitoring.sensing.readings import Readings, ReadingsArrays
 from dtwin.monitoring.signatures import SignatureBank
 from dtwin.monitoring.tracking.moments import Moment
+from dtwin.monitoring.tracking.samples import Tape
 from dtwin.twin.compiled import kernel
 
 Array = NDArray[np.float64]
@@ -80,6 +81,7 @@ def follow(
     measured: Array,
     commands: Array,
     doubted: int,
+    tape: Tape,
 ) -> Stretch:
     """Takes in samples in a row, the gripper unchanged, until there is more to do.
 
@@ -92,6 +94,7 @@ def follow(
         measured: (N, 3), readings, rad.
         commands: (N, 4), command that led to each, V; that of the gripper last.
         doubted: samples still to come that are no evidence.
+        tape: receives what is made of the samples, but for the last one.
     """
     count, grip = len(measured), estimator.belief.error.grip
     doubts = np.where(closes(commands, estimator.gripped), grip, 0.0)
@@ -116,6 +119,7 @@ def follow(
         used,
         likelihoods,
         counted,
+        tape,
     )
     readings.took(measured[done - 1], angles[done - 1])
     bank.adopt(estimator, past)
@@ -141,6 +145,7 @@ def _work(
     used: Flags,
     likelihoods: Array,
     counted: Flags,
+    tape: Tape,
 ) -> tuple[int, int, bool]:
     """What `follow` does; returns the samples taken in, those still to come that are no evidence, and whether the
     last one was concluded."""
@@ -255,6 +260,11 @@ def _work(
         past.x[place], past.P[place], past.swing[place] = f.x, f.P, f.swing
         past.command[place], past.handling[place] = f.command, f.handling
         past.commands[place], past.acting[place], past.mean[place] = m.commands, m.acting, m.mean
+        if len(tape.statistic):
+            tape.innovation[k], tape.variance[k], tape.used[k] = f.innovation, f.variance, used[k]
+            tape.score[k], tape.information[k] = f.score, f.information
+            tape.statistic[k] = traces.largest(t.h, t.J, t.precision, t.least, t.allowance)
+            traces.largest_of_each(t.h, t.J, t.precision, t.least, tape.statistics[k])
         if traces.exceed(t.h, t.J, t.precision, t.least, t.allowance, threshold):
             return k + 1, doubted, True
     return len(measured), doubted, True

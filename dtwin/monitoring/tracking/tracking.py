@@ -16,6 +16,7 @@ from dtwin.monitoring.signatures import SignatureBank
 from dtwin.monitoring.tracking.moments import Moment, Moments
 from dtwin.monitoring.tracking.quiet import LEAST_LIKELY, UNSETTLED, WINDOW, Stretch, follow, quiet_rows
 from dtwin.monitoring.tracking.recall import Recall
+from dtwin.monitoring.tracking.samples import Samples, Tape
 
 Array = NDArray[np.float64]
 SETTLING: Final = 50
@@ -80,16 +81,7 @@ class Tracking:
         """Whether the next samples can be taken in many at once."""
         return self.gripped == estimator.gripped and self.readings.settled and estimator.plain
 
-    def follow(
-        self,
-        estimator: Estimator,
-        threshold: float,
-        sample: NDArray[np.int64],
-        measured: Array,
-        volts: Array,
-        gripped: NDArray[np.bool_],
-        jaw: Array,
-    ) -> Stretch:
+    def follow(self, estimator: Estimator, threshold: float, seen: Samples, most: int, tape: Tape) -> Stretch:
         """Takes in as many of some samples as come in a row, up to the first at which there is more to do.
 
         The last one is noted only if it is concluded.
@@ -97,17 +89,18 @@ class Tracking:
         Args:
             estimator: the arm as believed.
             threshold: value of the largest statistic above which there is more to do.
-            sample, measured, volts, gripped, jaw: (N,), (N, 3), (N, 4), (N,), (N,): number, readings (rad) and the
-                command that answered each, and the reading of the gripper's encoder, rad.
+            seen: samples.
+            most: number of them that are taken in at most.
+            tape: receives what is made of them, but for the last one.
         """
-        rows = min(WINDOW, len(sample))
-        told = np.hstack((measured[:rows], volts[:rows]))
-        rows = quiet_rows(self.sample, self.gripped, sample[:rows], told, gripped[:rows])
+        sample, measured, volts, gripped, jaw = seen.first(min(WINDOW, most))
+        told = np.hstack((measured, volts))
+        rows = quiet_rows(self.sample, self.gripped, sample, told, gripped)
         rows = self.gripper.calm(sample[:rows], jaw[:rows], volts[:rows, 3])
         if not rows:
             return Stretch(0, (), self._doubted, True)
         commands = np.vstack((self.command, volts[: rows - 1]))
-        how = (threshold, self.sample + 1, measured[:rows], commands, self._doubted)
+        how = (threshold, self.sample + 1, measured[:rows], commands, self._doubted, tape)
         stretch = follow(estimator, self.readings, self.bank, *how)
         done = stretch.done
         self.gripper.pass_over(sample[:done], jaw[:done], volts[:done, 3])
