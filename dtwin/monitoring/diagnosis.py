@@ -8,8 +8,11 @@ raised to a power below one (Grunwald and van Ommen, Bayesian Analysis 12, 2017)
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Final
+
+import numpy as np
 
 from dtwin.monitoring.candidate import Candidate
 from dtwin.monitoring.kinds import (
@@ -72,6 +75,10 @@ _TORQUES: Final = ("K", "D", "mu", BIAS, DRIFT)
 """kinds of what an unknown torque on a joint may be mistaken for"""
 SURE: Final = 0.95
 """probability of the causes that a finding names together"""
+_AGAIN: Final = 6000
+"""samples after a suspicion that was not confirmed in which another one of the same joint has it confirmed sooner"""
+_KEPT: Final = 5
+"""suspicions that were not confirmed of which is known"""
 _HOPELESS: Final = 25.0
 """log-likelihood behind the best at which a candidate is given up"""
 
@@ -142,13 +149,17 @@ class Diagnosis:
         (top, probability), *_ = self.ranked()
         return top, probability
 
-    def earned(self) -> bool:
-        """Whether something has failed with a probability of SURE at least."""
+    def earned(self, earlier: float = 0.0) -> bool:
+        """Whether something has failed with a probability of SURE at least.
+
+        Args:
+            earlier: log-likelihood by which an earlier diagnosis has found the same.
+        """
         best = self.best()[0]
         # What an encoder jumps by shows in one sample, of which no other is a repetition.
         once = best.peak if best.fault.kind in _AT_ONCE else 0.0
         odds = math.log(SURE / (1.0 - SURE))
-        return self.certain or once + (best.gain - once) / self._temper > odds
+        return self.certain or once + (best.gain - once + earlier) / self._temper > odds
 
     def others(self) -> tuple[tuple[FaultId, float], ...]:
         """The causes that with the most likely one have a probability of SURE together, each with its own."""
@@ -300,3 +311,24 @@ def _told_by(suspected: FaultId, hypothesis: Hypothesis) -> list[FaultId]:
     """The faults of one hypothesis that a suspected jump may be: those whose first state is the one that jumped."""
     kinds = [k for k, row in KINDS.items() if row.hypothesis == hypothesis and row.states[0] == suspected.kind]
     return [FaultId(kind, suspected.joint) for kind in kinds]
+
+
+class Dismissals:
+    """The last suspicions that were not confirmed: what spoke for one counts again when the same joint is suspected
+    anew, because a healthy arm is hardly suspected twice so soon."""
+
+    def __init__(self) -> None:
+        self._found: deque[tuple[int, int, float]] = deque(maxlen=_KEPT)
+
+    def confirmed(self, diagnosis: Diagnosis, sample: int) -> bool:
+        """Whether a diagnosis that has ended with a sample is confirmed; it is dismissed if not."""
+        best = diagnosis.best()[0]
+        earlier = sum(
+            gain for then, joint, gain in self._found if joint == best.fault.joint and sample - then <= _AGAIN
+        )
+        earned = diagnosis.earned(earlier) and bool(np.isfinite(best.estimator.x).all())
+        if earned:
+            self._found.clear()
+        else:
+            self._found.append((sample, best.fault.joint, best.gain))
+        return earned

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.monitoring.candidate import Candidate
-from dtwin.monitoring.diagnosis import CERTAIN, PAUSE, Diagnosis
+from dtwin.monitoring.diagnosis import CERTAIN, PAUSE, Diagnosis, Dismissals
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.findings import Findings
@@ -62,7 +62,7 @@ class Monitor:
         self._bank = SignatureBank(self._sizes, allowance)
         self._track = Tracking(self._readings, self._bank)
         self._mode: Mode = Watching()
-        self._turns, self._probation = Turns(), Probation()
+        self._turns, self._probation, self._dismissals = Turns(), Probation(), Dismissals()
         self._misfit: dict[int, str] = {}
         self.findings = Findings(self._sizes, self._track.gripper)
         self.missed, self.restarts = 0, 0
@@ -379,7 +379,7 @@ class Monitor:
             return
         self._bank.clear()
         self._settle(PAUSE, begun=False)
-        if pending is None or not diagnosis.earned() or not np.isfinite(candidate.estimator.x).all():
+        if pending is None or not self._dismissals.confirmed(diagnosis, self.sample):
             self.findings.note(self.time, "dismissed", "a suspicion was not confirmed")
             return
         self._adopt(diagnosis.winner(), pending)

@@ -18,15 +18,16 @@ _MARGIN: Final = {"D": 0.2, "mu": 0.02}
 at once, they would keep the error that the cut makes"""
 
 
-def bounds(arm: ArmParameters) -> tuple[Array, Array]:
+def bounds(arm: ArmParameters, rigid: bool) -> tuple[Array, Array]:
     """(33,) each: what the states cannot be below and above.
 
-    More friction than this would make RK4 at 2.5 ms unstable; a joint that turns so heavily is as good as locked.
+    More friction than this would make RK4 at 2.5 ms unstable, dry friction that of an arm that obeys the equations of
+    motion (rigid); of any other it is implicit. A joint that turns so heavily is as good as locked.
     """
     lower, upper = np.full(SIZE, -np.inf), np.full(SIZE, np.inf)
     for name in ARM_NAMES:
         value, index = arm.get(name), INDEX[name]
-        least, most = {"K": (0.0, 3.0 * value), "D": (0.0, 0.23), "mu": (0.0, 0.015)}.get(
+        least, most = {"K": (0.0, 3.0 * value), "D": (0.0, 0.23), "mu": (0.0, 0.015 if rigid else 0.2)}.get(
             symbol_of(name), (0.5 * value, 2.0 * value)
         )
         lower[index], upper[index] = min(least, value), max(most, value)

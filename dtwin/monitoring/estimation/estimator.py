@@ -99,7 +99,7 @@ class Estimator:
         self._locked = 0
         self._growth = np.full(3, PERIOD)
         self._scaled: tuple[int, ...] = ()
-        self._least, self._most = bounds(arm)
+        self._least, self._most = bounds(arm, self._motion.arrays(False).rigid)
         self._lower, self._upper = widened(self._least, self._most)
         self.box_mass, self.payload_variance = tuning.box_mass, tuning.box_deviation**2
         self.x, self.P = np.zeros(SIZE), np.zeros((SIZE, SIZE))
