@@ -188,7 +188,8 @@ class CellOptions(PlantOptions, ControlOptions):
             programs.append(_service("controller", [*link, *listen, *arguments(self, ControlOptions)]))
         bridge = ["--controller", management, "--state", str(state_of(file)), *turns]
         cell = arguments(self, CellFileOption)
-        bridge += ["--sequence", sequence_name(self.settings()), *cell]
+        sequence = ["--sequence", sequence_name(self.settings())]
+        bridge += [*sequence, *cell]
         bridge += ["--lossless"] if self.pace != "realtime" else []
         emulator = ["--pace", self.pace, *turns, "--journal", str(journal_of(file)), *arguments(self, PlantOptions)]
         emulator += [] if self.duration is None else ["--duration", str(self.duration)]
@@ -205,7 +206,7 @@ class CellOptions(PlantOptions, ControlOptions):
             programs.append(_service("monitoring", [*link, *cell, *(record or model), *stop]))
         if self.simulation:
             history = ["--history", str(self.history.resolve())]
-            programs.append(_service("simulation", [*link, *cell, *record, *history]))
+            programs.append(_service("simulation", [*link, *cell, *sequence, *record, *history]))
         if self.console:
             programs.append(_service("console", [*link, *self._console_options(ports, console)]))
         programs.append(_service("emulator", [*link, *emulator, "--wait-for", "bridge"], leading=True))

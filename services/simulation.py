@@ -41,6 +41,7 @@ from dtwin.bus.twin_messages import (
     UploadRequest,
 )
 from dtwin.controller.bounds import check_bounds, check_model
+from dtwin.controller.sequence import SEQUENCES, SequenceName
 from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.identification.machine.record import MachineRecord, read_record
@@ -68,13 +69,16 @@ class Options(CellFileOption, Link):
 
     history: Path = HISTORY
     """File for the history of the settings; it says what was in force when the service starts again."""
+    sequence: SequenceName = "straight"
+    """Sequence of the cell: among_bodies has uploads checked and tried on the ways between bodies, too."""
     commissioned: Path | None = None
     """Record that `dtwin commission` wrote: of this arm the motions are simulated, with all that it has."""
 
     def run(self) -> int:
         with Service(NAME, self) as service:
             record = None if self.commissioned is None else read_record(self.commissioned)
-            checker = Checker(task=self.task(), effects=record.effects if record else NO_EFFECTS)
+            effects = record.effects if record else NO_EFFECTS
+            checker = Checker(task=self.task(), effects=effects, via=SEQUENCES[self.sequence].via)
             Simulation(service, History(self.history), checker, record).run()
         return 0
 

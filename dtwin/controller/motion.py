@@ -32,6 +32,8 @@ class MotionController:
     Args:
         blocks: folder of the function-block library.
         task: says where the places are to which motions lead by their names.
+        via: whether motions are parts of ways over points that keep clear of bodies: straight in joint space, and the
+            shorter the less far they go.
 
     Attributes:
         resource: the running blocks, whose variables can be read and written between steps.
@@ -41,11 +43,12 @@ class MotionController:
         NativeError: machine code is asked for and cannot be made here.
     """
 
-    def __init__(self, blocks: Path = BLOCKS, task: Task = DEFAULT_TASK) -> None:
+    def __init__(self, blocks: Path = BLOCKS, task: Task = DEFAULT_TASK, via: bool = False) -> None:
         self._places = task.all_places
         self.resource = running(*application(blocks, MOTION_SYSTEM))
         server = self.resource.server(ARM)
         self.resource.start()
+        self.resource.write("PLANNER.VIA", via)
         self._configured = self.resource.snapshot()
         self._exchange = server.exchange
         self._path = self.resource.reader(PATH)
@@ -132,6 +135,16 @@ class MotionController:
         """Angles at which the path ends, rad."""
         theta_1, theta_2, theta_3 = self._target()
         return (theta_1, theta_2, theta_3)
+
+    def point(self, name: str) -> Triple | None:
+        """The angles (rad) of a point that the planner knows by its name, such as `above pickup`; None if it does
+        not."""
+        self.prepare(STILL, STILL, self._settings or ControlSettings())
+        self.resource.write("PLANNER.DESTINATION", name)
+        self._exchange((*STILL, True, False))
+        found = self.target()
+        self.resource.restore(self._configured)
+        return None if found == STILL else found
 
     def _aim(self, goal: Goal) -> None:
         if isinstance(goal, str):

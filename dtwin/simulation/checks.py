@@ -21,7 +21,7 @@ from dtwin.simulation.margins.demands import DEMANDS, UNSTABLE, Case, Shortfall
 from dtwin.simulation.margins.loop import lateness, later, linear_loop
 from dtwin.simulation.margins.measures import margins
 from dtwin.simulation.margins.poses import Pose
-from dtwin.simulation.places import angles_of
+from dtwin.simulation.places import Leg, angles_of, legs_of
 from dtwin.simulation.whatif import MotionCase, Simulator
 from dtwin.task import DEFAULT_TASK, PICKUP_NAME, Task
 from dtwin.twin.effects import NO_EFFECTS, Effects
@@ -86,12 +86,16 @@ class Checker:
         blocks: folder of the function-block library.
         task: task of the cell.
         effects: what the arm has beside its parameters.
+        via: whether the arm moves over points that keep clear of bodies.
 
     Attributes:
         motions: motions of the cell.
     """
 
-    def __init__(self, blocks: Path = BLOCKS, task: Task = DEFAULT_TASK, effects: Effects = NO_EFFECTS) -> None:
+    def __init__(
+        self, blocks: Path = BLOCKS, task: Task = DEFAULT_TASK, effects: Effects = NO_EFFECTS, via: bool = False
+    ) -> None:
+        self._via = via
         self._blocks = blocks
         self._task = task
         self._effects = effects
@@ -102,6 +106,14 @@ class Checker:
     @cached_property
     def _simulator(self) -> Simulator:
         return Simulator(self._blocks, self._task)
+
+    @cached_property
+    def _between_bodies(self) -> Simulator:
+        return Simulator(self._blocks, self._task, via=True)
+
+    @cached_property
+    def _legs(self) -> tuple[Leg, ...]:
+        return legs_of(self._task, self._between_bodies.controller.point) if self._via else ()
 
     def load(self) -> None:
         """Loads the function blocks and the compiled twin, so that no check has to wait for them.
@@ -168,6 +180,7 @@ class Checker:
             )
         return replace(
             prediction,
+            tracking=self._over_ways(settings, arm, late, prediction.tracking),
             spectral_radius=max(case.margins.spectral_radius for case in resting),
             disk_margin=min(case.margins.disk for case in resting),
         )
@@ -216,6 +229,24 @@ class Checker:
         chosen, effects = self.motions if motions is None else motions, later(self._effects, late)
         cases = (motion_case(motion, settings, arm, box, self._task, effects) for motion in chosen)
         return [self._simulator.run(case).figures for case in cases]
+
+    def _over_ways(self, settings: ControlSettings, arm: ArmParameters, late: float, tracking: Triple) -> Triple:
+        """The largest distances from the path (3,), rad, of motions of which they are given, and of the ways between
+        bodies, of which most are shorter and faster."""
+        effects, box = later(self._effects, late), settings.payload + self._heavier
+        for leg in self._legs:
+            case = MotionCase(
+                leg.goal,
+                settings,
+                leg.start,
+                arm=arm,
+                payload=box if leg.carries else 0.0,
+                carries=leg.carries,
+                duration=leg.duration(settings.target_time) + TAIL,
+                effects=effects,
+            )
+            tracking = triple(map(max, tracking, self._between_bodies.run(case).figures.tracking_max))
+        return tracking
 
     def _margins(
         self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion], late: float

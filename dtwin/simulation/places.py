@@ -3,16 +3,48 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Final, NamedTuple
 
 from dtwin.controller.motion import Goal
 from dtwin.errors import ParameterError, choices
-from dtwin.parameters import HANGING, HOME, ArmParameters, Triple
-from dtwin.task import DEFAULT_TASK, Task
+from dtwin.parameters import HANGING, HOME, ArmParameters, Place, Triple
+from dtwin.task import DEFAULT_TASK, PICKUP_NAME, Task
 from dtwin.twin.kinematics import nearest
 
 _POSES: Final[dict[str, Triple]] = {"home": HOME, "hanging": HANGING}
 """Poses beside the places of the task, rad."""
+
+
+class Leg(NamedTuple):
+    """A part of a way between bodies: the angles from which and to which it leads, rad, and whether a box is carried
+    there."""
+
+    start: Triple
+    goal: Triple
+    carries: bool
+
+    def duration(self, target_time: float) -> float:
+        """How long it takes at most at a target time, s: the planner gives long ones more time, short ones less."""
+        return target_time * max(1.0, 0.4 * max(abs(a - b) for a, b in zip(self.start, self.goal, strict=True)))
+
+
+def legs_of(task: Task, point: Callable[[str], Triple | None]) -> tuple[Leg, ...]:
+    """The parts of the ways from the pickup to all places and back, each once.
+
+    Args:
+        task: says where the places are.
+        point: the angles of a point by its name, None if there is no such point.
+    """
+    legs: dict[Leg, None] = {}
+    for colour in task.colours:
+        names = (PICKUP_NAME, "above pickup", "between", "behind", f"near {colour}", f"above {colour}", colour)
+        known = (point(name) or task.all_places.get(name) for name in names)
+        angles = [each.theta if isinstance(each, Place) else each for each in known if each is not None]
+        for start, goal in pairwise(angles):
+            legs |= {Leg(start, goal, True): None, Leg(goal, start, False): None}
+    return tuple(legs)
 
 
 def angles_of(place: str, task: Task = DEFAULT_TASK) -> Triple:

@@ -214,13 +214,14 @@ class Simulator:
     Args:
         blocks: folder of the function-block library.
         task: says where the places are to which motions lead by their names.
+        via: whether motions are parts of ways, see `MotionController`.
 
     Raises:
         FunctionBlockError: the library cannot be used.
     """
 
-    def __init__(self, blocks: Path = BLOCKS, task: Task = DEFAULT_TASK) -> None:
-        self.controller = MotionController(blocks, task)
+    def __init__(self, blocks: Path = BLOCKS, task: Task = DEFAULT_TASK, via: bool = False) -> None:
+        self.controller = MotionController(blocks, task, via)
         resource = self.controller.resource
         native = resource if isinstance(resource, NativeResource) else None
         self._loop = None if native is None else CompiledLoop(native, ARM, PATH, SUBSTEPS)

@@ -3,13 +3,16 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
-from dtwin.monitoring.diagnosis import SURE, Diagnosis
+from dtwin.monitoring.diagnosis import SURE, Diagnosis, Dismissals
 from dtwin.monitoring.estimation import traces
 from dtwin.monitoring.estimation.belief import Belief, Tail, Unmodelled
+from dtwin.monitoring.estimation.bounds import bounds
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import BIAS, INDEX, SIZE
 from dtwin.monitoring.estimation.traces import WIDTH
@@ -22,6 +25,7 @@ from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.monitoring.settings import MonitorSettings
 from dtwin.monitoring.signatures import ALIKE, Onset, SignatureBank, Suspicion, allowances, limits, threshold
 from dtwin.monitoring.tracking.moments import Moments
+from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log
 
 ALL = np.ones(3, dtype=bool)
@@ -138,3 +142,53 @@ def test_a_box_that_moves_between_the_pads_leaves_one_cause_of_two(
     found = Findings(plausible_sizes(belief.arm), gripper).assess(top, 0.6, 0.2, shares)
     assert (found.parameter, found.others) == (named, others)
     assert found.confidence == pytest.approx(confidence)
+
+
+class Ended:
+    """A diagnosis that has ended, of which more evidence than 47 is asked."""
+
+    def __init__(self, joint: int, gain: float) -> None:
+        fault = parse_fault_id(f"K{joint}")
+        self.candidate = SimpleNamespace(fault=fault, gain=gain, estimator=SimpleNamespace(x=np.zeros(SIZE)))
+
+    def best(self) -> tuple[SimpleNamespace, float]:
+        return self.candidate, 0.5
+
+    def earned(self, earlier: float) -> bool:
+        return self.candidate.gain + earlier > 47.0
+
+
+def test_a_joint_that_is_suspected_again_soon_is_confirmed() -> None:
+    def confirmed(*ends: tuple[int, int]) -> list[bool]:
+        dismissals = Dismissals()
+        return [dismissals.confirmed(cast(Diagnosis, Ended(joint, 30.0)), sample) for joint, sample in ends]
+
+    assert confirmed((2, 1000), (2, 3000)) == [False, True]
+    assert confirmed((2, 1000), (1, 3000)) == [False, False]
+    assert confirmed((2, 1000), (2, 9000)) == [False, False]
+    assert confirmed((2, 1000), (2, 3000), (2, 4000)) == [False, True, False]
+
+
+def test_what_never_was_finite_is_not_confirmed() -> None:
+    ended = Ended(1, 100.0)
+    ended.candidate.estimator.x[3] = np.nan
+    assert not Dismissals().confirmed(cast(Diagnosis, ended), 10)
+
+
+@pytest.mark.parametrize(("kind", "peak", "enough"), [("bias", 30.0, True), ("bias", 1.0, False), ("K", 30.0, False)])
+def test_the_sample_in_which_an_encoder_jumps_counts_in_full(
+    monkeypatch: pytest.MonkeyPatch, kind: str, peak: float, enough: bool
+) -> None:
+    diagnosis = object.__new__(Diagnosis)
+    diagnosis._temper, diagnosis.certain = ALIKE, False
+    found = SimpleNamespace(fault=parse_fault_id(f"{kind}2"), gain=31.0, peak=peak)
+    monkeypatch.setattr(diagnosis, "best", lambda: (found, 0.5))
+    assert diagnosis.earned() == enough
+
+
+def test_dry_friction_of_a_machine_may_grow_beyond_what_it_has() -> None:
+    arm = ArmParameters(coulomb=(0.02, 0.03, 0.01))
+    rigid, machine = bounds(arm, rigid=True)[1], bounds(arm, rigid=False)[1]
+    for joint, own in enumerate(arm.coulomb, 1):
+        assert rigid[INDEX[f"mu{joint}"]] == max(own, 0.015)
+        assert machine[INDEX[f"mu{joint}"]] == 0.2

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import USUAL_GAINS, ControlSettings
-from dtwin.parameters import PERIOD, ArmParameters, Gains, scaled
+from dtwin.parameters import PERIOD, PICKUP, PLACES, ArmParameters, Gains, scaled
 from dtwin.simulation.checks import MOTIONS, TOLERANCE, Checker, Motion, Refused
-from dtwin.simulation.places import angles_of
+from dtwin.simulation.places import angles_of, legs_of
 from dtwin.simulation.whatif import MotionCase, Simulator
+from dtwin.task import DEFAULT_TASK
 from dtwin.twin.effects import Effects
+from dtwin.twin.kinematics import forward
 
 USUAL = ControlSettings()
 
@@ -104,3 +108,23 @@ def test_commands_that_come_late_count_in_margins_and_motions() -> None:
     in_time = Checker().check(settings, arm)
     assert found.disk_margin < in_time.disk_margin
     assert max(found.tracking) > max(in_time.tracking)
+
+
+def test_ways_between_bodies_are_checked_too() -> None:
+    straight, ways = Checker().check(USUAL, ArmParameters()), Checker(via=True).check(USUAL, ArmParameters())
+    assert all(far >= near for far, near in zip(ways.tracking, straight.tracking, strict=True))
+    assert max(ways.tracking) > 1.2 * max(straight.tracking)
+    assert replace(ways, tracking=straight.tracking) == straight
+
+
+def test_ways_lead_from_the_pickup_to_every_place_and_back() -> None:
+    legs = legs_of(DEFAULT_TASK, MotionController(via=True).point)
+    carried = [leg for leg in legs if leg.carries]
+    assert {(leg.goal, leg.start) for leg in carried} == {(leg.start, leg.goal) for leg in legs if not leg.carries}
+    starts, goals = {leg.start for leg in carried}, {leg.goal for leg in carried}
+    assert starts - goals == {PICKUP.theta}
+    ends = [forward(goal, ArmParameters())[:2] for goal in goals - starts]
+    places = [(place.x, place.y) for place in PLACES.values()]
+    np.testing.assert_allclose(sorted(ends), sorted(places), atol=5e-4)
+    assert all(leg.duration(2.0) >= 2.0 for leg in legs)
+    assert MotionController(via=True).point("nowhere") is None
