@@ -110,7 +110,7 @@ class ExperimentRecovery(ExperimentCommand[list[RecoveryTrial]], OnMachine):
     machines: int = 0
     """Number of drawn machines that the arms are in turn, among bodies that touch, each commissioned from 300 s of
     its work; 0 for that of --machine."""
-    first: int = 1251
+    first: int = 1301
     """Number of the first of these machines; the others have the next ones."""
     controller: str = "embedded"
     """Controller of the cells: embedded, or forte://HOST:PORT, the 4diac FORTE to deploy to."""
