@@ -51,9 +51,10 @@ def kernel(
     """Decorates a function that Numba compiles at its first call, or loads compiled.
 
     With nogil other threads run meanwhile, which costs a short call too much. `uses` are modules of which it calls
-    kernels: it is compiled again when one has changed, too, which Numba by itself does not notice. What is `inlined`
-    becomes a part of each kernel that calls it: a call costs more than the few operations of a small one. It is kept
-    nowhere else, so that no kernel can be given what it was before its module, or one that it calls, was changed.
+    kernels: it is compiled again when one of them has changed, or one that their kernels use, which Numba by itself
+    does not notice. What is `inlined` becomes a part of each kernel that calls it: a call costs more than the few
+    operations of a small one. It is kept nowhere else, so that no kernel can be given what it was before its module,
+    or one that it calls, was changed.
     """
     if function is None:
         return partial(kernel, nogil=nogil, uses=uses, inlined=inlined)
@@ -87,12 +88,21 @@ _load_blas()
 
 
 class _Cache(FunctionCache):
-    """The compiled forms of one kernel, in checked files."""
+    """The compiled forms of one kernel, in checked files.
+
+    Attributes:
+        modules: those of which it calls kernels, and those of which these call some.
+    """
 
     def __init__(self, function: Callable[..., Any], uses: tuple[ModuleType, ...]) -> None:
         super().__init__(function)
         stamp = self._impl.locator.get_source_stamp()
+        self.modules = dict.fromkeys(uses)
         for module in uses:
+            caches = (getattr(value, "_cache", None) for value in vars(module).values())
+            for cache in caches:
+                self.modules |= cache.modules if isinstance(cache, _Cache) else {}
+        for module in self.modules:
             if module.__file__ is not None:
                 status = Path(module.__file__).stat()
                 stamp = (stamp, status.st_mtime, status.st_size)

@@ -69,6 +69,42 @@ def test_damaged_files_are_made_anew(tmp_path: Path) -> None:
     assert run(tmp_path, *names) == [["42.0", "1"]] * 7
 
 
+INNER = """
+from dtwin.twin.compiled import kernel
+
+@kernel
+def twice(x):
+    return x + x
+"""
+MIDDLE = """
+import inner
+from dtwin.twin.compiled import kernel
+
+@kernel(uses=(inner,))
+def quadruple(x):
+    return inner.twice(inner.twice(x))
+"""
+OUTER = """
+import middle
+from dtwin.twin.compiled import kernel
+
+@kernel(uses=(middle,))
+def run(x):
+    return middle.quadruple(x)
+
+print(run(10.0), *run.stats.cache_hits.values())
+"""
+
+
+def test_a_kernel_is_made_anew_when_one_has_changed_that_those_use_which_it_calls(tmp_path: Path) -> None:
+    for name, source in (("inner", INNER), ("middle", MIDDLE), ("outer", OUTER)):
+        (tmp_path / f"{name}.py").write_text(source)
+    assert run(tmp_path, "outer") == [["40.0"]]
+    assert run(tmp_path, "outer") == [["40.0", "1"]]
+    (tmp_path / "inner.py").write_text(INNER.replace("x + x", "x + x + x"))
+    assert run(tmp_path, "outer") == [["90.0"]]
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     write_kernels(tmp_path, "kernels")
