@@ -42,7 +42,7 @@ from dtwin.bus.twin_messages import (
 )
 from dtwin.controller.bounds import check_bounds, check_model
 from dtwin.controller.sequence import SEQUENCES, SequenceName
-from dtwin.controller.settings import ControlSettings, usual_gains
+from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.identification.machine.record import MachineRecord, read_record
 from dtwin.parameters import ArmParameters, Gains, Triple
@@ -52,7 +52,7 @@ from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.history import HISTORY, Entry, History
-from dtwin.simulation.proposal import controllable
+from dtwin.simulation.proposal import tolerated
 from dtwin.simulation.upload import Proposal, Uploader, changed
 from dtwin.twin.effects import NO_EFFECTS
 
@@ -189,11 +189,9 @@ class Simulation:
     def _tolerate(self) -> None:
         """Demands less of an arm of which the record says that no settings have the demanded margins."""
         record, uploader = self._record, self._uploader
-        if record is None or uploader is None or record.settings is None or not record.settings.refused:
+        if record is None or uploader is None:
             return
-        law = uploader.settings.law
-        usual = ControlSettings(law=law, gains=usual_gains(law), model=controllable(record))
-        share = self._checker.tolerate(usual, record.arm)
+        share = tolerated(record, uploader.settings.law, self._checker)
         log.info("uploads have to keep %.0f %% of the demanded margins", 100.0 * share)
 
     def _judge(self, sensors: Sensors, path: PathAngles) -> None:

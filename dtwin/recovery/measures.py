@@ -29,7 +29,6 @@ from dtwin.recovery.refit import estimated, refitted
 from dtwin.recovery.strength import beyond_strength
 from dtwin.recovery.tuning import BOUND, Ability, Expect, Tuned, search, worst_ratio
 from dtwin.simulation.proposal import controllable
-from dtwin.twin.effects import NO_EFFECTS
 
 BOXES: Final = (0.2, 0.21)
 """kg, the usual box and the heaviest"""
@@ -43,6 +42,9 @@ SAME_MASS: Final = 0.005
 """kg by which a box may differ from what the controller assumes"""
 SAME: Final = 1e-9
 """Share by which a number that a device reads back may differ from what it was sent as text."""
+WORSE: Final = 3.0
+"""Greatest distance from the path, relative to the healthy arm's, with which an arm whose commands are late works on:
+softer gains hold it less exactly, and no weakness of the arm is behind that."""
 _TOO_WEAK: Final[dict[Ability, str]] = {
     "without a box": "the arm can work without a box only",
     "not at all": "the arm cannot keep to its paths any more",
@@ -244,12 +246,11 @@ class Measures:
     def _stand_delay(self, found: Sequence[MonitoredUnit]) -> Taken:
         """Lowers the gains until the loop has its margins with the delay, and the speed until the arm tracks well."""
         desk, in_force = self._desk, self._desk.settings()
-        effects = NO_EFFECTS if self._record is None else self._record.effects
         try:
-            tuned = settings_for_late(in_force, self._arm, effects, BOXES, self._reference)
+            tuned = settings_for_late(in_force, self._arm, self._record, BOXES, self._reference)
         except ParameterError as error:
             raise TooWeak(str(error)) from None
-        if tuned.ability in _TOO_WEAK:
+        if tuned.ability in _TOO_WEAK and tuned.ratio > WORSE:
             raise TooWeak(_TOO_WEAK[tuned.ability])
         desk.late = LATE
         if (tuned.gains, tuned.target_time) == (in_force.gains, in_force.target_time):

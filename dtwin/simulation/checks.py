@@ -29,7 +29,8 @@ from dtwin.twin.effects import NO_EFFECTS, Effects
 TAIL: Final = 0.5
 """Time after the end of a path for which a checked motion is simulated, s."""
 TOLERANCE: Final = 0.9
-"""Share of the margins of an arm that has less than is demanded that other settings have to keep."""
+"""Share of the margins of an arm that has less than is demanded that other settings have to keep, and of those that
+are demanded of an arm with effects whose commands are late."""
 WORST_TRACKING: Final = 0.3
 """Largest distance from the path in any motion of the cell, rad."""
 
@@ -257,8 +258,9 @@ class Checker:
             Refused: a margin is below what is demanded of the law; the message says which, where, and what is.
         """
         found = []
+        least = min(self._least, TOLERANCE) if late and self._effects != NO_EFFECTS else self._least
         for case, short in self._resting(settings, arm, motions, late):
-            if short is not None and (short.name == UNSTABLE or short.share < self._least):
+            if short is not None and (short.name == UNSTABLE or short.share < least):
                 raise Refused(f"{case}: {short.text}")
             found.append(case)
         return found

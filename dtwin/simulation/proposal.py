@@ -13,9 +13,10 @@ from typing import Final
 from dtwin.campaign.spread import Progress
 from dtwin.controller.motion import MotionController
 from dtwin.controller.proposed import LeastMargins, ProposedSettings
-from dtwin.controller.settings import COMPENSATION_RANGES, Compensation, ControlSettings
+from dtwin.controller.settings import COMPENSATION_RANGES, Compensation, ControlSettings, usual_gains
 from dtwin.identification.machine.record import MachineRecord
-from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.parameters import PERIOD, ArmParameters, Law
+from dtwin.simulation.checks import Checker
 from dtwin.simulation.margins.demands import MARGINS, Case, cases
 from dtwin.simulation.margins.design import NOISE, Candidate, best_of, design
 from dtwin.simulation.margins.poses import Pose, places, poses
@@ -54,6 +55,18 @@ def propose(record: MachineRecord, progress: Progress) -> ProposedSettings:
         _refusal(record, near),
         _remarks(best, everywhere),
     )
+
+
+def tolerated(record: MachineRecord, law: Law, checker: Checker) -> float:
+    """The share of the demanded margins that uploads to an arm have to keep, which the checker asks for from now on.
+
+    It is less than one only if the record says that no settings have the demanded margins; then what the usual gains
+    of a law have is demanded, whatever is in force.
+    """
+    if record.settings is None or not record.settings.refused:
+        return 1.0
+    usual = ControlSettings(law=law, gains=usual_gains(law), model=controllable(record))
+    return checker.tolerate(usual, record.arm)
 
 
 def chosen(candidates: Sequence[Candidate]) -> Candidate:

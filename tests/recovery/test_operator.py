@@ -36,16 +36,17 @@ from dtwin.bus.twin_messages import (
     Upload,
     UploadRequest,
 )
-from dtwin.controller.settings import USUAL_GAINS
+from dtwin.controller.settings import USUAL_GAINS, ControlSettings
 from dtwin.errors import CommunicationError
 from dtwin.identification.machine.record import MachineRecord
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import ArmParameters, scaled
+from dtwin.recovery.delay import settings_for_late
 from dtwin.recovery.desk import Desk
 from dtwin.recovery.measures import Measures
 from dtwin.recovery.operator import Operator
 from dtwin.signals import MONITOR, Event
-from dtwin.simulation.checks import MOTIONS
+from dtwin.simulation.checks import MOTIONS, Checker, Refused
 from dtwin.twin.effects import Effects
 from tests.support.records import recorded
 
@@ -377,6 +378,18 @@ def test_late_commands_lower_gains_that_are_too_fast(cell: FakeCell) -> None:
     assert upload.gains.kp[0] < fast.kp[0]
 
 
+def test_a_machine_works_on_with_nine_tenths_of_the_margins_when_commands_are_late() -> None:
+    record = recorded(Effects(delay=0.0065, lag=(0.006,) * 3))
+    in_force = FakeCell()._now
+    expected = PredictedMotion("pickup", "red", True, (0.002,) * 3, (0.005,) * 3, (1.0,) * 3, 0.0)
+    tuned = settings_for_late(in_force, record.arm, record, (0.2,), [expected] * len(MOTIONS))
+    assert tuned.gains.kp[0] < in_force.gains.kp[0]
+    found = replace(ControlSettings(law=in_force.law), gains=tuned.gains, target_time=tuned.target_time)
+    with pytest.raises(Refused):
+        Checker().check(found, record.arm, late=3.0)
+    Checker(effects=record.effects).check(found, record.arm, late=1.0)
+
+
 @pytest.mark.parametrize(
     ("parameter", "state"),
     [
@@ -409,7 +422,7 @@ def test_an_arm_that_stands_no_further_delay_is_stopped(cell: FakeCell) -> None:
     cell.found["late"] = (20.0, 1.0, 0.01)
     operator = watched(cell, recorded(Effects(delay=0.04)))
     assert [measure for measure, _ in measures_of(operator)] == ["margins", "stop"]
-    assert "no gains have the margins, down to 0.5 times" in cell.told[-1]
+    assert "no gains have 90% of the margins, down to 0.5 times" in cell.told[-1]
     assert operator.trouble == ""
 
 
