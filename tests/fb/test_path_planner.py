@@ -129,19 +129,21 @@ def test_held_path_starts_with_the_measured_angles_and_velocities() -> None:
 
 
 @pytest.mark.parametrize("joint", [0, 1, 2])
-def test_a_joint_far_from_its_path_stays_where_it_is_when_the_arm_brakes(joint: int) -> None:
+def test_an_arm_that_does_not_follow_when_it_brakes_stands_where_it_is_then(joint: int) -> None:
     planner = Driven("PATH_PLANNER")
     planner.fire("TARGET", **to("red"))
     for _ in range(60):
         planner.fire("REQ")
     before, omega = np.array(planner.triple("THETA_D")), np.array(planner.triple("OMEGA_D"))
-    measured = before + 0.09
-    measured[joint] = before[joint] - 0.11
-    rest = before + 0.15 * omega
-    rest[joint] = measured[joint]
-    for _ in range(31):
-        assert planner.fire("REQ", STOP=1, **triple("THETA", measured)) == ["STANDING", "CNF"]
-        assert planner.triple("THETA_D")[joint] == measured[joint]
-        assert planner.triple("OMEGA_D")[joint] == 0.0
-    np.testing.assert_allclose(planner.triple("THETA_D"), rest, atol=1e-12)
-    np.testing.assert_array_equal(planner.triple("OMEGA_D"), 0.0)
+    measured = before + 0.15 * omega - 0.01
+    measured[joint] -= 0.11
+    for tick in range(1, 60):
+        stop = {"STOP": 1 if tick < 40 else 2}
+        assert planner.fire("REQ", **stop, **triple("THETA", measured)) == ["STANDING", "CNF"]
+        if tick >= 30:
+            np.testing.assert_array_equal(planner.triple("THETA_D"), measured)
+            np.testing.assert_array_equal(planner.triple("OMEGA_D"), 0.0)
+            assert planner["AWAY"] == 0.0
+    moved = measured + 0.3  # it falls: that is no place to stand
+    planner.fire("REQ", STOP=2, **triple("THETA", moved))
+    assert planner["AWAY"] == pytest.approx(0.3)

@@ -127,12 +127,11 @@ def test_the_path_brakes_to_rest_without_a_jump_and_without_turning_back(
     for _ in range(ticks):
         planner.fire("REQ")
     theta, omega = planner.triple("THETA_D"), planner.triple("OMEGA_D")
-    measured = theta - np.array(behind)
     for tick in range(1, 45):
-        stop = BRAKING if tick < BRAKING_SAMPLES else STANDSTILL
+        stop, t = BRAKING if tick < BRAKING_SAMPLES else STANDSTILL, min(0.01 * tick, 0.3)
+        measured = theta + omega * t * (1 - t / 0.6) - np.array(behind)
         assert planner.fire("REQ", STOP=stop, **triple("THETA", measured)) == ["STANDING", "CNF"]
         assert planner["MOVING"]
-        t = min(0.01 * tick, 0.3)
         np.testing.assert_allclose(planner.triple("THETA_D"), theta + omega * t * (1 - t / 0.6), atol=1e-12)
         np.testing.assert_allclose(planner.triple("OMEGA_D"), omega * (1 - t / 0.3), atol=1e-12)
         assert (np.sign(planner.triple("OMEGA_D")) * np.sign(omega) >= 0).all()
