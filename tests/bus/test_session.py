@@ -19,6 +19,8 @@ from dtwin.signals import Event, Sensors
 from tests.support.ports import free_port
 from tests.support.waiting import until
 
+WAITS = zenoh.CongestionControl.BLOCK
+"""behind five megabytes other messages are thrown away where a receiver is slow"""
 SAMPLE = Sensors(1, 0.01, (0.1, 0.2, 0.3), 0.9, True, "red")
 WAIT = 10.0
 SHIPPED = sorted((ROOT / "config").rglob("*.json5"))
@@ -162,9 +164,9 @@ def test_refused_messages_are_counted_by_reason(join: Join, caplog: pytest.LogCa
         70_000 * b"x",
         5_000_000 * b"x",
     ):
-        raw.put(key, payload)
-    raw.delete(key)
-    raw.put(key, encode(SAMPLE))  # of the same priority, so it comes last
+        raw.put(key, payload, congestion_control=WAITS)
+    raw.delete(key, congestion_control=WAITS)
+    raw.put(key, encode(SAMPLE), congestion_control=WAITS)  # of the same priority, so it comes last
     assert heard.messages.get(timeout=WAIT) == SAMPLE
     # the largest one is more than the session takes, and never gets here
     assert receiver.refused == {"malformed": 3, "invalid": 2, "too long": 1}

@@ -16,6 +16,7 @@ WAITERS: Final = ("gw0", "gw1")
 _PRIORITY: Final = 10
 _WAITING: Final = (
     "tests/api/test_live.py",
+    "tests/bus/",
     "tests/console/",
     "tests/interop/",
     "tests/services/",
