@@ -75,6 +75,10 @@ _DOUBT: Final = 0.05
 """Chance that larger excesses on average would have come out as small as those that were seen."""
 _SOON: Final = 2.0
 """s, time in which a change shall show."""
+_FITS: Final = 1.5
+"""Misfit up to which a cause explains any arm's motion, see `misfit_after`; 1 is that of a true model."""
+_SPARE: Final = 1.5
+"""How much farther than the healthy arm does a cause may go, that arm being watched for some minutes only."""
 _EVERY: Final = 20
 """Number of samples of which one tells how well a change shows."""
 
@@ -100,7 +104,7 @@ def calibrated(belief: Belief, seen: Stream, progress: Callable[[str], None] = l
     learned = _after(replace(belief, error=error), seen)
     progress("watches the arm as it has learned it")
     found = _watched(learned, seen)
-    return replace(learned, tails=_tails(found.statistics), misfit=max(learned.misfit, found.misfit))
+    return replace(learned, tails=_tails(found.statistics), misfit=max(_FITS, _SPARE * found.misfit))
 
 
 def watched(

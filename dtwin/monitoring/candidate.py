@@ -8,8 +8,9 @@ speaks for it, and its state tells the size of the change: no linearisation in t
 
 from __future__ import annotations
 
+import copy
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +73,8 @@ class Candidate:
         gain: log-likelihood over the arm as believed, since the onset, and the logarithm of how rare it is.
         peak: the most that a single sample has added to that.
         misfit: how badly it explains the last samples, see `misfit_after`.
+        worst: the most that this has been.
+        sample: number of the last sample that it has taken in.
     """
 
     def __init__(
@@ -86,7 +89,8 @@ class Candidate:
         self.fault, self.other, self.onset = fault, other, onset
         self.gain = -RARER if other else 0.0
         self.peak = 0.0
-        self.misfit = 1.0
+        self.misfit = self.worst = 1.0
+        self.sample = onset.sample
         hypothesis = fault.about.hypothesis
         self._opening = 0 if delay and hypothesis == "jump" else onset.gap
         self._lost = fault.states[0] if hypothesis == "loss" else ""
@@ -118,6 +122,7 @@ class Candidate:
     def follow(self, moment: Moment) -> None:
         """Takes in a sample."""
         estimator = self.estimator
+        self.sample += 1
         if self._delay == 0 and (self._first_delay or self._lost or self._stopping >= 0):
             self._turn(moment)
         self._delay -= 1
@@ -140,6 +145,13 @@ class Candidate:
             self.gain += gain
             self.peak = max(self.peak, gain)
             self.misfit = misfit_after(self.misfit, estimator.score, estimator.information, used)
+            self.worst = max(self.worst, self.misfit)
+
+    def as_it_is(self) -> Candidate:
+        """What it has come to, which does not follow on with it."""
+        kept = copy.copy(self)
+        kept.estimator = self.estimator.copy()
+        return kept
 
     def catch_up(self, history: Moments, sample: int) -> None:
         """Takes in all samples since the onset; the last one in the history has the given number."""
@@ -194,3 +206,17 @@ class Candidate:
             self.estimator.disturb(0)
         elif self.fault.about.hypothesis == "hold":
             self.estimator.lock(self.fault.joint)
+
+
+class Conclusion(NamedTuple):
+    """What a diagnosis comes to.
+
+    Attributes:
+        candidate: the hypothesis to believe.
+        probability: that of its cause among all.
+        others: what else it may be, most likely first, each with its probability.
+    """
+
+    candidate: Candidate
+    probability: float
+    others: tuple[tuple[FaultId, float], ...] = ()

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from dtwin.monitoring.candidate import Candidate
+from dtwin.monitoring.candidate import Candidate, Conclusion
 from dtwin.monitoring.kinds import (
     BIAS,
     DRIFT,
@@ -81,6 +81,8 @@ _KEPT: Final = 5
 """suspicions that were not confirmed of which is known"""
 _HOPELESS: Final = 25.0
 """log-likelihood behind the best at which a candidate is given up"""
+_SUDDEN: Final = 4
+"""samples in which it shows that no cause explains the motion any more"""
 
 
 class Diagnosis:
@@ -96,11 +98,13 @@ class Diagnosis:
         temper: by how much less than its likelihood says evidence counts, at least 1.
         misfit: misfit of a candidate from which on it does not explain the motion.
         charges: what each of JUMPS has to be more likely by, because what the model lacks looks like it.
+        lately: what another diagnosis that this one follows had come to, oldest first.
 
     Attributes:
         alarm: number of the sample at which it began.
         candidates: those that are not given up.
         certain: whether something is wrong, whatever the likelihoods are.
+        lately: what it had come to in the last samples that a cause explained, oldest first.
     """
 
     def __init__(
@@ -114,6 +118,7 @@ class Diagnosis:
         temper: float = 1.0,
         misfit: float = 2.0,
         charges: Mapping[str, float] | None = None,
+        lately: Sequence[Conclusion] = (),
     ) -> None:
         self._charges = charges or {}
         self._sizes = sizes
@@ -127,6 +132,7 @@ class Diagnosis:
         self.candidates = _stops(stopped, sizes) + (self._changes(likely, locked) if likely else [])
         self.certain = bool(stopped)
         self._pairs: list[Candidate] | None = None
+        self.lately = deque(lately, _SUDDEN)
         for candidate in self.candidates:
             self._caught_up(candidate)
         self._prune()
@@ -143,6 +149,17 @@ class Diagnosis:
         elif self._pairs:
             # One a sample, because each has to catch up, and the next sample does not wait.
             self.candidates.append(self._caught_up(self._pairs.pop()))
+        top, probability = self.best()
+        if top.worst <= self._misfit:
+            self.lately.append(Conclusion(top.as_it_is(), probability, self.others()))
+
+    def believed(self) -> Conclusion:
+        """What it has come to, or had before if no cause explains the motion any more: an arm that has hit something
+        moves unlike all of them, and what it does then does not speak for the one that allows the most."""
+        top, probability = self.best()
+        if top.worst > self._misfit and len(self.lately) == _SUDDEN and self.lately[0].probability >= SURE:
+            return self.lately[0]
+        return Conclusion(top, probability, self.others())
 
     def best(self) -> tuple[Candidate, float]:
         """The most likely candidate, and the probability of its cause among all."""
@@ -186,24 +203,40 @@ class Diagnosis:
         total = sum(weight for _, weight in causes.values())
         return sorted(((c, weight / total) for c, weight in causes.values()), key=lambda each: -each[1])
 
-    def winner(self) -> Candidate:
-        """The candidate to believe.
+    def winner(self) -> Conclusion:
+        """What to believe in the end.
 
-        The most likely one, or an unknown cause if that does not explain the motion; of an encoder that may have
-        stopped, that it has, unless the joint is certainly locked.
+        The most likely candidate, or an unknown cause if that does not explain the motion; of an encoder that may
+        have stopped, that it has, unless the joint is certainly locked.
         """
-        top, probability = self.best()
+        found = self.believed()
+        top, probability, _ = found
+        if top.sample < self._sample:
+            return found
         if self.certain and not self._convinces(top, probability):
-            stops = [each for each in self.candidates if each.fault.kind == FREEZE]
-            return max(stops, key=lambda each: each.gain, default=top)
+            return self._stopped() or found
         if self.certain and top.fault.kind in (FREEZE, LOCK):
-            return top
+            return found
         if top.misfit > self._misfit:
             unknown = [self._caught_up(Candidate(fault, top.onset, self._sizes)) for fault in faults(UNKNOWN)]
-            return max(unknown, key=lambda each: each.gain)
+            return found._replace(candidate=max(unknown, key=lambda each: each.gain))
         if not top.changes():
-            return top
-        return max(top, self._caught_up(top.again(self._sizes)), key=lambda either: either.gain)
+            return found
+        again = self._caught_up(top.again(self._sizes))
+        return found._replace(candidate=max(top, again, key=lambda either: either.gain))
+
+    def _stopped(self) -> Conclusion | None:
+        """That an encoder has stopped, as probable as it was while a cause explained the motion."""
+        stops = [each for each in self.candidates if each.fault.kind == FREEZE]
+        if not stops:
+            return None
+        stop = max(stops, key=lambda each: each.gain)
+        told = [(each.told, probability) for each, probability in self.ranked()]
+        if self.ranked()[0][0].worst > self._misfit and self.lately:
+            before, probability, others = self.lately[0]
+            told = [(before.told, probability), *others]
+        probability = sum(probability for fault, probability in told if fault == stop.fault)
+        return Conclusion(stop, probability, tuple(each for each in told if each[0] != stop.fault))
 
     def settled(self, sample: int) -> bool:
         """Whether the cause and its size are known as well as they will be."""
@@ -229,7 +262,8 @@ class Diagnosis:
 
     def _convinces(self, top: Candidate, probability: float) -> bool:
         """Whether a candidate is sure; any but an encoder that has stopped has to explain the motion besides."""
-        return probability >= DECIDED and (top.fault.kind == FREEZE or top.misfit <= self._misfit)
+        misfit = top.misfit if top.fault.kind == LOCK else top.worst
+        return probability >= DECIDED and (top.fault.kind == FREEZE or misfit <= self._misfit)
 
     def _changes(self, likely: Sequence[Suspicion], locked: bool) -> list[Candidate]:
         """What the most likely suspicions may be, and what leaves no traces of its own to suspect."""
@@ -273,7 +307,9 @@ class Diagnosis:
 
     def _prune(self) -> None:
         top = max(candidate.gain for candidate in self.candidates)
-        self.candidates = [c for c in self.candidates if c.gain >= top - _HOPELESS * self._temper]
+        least = top - _HOPELESS * self._temper
+        # What an encoder that has stopped does not explain may be what the arm hits because of that.
+        self.candidates = [c for c in self.candidates if c.gain >= least or (self.certain and c.fault.kind == FREEZE)]
 
 
 def _pairs(likely: Sequence[Suspicion], sizes: dict[str, float], alarm: int) -> list[Candidate]:

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import msgspec
 
 from dtwin.errors import ParameterError, choices
-from dtwin.monitoring.candidate import Candidate, is_none
+from dtwin.monitoring.candidate import Candidate, Conclusion, is_none
 from dtwin.monitoring.estimation.arrays import Change
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import W
@@ -107,27 +107,26 @@ class Findings:
         """Adds an event at a plant time (s)."""
         self.events.append(Event(time, kind, text))
 
-    def assess(
-        self, candidate: Candidate, probability: float, detected: float, others: Sequence[tuple[FaultId, float]] = ()
-    ) -> Finding:
-        """What a candidate amounts to so far, noticed at a plant time (s), and what else it may be.
+    def assess(self, conclusion: Conclusion, detected: float) -> Finding:
+        """What the conclusion of a diagnosis amounts to, noticed at a plant time (s).
 
         Of two changes it is the larger one. What would be another mass is a slip, too, if the gripper says so.
         """
+        candidate, probability, others = conclusion
         changes = candidate.changes()
         state = max(changes, key=lambda name: self._relative(name, changes[name]), default="")
         found = self._told(candidate, state, probability, detected)
         if found.fault.kind == SLIP and self._stirred(found.since):
             more = sum(share for fault, share in others if fault.about.on_box)
             found = msgspec.structs.replace(found, confidence=min(found.confidence + more, 1.0))
-            others = [each for each in others if not each[0].about.on_box]
+            others = tuple(each for each in others if not each[0].about.on_box)
         instead = tuple(dict.fromkeys(str(fault) for fault, _ in others if str(fault) != found.parameter))
         return msgspec.structs.replace(found, others=instead)
 
     def settle(self, time: float, candidate: Candidate, pending: Finding) -> Consequences:
         """Enters a diagnosis that is complete, or strikes out what it undoes; plant time in s."""
         if candidate.other is None:
-            told = [self.assess(candidate, pending.confidence, pending.detected)]
+            told = [self.assess(Conclusion(candidate, pending.confidence), pending.detected)]
         else:
             states = sorted(changes := candidate.changes(), key=lambda name: -self._relative(name, changes[name]))
             sure = [name for name in states if _is_sure(changes[name])] or states[:1]
@@ -213,6 +212,10 @@ class Findings:
         """Whether what the gripper holds began to move between the pads at about a plant time (s)."""
         stirred = self._gripper.stirred
         return stirred >= 0 and abs(stirred * PERIOD - since) < _TOGETHER
+
+    def awaited(self, fault: FaultId) -> bool:
+        """Whether the gripper's encoder is about to tell if a fault of the box is one of the gripper."""
+        return fault.about.on_box and self._gripper.undecided
 
     def grip(self, time: float) -> None:
         """Takes in that the gripper has begun not to follow its motor, or follows it again, at a plant time (s)."""

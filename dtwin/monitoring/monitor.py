@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.bus.twin_messages import MonitoringVerdict
-from dtwin.monitoring.candidate import Candidate
+from dtwin.monitoring.candidate import Candidate, Conclusion
 from dtwin.monitoring.diagnosis import CERTAIN, PAUSE, Diagnosis, Dismissals
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import Estimator
@@ -241,11 +242,9 @@ class Monitor:
 
     def _settle(self, left: int, begun: bool) -> None:
         """Settles for some samples; who was lost is lost after that."""
-        match self._mode:
-            case (Lost() | Unfit() as then) | Settling(then=then):
-                self._mode = Settling(left, left - STARTING, begun, then)
-            case Watching() | Diagnosing():
-                self._mode = Settling(left, left - STARTING, begun, Watching())
+        then = self._mode.then if isinstance(self._mode, Settling) else self._mode
+        then = Watching() if isinstance(then, Diagnosing) else then
+        self._mode = Settling(left, left - STARTING, begun, then)
 
     def _step(self, measured: Array, arrived: bool, command: Array, doubt: float) -> None:
         """Carries the estimate over one period and does what the mode asks for."""
@@ -261,8 +260,8 @@ class Monitor:
     def _conclude(self, moment: Moment, regripped: bool) -> None:
         """Does what the mode asks for with a sample that the estimate has taken in."""
         estimator, used = self.estimator, moment.used
-        unlikely = not moment.likelihood > LEAST_LIKELY
-        if unlikely and not isinstance(self._mode, Diagnosing) and not np.isfinite(estimator.x).all():
+        likely = moment.likelihood > LEAST_LIKELY
+        if not (likely or isinstance(self._mode, Diagnosing) or np.isfinite(estimator.x).all()):
             self._start_over()
             self.restarts += 1
             self.findings.note(self.time, "restart", "the estimate diverged and starts anew from the model")
@@ -286,7 +285,7 @@ class Monitor:
                 self._listen(used)
             case Diagnosing(diagnosis, pending):
                 if not diagnosis.certain and (stopped := self._stopped.open(self._readings, self.findings.known)):
-                    self._diagnose(stopped, pending)
+                    self._diagnose(stopped, pending, diagnosis.lately)
                 else:
                     diagnosis.update(moment)
                     self._decide(diagnosis, pending)
@@ -332,11 +331,12 @@ class Monitor:
             return
         self._diagnose(stopped, None)
 
-    def _diagnose(self, stopped: list[int], pending: Finding | None) -> None:
+    def _diagnose(self, stopped: list[int], pending: Finding | None, lately: Sequence[Conclusion] = ()) -> None:
         """Begins a diagnosis, of joints (1 to 3) that do not move as expected if there are any."""
         self._stopped.ask(stopped)
         since = [(i, self._bank.before(self.sample - int(self._readings.repeated[i - 1]))) for i in stopped]
-        how = (self._sizes, bool(self.estimator.locked), since, self._temper, self._belief.misfit, self._charges)
+        locked, misfit = bool(self.estimator.locked), self._belief.misfit
+        how = (self._sizes, locked, since, self._temper, misfit, self._charges, lately)
         # Of a joint that stands still only what its motion has told before is a cause beside those of standing still.
         suspicions = self._bank.suspicions(self.threshold if stopped else 0.0)
         self._decide(Diagnosis(suspicions, self._track.moments, self.sample, *how), pending)
@@ -366,11 +366,10 @@ class Monitor:
 
     def _decide(self, diagnosis: Diagnosis, pending: Finding | None) -> None:
         """Updates the finding under diagnosis, and adopts the winner once it is settled."""
-        candidate, probability = diagnosis.best()
-        settled = diagnosis.settled(self.sample)
-        if diagnosis.certain or candidate.gain > CERTAIN:
-            detected = pending.detected if pending else self.time
-            found = self.findings.assess(candidate, probability, detected, diagnosis.others())
+        believed = diagnosis.believed()
+        settled = diagnosis.settled(self.sample) and not self.findings.awaited(believed.candidate.fault)
+        if diagnosis.certain or believed.candidate.gain > CERTAIN:
+            found = self.findings.assess(believed, pending.detected if pending else self.time)
             if pending is None:
                 self.findings.note(self.time, "suspected", found.text())
             pending = found
@@ -382,14 +381,15 @@ class Monitor:
         if pending is None or not self._dismissals.confirmed(diagnosis, self.sample):
             self.findings.note(self.time, "dismissed", "a suspicion was not confirmed")
             return
-        self._adopt(diagnosis.winner(), pending)
+        winner = diagnosis.winner()
+        self._adopt(winner.candidate, self.findings.assess(winner, pending.detected))
 
     def _adopt(self, candidate: Candidate, pending: Finding) -> None:
         """Takes the arm to be as the winner of a diagnosis says."""
         before = candidate.onset.estimator
-        self.estimator = candidate.estimator
-        if candidate.fault.kind == PUSH:
-            self.estimator = before.copy()
+        over = candidate.fault.kind == PUSH
+        self.estimator = before.copy() if over else candidate.estimator
+        if over or candidate.sample < self.sample:
             self._begin(self._readings.last, self._track.gripped)
         self._turns.enter(Turn(self.sample, pending.detected, before, dict(self.findings.current)))
         self.findings.settle(self.time, candidate, pending).apply(self.estimator, self.trend)

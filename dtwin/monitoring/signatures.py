@@ -32,7 +32,7 @@ LATER: Final = 12
 """samples since a sudden change that is looked for whatever the best onset is"""
 INDEPENDENT: Final = 100.0
 """tests a second that would be independent; neighbouring samples, onsets and faults share most of their evidence"""
-ALIKE: Final = 16.0
+ALIKE: Final = 8.0
 """samples that count as one when causes are compared, because what a model lacks is alike in them"""
 
 

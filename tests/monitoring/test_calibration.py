@@ -52,6 +52,7 @@ def test_an_arm_that_the_model_lacks_is_no_alarm_once_it_is_calibrated(
     assert {event.kind for event in stern.events} & {"misfit", "suspected"}
     assert not calm.events
     assert max(learned.error.slow[1:]) > 1.5 * learned.error.slow[0]
+    assert 1.5 <= learned.misfit < belief.misfit
 
 
 @pytest.mark.usefixtures("fewer_choices")

@@ -49,6 +49,32 @@ def judged(volts: list[float], angles: list[float]) -> list[tuple[int, bool]]:
     ]
 
 
+@pytest.mark.parametrize(
+    ("moves", "waits"),
+    [
+        ([0.01, 0.012, 0.01, 0.0, -0.01, -0.03], [True, True, True, False, False, False]),
+        ([0.01, 0.02, 0.03, 0.06], [True, True, True, False]),
+        ([0.01] * 70, [True] * 60 + [False] * 10),
+        ([-0.01, -0.03], [False, False]),
+        ([0.004, -0.004], [False, False]),
+    ],
+)
+def test_a_jaw_that_is_pushed_open_has_yet_to_show_whether_its_motor_closes_it(
+    moves: list[float], waits: list[bool]
+) -> None:
+    """A box that slips out pushes the jaw as far as one that a dead motor does not hold, but not for long."""
+    watch = GripperWatch()
+    volts = [3.0] * 100 + [-3.0] * 200
+    for k, (u, angle) in enumerate(zip(volts, driven(volts, stop=BOX), strict=True)):
+        watch.take(k, angle, u)
+    assert not watch.undecided
+    seen = []
+    for k, move in enumerate(moves, len(volts)):
+        watch.take(k, BOX + move, -3.0)
+        seen.append(watch.undecided)
+    assert (seen, watch.fails) == (waits, max(moves) > 0.05)
+
+
 CYCLE = [3.0] * 100 + [-3.0] * 200 + [3.0] * 150 + [-3.0] * 200 + [3.0] * 150
 
 

@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 import pytest
 
+from dtwin.monitoring.candidate import Candidate, Conclusion
 from dtwin.monitoring.diagnosis import SURE, Diagnosis, Dismissals
 from dtwin.monitoring.estimation import traces
 from dtwin.monitoring.estimation.belief import Belief, Tail, Unmodelled
@@ -139,9 +140,45 @@ def test_a_box_that_moves_between_the_pads_leaves_one_cause_of_two(
     gripper.stirred = stirred
     (top, _), *_ = diagnosis(belief, {"payload": 20.0}).ranked()
     shares = ((parse_fault_id("slip"), 0.3), (parse_fault_id("K1"), 0.1))
-    found = Findings(plausible_sizes(belief.arm), gripper).assess(top, 0.6, 0.2, shares)
+    found = Findings(plausible_sizes(belief.arm), gripper).assess(Conclusion(top, 0.6, shares), 0.2)
     assert (found.parameter, found.others) == (named, others)
     assert found.confidence == pytest.approx(confidence)
+
+
+def explained(found: Diagnosis, samples: int, worst: float) -> Diagnosis:
+    """A diagnosis of which a cause explained so many samples, and the likeliest one then no more."""
+    top, probability = found.best()
+    found.lately.extend([Conclusion(top.as_it_is(), probability, found.others())] * samples)
+    found.candidates[1].gain, found.candidates[1].worst = 1000.0, worst
+    return found
+
+
+def test_what_no_cause_explains_speaks_for_none(belief: Belief) -> None:
+    """After the arm has hit something the cause that allows the most is the likeliest, and tells nothing."""
+    gains = {"K1": 40.0, "payload": 20.0}
+    assert str(explained(diagnosis(belief, gains), 4, 9.0).winner().candidate.fault) == "K1"
+    assert str(explained(diagnosis(belief, gains), 4, 1.2).believed().candidate.fault) == "payload"
+    assert str(explained(diagnosis(belief, gains), 3, 9.0).believed().candidate.fault) == "payload"
+    unsure = explained(diagnosis(belief, gains, ALIKE), 4, 9.0).believed()
+    assert str(unsure.candidate.fault) == "payload"
+
+
+def test_an_encoder_that_may_have_stopped_is_as_probable_as_it_was_while_a_cause_explained_the_motion(
+    belief: Belief,
+) -> None:
+    onset = Onset(10, 1, Estimator(belief, Tuning()))
+    found = Diagnosis([], Moments(1), 10, plausible_sizes(belief.arm), False, [(2, onset)])
+    stops = [each for each in found.candidates if each.fault.kind == "freeze"]
+    push = Candidate(parse_fault_id("push2"), onset, plausible_sizes(belief.arm))
+    found.candidates = [*stops, push]
+    stops[0].gain = 1.0
+    (_, probability), *_ = found.ranked()
+    assert 0.5 < probability < SURE
+    explained(found, 4, 9.0)
+    push.gain, push.worst, push.misfit, found.candidates[1].gain = 1000.0, 9.0, 1.0, 0.0
+    winner = found.winner()
+    assert (str(winner.candidate.fault), winner.probability) == ("freeze2", pytest.approx(probability))
+    assert found.believed().candidate is push
 
 
 class Ended:
@@ -175,13 +212,14 @@ def test_what_never_was_finite_is_not_confirmed() -> None:
     assert not Dismissals().confirmed(cast(Diagnosis, ended), 10)
 
 
-@pytest.mark.parametrize(("kind", "peak", "enough"), [("bias", 30.0, True), ("bias", 1.0, False), ("K", 30.0, False)])
+@pytest.mark.parametrize(("kind", "peak", "enough"), [("bias", 0.9, True), ("bias", 0.05, False), ("K", 0.9, False)])
 def test_the_sample_in_which_an_encoder_jumps_counts_in_full(
     monkeypatch: pytest.MonkeyPatch, kind: str, peak: float, enough: bool
 ) -> None:
     diagnosis = object.__new__(Diagnosis)
     diagnosis._temper, diagnosis.certain = ALIKE, False
-    found = SimpleNamespace(fault=parse_fault_id(f"{kind}2"), gain=31.0, peak=peak)
+    gain = 2.0 * ALIKE
+    found = SimpleNamespace(fault=parse_fault_id(f"{kind}2"), gain=gain, peak=peak * gain)
     monkeypatch.setattr(diagnosis, "best", lambda: (found, 0.5))
     assert diagnosis.earned() == enough
 

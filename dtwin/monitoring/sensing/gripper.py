@@ -31,6 +31,8 @@ _STANDS: Final = 0.005
 """How far readings of a jaw that stands differ, rad: three steps of an encoder of 12 bits."""
 _STOOD: Final = 30
 """Number of samples after which a jaw counts as standing."""
+_TELLS: Final = 60
+"""samples after which a jaw that was pushed open and has come neither farther nor back is no failure"""
 _DRIVEN: Final = 0.5
 """Share of the voltage of the gripper from which on it counts as driven."""
 
@@ -51,7 +53,7 @@ class GripperWatch:
         self._gripper = gripper or GripperParameters()
         self._direction, self._judged, self._moves = 0, True, False
         self._start, self._from, self._farthest, self._way, self._late = 0, 0.0, 0.0, 0.0, 0
-        self._place, self._reached = 0.0, 0
+        self._place, self._reached, self._held, self._last = 0.0, 0, 0.0, 0
         self.fails, self.since, self.stirred = False, 0, -1
 
     def take(self, sample: int, angle: float, volts: float) -> bool:
@@ -64,7 +66,7 @@ class GripperWatch:
         """
         if not (math.isfinite(angle) and math.isfinite(volts)):
             return False
-        failed, direction = self.fails, self._driven(volts)
+        failed, direction, self._last = self.fails, self._driven(volts), sample
         if direction != self._direction or sample < self._start:
             self._begin(sample, angle, direction)
         if not direction:
@@ -72,7 +74,7 @@ class GripperWatch:
         if abs(angle - self._place) > _STANDS:
             stood = self._judged and self._moves and sample >= self._reached + _STOOD
             if direction < 0 and stood and self.stirred < self._start:
-                self.stirred = sample
+                self.stirred, self._held = sample, self._place
             self._place, self._reached = angle, sample
         moved = direction * (angle - self._from)
         self._farthest = max(self._farthest, moved)
@@ -83,6 +85,12 @@ class GripperWatch:
         elif self._moves and moved < self._farthest - _BACK and not failed:
             self.fails, self.since = True, sample
         return self.fails != failed
+
+    @property
+    def undecided(self) -> bool:
+        """Whether the jaw has let what it held push it open and not yet shown whether it closes all the same."""
+        pushed = self._direction < 0 and self._start <= self.stirred and self._place > self._held
+        return pushed and not self.fails and self._last < self.stirred + _TELLS
 
     def calm(self, sample: NDArray[np.int64], angle: Array, volts: Array) -> int:
         """The number of samples, from the first one on, that change nothing of `fails`.
