@@ -98,13 +98,11 @@ class Diagnosis:
         temper: by how much less than its likelihood says evidence counts, at least 1.
         misfit: misfit of a candidate from which on it does not explain the motion.
         charges: what each of JUMPS has to be more likely by, because what the model lacks looks like it.
-        lately: what another diagnosis that this one follows had come to, oldest first.
 
     Attributes:
         alarm: number of the sample at which it began.
         candidates: those that are not given up.
         certain: whether something is wrong, whatever the likelihoods are.
-        lately: what it had come to in the last samples that a cause explained, oldest first.
     """
 
     def __init__(
@@ -118,7 +116,6 @@ class Diagnosis:
         temper: float = 1.0,
         misfit: float = 2.0,
         charges: Mapping[str, float] | None = None,
-        lately: Sequence[Conclusion] = (),
     ) -> None:
         self._charges = charges or {}
         self._sizes = sizes
@@ -132,7 +129,7 @@ class Diagnosis:
         self.candidates = _stops(stopped, sizes) + (self._changes(likely, locked) if likely else [])
         self.certain = bool(stopped)
         self._pairs: list[Candidate] | None = None
-        self.lately = deque(lately, _SUDDEN)
+        self._lately: deque[Conclusion] = deque(maxlen=_SUDDEN)
         for candidate in self.candidates:
             self._caught_up(candidate)
         self._prune()
@@ -151,14 +148,20 @@ class Diagnosis:
             self.candidates.append(self._caught_up(self._pairs.pop()))
         top, probability = self.best()
         if top.worst <= self._misfit:
-            self.lately.append(Conclusion(top.as_it_is(), probability, self.others()))
+            self._lately.append(Conclusion(top.as_it_is(), probability, self.others()))
+
+    def stop(self, stopped: Sequence[tuple[int, Onset]]) -> None:
+        """Takes in that joints are locked, or that their encoders have stopped, each with an onset before that."""
+        self.candidates += map(self._caught_up, _stops(stopped, self._sizes))
+        self.certain, self.alarm = True, self._sample
+        self._prune()
 
     def believed(self) -> Conclusion:
         """What it has come to, or had before if no cause explains the motion any more: an arm that has hit something
         moves unlike all of them, and what it does then does not speak for the one that allows the most."""
         top, probability = self.best()
-        if top.worst > self._misfit and len(self.lately) == _SUDDEN and self.lately[0].probability >= SURE:
-            return self.lately[0]
+        if top.worst > self._misfit and len(self._lately) == _SUDDEN and _on_one_matter(self._lately[0]) >= SURE:
+            return self._lately[0]
         return Conclusion(top, probability, self.others())
 
     def best(self) -> tuple[Candidate, float]:
@@ -227,13 +230,16 @@ class Diagnosis:
 
     def _stopped(self) -> Conclusion | None:
         """That an encoder has stopped, as probable as it was while a cause explained the motion."""
-        stops = [each for each in self.candidates if each.fault.kind == FREEZE]
+        ranked = self.ranked()
+        top, told = ranked[0][0], [(each.told, probability) for each, probability in ranked]
+        explained = top.worst <= self._misfit
+        least = top.gain - _HOPELESS * self._temper if explained else -math.inf
+        stops = [each for each in self.candidates if each.fault.kind == FREEZE and each.gain >= least]
         if not stops:
             return None
         stop = max(stops, key=lambda each: each.gain)
-        told = [(each.told, probability) for each, probability in self.ranked()]
-        if self.ranked()[0][0].worst > self._misfit and self.lately:
-            before, probability, others = self.lately[0]
+        if not explained and self._lately:
+            before, probability, others = self._lately[0]
             told = [(before.told, probability), *others]
         probability = sum(probability for fault, probability in told if fault == stop.fault)
         return Conclusion(stop, probability, tuple(each for each in told if each[0] != stop.fault))
@@ -341,6 +347,12 @@ def _stepped(fault: FaultId, onset: Onset, sizes: dict[str, float], history: Mom
         innovations.append(estimator.innovation[joint] ** 2 / estimator.variance[joint] if counts else 0.0)
     delays = sorted(range(1, len(innovations)), key=lambda delay: -innovations[delay])[:_STEPS]
     return [Candidate(fault, onset, sizes, delay=delay) for delay in delays]
+
+
+def _on_one_matter(conclusion: Conclusion) -> float:
+    """Probability of what a diagnosis comes to and of its other causes that tell of the same matter."""
+    told, others = conclusion.candidate.told, conclusion.others
+    return conclusion.probability + sum(share for fault, share in others if fault.same_matter(told))
 
 
 def _told_by(suspected: FaultId, hypothesis: Hypothesis) -> list[FaultId]:

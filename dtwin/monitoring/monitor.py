@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.bus.twin_messages import MonitoringVerdict
-from dtwin.monitoring.candidate import Candidate, Conclusion
+from dtwin.monitoring.candidate import Candidate
 from dtwin.monitoring.diagnosis import CERTAIN, PAUSE, Diagnosis, Dismissals
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import Estimator
@@ -21,7 +20,7 @@ from dtwin.monitoring.sensing.commands import commands_between, tells
 from dtwin.monitoring.sensing.listening import Listening, hear, replay
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.settings import MonitorSettings
-from dtwin.monitoring.signatures import SignatureBank, limits
+from dtwin.monitoring.signatures import Onset, SignatureBank, limits
 from dtwin.monitoring.stopped import Stopped
 from dtwin.monitoring.tracking.moments import Moment
 from dtwin.monitoring.tracking.quiet import LEAST_LIKELY
@@ -284,11 +283,10 @@ class Monitor:
                 self._mode = Settling(left, known, begun, then) if left else then
                 self._listen(used)
             case Diagnosing(diagnosis, pending):
+                diagnosis.update(moment)
                 if not diagnosis.certain and (stopped := self._stopped.open(self._readings, self.findings.known)):
-                    self._diagnose(stopped, pending, diagnosis.lately)
-                else:
-                    diagnosis.update(moment)
-                    self._decide(diagnosis, pending)
+                    diagnosis.stop(self._since(stopped))
+                self._decide(diagnosis, pending)
             case Unfit() as mode:
                 self._bank.update(estimator, used, self.sample, counts)
                 self._doubt_model(mode.after(estimator))
@@ -329,17 +327,16 @@ class Monitor:
             self.findings.note(self.time, "misfit", "; ".join(self._misfit.values()))
             self._doubt_model(Unfit())
             return
-        self._diagnose(stopped, None)
-
-    def _diagnose(self, stopped: list[int], pending: Finding | None, lately: Sequence[Conclusion] = ()) -> None:
-        """Begins a diagnosis, of joints (1 to 3) that do not move as expected if there are any."""
-        self._stopped.ask(stopped)
-        since = [(i, self._bank.before(self.sample - int(self._readings.repeated[i - 1]))) for i in stopped]
-        locked, misfit = bool(self.estimator.locked), self._belief.misfit
-        how = (self._sizes, locked, since, self._temper, misfit, self._charges, lately)
         # Of a joint that stands still only what its motion has told before is a cause beside those of standing still.
         suspicions = self._bank.suspicions(self.threshold if stopped else 0.0)
-        self._decide(Diagnosis(suspicions, self._track.moments, self.sample, *how), pending)
+        locked, misfit = bool(self.estimator.locked), self._belief.misfit
+        how = (self._sizes, locked, self._since(stopped), self._temper, misfit, self._charges)
+        self._decide(Diagnosis(suspicions, self._track.moments, self.sample, *how), None)
+
+    def _since(self, stopped: list[int]) -> list[tuple[int, Onset]]:
+        """Joints (1 to 3) that do not move as expected, which are looked into, each with an onset before that."""
+        self._stopped.ask(stopped)
+        return [(i, self._bank.before(self.sample - int(self._readings.repeated[i - 1]))) for i in stopped]
 
     def _doubt_model(self, unfit: Unfit) -> None:
         """Starts anew from a model that does not fit when it fails again, and believes it after a while."""

@@ -32,6 +32,8 @@ LATER: Final = 12
 """samples since a sudden change that is looked for whatever the best onset is"""
 INDEPENDENT: Final = 100.0
 """tests a second that would be independent; neighbouring samples, onsets and faults share most of their evidence"""
+_LEAST: Final = 0.7
+"""Share of the threshold for white innovations that is asked for however small they are."""
 ALIKE: Final = 8.0
 """samples that count as one when causes are compared, because what a model lacks is alike in them"""
 
@@ -39,17 +41,18 @@ ALIKE: Final = 8.0
 def threshold(alarms_per_hour: float, tail: Tail) -> float:
     """The threshold of 2 log likelihood ratio that the innovations of a healthy arm pass as often as stated.
 
-    Under white Gaussian innovations each statistic is chi-squared of one degree of freedom. What was seen of the arm
-    counts if it asks for more.
+    Under white Gaussian innovations each statistic is chi-squared of one degree of freedom. Of an arm that was
+    watched what was seen counts, down to a share of that: what its model leaves open makes innovations smaller than
+    they are expected to be.
     """
     white = quantile(0.5 * alarms_per_hour / (3600.0 * INDEPENDENT)) ** 2
-    if tail.rate <= alarms_per_hour:
+    if not tail.rate:
         return max(white, tail.level)
-    return max(white, tail.level + tail.excess * math.log(tail.rate / alarms_per_hour))
+    return max(_LEAST * white, tail.level + tail.excess * max(math.log(tail.rate / alarms_per_hour), 0.0))
 
 
 def allowances(alarms_per_hour: float, tails: Mapping[str, Tail]) -> Array:
-    """By how much the statistic of each of JUMPS must pass the threshold, (18,).
+    """By how much the statistic of each of JUMPS must pass the threshold, (18,); below 0 if it need not reach it.
 
     What a model lacks may look like one fault and not like the others. All together give an alarm as often as stated.
     """
@@ -81,11 +84,14 @@ def limits(settings: MonitorSettings, belief: Belief) -> Limits:
     """What decides on alarms of an arm. Where a model lacks something, that is alike for as long as ALIKE."""
     alarm, warning = (threshold(rate, Tail()) for rate in (settings.alarms_per_hour, settings.warnings_per_hour))
     allowance = allowances(settings.alarms_per_hour, belief.tails)
-    charges = dict(zip(JUMPS, (0.5 * allowance).tolist(), strict=True))
+    lower = min(float(allowance.min()), 0.0)
+    lacking = np.maximum(allowance, 0.0)
+    charges = dict(zip(JUMPS, (0.5 * lacking).tolist(), strict=True))
     for joint in (1, 2, 3):
         charges[f"{SCALE}{joint}"] = max(charges[f"{BIAS}{joint}"], charges[f"{DRIFT}{joint}"])
     alike = ALIKE if any(belief.error.slow) else 1.0
-    return Limits(alarm, warning, allowance, alike * (1.0 + float(np.median(allowance)) / alarm), charges)
+    temper = alike * (1.0 + float(np.median(lacking)) / alarm)
+    return Limits(alarm + lower, warning * (1.0 + lower / alarm), allowance - lower, temper, charges)
 
 
 def quantile(share: float) -> float:

@@ -84,8 +84,9 @@ def test_what_a_healthy_arm_passes_more_often_asks_for_a_higher_threshold() -> N
     tail = Tail(20.0, 36.0, 5.0)
     assert threshold(0.01, tail) == pytest.approx(20.0 + 5.0 * math.log(3600.0))
     assert threshold(0.01 / math.e, tail) == pytest.approx(threshold(0.01, tail) + 5.0)
-    assert threshold(0.01, Tail(2.0, 36.0, 0.1)) == threshold(0.01, Tail())
-    assert threshold(100.0, tail) == max(20.0, threshold(100.0, Tail()))
+    assert threshold(0.01, Tail(2.0, 36.0, 0.1)) == pytest.approx(0.7 * threshold(0.01, Tail()))
+    assert threshold(0.01, Tail(2.0)) == threshold(0.01, Tail())
+    assert threshold(100.0, tail) == max(20.0, 0.7 * threshold(100.0, Tail()))
 
 
 def test_a_record_says_what_is_believed() -> None:

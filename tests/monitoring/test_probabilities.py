@@ -145,10 +145,25 @@ def test_a_box_that_moves_between_the_pads_leaves_one_cause_of_two(
     assert found.confidence == pytest.approx(confidence)
 
 
+def test_a_statistic_that_a_healthy_arm_keeps_small_alarms_sooner_and_no_evidence_counts_more(
+    belief: Belief,
+) -> None:
+    settings, quiet = MonitorSettings(), Tail(2.0, 36.0, 0.1)
+    before, after = (
+        limits(settings, replace(belief, tails=tails)) for tails in ({}, {"mu3": quiet, "K1": Tail(40.0, 36.0, 9.0)})
+    )
+    asked = dict(zip(JUMPS, after.alarm + after.allowance, strict=True))
+    assert after.allowance.min() == 0.0
+    assert asked["K2"] == pytest.approx(before.alarm)
+    assert asked["mu3"] == after.alarm < before.alarm < asked["K1"]
+    assert after.warning / after.alarm == pytest.approx(before.warning / before.alarm)
+    assert (after.temper, after.charges["mu3"]) == (before.temper, 0.0)
+
+
 def explained(found: Diagnosis, samples: int, worst: float) -> Diagnosis:
     """A diagnosis of which a cause explained so many samples, and the likeliest one then no more."""
     top, probability = found.best()
-    found.lately.extend([Conclusion(top.as_it_is(), probability, found.others())] * samples)
+    found._lately.extend([Conclusion(top.as_it_is(), probability, found.others())] * samples)
     found.candidates[1].gain, found.candidates[1].worst = 1000.0, worst
     return found
 
