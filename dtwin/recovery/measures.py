@@ -23,11 +23,11 @@ from dtwin.identification.machine.record import MachineRecord
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, Triple, scaled
 from dtwin.recovery.answers import Measure
-from dtwin.recovery.delay import LATE, settings_for_late
 from dtwin.recovery.desk import Desk
+from dtwin.recovery.margins import LATE, gains_with_margins, settings_for_late
 from dtwin.recovery.refit import estimated, refitted
 from dtwin.recovery.strength import beyond_strength
-from dtwin.recovery.tuning import BOUND, Ability, Expect, Tuned, search, worst_ratio
+from dtwin.recovery.tuning import BOUND, STIFFER, Ability, Expect, Tuned, search, worst_ratio
 from dtwin.simulation.proposal import controllable
 
 BOXES: Final = (0.2, 0.21)
@@ -129,7 +129,8 @@ class Measures:
         """Gives the controller a model of the arm as it is now, and settings with which that arm works; when, s.
 
         The model comes first, since it helps at once, and settings are searched while it is on trial; but an arm that
-        needs more time before it can follow its paths gets that first.
+        needs more time before it can follow its paths gets that first. Gains that have too small margins with the
+        arm as it is now are lowered with the model, since it would be refused with them.
         """
         desk, in_force = self._desk, self._desk.settings()
         changed = {name: arm.get(name) for name in PARAMETER_NAMES if arm.get(name) != self._arm.get(name)}
@@ -139,10 +140,12 @@ class Measures:
             return self._expect(PredictionRequest(gains, target_time, model=model, arm=arm))
 
         weak = bool(beyond_strength(arm, max(BOXES)))
-        able = not weak and worst_ratio(expect(in_force.gains, in_force.target_time), self._reference) <= BOUND
-        uploaded = desk.upload("the arm has changed", model=model, arm=arm) if able else None
-        tuned = self._tuned(in_force, arm, BOXES, expect)
-        changes = (tuned.gains, tuned.target_time) != (in_force.gains, in_force.target_time)
+        gains = in_force.gains if weak else self._with_margins(in_force, model, arm)
+        softer = None if gains == in_force.gains else gains
+        able = not weak and worst_ratio(expect(gains, in_force.target_time), self._reference) <= BOUND
+        uploaded = desk.upload("the arm has changed", model=model, gains=softer, arm=arm) if able else None
+        tuned = self._tuned(msgspec.structs.replace(in_force, gains=gains), arm, BOXES, expect, softer is None)
+        changes = (tuned.gains, tuned.target_time) != (gains, in_force.target_time)
         if uploaded is None:
             desk.confirm(self._tune(tuned, in_force, arm))
             uploaded, changes = desk.upload("the arm has changed", model=model, arm=arm), False
@@ -155,10 +158,18 @@ class Measures:
             desk.say(f"gains and target time can stay: {_expected(tuned)}")
         return uploaded.time
 
-    def _tuned(self, in_force: Upload, arm: ArmParameters, boxes: Sequence[float], expect: Expect) -> Tuned:
+    def _with_margins(self, in_force: Upload, model: ArmParameters, arm: ArmParameters) -> Gains:
+        try:
+            return gains_with_margins(in_force, model, arm, self._record, self._desk.late)
+        except ParameterError as error:
+            raise TooWeak(str(error)) from None
+
+    def _tuned(
+        self, in_force: Upload, arm: ArmParameters, boxes: Sequence[float], expect: Expect, may_stiffen: bool = True
+    ) -> Tuned:
         """Settings with which an arm works with boxes of some masses (kg)."""
-        heaviest = max(boxes)
-        tuned = search(arm, heaviest, expect, in_force.gains, in_force.target_time, self._reference)
+        heaviest, stiffer = max(boxes), STIFFER if may_stiffen else (1.0,)
+        tuned = search(arm, heaviest, expect, in_force.gains, in_force.target_time, self._reference, stiffer)
         if tuned.ability in _TOO_WEAK:
             places = ", ".join(beyond_strength(arm, heaviest))
             held = f", it cannot hold a box of {1e3 * heaviest:.0f} g at {places}" if places else ""

@@ -1,4 +1,4 @@
-"""Settings with which the loop stands commands that act a period late, found on the twin in this process."""
+"""Settings with which the loop of an arm that has changed keeps its margins, found on the twin in this process."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def settings_for_late(
     boxes: Sequence[float],
     reference: Sequence[PredictedMotion],
 ) -> Tuned:
-    """The gains nearest to those in force with the demanded margins at all places though commands are late, and the
-    shortest target time with which the arm then tracks as well as the healthy one.
+    """The gains with margins though commands are late, see `gains_with_margins`, and the shortest target time with
+    which the arm then tracks as well as the healthy one.
 
     Args:
         in_force: settings in force.
@@ -43,19 +43,12 @@ def settings_for_late(
         boxes: masses of the boxes, kg.
         reference: what the healthy arm's motions are expected to be.
 
-    An arm with effects need only keep TOLERANCE of the demanded margins, or less if its uploads have to keep less: it
-    is slower than the arm that the margins are meant for.
-
     Raises:
         ParameterError: no gains have the margins.
     """
-    settings = ControlSettings(in_force.target_time, in_force.gains, in_force.law, in_force.model, in_force.payload)
-    effects = NO_EFFECTS if record is None else record.effects
-    simulator, late = Simulator(), later(effects, LATE)
-    least = 1.0 if effects == NO_EFFECTS else TOLERANCE
-    if record is not None:
-        least = min(least, tolerated(record, settings.law, Checker(effects=effects)))
-    gains = _with_margins(simulator, settings, arm, late, least)
+    settings = _settings(in_force, in_force.model)
+    gains = gains_with_margins(in_force, in_force.model, arm, record, LATE)
+    simulator, late = Simulator(), later(_effects(record), LATE)
 
     def expect(gains: Gains, target_time: float) -> list[PredictedMotion]:
         return _expect(simulator, replace(settings, gains=gains, target_time=target_time), arm, late, boxes)
@@ -63,20 +56,48 @@ def settings_for_late(
     return search(arm, max(boxes), expect, gains, settings.target_time, reference, stiffer=(1.0,))
 
 
-def _with_margins(
-    simulator: Simulator, settings: ControlSettings, arm: ArmParameters, late: Effects, least: float
+def gains_with_margins(
+    in_force: Upload, model: ArmParameters, arm: ArmParameters, record: MachineRecord | None, late: float
 ) -> Gains:
-    """A loop that is slower by a factor f has Kp times f^2, Ki times f^3 and Kd times f."""
-    demands = DEMANDS[settings.law]
+    """The gains nearest to those in force with the margins at all places that uploads to the arm have to keep.
+
+    A loop that is slower by a factor f has Kp times f^2, Ki times f^3 and Kd times f. An arm with effects need only
+    keep TOLERANCE of the demanded margins when its commands are late: it is slower than the arm that they are meant
+    for.
+
+    Args:
+        in_force: settings in force.
+        model: model that the controller is to have.
+        arm: arm as it is known.
+        record: record of an arm that does not obey the equations of motion.
+        late: ticks by which commands act later than they did.
+
+    Raises:
+        ParameterError: no gains have the margins.
+    """
+    settings, effects, simulator = _settings(in_force, model), _effects(record), Simulator()
+    least = TOLERANCE if late and effects != NO_EFFECTS else 1.0
+    if record is not None:
+        least = min(least, tolerated(record, settings.law, Checker(effects=effects)))
+    demands, effects = DEMANDS[settings.law], later(effects, late)
     for factor in SOFTER:
         tried = replace(settings, gains=_slowed(settings.gains, factor))
-        found = cases(simulator.controller, tried, arm, places(), lateness(late), late)
+        found = cases(simulator.controller, tried, arm, places(), lateness(effects), effects)
         short = [shortfall for case in found if (shortfall := demands.shortfall(case.margins)) is not None]
         if all(each.name != UNSTABLE and each.share >= least for each in short):
             return tried.gains
     raise ParameterError(
-        f"late commands: no gains have {least:.0%} of the margins, down to {SOFTER[-1]:g} times the loop's speed"
+        f"no gains have {least:.0%} of the margins, down to {SOFTER[-1]:g} times the loop's speed"
+        f"{', though commands are late' if late else ''}"
     )
+
+
+def _settings(in_force: Upload, model: ArmParameters) -> ControlSettings:
+    return ControlSettings(in_force.target_time, in_force.gains, in_force.law, model, in_force.payload)
+
+
+def _effects(record: MachineRecord | None) -> Effects:
+    return NO_EFFECTS if record is None else record.effects
 
 
 def _expect(
