@@ -97,7 +97,7 @@ class ExperimentRecovery(ExperimentCommand[list[RecoveryTrial]], OnMachine):
     """Draw faults of every kind, sizes and moments, and have each answered in a cell of its own.
 
     The exit status is 1 when fewer than 95 % of the runs get the right answer, fewer than 90 % of the arms work again
-    or stand where they cannot, or a box is lost in a stop. A run takes about a minute, a commissioning two.
+    or stand where they cannot, or a box is lost in a stop. A run takes about two minutes, as does a commissioning.
     """
 
     name: ClassVar = "recovery"
@@ -112,6 +112,9 @@ class ExperimentRecovery(ExperimentCommand[list[RecoveryTrial]], OnMachine):
     its work; 0 for that of --machine."""
     first: int = 1301
     """Number of the first of these machines; the others have the next ones."""
+    pace: Pace = "realtime"
+    """Pace of the cells: realtime, or lockstep or free, which are faster, so that what the services have to compute
+    takes them longer in the time of the arm."""
     controller: str = "embedded"
     """Controller of the cells: embedded, or forte://HOST:PORT, the 4diac FORTE to deploy to."""
 
@@ -121,7 +124,7 @@ class ExperimentRecovery(ExperimentCommand[list[RecoveryTrial]], OnMachine):
         ideal = self.machine == IDEAL.name and not self.machines
         noise = (0.002 if ideal else 0.0) if self.noise is None else self.noise
         options = CellOptions(
-            pace="lockstep", seed=self.seed, noise=noise, machine=self.machine, controller=self.controller
+            pace=self.pace, seed=self.seed, noise=noise, machine=self.machine, controller=self.controller
         )
         return recovery_experiment(options, self.runs, untouched(self.first, self.machines), progress)
 
