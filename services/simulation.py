@@ -266,13 +266,13 @@ class Simulation:
             arm = asked.arm or self._arm or settings.model
             check_bounds(settings)
             check_model(arm)
-            found = self._checker.simulate(settings, arm, asked.box, late=asked.late)
+            found = self._checker.expect(settings, arm, asked.box, asked.late)
             version = uploader.version
         return Predicted(
             version,
             tuple(
                 PredictedMotion(*motion, f.tracking_rms, f.tracking_max, f.peak_volts, f.saturated)
-                for motion, f in zip(self._checker.motions, found, strict=True)
+                for motion, f in found
             ),
         )
 

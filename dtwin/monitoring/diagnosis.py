@@ -242,7 +242,8 @@ class Diagnosis:
             before, probability, others = self._lately[0]
             told = [(before.told, probability), *others]
         probability = sum(probability for fault, probability in told if fault == stop.fault)
-        return Conclusion(stop, probability, tuple(each for each in told if each[0] != stop.fault))
+        others = tuple(each for each in told if each[0] != stop.fault)
+        return Conclusion(stop, probability, others) if probability >= 1.0 - SURE else None
 
     def settled(self, sample: int) -> bool:
         """Whether the cause and its size are known as well as they will be."""

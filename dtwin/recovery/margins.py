@@ -7,18 +7,18 @@ from dataclasses import replace
 from typing import Final
 
 from dtwin.bus.twin_messages import PredictedMotion, Upload
+from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
 from dtwin.identification.machine.record import MachineRecord
 from dtwin.parameters import ArmParameters, Gains
-from dtwin.recovery.tuning import Tuned, search, times
-from dtwin.simulation.checks import MOTIONS, TOLERANCE, Checker, motion_case
+from dtwin.recovery.tuning import Expect, Tuned, search, times
+from dtwin.simulation.checks import TOLERANCE, Checker
 from dtwin.simulation.margins.demands import DEMANDS, UNSTABLE, cases
 from dtwin.simulation.margins.loop import lateness, later
 from dtwin.simulation.margins.poses import places
 from dtwin.simulation.proposal import tolerated
-from dtwin.simulation.whatif import Simulator
-from dtwin.twin.effects import NO_EFFECTS, Effects
+from dtwin.twin.effects import NO_EFFECTS
 
 LATE: Final = 1.0
 """ticks that a late command acts after its own"""
@@ -30,7 +30,8 @@ def settings_for_late(
     in_force: Upload,
     arm: ArmParameters,
     record: MachineRecord | None,
-    boxes: Sequence[float],
+    heaviest: float,
+    expect: Expect,
     reference: Sequence[PredictedMotion],
 ) -> Tuned:
     """The gains with margins though commands are late, see `gains_with_margins`, and the shortest target time with
@@ -40,20 +41,15 @@ def settings_for_late(
         in_force: settings in force.
         arm: arm as it is known.
         record: record of an arm that does not obey the equations of motion.
-        boxes: masses of the boxes, kg.
+        heaviest: mass of the heaviest box, kg.
+        expect: tells what to expect of settings though commands are late.
         reference: what the healthy arm's motions are expected to be.
 
     Raises:
         ParameterError: no gains have the margins.
     """
-    settings = _settings(in_force, in_force.model)
     gains = gains_with_margins(in_force, in_force.model, arm, record, LATE)
-    simulator, late = Simulator(), later(_effects(record), LATE)
-
-    def expect(gains: Gains, target_time: float) -> list[PredictedMotion]:
-        return _expect(simulator, replace(settings, gains=gains, target_time=target_time), arm, late, boxes)
-
-    return search(arm, max(boxes), expect, gains, settings.target_time, reference, stiffer=(1.0,))
+    return search(arm, heaviest, expect, gains, in_force.target_time, reference, stiffer=(1.0,))
 
 
 def gains_with_margins(
@@ -75,14 +71,15 @@ def gains_with_margins(
     Raises:
         ParameterError: no gains have the margins.
     """
-    settings, effects, simulator = _settings(in_force, model), _effects(record), Simulator()
+    settings = ControlSettings(in_force.target_time, in_force.gains, in_force.law, model, in_force.payload)
+    effects, controller = NO_EFFECTS if record is None else record.effects, MotionController()
     least = TOLERANCE if late and effects != NO_EFFECTS else 1.0
     if record is not None:
         least = min(least, tolerated(record, settings.law, Checker(effects=effects)))
     demands, effects = DEMANDS[settings.law], later(effects, late)
     for factor in SOFTER:
         tried = replace(settings, gains=_slowed(settings.gains, factor))
-        found = cases(simulator.controller, tried, arm, places(), lateness(effects), effects)
+        found = cases(controller, tried, arm, places(), lateness(effects), effects)
         short = [shortfall for case in found if (shortfall := demands.shortfall(case.margins)) is not None]
         if all(each.name != UNSTABLE and each.share >= least for each in short):
             return tried.gains
@@ -90,25 +87,6 @@ def gains_with_margins(
         f"no gains have {least:.0%} of the margins, down to {SOFTER[-1]:g} times the loop's speed"
         f"{', though commands are late' if late else ''}"
     )
-
-
-def _settings(in_force: Upload, model: ArmParameters) -> ControlSettings:
-    return ControlSettings(in_force.target_time, in_force.gains, in_force.law, model, in_force.payload)
-
-
-def _effects(record: MachineRecord | None) -> Effects:
-    return NO_EFFECTS if record is None else record.effects
-
-
-def _expect(
-    simulator: Simulator, settings: ControlSettings, arm: ArmParameters, late: Effects, boxes: Sequence[float]
-) -> list[PredictedMotion]:
-    found = []
-    for box in boxes:
-        for motion in MOTIONS:
-            f = simulator.run(motion_case(motion, settings, arm, box, effects=late)).figures
-            found.append(PredictedMotion(*motion, f.tracking_rms, f.tracking_max, f.peak_volts, f.saturated))
-    return found
 
 
 def _slowed(gains: Gains, factor: float) -> Gains:

@@ -257,13 +257,17 @@ class Measures:
     def _stand_delay(self, found: Sequence[MonitoredUnit]) -> Taken:
         """Lowers the gains until the loop has its margins with the delay, and the speed until the arm tracks well."""
         desk, in_force = self._desk, self._desk.settings()
+        desk.late = LATE
+
+        def expect(gains: Gains, target_time: float) -> list[PredictedMotion]:
+            return self._expect(PredictionRequest(gains, target_time, arm=self._arm))
+
         try:
-            tuned = settings_for_late(in_force, self._arm, self._record, BOXES, self._reference)
+            tuned = settings_for_late(in_force, self._arm, self._record, max(BOXES), expect, self._reference)
         except ParameterError as error:
             raise TooWeak(str(error)) from None
         if tuned.ability in _TOO_WEAK and tuned.ratio > WORSE:
             raise TooWeak(_TOO_WEAK[tuned.ability])
-        desk.late = LATE
         if (tuned.gains, tuned.target_time) == (in_force.gains, in_force.target_time):
             desk.say(f"gains and target time can stay though commands are late: {_expected(tuned)}")
             return Taken(None, {})

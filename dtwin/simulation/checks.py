@@ -231,23 +231,46 @@ class Checker:
         cases = (motion_case(motion, settings, arm, box, self._task, effects) for motion in chosen)
         return [self._simulator.run(case).figures for case in cases]
 
+    def expect(
+        self, settings: ControlSettings, arm: ArmParameters, box: float, late: float = 0.0
+    ) -> list[tuple[Motion, Figures]]:
+        """All motions that the arm makes at work, in one order, and the figures of each.
+
+        They lead from place to place, or along the ways between bodies.
+
+        Args:
+            settings: settings of the controller.
+            arm: the arm.
+            box: mass of the box where one is carried, kg.
+            late: ticks by which commands act later than they did.
+
+        Raises:
+            DivergenceError: the state of the arm is no longer finite.
+        """
+        if not self._via:
+            return list(zip(self.motions, self.simulate(settings, arm, box, late=late), strict=True))
+        return [(Motion(*leg.names, leg.carries), self._along(leg, settings, arm, box, late)) for leg in self._legs]
+
     def _over_ways(self, settings: ControlSettings, arm: ArmParameters, late: float, tracking: Triple) -> Triple:
         """The largest distances from the path (3,), rad, of motions of which they are given, and of the ways between
         bodies, of which most are shorter and faster."""
-        effects, box = later(self._effects, late), settings.payload + self._heavier
         for leg in self._legs:
-            case = MotionCase(
-                leg.goal,
-                settings,
-                leg.start,
-                arm=arm,
-                payload=box if leg.carries else 0.0,
-                carries=leg.carries,
-                duration=leg.duration(settings.target_time) + TAIL,
-                effects=effects,
-            )
-            tracking = triple(map(max, tracking, self._between_bodies.run(case).figures.tracking_max))
+            figures = self._along(leg, settings, arm, settings.payload + self._heavier, late)
+            tracking = triple(map(max, tracking, figures.tracking_max))
         return tracking
+
+    def _along(self, leg: Leg, settings: ControlSettings, arm: ArmParameters, box: float, late: float) -> Figures:
+        case = MotionCase(
+            leg.goal,
+            settings,
+            leg.start,
+            arm=arm,
+            payload=box if leg.carries else 0.0,
+            carries=leg.carries,
+            duration=leg.duration(settings.target_time) + TAIL,
+            effects=later(self._effects, late),
+        )
+        return self._between_bodies.run(case).figures
 
     def _margins(
         self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion], late: float

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from itertools import pairwise
@@ -18,9 +19,15 @@ _POSES: Final[dict[str, Triple]] = {"home": HOME, "hanging": HANGING}
 
 
 class Leg(NamedTuple):
-    """A part of a way between bodies: the angles from which and to which it leads, rad, and whether a box is carried
-    there."""
+    """A part of a way between bodies.
 
+    Attributes:
+        names: of the points from which and to which it leads.
+        start, goal: the angles there, rad.
+        carries: whether a box is carried.
+    """
+
+    names: tuple[str, str]
     start: Triple
     goal: Triple
     carries: bool
@@ -37,14 +44,15 @@ def legs_of(task: Task, point: Callable[[str], Triple | None]) -> tuple[Leg, ...
         task: says where the places are.
         point: the angles of a point by its name, None if there is no such point.
     """
-    legs: dict[Leg, None] = {}
+    legs: dict[tuple[Triple, Triple], tuple[Leg, Leg]] = {}
     for colour in task.colours:
         names = (PICKUP_NAME, "above pickup", "between", "behind", f"near {colour}", f"above {colour}", colour)
-        known = (point(name) or task.all_places.get(name) for name in names)
-        angles = [each.theta if isinstance(each, Place) else each for each in known if each is not None]
-        for start, goal in pairwise(angles):
-            legs |= {Leg(start, goal, True): None, Leg(goal, start, False): None}
-    return tuple(legs)
+        known = ((name, point(name) or task.all_places.get(name)) for name in names)
+        points = [(name, at.theta if isinstance(at, Place) else at) for name, at in known if at is not None]
+        for (first, start), (second, goal) in pairwise(points):
+            there, back = Leg((first, second), start, goal, True), Leg((second, first), goal, start, False)
+            legs.setdefault((start, goal), (there, back))
+    return tuple(itertools.chain.from_iterable(legs.values()))
 
 
 def angles_of(place: str, task: Task = DEFAULT_TASK) -> Triple:

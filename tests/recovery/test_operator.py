@@ -362,6 +362,7 @@ def test_a_supply_that_sags_scales_all_voltage_constants(cell: FakeCell) -> None
 
 def test_late_commands_leave_gains_with_margins_and_make_the_arm_slower(cell: FakeCell) -> None:
     cell.found["late"] = (20.0, 0.0, 0.0)
+    cell.worse = lambda request: 3.0 if request.late and (request.target_time or 2.0) < 2.4 else 0.9
     operator = watched(cell)
     assert measures_of(operator) == [("margins", ("late",))]
     assert [upload.late for upload in cell.uploads] == [1.0]
@@ -403,7 +404,8 @@ def test_a_machine_works_on_with_nine_tenths_of_the_margins_when_commands_are_la
     record = recorded(Effects(delay=0.0065, lag=(0.006,) * 3))
     in_force = FakeCell()._now
     expected = PredictedMotion("pickup", "red", True, (0.002,) * 3, (0.005,) * 3, (1.0,) * 3, 0.0)
-    tuned = settings_for_late(in_force, record.arm, record, (0.2,), [expected] * len(MOTIONS))
+    reference = [expected] * len(MOTIONS)
+    tuned = settings_for_late(in_force, record.arm, record, 0.2, lambda gains, time: reference, reference)
     assert tuned.gains.kp[0] < in_force.gains.kp[0]
     found = replace(ControlSettings(law=in_force.law), gains=tuned.gains, target_time=tuned.target_time)
     effects = later(record.effects, 1.0)

@@ -117,6 +117,19 @@ def test_ways_between_bodies_are_checked_too() -> None:
     assert replace(ways, tracking=straight.tracking) == straight
 
 
+def test_what_is_expected_of_an_arm_among_bodies_is_its_ways() -> None:
+    arm, checker = ArmParameters(), Checker(via=True)
+    ways = checker.expect(USUAL, arm, 0.21)
+    motions = {motion for motion, _ in ways}
+    assert len(motions) == len(ways) > len(MOTIONS)
+    assert all((end, start, not carries) in motions for start, end, carries in motions)
+    assert {motion.goal for motion in motions if motion.carries} > set(PLACES)
+    farthest = np.max([figures.tracking_max for _, figures in ways], axis=0)
+    straight = checker.predict(USUAL, arm).tracking
+    np.testing.assert_allclose(checker.check(USUAL, arm).tracking, np.maximum(farthest, straight))
+    assert [motion for motion, _ in Checker().expect(USUAL, arm, 0.21)] == list(MOTIONS)
+
+
 def test_ways_lead_from_the_pickup_to_every_place_and_back() -> None:
     legs = legs_of(DEFAULT_TASK, MotionController(via=True).point)
     carried = [leg for leg in legs if leg.carries]

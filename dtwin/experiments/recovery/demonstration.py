@@ -23,6 +23,7 @@ from dtwin.recovery.desk import Desk, Late
 from dtwin.recovery.measures import Measures
 from dtwin.recovery.operator import Operator
 from dtwin.run.recording import read_log
+from dtwin.run.settings import sequence_of
 from dtwin.services.launch import CellOptions, launched
 from dtwin.signals import EventKind
 
@@ -85,7 +86,7 @@ def recover(
         )
         settings = complete.settings()
         arm, effects = made_of(settings.machine, settings.arm)
-        expected = expected_of(made.faults, arm, complete.control(), effects)
+        expected = expected_of(made.faults, arm, complete.control(), effects, sequence_of(settings).via)
         with launched(complete) as cell:
             cell.await_ready()
             desk = Desk(cell.bus, lambda: cell.over, progress, LONGEST)

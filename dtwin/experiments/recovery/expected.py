@@ -16,7 +16,7 @@ from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, scaled, symb
 from dtwin.recovery.answers import ANSWERS, Measure
 from dtwin.recovery.measures import BOXES
 from dtwin.recovery.tuning import Ability, search
-from dtwin.simulation.checks import MOTIONS, Checker
+from dtwin.simulation.checks import Checker
 from dtwin.simulation.proposal import with_rotors
 from dtwin.simulation.upload import changed
 from dtwin.twin.effects import EFFECT_NAMES, NO_EFFECTS, Effects
@@ -51,7 +51,11 @@ def kind_of(fault: Fault) -> str:
 
 
 def expected_of(
-    faults: Sequence[Fault], arm: ArmParameters, settings: ControlSettings, effects: Effects = NO_EFFECTS
+    faults: Sequence[Fault],
+    arm: ArmParameters,
+    settings: ControlSettings,
+    effects: Effects = NO_EFFECTS,
+    via: bool = False,
 ) -> Expected:
     """The right answer to faults, which begin at once.
 
@@ -60,12 +64,13 @@ def expected_of(
         arm: the healthy arm.
         settings: settings of the controller before them.
         effects: what the arm has beside its parameters.
+        via: whether the arm moves over points that keep clear of bodies.
     """
     measures = frozenset(ANSWERS[kind_of(fault)].measure for fault in faults)
     if "stop" in measures:
         return Expected(frozenset({"stop"}), None)
     condition = schedule(arm, faults)[0].condition
-    ability = _ability(condition, arm, settings, effects)
+    ability = _ability(condition, arm, settings, Checker(effects=effects, via=via), effects)
     if ability in ("without a box", "not at all"):
         return Expected(frozenset({"stop"}), None)
     return Expected(measures, ability)
@@ -80,9 +85,10 @@ def made_of(machine: Machine, nominal: ArmParameters) -> tuple[ArmParameters, Ef
     return arm, NO_EFFECTS.with_values({name: values[name] for name in EFFECT_NAMES})
 
 
-def _ability(condition: Condition, arm: ArmParameters, settings: ControlSettings, effects: Effects) -> Ability:
+def _ability(
+    condition: Condition, arm: ArmParameters, settings: ControlSettings, checker: Checker, effects: Effects
+) -> Ability:
     """How the arm can work with the model of what it has become."""
-    checker = Checker(effects=effects)
     now = scaled(condition.parameters, "K", condition.supply)
     masses = [condition.payload(mass) for mass in BOXES]
     reference = _expect(checker, settings, arm, BOXES)
@@ -100,5 +106,5 @@ def _expect(
     return [
         PredictedMotion(*motion, f.tracking_rms, f.tracking_max, f.peak_volts, f.saturated)
         for box in boxes
-        for motion, f in zip(MOTIONS, checker.simulate(settings, arm, box), strict=True)
+        for motion, f in checker.expect(settings, arm, box)
     ]
