@@ -5,7 +5,8 @@ sheet's motor would take, it has to go half of its way. A jaw that closes may me
 the way to the stop counts. Where it has been it must not leave while it is driven there. A jaw that was
 never seen to go where it is driven has no encoder, and is not judged.
 
-A jaw that is driven against a box stands still. When it does not any more, the box has moved between the pads.
+A jaw that is driven against a box stands still. When it does not any more, the box has moved between the pads, or the
+motor does not hold it: the box pushes the jaw open either way, and only then the motor closes it or does not.
 """
 
 from __future__ import annotations
