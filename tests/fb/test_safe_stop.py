@@ -216,7 +216,10 @@ def test_a_stopped_sequence_neither_grips_nor_releases() -> None:
     assert (block["V_GRIPPER"], block["GRIPPED"]) == (3.0, False)
     settle("OPEN", STOP=NONE)
     at["GRIPPER"] = 0.9
-    settle("CARRY", STOP=TORQUE_OFF)
+    for stop in (TORQUE_OFF, BRAKING, STANDSTILL):
+        settle("CARRY", MOVING=True, STOP=stop)
+        assert (block["V_GRIPPER"], block["GRIPPED"]) == (-8.0, True)
+    settle("CARRY", MOVING=True, STOP=NONE)
     assert (block["V_GRIPPER"], block["GRIPPED"]) == (-3.0, True)
 
 
