@@ -49,6 +49,8 @@ _TOGETHER: Final = 0.3
 """s between the change of a mass and a movement of the box that are one matter"""
 _SURE: Final = 3.0
 """standard deviations"""
+_OPEN: Final = 60.0
+"""s for which a change that is hardly known yet can turn out to be a fault after all"""
 _FREEZES: Final = tuple((fault.joint - 1, str(fault), fault) for fault in faults(FREEZE))
 """Indices of the encoders, and names of what is wrong with them when they have stopped."""
 _ON_BOX: Final = tuple(str(fault) for kind, row in KINDS.items() if row.on_box for fault in faults(kind))
@@ -98,6 +100,7 @@ class Findings:
         self._sizes, self._gripper = sizes, gripper
         self._explained: dict[str, int] = {}
         self._tolerated: set[str] = set()
+        self._open: dict[str, Finding] = {}
         self._gripped = self._released = -1.0
         self.current: dict[str, Finding] = {}
         self.history: list[Finding] = []
@@ -167,9 +170,13 @@ class Findings:
         undone = candidate.fault.kind == FREE or bool(known and nothing)
         if nothing and not known and settled.fault.about.unit is not None:
             self.note(time, "dismissed", f"{settled.text()}: too little to be a fault")
-            return Consequences(tuple(changes))
+            if all(_SURE * change.deviation < self._least(name) for name, change in changes.items()):
+                return Consequences(tuple(changes))
+            self._open[settled.parameter] = msgspec.structs.replace(settled, detected=time)
+            return Consequences()
         for entry in known:
             del self.current[entry.parameter]
+        self._open = {name: entry for name, entry in self._open.items() if not entry.fault.same_matter(settled.fault)}
         if undone:
             self.note(time, "recovered", settled.text())
             return Consequences(tuple(changes))
@@ -266,12 +273,23 @@ class Findings:
         """The gripper lets go, at a plant time (s): with the box goes what was wrong with it."""
         self._released = time
         for name in _ON_BOX:
+            self._open.pop(name, None)
             self.end(time, name, "the box that differed is put down")
         return PUT_DOWN
 
     def examine(self, time: float, estimator: Estimator) -> Consequences:
-        """Ends what has turned out to be none; to be called at every sample at which nothing is suspected."""
-        forget = []
+        """Ends what has turned out to be none, and enters what has turned out to be a fault after all; to be called at
+        every sample at which nothing is suspected."""
+        forget, jumped = [], ""
+        for name, found in list(self._open.items()):
+            change = estimator.change(name)
+            if change is None or time > found.detected + _OPEN:
+                del self._open[name]
+                forget += found.fault.states
+            elif not self._is_nothing(name, change):
+                del self._open[name]
+                self.enter(time, msgspec.structs.replace(self.refined(found, estimator), detected=time, settled=True))
+                jumped = name
         for found in list(self.current.values()):
             name, change = found.parameter, estimator.change(found.parameter)
             if found.fault.kind == UNKNOWN:
@@ -283,7 +301,7 @@ class Findings:
             ):
                 self.end(time, name, f"{self.refined(found, estimator).text()}: none after all")
                 forget.append(name)
-        return Consequences(tuple(forget))
+        return Consequences(tuple(forget), jumped=jumped)
 
     @property
     def known(self) -> set[str]:

@@ -7,6 +7,7 @@ import pytest
 from scipy.special import chdtrc
 
 from dtwin.errors import ParameterError
+from dtwin.experiments.monitoring.trial import identified_belief
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.findings import PUT_DOWN
 from dtwin.monitoring.modes import Diagnosing
@@ -210,3 +211,16 @@ def test_a_push_is_told_and_nothing_is_wrong_afterwards(
     assert kinds(monitor) == ["suspected", "push"]
     assert monitor.findings.current == {}
     assert {unit.state for unit in monitor.verdict().units.values()} == {"nominal"}
+
+
+def test_a_slow_drift_that_is_hardly_known_when_it_is_confirmed_becomes_a_finding(
+    run_cell: Callable[..., Log],
+) -> None:
+    """It is not taken for a property of the arm, and the estimator goes on to learn it."""
+    monitor = watched(identified_belief(0.01, "uniform", 1), run_cell(75.0, 4, "drift3+=-0.0006@31", noise=0.01))
+    told = [(event.kind, event.time) for event in monitor.events if "encoder drift of joint 3" in event.text]
+    dismissed = [time for kind, time in told if kind == "dismissed"]
+    (failed,) = (time for kind, time in told if kind == "failed")
+    assert dismissed[0] < failed
+    assert failed < dismissed[0] + 60.0
+    assert monitor.findings.current["drift3"].size == pytest.approx(-0.0006, abs=4e-4)

@@ -7,6 +7,7 @@ import pytest
 
 from dtwin.monitoring.estimation.belief import Unmodelled, assumed
 from dtwin.monitoring.estimation.estimator import HANDLING, Estimator
+from dtwin.monitoring.estimation.kernels import LOOSE
 from dtwin.monitoring.estimation.layout import ARM, ARM_NAMES, INDEX, MOVING, PAYLOAD, SIZE, TORQUE, W
 from dtwin.monitoring.estimation.motion import Array, MachineMotion, Motion, RigidMotion
 from dtwin.monitoring.estimation.tuning import Tuning
@@ -128,6 +129,21 @@ def test_near_standstill_nobody_knows_how_much_dry_friction_acts(speed: float) -
     slopes = estimator.F[W + 1, TORQUE:MOVING]
     expected = np.sum(np.square(slopes) * (np.square(torque) + np.square(belief.error.white)))
     assert estimator.deviation("w2") == pytest.approx(np.sqrt(expected), rel=1e-6)
+
+
+def test_dry_friction_does_not_tell_the_speed_of_a_joint_that_a_box_has_just_pushed() -> None:
+    """A joint that friction holds counts as standing, but not while a box comes or goes and LOOSE samples after it."""
+    belief = assumed(ArmParameters().with_values({"mu2": 0.1}), (1e-3, 1e-3, 1e-3))
+    estimator = Estimator(replace(belief, effects=Effects(stiction=(0.0, 0.05, 0.0))), Tuning())
+    estimator.begin(np.array([-np.pi / 2, 0.0, 0.0]), False)  # it hangs
+    kept = []
+    for _ in range(HANDLING + LOOSE + 3):
+        estimator.x[W:ARM], estimator.P[:] = 0.0, 0.0
+        estimator.P[W + 1, W + 1] = 0.04
+        estimator.predict(np.zeros(3), True)
+        kept.append(estimator.P[W + 1, W + 1] / 0.04)
+    assert min(kept[: HANDLING + LOOSE]) >= 1.0
+    assert max(kept[HANDLING + LOOSE :]) < 0.2
 
 
 def test_play_moves_an_angle_without_any_torque() -> None:

@@ -143,7 +143,7 @@ class Estimator:
         for i in self._scaled:
             self._growth[i] = end[i] - possible[i]
         kernels.carry(self.x, end, self.memory, self._growth)
-        torque, displaced = np.empty(3), np.empty(3)
+        torque, displaced, loose = np.empty(3), np.empty(3), np.empty(3, dtype=np.bool_)
         kernels.disturb(
             self.x,
             volts,
@@ -158,8 +158,9 @@ class Estimator:
             self._swing,
             torque,
             displaced,
+            loose,
         )
-        kernels.predict(self.P, self.F, torque, displaced, self._walk, self.memory, self._growth)
+        kernels.predict(self.P, self.F, torque, displaced, loose, self._walk, self.memory, self._growth)
 
     def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:
         """Takes in a sample, (3,) rad; returns the logarithm of the likelihood of the readings used."""
@@ -393,4 +394,4 @@ class Estimator:
         self.gripped = gripped
         self._make_certain(PAYLOAD, self.box_mass if gripped else 0.0)
         self.P[PAYLOAD, PAYLOAD] = self.payload_variance if gripped else 0.0
-        self._handling[0] = HANDLING
+        self._handling[0] = HANDLING + kernels.LOOSE

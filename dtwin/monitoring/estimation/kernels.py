@@ -34,6 +34,8 @@ Array = NDArray[np.float64]
 SWING: Final = 0.1
 """s: time after which a share of 1/e of a gear's swing is left: twice the rotor's inertia over the gear's damping"""
 SETTLED: Final = math.exp(-2.0 * PERIOD / SWING)
+LOOSE: Final = 3
+"""samples after a box was handled in which dry friction takes no uncertainty from the speeds yet"""
 
 
 @kernel
@@ -105,8 +107,12 @@ def disturb(
     swing: Array,
     torque: Array,
     displaced: Array,
+    loose: NDArray[np.bool_],
 ) -> None:
     """Writes the variances of what disturbs the arm: torques (3,), (N m)^2, and displacements (3,), rad^2.
+
+    The derivative of a joint that dry friction holds says that its speed is known, however little was known of it
+    before. That is right of a joint that stands, and wrong of one that a box has pushed just now.
 
     Args:
         x: mean at the end of the sample.
@@ -118,15 +124,19 @@ def disturb(
         displacement: standard deviation of what moves an angle without torque, rad.
         compliance: (3,), angle by which the gears yield, rad/(N m).
         last: (3,), command before, V, not a number if nobody knows; replaced.
-        handling: (1,), samples for which a box is still handled; counted down.
+        handling: (1,), samples for which a box is still handled, and LOOSE more; counted down.
         swing: (3,), mean squares of the swings of the gears, rad^2; replaced.
         torque, displaced: receive the variances.
+        loose: (3,), receives whether friction takes no uncertainty from the joint's speed.
     """
     extra = doubt * doubt
-    if handling[0] > 0:
+    handled = handling[0] > 0
+    if handling[0] > LOOSE:
         extra += grip * grip
+    if handled:
         handling[0] -= 1
     for i in range(3):
+        loose[i] = handled and friction[i] > 0.0
         slow = x[W + i] / STANDSTILL
         torque[i] = white[i] + extra + friction[i] * friction[i] * math.exp(-slow * slow)
         if math.isfinite(last[i]):
@@ -143,7 +153,14 @@ def swung(swing: float, jump: float) -> float:
 
 @kernel
 def predict(
-    P: Array, F: Array, torque: Array, displacement: Array, walk: Array, memory: float, growth: Array
+    P: Array,
+    F: Array,
+    torque: Array,
+    displacement: Array,
+    loose: NDArray[np.bool_],
+    walk: Array,
+    memory: float,
+    growth: Array,
 ) -> None:
     """Carries the covariance over one sample, in place.
 
@@ -152,10 +169,14 @@ def predict(
         F: derivatives over the sample.
         torque: (3,), variance of the torque that no model knows, held over the sample, (N m)^2.
         displacement: (3,), variance that the angles gain in the sample without any torque, rad^2.
+        loose: (3,), whether the speed of a joint is known no better than before.
         walk: (33,), variance that each state gains in the sample.
         memory: share that is left after a sample of a torque that the model does not explain.
         growth: (3,), by what the offsets grow for a unit of the states from DRIFT on, see `layout`.
     """
+    speeds = np.empty(3)
+    for i in range(3):
+        speeds[i] = P[W + i, W + i]
     top = F @ np.ascontiguousarray(P[:MOVING])
     corner = np.ascontiguousarray(top[:, :MOVING]) @ F.T
     for joint in range(3):
@@ -170,6 +191,12 @@ def predict(
             P[i, j] = P[j, i] = 0.5 * (corner[i, j] + corner[j, i])
     for i in range(3):
         P[i, i] += displacement[i]
+        lost = speeds[i] - P[W + i, W + i]
+        if loose[i] and lost > 0.0:  # by an unknown torque that is held over the sample
+            P[W + i, W + i] += lost
+            P[i, i] += 0.25 * PERIOD * PERIOD * lost
+            P[i, W + i] += 0.5 * PERIOD * lost
+            P[W + i, i] += 0.5 * PERIOD * lost
     for i in range(3):
         for j in range(SIZE):
             P[BIAS + i, j] += growth[i] * P[DRIFT + i, j]
