@@ -278,9 +278,12 @@ class Findings:
         return PUT_DOWN
 
     def examine(self, time: float, estimator: Estimator) -> Consequences:
-        """Ends what has turned out to be none, and enters what has turned out to be a fault after all; to be called at
-        every sample at which nothing is suspected."""
-        forget, jumped = [], ""
+        """Ends what has turned out to be none, and enters what has turned out to be a fault.
+
+        To be called at every sample at which nothing is suspected.
+        """
+        forget: list[str] = []
+        jumped = ""
         for name, found in list(self._open.items()):
             change = estimator.change(name)
             if change is None or time > found.detected + _OPEN:

@@ -132,7 +132,7 @@ def test_near_standstill_nobody_knows_how_much_dry_friction_acts(speed: float) -
 
 
 def test_dry_friction_does_not_tell_the_speed_of_a_joint_that_a_box_has_just_pushed() -> None:
-    """A joint that friction holds counts as standing, but not while a box comes or goes and LOOSE samples after it."""
+    """A joint that friction holds counts as standing, but not while a box comes or goes, and LOOSE samples longer."""
     belief = assumed(ArmParameters().with_values({"mu2": 0.1}), (1e-3, 1e-3, 1e-3))
     estimator = Estimator(replace(belief, effects=Effects(stiction=(0.0, 0.05, 0.0))), Tuning())
     estimator.begin(np.array([-np.pi / 2, 0.0, 0.0]), False)  # it hangs
