@@ -186,15 +186,15 @@ class CellOptions(PlantOptions, ControlOptions):
             # It answers every sample as the bridge does, and would be the one that waits for a busy processor.
             listen = ["--listen", management, *turns]
             programs.append(_service("controller", [*link, *listen, *arguments(self, ControlOptions)]))
-        bridge = ["--controller", management, "--state", str(state_of(file)), *turns]
+        lossless = ["--lossless"] if self.pace != "realtime" else []
+        bridge = ["--controller", management, "--state", str(state_of(file)), *turns, *lossless]
         cell = arguments(self, CellFileOption)
         sequence = ["--sequence", sequence_name(self.settings())]
         bridge += [*sequence, *cell]
-        bridge += ["--lossless"] if self.pace != "realtime" else []
         emulator = ["--pace", self.pace, *turns, "--journal", str(journal_of(file)), *arguments(self, PlantOptions)]
         emulator += [] if self.duration is None else ["--duration", str(self.duration)]
         if self.log or self.record or self.viewer != "none":
-            programs.append(_service("recorder", [*link, *self._recorder_options(ports)]))
+            programs.append(_service("recorder", [*link, *lossless, *self._recorder_options(ports)]))
             bridge += ["--wait-for", "recorder"]
         programs.append(_service("bridge", [*link, *bridge]))
         model = ["--model", str(self.model_file())] if self.model else []

@@ -27,7 +27,7 @@ from dtwin.run.options import ArmOptions
 from dtwin.run.recording import Log, RunLog
 from dtwin.services.parts.log_parts import Parts
 from dtwin.services.parts.part_files import begin, begun, discard_parts, numbered
-from dtwin.services.parts.rows import Rows
+from dtwin.services.parts.rows import LOSSLESS_PATIENCE, PATIENCE, Rows
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors, StepRecord, Truth, Voltages
 from dtwin.view.viewer import Ports, Viewer, ViewerProcess, has_gpu
@@ -66,6 +66,8 @@ class Options(ArmOptions, Link):
     """Recording for the Rerun viewer to write."""
     viewer: Viewer = "none"
     """Show the run live: in a window of the Rerun viewer, or in a browser (web), on the loopback interface only."""
+    lossless: bool = False
+    """Wait long for what belongs to a row, because no message of the cell is lost."""
     monitored: bool = False
     """Draw what the monitoring service says, too."""
     commissioned: Path | None = None
@@ -119,7 +121,8 @@ class Recorder:
         self._ticks = 0
         self._over = False
         self._run_log = RunLog()
-        self.rows = Rows(self._add_row, self._begin_another)
+        patience = LOSSLESS_PATIENCE if options.lossless else PATIENCE
+        self.rows = Rows(self._add_row, self._begin_another, patience=patience)
         self._parts: Parts | None = None
         self._view: LiveView | None = None
         self._believed: BelievedArm | None = None

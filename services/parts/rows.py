@@ -11,7 +11,9 @@ from dtwin.parameters import Triple
 from dtwin.signals import UNKNOWN, Quad, Sensors, StepRecord, Truth, Voltages
 
 PATIENCE: Final = 2.0
-"""s that a row waits for what belongs to it"""
+"""s that a row waits for what belongs to it, where messages may be lost"""
+LOSSLESS_PATIENCE: Final = 30.0
+"""s that a row waits where none is lost: what is not there on a busy machine comes, unless its sender is gone"""
 PENDING_LIMIT: Final = 20_000
 """rows that wait at most"""
 EARLY_LIMIT: Final = 1000
@@ -50,15 +52,22 @@ class Rows:
         restarted: Function that is called before the first sample of a new run, whose numbers have gone back.
             It tells whether the new run counts; otherwise nothing counts any more.
         paths: whether paths are sent at all.
+        patience: how long a row waits for what belongs to it, s.
 
     Attributes:
         late: rows emitted without all their parts.
     """
 
-    def __init__(self, emit: Callable[[StepRecord], None], restarted: Callable[[], bool], paths: bool = True) -> None:
+    def __init__(
+        self,
+        emit: Callable[[StepRecord], None],
+        restarted: Callable[[], bool],
+        paths: bool = True,
+        patience: float = PATIENCE,
+    ) -> None:
         self._emit = emit
         self._restarted = restarted
-        self._paths = paths
+        self._paths, self._patience = paths, patience
         self._rows: dict[int, _Row] = {}
         self._early: dict[int, list[Voltages | Path]] = {}
         self._last: Sensors | None = None
@@ -129,7 +138,7 @@ class Rows:
         while rows:
             row = next(iter(rows.values()))
             complete = len(rows) > 1 and row.truth and (row.acted or row.command) and (row.path or not self._paths)
-            if not complete and now - row.came < PATIENCE and len(rows) < PENDING_LIMIT:
+            if not complete and now - row.came < self._patience and len(rows) < PENDING_LIMIT:
                 return
             self._finish(row)
             del rows[row.sensors.sequence]

@@ -2,11 +2,12 @@
 
 import math
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.bus.messages import Acted, Path
-from dtwin.services.parts.rows import EARLY_LIMIT, PATIENCE, Rows
+from dtwin.services.parts.rows import EARLY_LIMIT, LOSSLESS_PATIENCE, PATIENCE, Rows
 from dtwin.signals import UNKNOWN, Sensors, StepRecord, Truth, Voltages
 
 COUNT = 12
@@ -31,11 +32,11 @@ def path(k: int) -> Path:
 class Collected:
     """Rows, what they emitted, and how often a run began anew."""
 
-    def __init__(self, paths: bool = True, runs: int = 1) -> None:
+    def __init__(self, paths: bool = True, runs: int = 1, patience: float = PATIENCE) -> None:
         self.runs = runs
         self.records: list[StepRecord] = []
         self.restarts = 0
-        self.rows = Rows(self.records.append, self._restarted, paths)
+        self.rows = Rows(self.records.append, self._restarted, paths, patience)
 
     def _restarted(self) -> bool:
         self.restarts += 1
@@ -74,15 +75,16 @@ def test_any_interleaving_of_the_senders_gives_the_same_rows(order: list[str]) -
     assert collected.rows.late == 0
 
 
-def test_a_row_waits_only_so_long_and_then_shows_what_held() -> None:
-    collected = Collected()
+@pytest.mark.parametrize("patience", [PATIENCE, LOSSLESS_PATIENCE])
+def test_a_row_waits_only_so_long_and_then_shows_what_held(patience: float) -> None:
+    collected = Collected(patience=patience)
     collected.tick(0)
     for answer in (command(0), path(0)):
         collected.rows.answer(answer, 0.0)
     collected.tick(1, 1.0)
-    collected.tick(2, 1.5)
+    collected.tick(2, 0.9 + patience)
     assert len(collected.records) == 1
-    collected.tick(3, 1.1 + PATIENCE)
+    collected.tick(3, 1.1 + patience)
     late = collected.records[1]
     assert late.voltages.volts == command(0).volts
     assert all(map(math.isnan, late.target))
