@@ -216,7 +216,11 @@ class Measures:
                 return
 
     def _count_on(self, found: Sequence[MonitoredUnit]) -> Taken:
-        """Has the controller count on the mass that was measured, at a target time at which the arm can carry it."""
+        """Has the controller count on the mass that was measured, at a target time at which the arm can carry it.
+
+        An arm that needs more time gets that first: at its old target time the heavier box would be refused. Other
+        boxes may differ from this one as usual ones do, so it is asked for the heaviest, too.
+        """
         desk, in_force = self._desk, self._desk.settings()
         self._followed = len(desk.boxes)
         mass = self._mean_box()
@@ -224,16 +228,18 @@ class Measures:
         if abs(mass - in_force.payload) <= SAME_MASS:
             desk.say(f"the controller counts on {1e3 * in_force.payload:.0f} g already")
             return Taken(None, values)
-        boxes = (mass, mass)
+        boxes = (mass, mass + max(BOXES) - BOXES[0])
         tuned = self._tuned(
             in_force,
             self._arm,
             boxes,
             lambda gains, time: self._expect(PredictionRequest(gains, time, arm=self._arm, payload=mass), boxes),
         )
+        if tuned.target_time > in_force.target_time:
+            desk.confirm(self._tune(tuned, in_force, self._arm))
         upload = desk.upload(f"the box weighs {1e3 * mass:.0f} g", payload=mass, arm=self._arm)
         desk.confirm(upload)
-        if (tuned.gains, tuned.target_time) != (in_force.gains, in_force.target_time):
+        if tuned.target_time == in_force.target_time and tuned.gains != in_force.gains:
             upload = self._tune(tuned, in_force, self._arm)
             desk.confirm(upload)
         return Taken(upload.time, values)

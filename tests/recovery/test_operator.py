@@ -348,7 +348,17 @@ def test_the_mean_of_all_boxes_that_differed_is_counted_on(cell: FakeCell) -> No
 def test_a_box_too_heavy_to_hold_stops_the_arm(cell: FakeCell) -> None:
     cell.found["payload"] = (20.0, 0.1, 1e-3)
     assert measures_of(watched(cell)) == [("payload", ("payload",)), ("stop", ("payload",))]
-    assert "a box of 300 g at red" in cell.told[-1]
+    assert "a box of 310 g at red" in cell.told[-1]
+
+
+def test_an_arm_that_needs_more_time_for_a_heavier_box_gets_that_first(cell: FakeCell) -> None:
+    cell.found["payload"] = (20.0, 0.02, 1e-3)
+    cell.worse = lambda request: 1.0 if request.payload is None or request.target_time > 3.5 else 2.0
+    assert measures_of(watched(cell)) == [("payload", ("payload",))]
+    assert [(upload.target_time, upload.payload) for upload in cell.uploads] == [
+        (4.0, None),
+        (None, pytest.approx(0.22)),
+    ]
 
 
 def test_a_supply_that_sags_scales_all_voltage_constants(cell: FakeCell) -> None:
