@@ -24,7 +24,7 @@ def names_of(number: int) -> list[str]:
 
 LATER: dict[Method, Noticed] = {"momentum observer": Noticed(2.1, 0), "CUSUM": Noticed(None, 1)}
 RIGHT = [Outcome(number, 30.0, [], 1.0, names_of(number), [], 0.999, LATER) for number in range(len(SCENARIOS))]
-FINE = WatchedMachine(7, "identified", "", 0.2, [], RIGHT, {"momentum observer": 2, "CUSUM": 0})
+FINE = WatchedMachine(7, "identified", "", 0.2, [], RIGHT, {"momentum observer": 2, "CUSUM": 0}, ["misfit"])
 
 
 def changed(**values: object) -> WatchedMachine:
@@ -58,6 +58,7 @@ def test_what_counts_against_the_monitor() -> None:
     for one in (
         msgspec.structs.replace(FINE, alarms=["voltage constant of joint 1"]),
         msgspec.structs.replace(FINE, remark="the log is of no use"),
+        *(msgspec.structs.replace(FINE, foreign=foreign) for foreign in ([], ["failed"], ["misfit", "failed"])),
         changed(early=["misfit"]),
         changed(after=2.5),
         changed(after=None, named=[]),
@@ -90,7 +91,10 @@ def test_baselines_notice_a_push_that_a_healthy_arm_never_feels() -> None:
 
 def test_the_report_counts_every_fault_and_false_alarm() -> None:
     one = changed(after=None, named=["K1"], early=["friction of joint 1"])
+    one = msgspec.structs.replace(one, number=9, foreign=["failed"])
     text = str(alarms_report([FINE, one], 600.0))
+    assert "1 of 2 healthy ones were said not to be commissioned" in text
+    assert "not so: 10 with the record of 9" in text
     assert false_alarms([FINE, one]) == 1
     assert "1 false alarms in 0.40 h, 1800 a month" in text
     assert "1 of 2" in text

@@ -18,8 +18,9 @@ from dtwin.experiments.report import Report
 class ExperimentAlarms(SeriesCommand[list[WatchedMachine]]):
     """Commission drawn machines from logs of their work, and watch other work of them, healthy and with faults.
 
-    Fails when a healthy machine raises an alarm, when fewer than 95 % of the faults are noticed within 2 s of motion,
-    when fewer than 85 % are named right, when more than 1 % are named wrong with more than 95 % confidence, or when a
+    Fails when a healthy machine raises an alarm, when another machine, watched with its record, is not said once to
+    be not commissioned and nothing else, when fewer than 95 % of the faults are noticed within 2 s of motion, when
+    fewer than 85 % are named right, when more than 1 % are named wrong with more than 95 % confidence, or when a
     momentum observer or a CUSUM with a fixed threshold notices more of some fault on the same data.
     """
 

@@ -25,11 +25,14 @@ from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.run.recording import Log
+from dtwin.signals import Event
 
 IDENTIFIED_FROM: Final = 120.0
 """Plant time of the log that the machine is identified from, the first part of the one that it is watched in, s."""
 FOLLOWED: Final = 20.0
 """Plant time for which a fault is followed, s."""
+FOREIGN: Final = 60.0
+"""Plant time for which another machine is watched with the record of this one, s."""
 _BETWEEN: Final = (25.0, 55.0)
 """Plant times between which faults come, s."""
 _MOVES: Final = 0.1
@@ -150,6 +153,7 @@ class WatchedMachine(msgspec.Struct, frozen=True):
         alarms: what was found then.
         outcomes: what was made of what happened to it.
         others: number of alarms of each of METHODS while it was healthy.
+        foreign: kinds of the alarms when another machine, which is healthy, is watched with its record.
     """
 
     number: int
@@ -159,6 +163,12 @@ class WatchedMachine(msgspec.Struct, frozen=True):
     alarms: list[str]
     outcomes: list[Outcome]
     others: dict[Method, int]
+    foreign: list[str]
+
+    @property
+    def knows_itself(self) -> bool:
+        """Whether the other machine is said once to be not the one that was commissioned, and nothing else."""
+        return self.foreign == ["misfit"]
 
 
 def watch_machine(item: Work) -> WatchedMachine:
@@ -172,19 +182,22 @@ def watch_machine(item: Work) -> WatchedMachine:
         part = log.part(0, round(IDENTIFIED_FROM / PERIOD))
         judged, sensors = identify_machine(part, arm), check_sensors(part)
     except IdentificationError as error:
-        return WatchedMachine(item.number, "unusable", str(error), 0.0, [], [], {})
+        return WatchedMachine(item.number, "unusable", str(error), 0.0, [], [], {}, [])
     seen = stream(log)
     record = watched(record_of(judged, sensors, arm, f"machine {item.number}"), seen)
     belief, baselines = commissioned(record), [baseline(method, record.arm, seen) for method in METHODS]
     other = item._replace(seed=item.seed + 1)
     healthy = worked(other).log.freeze()
-    alarms = _alarms(_followed(belief, healthy))
+    alarms = [event.text for event in _raised(_followed(belief, healthy))]
     others = {each.method: len(each.alarms(stream(healthy))) for each in baselines}
     generator = np.random.default_rng(other.seed)
     moments = [_moment(generator, healthy, scenario) for scenario in SCENARIOS]
     outcomes = [_outcome(belief, baselines, other, number, moment) for number, moment in enumerate(moments)]
     hours = (item.duration + sum(outcome.onset for outcome in outcomes)) / 3600.0
-    return WatchedMachine(item.number, judged.grade, "", hours, alarms, outcomes, others)
+    foreign = _raised(_followed(belief, worked(Work(item.number + 1, other.seed, FOREIGN)).log.freeze()))
+    return WatchedMachine(
+        item.number, judged.grade, "", hours, alarms, outcomes, others, [event.kind for event in foreign]
+    )
 
 
 def watch_machines(
@@ -226,8 +239,9 @@ def _followed(belief: Belief, log: Log) -> Monitor:
     return monitor
 
 
-def _alarms(monitor: Monitor, until: float = np.inf) -> list[str]:
-    return [event.text for event in monitor.events if event.kind in FALSE and event.time < until]
+def _raised(monitor: Monitor, until: float = np.inf) -> list[Event]:
+    """The alarms before a plant time (s)."""
+    return [event for event in monitor.events if event.kind in FALSE and event.time < until]
 
 
 def _outcome(belief: Belief, baselines: Sequence[Baseline], item: Work, number: int, onset: float) -> Outcome:
@@ -252,4 +266,5 @@ def _outcome(belief: Belief, baselines: Sequence[Baseline], item: Work, number: 
     settled = [finding for finding in monitor.history if finding.detected >= onset]
     names, confidence = [finding.parameter for finding in settled], settled[0].confidence if settled else 0.0
     instead = list(settled[0].others) if settled else []
-    return Outcome(number, onset, _alarms(monitor, onset), after(noticed), names, instead, confidence, others)
+    early = [event.text for event in _raised(monitor, onset)]
+    return Outcome(number, onset, early, after(noticed), names, instead, confidence, others)
