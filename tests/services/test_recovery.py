@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from dtwin.emulation.machine.sections import IDEAL, Contact
 from dtwin.experiments.recovery import demonstration
 from dtwin.experiments.recovery.cases import RecoveryCase
 from dtwin.experiments.recovery.demonstration import parse_faults, recover
@@ -93,3 +94,17 @@ def test_a_run_is_judged_by_the_same_motions_of_the_healthy_arm() -> None:
     assert all(one.ratio > 2.0 for one in worse.motions)
     masses = {(motion.mass, motion.carries) for motion in tracked(healthy)}
     assert masses >= {(one.motion.mass, one.motion.carries) for one in same.motions}
+
+
+def test_every_part_of_a_way_between_bodies_is_judged_by_the_same_part() -> None:
+    """They differ much from one another, and a place may be reached with the other elbow."""
+    machine = replace(IDEAL, contact=Contact(enabled=True))
+    cell = Cell(CellSettings(duration=45.0, seed=2, machine=machine))
+    cell.run()
+    log = cell.log.freeze()
+    faults, expected = parse_faults(["D1*=1.6"]), Expected(frozenset({"refit"}), "as before")
+    judged = judge(2, faults, expected, Story(fault=5.0), log, log).motions
+    assert all(one.ratio == 1.0 for one in judged)
+    errors = {one.motion.way: one.motion.error for one in judged}
+    assert len(errors) >= 8
+    assert max(errors.values()) > 3.0 * min(errors.values())

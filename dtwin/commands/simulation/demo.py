@@ -176,7 +176,7 @@ def _as_json(run: Recovery) -> dict[str, Any]:
         "motions": [
             {
                 "after_s": _since(one.motion.stop, run),
-                "place": one.motion.place,
+                "way": one.motion.way,
                 "carries": one.motion.carries,
                 "error_rad": one.motion.error,
                 "healthy_rad": one.healthy,

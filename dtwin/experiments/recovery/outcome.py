@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from dtwin.bus.twin_messages import MonitoredUnit
 from dtwin.emulation.faults import Fault, schedule
 from dtwin.experiments.recovery.expected import Expected
-from dtwin.parameters import PERIOD, PICKUP, PLACES, ArmParameters, Triple
+from dtwin.parameters import PERIOD, ArmParameters, Triple
 from dtwin.recovery.answers import Measure, Outcome
 from dtwin.recovery.desk import NAME
 from dtwin.recovery.operator import Step
@@ -22,7 +23,11 @@ from dtwin.simulation.figures import Array
 from dtwin.simulation.measured import motions
 
 HELD: Final = 0.5
-"""s after the end of a path that belong to the motion that is judged"""
+"""s after the end of a path that belong to the motion that is judged, if the next one does not begin before"""
+NEAR: Final = 0.05
+"""rad from where the path before was to end, within which the next one begins"""
+SLOWER: Final = 0.02
+"""s by which paths of one target time differ, because a tick may begin late"""
 AROUND: Final = 0.1
 """s after an upload in which its effect on the voltages is looked for"""
 _WHO: Final = {
@@ -78,21 +83,25 @@ class TimelineEntry(NamedTuple):
     text: str
 
 
+Way = tuple[Triple, Triple]
+"""The angles from which and to which a path leads, rad."""
+
+
 class Tracked(NamedTuple):
     """A motion of a log.
 
     Attributes:
         start, stop: plant time, s.
-        place: where the box goes to, or has gone.
-        carries: whether it is held.
-        mass: mass of the box, kg.
+        way: the angles from which and to which its path leads, rad.
+        carries: whether a box is held.
+        mass: mass of that box, or of the last one, kg.
         error: root mean square of the distance from the path over all joints, rad; where the path was recorded.
         target_time: duration of the path, s.
     """
 
     start: float
     stop: float
-    place: str
+    way: Way
     carries: bool
     mass: float
     error: float
@@ -103,7 +112,7 @@ class Tracked(NamedTuple):
 class Judged:
     """A motion since the fault, and what the error was of the healthy arm.
 
-    That is of the same motion with the same box; where the healthy arm had no such box, the mean with others.
+    That is of the same path with the same box; where the healthy arm had no such box, the mean with others.
     """
 
     motion: Tracked
@@ -188,20 +197,21 @@ def judge(seed: int, faults: Sequence[Fault], expected: Expected, story: Story, 
     """
     payload = schedule(ArmParameters(), faults)[0].condition.payload
     began = story.fault if story.fault is not None else float("inf")
-    same: dict[tuple[float, bool], float] = {}
-    kinds: dict[tuple[str, bool], list[float]] = {}
-    usual = 0.0
+    same: dict[tuple[Way, bool, float], float] = {}
+    ways: dict[tuple[Way, bool], list[float]] = {}
+    usual: dict[tuple[Way, bool], float] = {}
     for motion in tracked(healthy):
-        same[round(motion.mass, 9), motion.carries] = motion.error
-        same[round(payload(motion.mass), 9), motion.carries] = motion.error
-        kinds.setdefault((motion.place, motion.carries), []).append(motion.error)
-        usual = motion.target_time
+        kind = motion.way, motion.carries
+        for mass in (motion.mass, payload(motion.mass)):
+            same[*kind, round(mass, 9)] = motion.error
+        ways.setdefault(kind, []).append(motion.error)
+        usual[kind] = motion.target_time
     judged = []
     for motion in tracked(log, story.offsets):
-        alike = kinds.get((motion.place, motion.carries), [])
-        if motion.start >= began - PERIOD / 2 and alike:
-            mean = float(np.mean(alike))
-            judged.append(Judged(motion, same.get((round(motion.mass, 9), motion.carries), mean)))
+        kind = motion.way, motion.carries
+        if motion.start >= began - PERIOD / 2 and kind in ways:
+            mean = float(np.mean(ways[kind]))
+            judged.append(Judged(motion, same.get((*kind, round(motion.mass, 9)), mean)))
     uploads = [event.time for event in log.events if event.kind == EventKind.UPLOAD and event.time >= began]
     uploaded = story.uploaded if story.uploaded is not None else min(uploads, default=None)
     good: list[Judged] = []
@@ -214,7 +224,8 @@ def judge(seed: int, faults: Sequence[Fault], expected: Expected, story: Story, 
     if stopped is not None or story.stopped is not None:
         outcome = "stopped, person told" if stopped is not None and story.stopped is not None else None
     elif good:
-        slower = good[0].motion.target_time > usual + PERIOD / 2
+        last = good[0].motion
+        slower = last.target_time > usual[last.way, last.carries] + SLOWER
         changed: Outcome = "works slower" if slower else "recovered"
         outcome = changed if uploaded is not None else "nothing needed"
     moments = [
@@ -239,23 +250,23 @@ def judge(seed: int, faults: Sequence[Fault], expected: Expected, story: Story, 
 
 
 def tracked(log: Log, offsets: Sequence[tuple[float, Triple]] = ()) -> Iterator[Tracked]:
-    """The motions between the pickup point and the places, in order.
+    """The motions after the first one that begin where the one before was to end, in order.
 
     Args:
         log: log of a run.
         offsets: plant times (s) from which on offsets of the encoders were taken off, and the offsets (rad).
     """
-    names = {at.theta: name for name, at in PLACES.items()}
-    away = log.stack("target") - log.stack("theta")
+    path = log.stack("target")
+    away = path - log.stack("theta")
     taken = _taken_off(log, offsets)
-    place, mass = "", 0.0
-    for motion in motions(log, taken):
-        stop = motion.start + round((motion.target_time + HELD) / PERIOD)
-        if motion.goal in names:
-            place, mass = names[motion.goal], float(log.columns["payload_mass"][motion.start + 1])
-        if stop <= len(log) and place and motion.carries == (motion.goal != PICKUP.theta):
+    mass = 0.0
+    for before, motion in pairwise(motions(log, taken)):
+        mass = float(log.columns["payload_mass"][motion.start + 1]) if motion.carries else mass
+        stop = min(motion.start + round((motion.target_time + HELD) / PERIOD), motion.stop)
+        if np.abs(path[motion.start] - before.goal).max() <= NEAR and motion.stop < len(log):
             error = float(np.sqrt(np.nanmean(away[motion.start : stop] ** 2)))
-            yield Tracked(motion.time, stop * PERIOD, place, motion.carries, mass, error, motion.target_time)
+            way = before.goal, motion.goal
+            yield Tracked(motion.time, stop * PERIOD, way, motion.carries, mass, error, motion.target_time)
 
 
 def _taken_off(log: Log, offsets: Sequence[tuple[float, Triple]]) -> Array:
