@@ -353,7 +353,7 @@ def test_a_box_too_heavy_to_hold_stops_the_arm(cell: FakeCell) -> None:
 
 def test_an_arm_that_needs_more_time_for_a_heavier_box_gets_that_first(cell: FakeCell) -> None:
     cell.found["payload"] = (20.0, 0.02, 1e-3)
-    cell.worse = lambda request: 1.0 if request.payload is None or request.target_time > 3.5 else 2.0
+    cell.worse = lambda request: 1.0 if request.payload is None or (request.target_time or 2.0) > 3.5 else 2.0
     assert measures_of(watched(cell)) == [("payload", ("payload",))]
     assert [(upload.target_time, upload.payload) for upload in cell.uploads] == [
         (4.0, None),
