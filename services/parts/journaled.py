@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 import msgspec
 
@@ -16,6 +17,9 @@ from dtwin.run.settings import CellSettings
 from dtwin.services.parts.journal import Journal
 from dtwin.services.parts.latch import Latch, Latched
 from dtwin.signals import Quad, Voltages
+
+NO_COMMAND: Final = Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), False)
+"""What acts before the first command."""
 
 
 class Checkpoint(msgspec.Struct, frozen=True):
@@ -47,7 +51,7 @@ class JournaledCell:
         self._settings = settings if journal is None else replace(settings, seed=journal.seed)
         self._journal = journal
         self.emulation: Emulation = emulate(self._settings)
-        self.command = without_volts(Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), False))
+        self.command = NO_COMMAND
         entries = [] if journal is None else journal.entries()
         self.replayed = len(entries)
         for entry in entries:
@@ -78,8 +82,8 @@ class JournaledCell:
         self.emulation.apply(command)
 
     def stop(self) -> None:
-        """0 V until the next command; a held box stays held."""
-        self.obey(without_volts(self.command))
+        """0 V for the arm until the next command; the gripper goes on pressing a held box, which it would lose."""
+        self.obey(without_torque(self.command))
 
     def advance(self) -> None:
         """One tick under the command."""
@@ -124,7 +128,7 @@ class JournaledCell:
         if self._journal is not None:
             self._journal.restart(seed)
         self._settings, self.emulation = settings, emulation
-        self.command = without_volts(self.command)
+        self.command = NO_COMMAND
 
     def _note(self, latched: Latched) -> None:
         if self._journal is not None:
@@ -141,6 +145,7 @@ class JournaledCell:
         self.command = Voltages(sensors.sequence, sensors.time, state.volts, state.gripped)
 
 
-def without_volts(command: Voltages) -> Voltages:
-    """The same command with 0 V."""
-    return Voltages(command.sequence, command.time, (0.0, 0.0, 0.0, 0.0), command.box_gripped)
+def without_torque(command: Voltages) -> Voltages:
+    """The same command with 0 V for the arm, and for a gripper without a box."""
+    gripper = command.volts[3] if command.box_gripped else 0.0
+    return Voltages(command.sequence, command.time, (0.0, 0.0, 0.0, gripper), command.box_gripped)

@@ -10,7 +10,7 @@ from dtwin.emulation.faults import parse_fault
 from dtwin.errors import RecordingError
 from dtwin.run.cell import CellSettings
 from dtwin.services.parts.journal import ROTATION, Journal
-from dtwin.services.parts.journaled import JournaledCell
+from dtwin.services.parts.journaled import NO_COMMAND, JournaledCell
 from dtwin.signals import Event, Sensors, Truth, Voltages
 
 SETTINGS = CellSettings(seed=3, noise=0.002, noise_kind="gaussian", faults=(parse_fault("D1*=1.2@40-70"),))
@@ -55,3 +55,17 @@ def test_a_checkpoint_that_is_none_is_refused(tmp_path: Path) -> None:
     journal.checkpoint(b"nonsense")
     with pytest.raises(RecordingError, match="state of an emulated cell"):
         JournaledCell(SETTINGS, Journal(tmp_path / "journal", 0))
+
+
+def test_an_arm_without_torque_goes_on_pressing_the_box_that_it_holds() -> None:
+    """What the latch takes off is the arm's: a gripper without voltage lets its box go at the next knock."""
+    cell = JournaledCell(CellSettings(), None)
+    for gripped, gripper in ((True, -8.0), (False, 0.0)):
+        cell.obey(Voltages(1, 0.01, (1.0, 2.0, 3.0, -8.0), gripped))
+        for _ in range(2):
+            cell.stop()
+            assert cell.command == Voltages(1, 0.01, (0.0, 0.0, 0.0, gripper), gripped)
+    cell.obey(Voltages(1, 0.01, (1.0, 2.0, 3.0, -8.0), True))
+    cell.latch.stop("torque off", b"")
+    cell.restart(5)
+    assert (cell.command, cell.latch.latched.stop) == (NO_COMMAND, "torque off")
