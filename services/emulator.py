@@ -253,7 +253,7 @@ class Emulator:
         if self._cell.latch.passes(sender):
             self._cell.obey(command)
         else:
-            self._cell.stop()
+            self._cell.stop(command.volts[3])
 
     def _sent_at(self, sequence: int) -> float:
         """When a sample was published; of one whose time is not kept, when the oldest of the others was."""

@@ -81,9 +81,13 @@ class JournaledCell:
         self.command = command
         self.emulation.apply(command)
 
-    def stop(self) -> None:
-        """0 V for the arm until the next command; the gripper goes on pressing a held box, which it would lose."""
-        self.obey(without_torque(self.command))
+    def stop(self, pressing: float = 0.0) -> None:
+        """0 V for the arm until the next command; the gripper goes on pressing a held box, which it would lose.
+
+        Args:
+            pressing: voltage at the gripper that is asked for, V; it counts where it presses harder (negative).
+        """
+        self.obey(without_torque(self.command, pressing))
 
     def advance(self) -> None:
         """One tick under the command."""
@@ -145,7 +149,7 @@ class JournaledCell:
         self.command = Voltages(sensors.sequence, sensors.time, state.volts, state.gripped)
 
 
-def without_torque(command: Voltages) -> Voltages:
+def without_torque(command: Voltages, pressing: float) -> Voltages:
     """The same command with 0 V for the arm, and for a gripper without a box."""
-    gripper = command.volts[3] if command.box_gripped else 0.0
+    gripper = min(command.volts[3], pressing) if command.box_gripped else 0.0
     return Voltages(command.sequence, command.time, (0.0, 0.0, 0.0, gripper), command.box_gripped)

@@ -65,7 +65,10 @@ def test_an_arm_without_torque_goes_on_pressing_the_box_that_it_holds() -> None:
         for _ in range(2):
             cell.stop()
             assert cell.command == Voltages(1, 0.01, (0.0, 0.0, 0.0, gripper), gripped)
-    cell.obey(Voltages(1, 0.01, (1.0, 2.0, 3.0, -8.0), True))
+    cell.obey(Voltages(1, 0.01, (1.0, 2.0, 3.0, -3.0), True))
+    for pressing, gripper in ((3.0, -3.0), (-8.0, -8.0), (-3.0, -8.0)):
+        cell.stop(pressing)
+        assert cell.command == Voltages(1, 0.01, (0.0, 0.0, 0.0, gripper), True), "pressed harder, and never let go"
     cell.latch.stop("torque off", b"")
     cell.restart(5)
     assert (cell.command, cell.latch.latched.stop) == (NO_COMMAND, "torque off")
