@@ -235,11 +235,12 @@ class Measures:
             boxes,
             lambda gains, time: self._expect(PredictionRequest(gains, time, arm=self._arm, payload=mass), boxes),
         )
-        if tuned.target_time > in_force.target_time:
+        slower = tuned.target_time > in_force.target_time
+        if slower:
             desk.confirm(self._tune(tuned, in_force, self._arm))
         upload = desk.upload(f"the box weighs {1e3 * mass:.0f} g", payload=mass, arm=self._arm)
         desk.confirm(upload)
-        if tuned.target_time == in_force.target_time and tuned.gains != in_force.gains:
+        if not slower and tuned.gains != in_force.gains:
             upload = self._tune(tuned, in_force, self._arm)
             desk.confirm(upload)
         return Taken(upload.time, values)

@@ -97,7 +97,7 @@ def test_a_run_is_judged_by_the_same_motions_of_the_healthy_arm() -> None:
 
 
 def test_every_part_of_a_way_between_bodies_is_judged_by_the_same_part() -> None:
-    """They differ much from one another, and a place may be reached with the other elbow."""
+    """They differ much from one another, so that any other part would be no measure."""
     machine = replace(IDEAL, contact=Contact(enabled=True))
     cell = Cell(CellSettings(duration=45.0, seed=2, machine=machine))
     cell.run()
