@@ -279,7 +279,7 @@ class Monitor:
             case Settling(left, known, begun, then):
                 left -= 1
                 if begun:
-                    self._bank.update(estimator, used, self.sample, counts and left < known)
+                    self._bank.update(estimator, used, self._readings.fresh, self.sample, counts and left < known)
                 self._mode = Settling(left, known, begun, then) if left else then
                 self._listen(used)
             case Diagnosing(diagnosis, pending):
@@ -288,12 +288,12 @@ class Monitor:
                     diagnosis.stop(self._since(stopped))
                 self._decide(diagnosis, pending)
             case Unfit() as mode:
-                self._bank.update(estimator, used, self.sample, counts)
+                self._bank.update(estimator, used, self._readings.fresh, self.sample, counts)
                 self._doubt_model(mode.after(estimator))
             case Watching() | Lost() as mode:
                 self.trend.enter(self.time, estimator)
                 self.findings.examine(self.time, estimator).apply(estimator, self.trend)
-                self._bank.update(estimator, used, self.sample, counts)
+                self._bank.update(estimator, used, self._readings.fresh, self.sample, counts)
                 self._look(mode)
 
     def _listen(self, used: Flags) -> None:

@@ -25,6 +25,7 @@ from dtwin.monitoring.kinds import BIAS, DRIFT, JUMPS, SCALE, FaultId, parse_fau
 from dtwin.monitoring.settings import MonitorSettings
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 EARLIER: Final = 4
 """samples by which another onset of a suspicion is earlier"""
@@ -159,9 +160,17 @@ class SignatureBank:
         groups, lanes = np.divmod(places * len(JUMPS) + JUMPS.index("payload"), WIDTH)
         traces.E[groups, PAYLOAD, lanes] = 1.0
 
-    def update(self, estimator: Estimator, used: NDArray[np.bool_], sample: int, counts: bool = True) -> None:
-        """Takes in what the estimator made of a sample, as evidence if it counts, and notes it as an onset."""
-        place = take(*self.traces, *estimator.evidence(), used, sample, counts)
+    def update(self, estimator: Estimator, used: Flags, fresh: Flags, sample: int, counts: bool = True) -> None:
+        """Takes in what the estimator made of a sample, as evidence if it counts, and notes it as an onset.
+
+        Args:
+            estimator: the estimator after the sample.
+            used: (3,), which readings it took in.
+            fresh: (3,), which readings do not repeat the one before.
+            sample: number of the sample.
+            counts: whether it is evidence.
+        """
+        place = take(*self.traces, *estimator.evidence(), used, fresh, sample, counts)
         self._estimators[place] = partial(_itself, estimator.copy())
 
     def recall(self, estimator: Estimator, joint: int, sample: int) -> None:
@@ -173,8 +182,8 @@ class SignatureBank:
 
     def note(self, estimator: Estimator, sample: int) -> None:
         """Takes this sample for an onset."""
-        traces = self.traces
-        place = begin(traces.E, traces.h, traces.J, traces.rows, traces.samples, traces.order, traces.gaps, sample)
+        t = self.traces
+        place = begin(t.E, t.h, t.J, t.at_once, t.rows, t.samples, t.order, t.gaps, sample)
         self._estimators[place] = partial(_itself, estimator.copy())
 
     def adopt(self, estimator: Estimator, past: Past) -> None:

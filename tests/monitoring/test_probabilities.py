@@ -57,7 +57,7 @@ def test_a_state_as_low_as_it_can_be_can_only_rise(belief: Belief) -> None:
     first = divmod(column, WIDTH)
     for value, counts in ((0.001, True), (0.0, False)):
         estimator.x[INDEX["mu1"]] = value
-        bank.update(estimator, ALL, 6, counts=False)
+        bank.update(estimator, ALL, ALL, 6, counts=False)
         bank.traces.h[first] = -50.0
         assert bool(bank.statistics()[0, column]) == counts
         bank.traces.h[first] = 50.0

@@ -105,7 +105,7 @@ def follow(bank: SignatureBank, estimator: Estimator, seen: Stream, start: int, 
         if new:
             bank.regrip()
         estimator.correct(seen.measured[k], ALL)
-        bank.update(estimator, ALL, k)
+        bank.update(estimator, ALL, ALL, k)
 
 
 def test_healthy_innovations_stay_below_the_threshold_and_a_fault_passes_it(
@@ -189,7 +189,7 @@ def test_information_is_that_of_the_onset_next_to_a_sample(belief: Belief, run_c
     for k in range(1, 400):
         estimator.predict(seen.volts[k - 1, :3], bool(seen.gripped[k - 1]))
         estimator.correct(seen.measured[k], ALL)
-        bank.update(estimator, ALL, k)
+        bank.update(estimator, ALL, ALL, k)
     told = {str(each.fault): each for each in bank.suspicions()}
     for column, fault in enumerate(JUMPS):
         suspicion = told[fault]

@@ -2,8 +2,9 @@
 
 A box enters on the belt, waits at the stop, and is picked once it has left the pickup point between the pads. When it
 lies still outside the gripper, it is judged: it is delivered within REACH of its place on the tray there; it has
-slipped if the jaw was not driven open when the pads lost it; otherwise it is misplaced. A tray's belt takes away what
-lies on it as soon as the arm is gone; what lies elsewhere stays until its body is needed for another box.
+slipped if the jaw was not driven open when the pads lost it; otherwise it is misplaced. The belt before the pickup
+point carries what fell back on it as it carries what enters. A tray's belt takes away what lies on it as soon as the
+arm is gone; what lies elsewhere stays until its body is needed for another box.
 """
 
 from __future__ import annotations
@@ -203,6 +204,8 @@ class ContactBoxes:
                 yield from self._watch_belt(time, index, body, position, running)
             elif body.stage is Stage.CARRIED:
                 yield from self._watch_flight(time, index, body, position)
+            elif _on_way_in(position):
+                body.stage, body.seen, body.free, body.still = Stage.COMING, False, False, 0
             else:
                 self._clear_tray(index, position, running)
         if running != self._running:
@@ -340,6 +343,13 @@ class ContactBoxes:
                 return index
         there = [(body.order, index) for index, body in enumerate(self._bodies) if body]
         return min(there)[1]
+
+
+def _on_way_in(position: Point) -> bool:
+    """Whether a box lies on the belt that carries to the pickup point, in line with what enters there."""
+    x, y, z = position
+    near = abs(y - ENTRY[1]) <= WAITING and abs(z - PICKUP.y) <= WAITING
+    return near and PICKUP.x - WAITING <= x <= ENTRY[0]
 
 
 def _on_tray(position: Point) -> str | None:

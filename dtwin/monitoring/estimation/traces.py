@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation.layout import BIAS, DRIFT, INDEX, MOVING, SIZE, TORQUE, W
-from dtwin.monitoring.kinds import BIAS as OFFSET
 from dtwin.monitoring.kinds import JUMPS
 from dtwin.twin import lanes
 from dtwin.twin.compiled import kernel
@@ -46,7 +45,7 @@ class Traces(NamedTuple):
         precision: (23, 16), information about it beforehand.
         least: (23, 16), least value of h.
         allowance: (23, 16), what a statistic may come to of what the model lacks.
-        at_once: (23, 16), 1 of faults that show at once, 0 of others.
+        at_once: (23, 16), 1 of faults that show at once, from the last onset; 0 of all others.
         rows: (18,), index of the state that each fault changes.
         samples: (20,), onset at each place; the places fill up in their order.
         order: (20,), places of the onsets, the oldest first; those that are filled come first.
@@ -84,7 +83,7 @@ class Traces(NamedTuple):
             precision=everywhere([sizes[fault] ** -2 for fault in JUMPS]),
             least=everywhere(np.full(_FAULTS, -np.inf)),
             allowance=everywhere(allowance),
-            at_once=everywhere([fault.startswith(OFFSET) for fault in JUMPS]),
+            at_once=everywhere(np.zeros(_FAULTS)),
             rows=np.array([INDEX[fault] for fault in JUMPS]),
             samples=np.full(ONSETS, NONE),
             order=np.arange(ONSETS),
@@ -165,10 +164,10 @@ def carry(
         gains: (3, 33), of the filter, 0 of a reading that it did not take in.
         score: (3,), of the innovations, 1/rad.
         information: (3,), variance of the scores, 1/rad^2.
-        used: (3,) bool, which readings the filter took in.
+        used: (3,) bool, which readings are evidence; the filter took them in.
         counts: whether the sample is evidence.
         moving: (3,) bool, which joints move. What friction does to one that rests it does in the next sample as well:
-            of that only faults are evidence that show at once.
+            of that only faults are evidence that show at once, and only in the sample after their onset.
         memory: share that is left after a sample of a torque that the model does not explain.
         growth: (3,), by what the offsets grow for a unit of the states from DRIFT on.
     """
@@ -226,6 +225,7 @@ def begin(
     E: Array,
     h: Array,
     J: Array,
+    at_once: Array,
     rows: NDArray[np.int64],
     samples: NDArray[np.int64],
     order: NDArray[np.int64],
@@ -242,6 +242,7 @@ def begin(
         filled += 1
     place = order[filled] if filled < ONSETS else _redundant(samples, order, gaps, sample)
     samples[place], gaps[place] = sample, 1
+    at_once[:] = 0.0
     for fault in range(_FAULTS):
         number = place * _FAULTS + fault
         n, lane = number // WIDTH, number % WIDTH
@@ -249,6 +250,7 @@ def begin(
         for j in range(SIZE):
             E[n, j, lane] = 0.0
         E[n, rows[fault], lane] = 1.0
+        at_once[n, lane] = 1.0 if BIAS <= rows[fault] < BIAS + 3 else 0.0
     return place
 
 
@@ -299,6 +301,7 @@ def take(
     memory: float,
     growth: Array,
     used: Any,
+    fresh: Any,
     sample: int,
     counts: bool,
 ) -> int:
@@ -309,17 +312,20 @@ def take(
         x: (33,), the filter's mean.
         lowest: (33,), least values of the states.
         friction: (3,), dry friction in doubt near standstill, N m.
-        F to counts: as for `carry`.
+        F to used, counts: as for `carry`.
+        fresh: (3,) bool, which readings do not repeat the one before. One that does, of a joint that rests, is no
+            evidence of anything sudden: what the friction holds otherwise than believed, it holds every time.
         sample: number of the sample.
     """
-    moving = np.empty(3, dtype=np.bool_)
+    moving, telling = np.empty((2, 3), dtype=np.bool_)
     for i in range(3):
         moving[i] = abs(x[W + i]) > STANDSTILL or friction[i] == 0.0
-    carry(E, h, J, at_once, F, gains, score, information, used, counts, moving, memory, growth)
+        telling[i] = used[i] and (moving[i] or fresh[i])
+    carry(E, h, J, at_once, F, gains, score, information, telling, counts, moving, memory, growth)
     bounds, everywhere = np.empty(_FAULTS), least.reshape(-1)
     for fault in range(_FAULTS):
         bounds[fault] = 0.0 if x[rows[fault]] <= lowest[rows[fault]] else -np.inf
     if (bounds != everywhere[:_FAULTS]).any():
         for place in range(ONSETS):
             everywhere[place * _FAULTS : (place + 1) * _FAULTS] = bounds
-    return begin(E, h, J, rows, samples, order, gaps, sample)
+    return begin(E, h, J, at_once, rows, samples, order, gaps, sample)

@@ -34,6 +34,8 @@ _STOOD: Final = 30
 """Number of samples after which a jaw counts as standing."""
 _TELLS: Final = 60
 """samples after which a jaw that was pushed open and has come neither farther nor back is no failure"""
+_UNSEEN: Final = 10
+"""samples that may be missing in a row before nobody knows whether the jaw was driven elsewhere in between"""
 _DRIVEN: Final = 0.5
 """Share of the voltage of the gripper from which on it counts as driven."""
 
@@ -67,8 +69,9 @@ class GripperWatch:
         """
         if not (math.isfinite(angle) and math.isfinite(volts)):
             return False
+        unseen = not 0 < sample - self._last <= _UNSEEN + 1
         failed, direction, self._last = self.fails, self._driven(volts), sample
-        if direction != self._direction or sample < self._start:
+        if direction != self._direction or unseen:
             self._begin(sample, angle, direction)
         if not direction:
             return False
@@ -111,6 +114,7 @@ class GripperWatch:
             if self._direction:
                 farthest = float((self._direction * (angle - self._from)).max())
                 self._farthest = max(self._farthest, farthest)
+            self._last = int(sample[-1])
             return
         for each in zip(sample.tolist(), angle.tolist(), volts.tolist(), strict=True):
             self.take(*each)

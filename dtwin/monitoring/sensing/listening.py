@@ -110,7 +110,7 @@ def replay(estimator: Estimator, moments: Moments, bank: SignatureBank, sample: 
         if regripped:
             bank.regrip()
         if age:
-            bank.update(estimator, moment.used, start + age, moment.counts and age > STARTING)
+            bank.update(estimator, moment.used, moment.used, start + age, moment.counts and age > STARTING)
         else:
             bank.note(estimator, start)
     return again

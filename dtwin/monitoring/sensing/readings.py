@@ -1,8 +1,8 @@
 """What the encoders' readings tell by themselves: their noise and resolution, and which of them are no measurements.
 
 An encoder of resolution q reads a multiple of q. A reading that repeats the one before says only that the angle is
-still within the same q; it is looked at again when the estimate has left that. The first one after a step was taken
-somewhere beyond the edge between the two, by as much as the angle moves in a sample. Where noise exceeds the
+still within the same q; it is looked at again when the estimate has left that, and then measures the nearest angle within
+it. The first one after a step was taken somewhere beyond the edge between the two, by as much as the angle moves in a sample. Where noise exceeds the
 resolution none of this matters.
 """
 
@@ -177,6 +177,11 @@ class Readings:
         return angles
 
     @property
+    def fresh(self) -> Flags:
+        """Which of the last readings are more than one that repeats itself, (3,)."""
+        return self._new
+
+    @property
     def proven(self) -> Flags:
         """Which encoders have stopped, (3,): even at a joint that stands still they would not repeat a reading."""
         return self.frozen & ((self.resolution == 0.0) | (self._deviation > _NOISY * self.resolution))
@@ -310,7 +315,11 @@ def judge(
     was_near: Flags,
     measurements: Flags,
 ) -> None:
-    """Tells which readings (3,) are measurements, see `Readings.judge`, and updates the seven arrays before."""
+    """Tells which readings (3,) are measurements, see `Readings.judge`, and updates the seven arrays before.
+
+    An angle of a reading that is looked at again becomes the one within its resolution that is nearest to the
+    prediction.
+    """
     for i in range(3):
         first = repeated[i] == 0
         if first or math.isnan(since[i]):
@@ -324,6 +333,8 @@ def judge(
         # Where neighbouring readings differ by noise, one that repeats the last is more often a sample that was lost.
         lost = not first and dithered[i] and off > deviation[i]
         used = (new[i] or again) and not frozen[i] and not lost
+        if again and not new[i]:
+            angles[i] = last[i] + math.copysign(0.5 * resolution[i], predicted[i] - last[i])
         away = abs(angles[i] - predicted[i])
         near = away < _NEAR * far[i] * deviation[i]
         returned = away < _NEAR * abs(missed[i])

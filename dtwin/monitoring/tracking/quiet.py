@@ -254,6 +254,7 @@ def _work(
             f.memory,
             f.growth,
             used[k],
+            r.new,
             first + k,
             counted[k],
         )
