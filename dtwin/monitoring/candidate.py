@@ -167,10 +167,14 @@ class Candidate:
         return FaultId(none, self.fault.joint) if lost else self.fault
 
     @property
+    def faults(self) -> tuple[FaultId, ...]:
+        """All that it amounts to so far."""
+        return (self.fault, self.other) if self.other else (self.told,)
+
+    @property
     def cause(self) -> tuple[str, ...]:
         """What tells it from candidates of other causes."""
-        faults = (self.fault, self.other) if self.other else (self.told,)
-        return tuple(sorted(f"{fault.about.cause} {fault.joint}" for fault in faults))
+        return tuple(sorted(f"{fault.about.cause} {fault.joint}" for fault in self.faults))
 
     @property
     def waits(self) -> bool:

@@ -13,6 +13,7 @@ unfit to settling or watching.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from dtwin.monitoring.diagnosis import Diagnosis
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import ARM, W
+from dtwin.monitoring.kinds import FaultId
 from dtwin.monitoring.verdict import Finding
 
 LOST: Final = 5
@@ -37,6 +39,10 @@ _FAST: Final = 0.1
 _OFF: Final = 4.5
 """standard deviations: a joint that was farther off is named"""
 LOST_WITHIN: Final = 600
+"""samples"""
+_MATTERS: Final = 3
+"""diagnoses of different matters within _MATTERS_WITHIN that show that none of them was right"""
+_MATTERS_WITHIN: Final = 2000
 """samples"""
 
 
@@ -104,12 +110,14 @@ class Turn(NamedTuple):
         detected: plant time at which the change had been noticed, s.
         estimator: the arm as believed before the change.
         findings: the findings by parameter that stood before.
+        faults: what it came to, nothing for what is over.
     """
 
     sample: int
     detected: float
     estimator: Estimator
     findings: dict[str, Finding]
+    faults: tuple[FaultId, ...]
 
 
 class Turns:
@@ -123,13 +131,25 @@ class Turns:
         self._turns.append(turn)
 
     def astray(self, sample: int) -> Turn | None:
-        """The first of so many diagnoses up to a sample that none can have been right, which are forgotten then; None
-        if there were not so many."""
-        if len(self._turns) < LOST or self._turns[0].sample <= sample - LOST_WITHIN:
-            return None
-        first = self._turns[0]
+        """The first of the diagnoses up to a sample that none can have been right, which are forgotten then; None if
+        they do not show that: so many in a short time, or of so many different matters in a longer one."""
+        turns = list(self._turns)
+        if len(turns) < LOST or turns[0].sample <= sample - LOST_WITHIN:
+            turns = [turn for turn in turns if turn.sample > sample - _MATTERS_WITHIN]
+            if _different(turns) < _MATTERS:
+                return None
         self._turns.clear()
-        return first
+        return turns[0]
+
+
+def _different(turns: Iterable[Turn]) -> int:
+    """The number of diagnoses that tell of nothing that one before them has told of."""
+    told: list[FaultId] = []
+    count = 0
+    for turn in turns:
+        count += bool(turn.faults) and not any(fault.same_matter(other) for fault in turn.faults for other in told)
+        told += turn.faults
+    return count
 
 
 class Probation:

@@ -388,7 +388,8 @@ class Monitor:
         self.estimator = before.copy() if over else candidate.estimator
         if over or candidate.sample < self.sample:
             self._begin(self._readings.last, self._track.gripped)
-        self._turns.enter(Turn(self.sample, pending.detected, before, dict(self.findings.current)))
+        faults = () if over else candidate.faults
+        self._turns.enter(Turn(self.sample, pending.detected, before, dict(self.findings.current), faults))
         self.findings.settle(self.time, candidate, pending).apply(self.estimator, self.trend)
         if (first := self._turns.astray(self.sample)) is not None:
             self.findings.give_up(self.time, first.detected, pending, first.findings)
