@@ -108,6 +108,15 @@ def test_a_jaw_that_gives_way_fails_and_one_that_goes_again_recovers() -> None:
     assert 300 < went < 350
 
 
+@pytest.mark.parametrize(("missing", "fails"), [(5, True), (30, False)])
+def test_a_jaw_may_have_been_driven_elsewhere_while_nobody_saw_it(missing: int, fails: bool) -> None:
+    watch, opened = GripperWatch(), 0.1
+    for k, (u, angle) in enumerate(zip(CYCLE[:300], driven(CYCLE[:300], stop=BOX), strict=True)):
+        watch.take(k, angle, u)
+    watch.take(300 + missing, BOX + opened, -3.0)
+    assert watch.fails == fails
+
+
 def test_a_gripper_without_an_encoder_is_not_judged() -> None:
     assert judged(CYCLE, [0.0] * len(CYCLE)) == []
     assert judged(CYCLE, [math.nan] * len(CYCLE)) == []

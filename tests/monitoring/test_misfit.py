@@ -7,7 +7,10 @@ import pytest
 
 from dtwin.emulation.machine.files import machine_of
 from dtwin.monitoring.estimation.belief import Belief, assumed
-from dtwin.monitoring.modes import PROVEN, Probation
+from dtwin.monitoring.estimation.estimator import Estimator
+from dtwin.monitoring.estimation.tuning import Tuning
+from dtwin.monitoring.kinds import parse_fault_id
+from dtwin.monitoring.modes import PROVEN, Probation, Turn, Turns
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.parameters import PERIOD, ArmParameters
@@ -89,3 +92,28 @@ def test_frozen_encoders_of_an_arm_that_is_not_the_models_are_not_told() -> None
         monitor.update(sample + k, np.array([0.1, 0.2, 0.3]), np.full(4, 4.0), False)
     assert [event.kind for event in monitor.events if event.kind not in ("spike", "restart")] == ["misfit"]
     assert monitor.time == pytest.approx((sample + 299) * PERIOD)
+
+
+@pytest.mark.parametrize(
+    ("named", "every", "astray"),
+    [
+        (["payload", "supply", "mu3"], 500, 0),
+        (["payload", "supply", "mu3"], 1000, None),
+        (["K2 D3", "D3", "K2"], 300, None),
+        (["supply", "K2 D3", "mu3"], 300, None),
+        (["payload", "slip", "payload", "supply"], 300, None),
+        (["", "", "K1", "", "D2"], 300, None),
+        (["D1", "K1", "K1", "mu1", "bias2"], 300, 0),
+        (["K1"] * 5, 120, 0),
+        (["K1"] * 5, 200, None),
+    ],
+)
+def test_diagnoses_of_many_matters_or_of_one_again_and_again_show_that_none_was_right(
+    named: list[str], every: int, astray: int | None, belief: Belief
+) -> None:
+    turns, estimator, found = Turns(), Estimator(belief, Tuning()), None
+    for k, names in enumerate(named):
+        faults = tuple(map(parse_fault_id, names.split()))
+        turns.enter(Turn(k * every, k * every * PERIOD, estimator, {}, faults))
+        found = turns.astray(k * every) or found
+    assert (None if found is None else found.sample) == astray

@@ -115,6 +115,23 @@ def taken(readings: Readings, angle: float, expected: float, deviation: float) -
     return bool(used[0])
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_reading_that_is_looked_at_again_measures_the_nearest_angle_within_its_resolution(side: float) -> None:
+    readings, q = Readings((0.0, 0.0, 0.0)), resolution(14)
+    for k in range(25):
+        taken(readings, k * q, k * q, 1e-3)
+    here = 24 * q
+    used = [taken(readings, here, here + side * 3.0 * q, 1e-2) for _ in range(25)]
+    assert used == [False] * 24 + [True]
+    angles = readings.take(np.array([here, 0.0, 0.0]))
+    assert angles[0] == here
+    for _ in range(23):
+        taken(readings, here, here, 1e-2)
+    angles = readings.take(np.array([here, 0.0, 0.0]))
+    readings.judge(np.array([here + side * 3.0 * q, 0.0, 0.0]), np.array([1e-2, 1.0, 1.0]), True)
+    assert angles[0] == pytest.approx(here + side * 0.5 * q, abs=1e-12)
+
+
 def test_the_resolution_is_the_common_divisor_of_the_steps() -> None:
     readings = Readings((0.0, 0.0, 0.0))
     generator = np.random.default_rng(0)

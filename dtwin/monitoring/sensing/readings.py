@@ -1,9 +1,9 @@
 """What the encoders' readings tell by themselves: their noise and resolution, and which of them are no measurements.
 
 An encoder of resolution q reads a multiple of q. A reading that repeats the one before says only that the angle is
-still within the same q; it is looked at again when the estimate has left that, and then measures the nearest angle within
-it. The first one after a step was taken somewhere beyond the edge between the two, by as much as the angle moves in a sample. Where noise exceeds the
-resolution none of this matters.
+still within the same q. It is looked at again when the estimate has left that, and then measures the nearest angle
+within it. The first one after a step was taken somewhere beyond the edge between the two, by as much as the angle
+moves in a sample. Where noise exceeds the resolution none of this matters.
 """
 
 from __future__ import annotations

@@ -102,6 +102,15 @@ def test_a_box_slips_out_of_weak_pads_and_the_next_one_is_fetched(fault: str) ->
     assert times(events, EventKind.DELIVERED)
 
 
+def test_a_box_that_falls_back_on_the_belt_comes_again() -> None:
+    events = run(cell("slip@16.5"), 26.0)
+    (lost,) = times(events, EventKind.SLIPPED)
+    first, again = times(events, EventKind.PICKED)[:2]
+    assert first < lost < again
+    assert [time for time in times(events, EventKind.ARRIVED) if lost < time < again]
+    assert times(events, EventKind.DELIVERED)[0] > again
+
+
 def test_a_box_that_cannot_be_lifted_is_tried_once_more_and_then_help_is_called() -> None:
     emulation, blocks = cell("pads=0.05@0"), controller()
     closings, helped, last = 0, [], 3.0
