@@ -27,7 +27,7 @@ SOFTER: Final = (1.0, 0.9, 0.8, 0.75, 0.7, 0.65, 0.6, 0.55, 0.5)
 
 
 def settings_for_late(
-    in_force: Upload,
+    settings: ControlSettings,
     arm: ArmParameters,
     record: MachineRecord | None,
     heaviest: float,
@@ -38,7 +38,7 @@ def settings_for_late(
     which the arm then tracks as well as the healthy one.
 
     Args:
-        in_force: settings in force.
+        settings: settings of the controller.
         arm: arm as it is known.
         record: record of an arm that does not obey the equations of motion.
         heaviest: mass of the heaviest box, kg.
@@ -48,22 +48,26 @@ def settings_for_late(
     Raises:
         ParameterError: no gains have the margins.
     """
-    gains = gains_with_margins(in_force, in_force.model, arm, record, LATE)
-    return search(arm, heaviest, expect, gains, in_force.target_time, reference, stiffer=(1.0,))
+    gains = gains_with_margins(settings, arm, record, LATE)
+    return search(arm, heaviest, expect, gains, settings.target_time, reference, stiffer=(1.0,))
+
+
+def control_settings(upload: Upload, model: ArmParameters | None = None) -> ControlSettings:
+    """Settings in force as settings of a controller, with another model if one is given."""
+    return ControlSettings(upload.target_time, upload.gains, upload.law, model or upload.model, upload.payload)
 
 
 def gains_with_margins(
-    in_force: Upload, model: ArmParameters, arm: ArmParameters, record: MachineRecord | None, late: float
+    settings: ControlSettings, arm: ArmParameters, record: MachineRecord | None, late: float
 ) -> Gains:
-    """The gains nearest to those in force with the margins at all places that uploads to the arm have to keep.
+    """The gains nearest to those of settings with the margins at all places that uploads to the arm have to keep.
 
     A loop that is slower by a factor f has Kp times f^2, Ki times f^3 and Kd times f. An arm with effects need only
     keep TOLERANCE of the demanded margins when its commands are late: it is slower than the arm that they are meant
     for.
 
     Args:
-        in_force: settings in force.
-        model: model that the controller is to have.
+        settings: settings of the controller, with the model that it is to have.
         arm: arm as it is known.
         record: record of an arm that does not obey the equations of motion.
         late: ticks by which commands act later than they did.
@@ -71,7 +75,6 @@ def gains_with_margins(
     Raises:
         ParameterError: no gains have the margins.
     """
-    settings = ControlSettings(in_force.target_time, in_force.gains, in_force.law, model, in_force.payload)
     effects, controller = NO_EFFECTS if record is None else record.effects, MotionController()
     least = TOLERANCE if late and effects != NO_EFFECTS else 1.0
     if record is not None:

@@ -24,7 +24,7 @@ from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, Triple, scaled
 from dtwin.recovery.answers import Measure
 from dtwin.recovery.desk import Desk
-from dtwin.recovery.margins import LATE, gains_with_margins, settings_for_late
+from dtwin.recovery.margins import LATE, control_settings, gains_with_margins, settings_for_late
 from dtwin.recovery.refit import estimated, refitted
 from dtwin.recovery.strength import beyond_strength
 from dtwin.recovery.tuning import BOUND, STIFFER, Ability, Expect, Tuned, search, worst_ratio
@@ -160,7 +160,7 @@ class Measures:
 
     def _with_margins(self, in_force: Upload, model: ArmParameters, arm: ArmParameters) -> Gains:
         try:
-            return gains_with_margins(in_force, model, arm, self._record, self._desk.late)
+            return gains_with_margins(control_settings(in_force, model), arm, self._record, self._desk.late)
         except ParameterError as error:
             raise TooWeak(str(error)) from None
 
@@ -270,7 +270,8 @@ class Measures:
             return self._expect(PredictionRequest(gains, target_time, arm=self._arm))
 
         try:
-            tuned = settings_for_late(in_force, self._arm, self._record, max(BOXES), expect, self._reference)
+            known = control_settings(in_force)
+            tuned = settings_for_late(known, self._arm, self._record, max(BOXES), expect, self._reference)
         except ParameterError as error:
             raise TooWeak(str(error)) from None
         if tuned.ability in _TOO_WEAK and tuned.ratio > WORSE:

@@ -15,7 +15,9 @@ from dtwin.experiments.recovery.demonstration import parse_faults
 from dtwin.experiments.recovery.expected import expected_of, kind_of, made_of
 from dtwin.parameters import ArmParameters
 from dtwin.recovery.answers import ANSWERS
+from dtwin.recovery.measures import WORSE
 from dtwin.twin.effects import NO_EFFECTS, Effects
+from tests.support.records import recorded
 
 CONTROL = ControlSettings(gains=USUAL_GAINS["cascade"], law="cascade")
 TRIAL = RecoveryTrial(
@@ -63,6 +65,16 @@ def test_what_a_machine_has_beside_its_parameters_decides_what_it_can_do() -> No
     faults, lossy = parse_faults(["supply*=0.85"]), Effects(dead_zone=(2.0, 2.0, 2.0))
     abilities = [expected_of(faults, ArmParameters(), CONTROL, each).ability for each in (NO_EFFECTS, lossy)]
     assert abilities == ["as before", None]
+
+
+def test_late_commands_leave_as_much_distance_as_settings_with_margins_do() -> None:
+    late = parse_faults(["late"])
+    expected = expected_of(late, ArmParameters(), CONTROL)
+    assert (expected.measures, expected.ability) == ({"margins"}, "as before")
+    assert 1.0 < expected.distance <= WORSE
+    assert expected_of(parse_faults(["D1*=3"]), ArmParameters(), CONTROL).distance == 1.0
+    slow = recorded(Effects(delay=0.03, lag=(0.02,) * 3))
+    assert expected_of(late, ArmParameters(), CONTROL, slow.effects, record=slow).measures == {"stop"}
 
 
 def test_a_fault_without_an_answer_is_refused() -> None:

@@ -43,7 +43,7 @@ from dtwin.identification.machine.record import MachineRecord
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import ArmParameters, scaled
 from dtwin.recovery.desk import Desk
-from dtwin.recovery.margins import settings_for_late
+from dtwin.recovery.margins import control_settings, settings_for_late
 from dtwin.recovery.measures import Measures
 from dtwin.recovery.operator import Operator
 from dtwin.signals import MONITOR, Event
@@ -415,7 +415,9 @@ def test_a_machine_works_on_with_nine_tenths_of_the_margins_when_commands_are_la
     in_force = FakeCell()._now
     expected = PredictedMotion("pickup", "red", True, (0.002,) * 3, (0.005,) * 3, (1.0,) * 3, 0.0)
     reference = [expected] * len(MOTIONS)
-    tuned = settings_for_late(in_force, record.arm, record, 0.2, lambda gains, time: reference, reference)
+    tuned = settings_for_late(
+        control_settings(in_force), record.arm, record, 0.2, lambda gains, time: reference, reference
+    )
     assert tuned.gains.kp[0] < in_force.gains.kp[0]
     found = replace(ControlSettings(law=in_force.law), gains=tuned.gains, target_time=tuned.target_time)
     effects = later(record.effects, 1.0)

@@ -86,7 +86,9 @@ def recover(
         )
         settings = complete.settings()
         arm, effects = made_of(settings.machine, settings.arm)
-        expected = expected_of(made.faults, arm, complete.control(), effects, sequence_of(settings).via)
+        expected = expected_of(
+            made.faults, arm, complete.control(), effects, sequence_of(settings).via, healthy.record
+        )
         with launched(complete) as cell:
             cell.await_ready()
             desk = Desk(cell.bus, lambda: cell.over, progress, LONGEST)

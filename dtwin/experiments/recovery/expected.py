@@ -9,13 +9,15 @@ from dtwin.bus.twin_messages import PredictedMotion
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.faults import Condition, Fault, schedule
 from dtwin.emulation.machine.sections import IDEAL, Machine
-from dtwin.errors import FaultError, choices
+from dtwin.errors import FaultError, ParameterError, choices
 from dtwin.experiments.identification.strangers import truth_of
+from dtwin.identification.machine.record import MachineRecord
 from dtwin.monitoring.kinds import NAMED, UNKNOWN
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, scaled, symbol_of
 from dtwin.recovery.answers import ANSWERS, Measure
-from dtwin.recovery.measures import BOXES
-from dtwin.recovery.tuning import Ability, search
+from dtwin.recovery.margins import LATE, settings_for_late
+from dtwin.recovery.measures import BOXES, WORSE
+from dtwin.recovery.tuning import Ability, Tuned, search
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.proposal import with_rotors
 from dtwin.simulation.upload import changed
@@ -31,10 +33,15 @@ class Expected(NamedTuple):
     Attributes:
         measures: all measures to be taken.
         ability: how the arm can work then; None if it stands.
+        distance: least distance from its paths that settings with margins can leave, relative to the healthy arm's.
     """
 
     measures: frozenset[Measure]
     ability: Ability | None
+    distance: float = 1.0
+
+
+_STOP: Final = Expected(frozenset({"stop"}), None)
 
 
 def kind_of(fault: Fault) -> str:
@@ -56,6 +63,7 @@ def expected_of(
     settings: ControlSettings,
     effects: Effects = NO_EFFECTS,
     via: bool = False,
+    record: MachineRecord | None = None,
 ) -> Expected:
     """The right answer to faults, which begin at once.
 
@@ -65,15 +73,22 @@ def expected_of(
         settings: settings of the controller before them.
         effects: what the arm has beside its parameters.
         via: whether the arm moves over points that keep clear of bodies.
+        record: what is known of the healthy arm, which says what margins have to be kept.
     """
     measures = frozenset(ANSWERS[kind_of(fault)].measure for fault in faults)
     if "stop" in measures:
-        return Expected(frozenset({"stop"}), None)
-    condition = schedule(arm, faults)[0].condition
-    ability = _ability(condition, arm, settings, Checker(effects=effects, via=via), effects)
+        return _STOP
+    condition, checker = schedule(arm, faults)[0].condition, Checker(effects=effects, via=via)
+    ability = _ability(condition, arm, settings, checker, effects)
     if ability in ("without a box", "not at all"):
-        return Expected(frozenset({"stop"}), None)
-    return Expected(measures, ability)
+        return _STOP
+    if not condition.late:
+        return Expected(measures, ability)
+    try:
+        tuned = _delayed(condition, arm, settings, checker, effects, record)
+    except ParameterError:
+        return _STOP
+    return _STOP if tuned.ratio > WORSE else Expected(measures, ability, max(tuned.ratio, 1.0))
 
 
 def made_of(machine: Machine, nominal: ArmParameters) -> tuple[ArmParameters, Effects]:
@@ -100,11 +115,31 @@ def _ability(
     return search(now, max(masses), expect, settings.gains, settings.target_time, reference).ability
 
 
+def _delayed(
+    condition: Condition,
+    arm: ArmParameters,
+    settings: ControlSettings,
+    checker: Checker,
+    effects: Effects,
+    record: MachineRecord | None,
+) -> Tuned:
+    """Settings that have margins though commands are late, and how far the arm is from its paths then."""
+    now = scaled(condition.parameters, "K", condition.supply)
+    masses = [condition.payload(mass) for mass in BOXES]
+    reference = _expect(checker, settings, arm, BOXES)
+
+    def expect(gains: Gains, target_time: float) -> list[PredictedMotion]:
+        known = changed(settings, gains, target_time, with_rotors(now, effects), masses[0])
+        return _expect(checker, known, now, masses, LATE)
+
+    return settings_for_late(settings, now, record, max(masses), expect, reference)
+
+
 def _expect(
-    checker: Checker, settings: ControlSettings, arm: ArmParameters, boxes: Iterable[float]
+    checker: Checker, settings: ControlSettings, arm: ArmParameters, boxes: Iterable[float], late: float = 0.0
 ) -> list[PredictedMotion]:
     return [
         PredictedMotion(*motion, f.tracking_rms, f.tracking_max, f.peak_volts, f.saturated)
         for box in boxes
-        for motion, f in checker.expect(settings, arm, box)
+        for motion, f in checker.expect(settings, arm, box, late)
     ]

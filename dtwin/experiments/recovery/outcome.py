@@ -174,7 +174,7 @@ class Recovery:
 
     @property
     def works(self) -> bool:
-        """Whether the arm tracks as the healthy one again, or stands safely where it cannot."""
+        """Whether the arm tracks as well as physics lets it, or stands safely where it cannot."""
         stands = self.outcome == "stopped, person told" and not self.box_lost
         return stands if self.expected.ability is None else self.outcome is not None and not self.story.stopped
 
@@ -216,7 +216,7 @@ def judge(seed: int, faults: Sequence[Fault], expected: Expected, story: Story, 
     uploaded = story.uploaded if story.uploaded is not None else min(uploads, default=None)
     good: list[Judged] = []
     for one in reversed(judged):
-        if one.motion.start < (uploaded or began) or not one.ratio <= BOUND:
+        if one.motion.start < (uploaded or began) or not one.ratio <= BOUND * expected.distance:
             break
         good.append(one)
     outcome: Outcome | None = None
