@@ -77,25 +77,25 @@ def test_a_joint_at_rest_is_evidence_of_what_shows_at_once_only(moving: bool) ->
     assert (J[0, :2].tolist(), h[0, :2].tolist()) == ([2.0 * moving, 2.0], [3.0 * moving, 3.0])
 
 
-def at_rest(belief: Belief, onset: int, fresh: bool) -> tuple[float, float]:
-    """Evidence of an offset of joint 1 and of K1 since an onset, from sample 7 of a joint at rest."""
+def at_rest(belief: Belief, age: int, fresh: bool) -> tuple[float, float]:
+    """Evidence of an offset of joint 1 and of K1 since an onset of an age, from one sample of a joint at rest."""
     bank, estimator = SignatureBank(plausible_sizes(belief.arm)), Estimator(belief, Tuning())
-    bank.note(estimator, onset)
-    if onset < 6:
-        bank.note(estimator, 6)
+    now = 2 * traces.AT_ONCE
+    bank.note(estimator, now - age)
+    bank.note(estimator, now - 1)
     estimator.x[:6] = 0.0
     estimator.score[:] = estimator.information[:] = 1.0, 0.0, 0.0
     sample = estimator.evidence()._replace(friction=np.full(3, 0.01))
-    traces.take(*bank.traces, *sample, ALL, ALL & fresh, 7, True)
+    traces.take(*bank.traces, *sample, ALL, ALL & fresh, now, True)
     J = traces.by_onset(bank.traces.J)
     return float(J[0, JUMPS.index("bias1")]), float(J[0, JUMPS.index("K1")])
 
 
-def test_an_offset_shows_at_rest_in_the_sample_in_which_it_comes(belief: Belief) -> None:
+def test_an_offset_shows_at_rest_in_the_samples_in_which_it_comes(belief: Belief) -> None:
     """Friction holds a joint otherwise than believed in one sample as in the next: only a jump is a jump once."""
-    assert at_rest(belief, 6, fresh=True) == (1.0, 0.0)
-    assert at_rest(belief, 5, fresh=True) == (0.0, 0.0)
-    assert at_rest(belief, 6, fresh=False) == (0.0, 0.0)
+    assert at_rest(belief, traces.AT_ONCE, fresh=True) == (1.0, 0.0)
+    assert at_rest(belief, traces.AT_ONCE + 1, fresh=True) == (0.0, 0.0)
+    assert at_rest(belief, traces.AT_ONCE, fresh=False) == (0.0, 0.0)
 
 
 def test_a_reading_left_out_counts_once_the_next_one_confirms_it(

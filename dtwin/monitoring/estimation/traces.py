@@ -25,6 +25,8 @@ LONGEST: Final = 1000
 """samples: older onsets are forgotten"""
 NONE: Final = -1
 """sample of a place that has no onset yet"""
+AT_ONCE: Final = 20
+"""samples in which a fault that shows at once has shown"""
 STANDSTILL: Final = 0.05
 """rad/s: velocity below which nobody knows how much dry friction acts"""
 _FAULTS: Final = len(JUMPS)
@@ -45,7 +47,7 @@ class Traces(NamedTuple):
         precision: (23, 16), information about it beforehand.
         least: (23, 16), least value of h.
         allowance: (23, 16), what a statistic may come to of what the model lacks.
-        at_once: (23, 16), 1 of faults that show at once, from the last onset; 0 of all others.
+        at_once: (23, 16), 1 of faults that show at once, from an onset of the last AT_ONCE samples; 0 of all others.
         rows: (18,), index of the state that each fault changes.
         samples: (20,), onset at each place; the places fill up in their order.
         order: (20,), places of the onsets, the oldest first; those that are filled come first.
@@ -167,7 +169,7 @@ def carry(
         used: (3,) bool, which readings are evidence; the filter took them in.
         counts: whether the sample is evidence.
         moving: (3,) bool, which joints move. What friction does to one that rests it does in the next sample as well:
-            of that only faults are evidence that show at once, and only in the sample after their onset.
+            of that only faults are evidence that show at once, and only for AT_ONCE samples from their onset on.
         memory: share that is left after a sample of a torque that the model does not explain.
         growth: (3,), by what the offsets grow for a unit of the states from DRIFT on.
     """
@@ -242,7 +244,6 @@ def begin(
         filled += 1
     place = order[filled] if filled < ONSETS else _redundant(samples, order, gaps, sample)
     samples[place], gaps[place] = sample, 1
-    at_once[:] = 0.0
     for fault in range(_FAULTS):
         number = place * _FAULTS + fault
         n, lane = number // WIDTH, number % WIDTH
@@ -250,7 +251,10 @@ def begin(
         for j in range(SIZE):
             E[n, j, lane] = 0.0
         E[n, rows[fault], lane] = 1.0
-        at_once[n, lane] = 1.0 if BIAS <= rows[fault] < BIAS + 3 else 0.0
+    for number in range(ONSETS * _FAULTS):
+        jumps = BIAS <= rows[number % _FAULTS] < BIAS + 3
+        recent = samples[number // _FAULTS] > sample - AT_ONCE
+        at_once[number // WIDTH, number % WIDTH] = 1.0 if jumps and recent else 0.0
     return place
 
 
