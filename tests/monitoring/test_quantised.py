@@ -121,14 +121,11 @@ def test_a_reading_that_is_looked_at_again_measures_the_nearest_angle_within_its
     for k in range(25):
         taken(readings, k * q, k * q, 1e-3)
     here = 24 * q
-    used = [taken(readings, here, here + side * 3.0 * q, 1e-2) for _ in range(25)]
-    assert used == [False] * 24 + [True]
+    expected = here + side * 3.0 * q
+    assert [taken(readings, here, expected, 1e-2) for _ in range(24)] == [False] * 24
     angles = readings.take(np.array([here, 0.0, 0.0]))
-    assert angles[0] == here
-    for _ in range(23):
-        taken(readings, here, here, 1e-2)
-    angles = readings.take(np.array([here, 0.0, 0.0]))
-    readings.judge(np.array([here + side * 3.0 * q, 0.0, 0.0]), np.array([1e-2, 1.0, 1.0]), True)
+    used = readings.judge(np.array([expected, 0.0, 0.0]), np.array([1e-2, 1.0, 1.0]), True)
+    assert used[0]
     assert angles[0] == pytest.approx(here + side * 0.5 * q, abs=1e-12)
 
 

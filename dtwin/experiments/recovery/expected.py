@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Final, NamedTuple
 
 from dtwin.bus.twin_messages import PredictedMotion
 from dtwin.controller.settings import ControlSettings
-from dtwin.emulation.faults import Condition, Fault, schedule
+from dtwin.emulation.faults import Fault, schedule
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.errors import FaultError, ParameterError, choices
 from dtwin.experiments.identification.strangers import truth_of
@@ -17,7 +18,7 @@ from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, scaled, symb
 from dtwin.recovery.answers import ANSWERS, Measure
 from dtwin.recovery.margins import LATE, settings_for_late
 from dtwin.recovery.measures import BOXES, WORSE
-from dtwin.recovery.tuning import Ability, Tuned, search
+from dtwin.recovery.tuning import Ability, search
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.proposal import with_rotors
 from dtwin.simulation.upload import changed
@@ -79,13 +80,21 @@ def expected_of(
     if "stop" in measures:
         return _STOP
     condition, checker = schedule(arm, faults)[0].condition, Checker(effects=effects, via=via)
-    ability = _ability(condition, arm, settings, checker, effects)
+    now = scaled(condition.parameters, "K", condition.supply)
+    masses = [condition.payload(mass) for mass in BOXES]
+    reference = _expect(checker, settings, arm, BOXES)
+
+    def expect(gains: Gains, target_time: float, late: float = 0.0) -> list[PredictedMotion]:
+        known = changed(settings, gains, target_time, with_rotors(now, effects), masses[0])
+        return _expect(checker, known, now, masses, late)
+
+    ability = search(now, max(masses), expect, settings.gains, settings.target_time, reference).ability
     if ability in ("without a box", "not at all"):
         return _STOP
     if not condition.late:
         return Expected(measures, ability)
     try:
-        tuned = _delayed(condition, arm, settings, checker, effects, record)
+        tuned = settings_for_late(settings, now, record, max(masses), partial(expect, late=LATE), reference)
     except ParameterError:
         return _STOP
     return _STOP if tuned.ratio > WORSE else Expected(measures, ability, max(tuned.ratio, 1.0))
@@ -98,41 +107,6 @@ def made_of(machine: Machine, nominal: ArmParameters) -> tuple[ArmParameters, Ef
     values = truth_of(machine, nominal)
     arm = nominal.with_values({name: values[name] for name in PARAMETER_NAMES})
     return arm, NO_EFFECTS.with_values({name: values[name] for name in EFFECT_NAMES})
-
-
-def _ability(
-    condition: Condition, arm: ArmParameters, settings: ControlSettings, checker: Checker, effects: Effects
-) -> Ability:
-    """How the arm can work with the model of what it has become."""
-    now = scaled(condition.parameters, "K", condition.supply)
-    masses = [condition.payload(mass) for mass in BOXES]
-    reference = _expect(checker, settings, arm, BOXES)
-
-    def expect(gains: Gains, target_time: float) -> list[PredictedMotion]:
-        known = changed(settings, gains, target_time, with_rotors(now, effects), masses[0])
-        return _expect(checker, known, now, masses)
-
-    return search(now, max(masses), expect, settings.gains, settings.target_time, reference).ability
-
-
-def _delayed(
-    condition: Condition,
-    arm: ArmParameters,
-    settings: ControlSettings,
-    checker: Checker,
-    effects: Effects,
-    record: MachineRecord | None,
-) -> Tuned:
-    """Settings that have margins though commands are late, and how far the arm is from its paths then."""
-    now = scaled(condition.parameters, "K", condition.supply)
-    masses = [condition.payload(mass) for mass in BOXES]
-    reference = _expect(checker, settings, arm, BOXES)
-
-    def expect(gains: Gains, target_time: float) -> list[PredictedMotion]:
-        known = changed(settings, gains, target_time, with_rotors(now, effects), masses[0])
-        return _expect(checker, known, now, masses, LATE)
-
-    return settings_for_late(settings, now, record, max(masses), expect, reference)
 
 
 def _expect(

@@ -30,6 +30,8 @@ AT_ONCE: Final = 20
 STANDSTILL: Final = 0.05
 """rad/s: velocity below which nobody knows how much dry friction acts"""
 _FAULTS: Final = len(JUMPS)
+_OFFSETS: Final = tuple(JUMPS.index(f"bias{joint}") for joint in (1, 2, 3))
+"""the faults that show at once"""
 WIDTH: Final = 16
 """faults and onsets side by side"""
 _GROUPS: Final = -(-ONSETS * _FAULTS // WIDTH)
@@ -251,10 +253,11 @@ def begin(
         for j in range(SIZE):
             E[n, j, lane] = 0.0
         E[n, rows[fault], lane] = 1.0
-    for number in range(ONSETS * _FAULTS):
-        jumps = BIAS <= rows[number % _FAULTS] < BIAS + 3
-        recent = samples[number // _FAULTS] > sample - AT_ONCE
-        at_once[number // WIDTH, number % WIDTH] = 1.0 if jumps and recent else 0.0
+    for other in range(ONSETS):
+        recent = samples[other] > sample - AT_ONCE
+        for fault in _OFFSETS:
+            number = other * _FAULTS + fault
+            at_once[number // WIDTH, number % WIDTH] = 1.0 if recent else 0.0
     return place
 
 
