@@ -46,7 +46,7 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         address: str = json.loads(told.read_text())["address"]
         for _ in range(2):
             processes.append(start("worker", address, "--nthreads", "1", "--no-nanny", "--host", "127.0.0.1"))
-        until(lambda: _count(address) == 2, "the workers have joined", 60.0)
+        until(lambda: _count(address) == 2, "the workers have joined")
         yield address
     finally:
         for process in processes:

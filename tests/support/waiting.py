@@ -15,7 +15,7 @@ def pause() -> None:
 
 
 def until(
-    condition: Callable[[], T | None], what: str, timeout: float = 20.0, between: Callable[[], object] = pause
+    condition: Callable[[], T | None], what: str, timeout: float = 60.0, between: Callable[[], object] = pause
 ) -> T:
     """Waits until a condition is true and returns its value.
 
