@@ -50,6 +50,8 @@ _OWN: Final = (
 """what changes in place, of which a copy needs its own"""
 HANDLING: Final = 10
 """samples in which the jaws push the arm and the weight of a box comes or goes, after the gripper has changed"""
+_TOUCHING: Final = 100
+"""samples after which the arm has left a box that it has let go, which lies at a finger until then"""
 _JOLT: Final = 0.5
 """standard deviation of the joints' speeds after one of them was locked, relative to the speed it had"""
 _FOREIGN: Final = 0.1
@@ -114,7 +116,7 @@ class Estimator:
         self.score, self.information = np.zeros(3), np.zeros(3)
         self.gripped = False
         self._command = np.full(3, np.nan)
-        self._handling = np.zeros(1, dtype=np.int64)
+        self._handling = np.zeros(2, dtype=np.int64)
         self._cloned: tuple[str, ...] = ()
         self._clones, self._C, self._B = np.zeros(0), np.zeros((SIZE, 0)), np.zeros(0)
 
@@ -129,7 +131,6 @@ class Estimator:
         for i in range(3):
             P[i, i] = 1.0
             P[W + i, W + i] = self.tuning.speed**2
-        self.gripped = not gripped
         self._hold(gripped)
         self.correct(measured, np.ones(3, dtype=bool))
 
@@ -391,6 +392,8 @@ class Estimator:
 
     def _hold(self, gripped: bool) -> None:
         """A box is gripped or let go: of what is held now, only the prior is known."""
+        if self.gripped and not gripped:
+            self._handling[1] = _TOUCHING
         self.gripped = gripped
         self._make_certain(PAYLOAD, self.box_mass if gripped else 0.0)
         self.P[PAYLOAD, PAYLOAD] = self.payload_variance if gripped else 0.0

@@ -36,6 +36,8 @@ SWING: Final = 0.1
 SETTLED: Final = math.exp(-2.0 * PERIOD / SWING)
 LOOSE: Final = 3
 """samples after a box was handled in which dry friction takes no uncertainty from the speeds yet"""
+_TOUCH: Final = 0.1
+"""Share of the torques of a box that is handled with which one that was let go may still hold a finger back."""
 
 
 @kernel
@@ -124,7 +126,8 @@ def disturb(
         displacement: standard deviation of what moves an angle without torque, rad.
         compliance: (3,), angle by which the gears yield, rad/(N m).
         last: (3,), command before, V, not a number if nobody knows; replaced.
-        handling: (1,), samples for which a box is still handled, and LOOSE more; counted down.
+        handling: (2,), samples for which a box is still handled, and LOOSE more, and samples for which one that was
+            let go may still touch a finger; counted down.
         swing: (3,), mean squares of the swings of the gears, rad^2; replaced.
         torque, displaced: receive the variances.
         loose: (3,), receives whether friction takes no uncertainty from the joint's speed.
@@ -133,8 +136,10 @@ def disturb(
     handled = handling[0] > 0
     if handling[0] > LOOSE:
         extra += grip * grip
-    if handled:
-        handling[0] -= 1
+    elif handling[1] > 0:
+        extra += _TOUCH * _TOUCH * grip * grip
+    for k in range(2):
+        handling[k] = max(handling[k] - 1, 0)
     for i in range(3):
         loose[i] = handled and friction[i] > 0.0
         slow = x[W + i] / STANDSTILL
