@@ -100,6 +100,20 @@ def test_a_lost_sample_of_a_noisy_encoder_is_no_measurement() -> None:
     assert taken(readings, q * round(0.31 / q), 0.31, 1e-3)
 
 
+@pytest.mark.parametrize(("noise", "stopped"), [(1e-3, True), (2e-4, False)])
+def test_an_encoder_whose_noise_does_not_change_its_reading_has_stopped_at_rest_too(noise: float, stopped: bool) -> None:
+    """Not by chance after ten equal readings if its noise exceeds the resolution of 0.4 mrad, else it may rest."""
+    readings, q = Readings((noise, noise, noise)), resolution(14)
+    generator = np.random.default_rng(0)
+    for _ in range(100):
+        taken(readings, q * round(1e-3 * generator.standard_normal() / q), 0.0, 1e-3)
+    seen = []
+    for _ in range(10):
+        taken(readings, 20.0 * q, 20.0 * q, 1e-3)
+        seen.append(bool(readings.frozen[0]))
+    assert seen == [False] * 9 + [stopped]
+
+
 @pytest.mark.parametrize("fault", ["K2*=0.5", "bias3+=0.05"])
 def test_other_faults_are_found_through_such_encoders(fault: str) -> None:
     monitor = monitored(14, 3, 17.5, fault=f"{fault}@12.5")

@@ -44,6 +44,8 @@ _DITHER: Final = 0.5
 Quantization Noise, 2008)"""
 _NOISY: Final = 2.0
 """resolutions: an encoder of such noise repeats a reading by chance once in seven samples, and FROZEN times never"""
+_STILL: Final = 10
+"""equal readings in a row that such an encoder does not give at rest either, however many samples are lost"""
 _CHANCE: Final = 2
 """times that such an encoder may repeat its reading by chance"""
 _RESOLUTIONS: Final = 3.0
@@ -89,7 +91,8 @@ class Readings:
         last: (3,), the last reading, rad; NaN before the first.
         repeated: (3,), how often each encoder has repeated its reading in a row.
         resolution: (3,), resolution of the encoders, rad; 0 if it does not matter, COARSEST while it is not known.
-        frozen: (3,), which encoders repeat their readings although the joint is expected to move.
+        frozen: (3,), which encoders repeat their readings although the joint is expected to move or noise to change
+            them.
         left_out: (3,), which readings of the last sample are left out until the next ones.
         spikes: (3,), which encoders have just shown that their last reading but one was a single one far off.
         confirmed: (3,), which have shown that it was not.
@@ -207,6 +210,7 @@ class Readings:
             self._new,
             self.repeated,
             self.resolution,
+            self._deviation,
             self._dithered,
             self._far,
             self._since,
@@ -304,6 +308,7 @@ def judge(
     new: Flags,
     repeated: Counts,
     resolution: Array,
+    noise: Array,
     dithered: Flags,
     far: Array,
     since: Array,
@@ -328,7 +333,9 @@ def judge(
         off = abs(predicted[i] - last[i])
         moved = min(abs(predicted[i] - since[i]), off)
         stopped = repeated[i] >= FROZEN - 1 and moved > _RESOLUTIONS * resolution[i]
-        frozen[i] = not first and (frozen[i] or (stopped and moved > _DEVIATIONS * deviation[i]))
+        restless = noise[i] > max(_NOISY * resolution[i], NOISE_FLOOR)
+        stopped = (stopped and moved > _DEVIATIONS * deviation[i]) or (restless and repeated[i] >= _STILL - 1)
+        frozen[i] = not first and (frozen[i] or stopped)
         again = not first and repeated[i] % _LOOK == 0 and resolution[i] > 0.0 and off > 0.5 * resolution[i]
         # Where neighbouring readings differ by noise, one that repeats the last is more often a sample that was lost.
         lost = not first and dithered[i] and off > deviation[i]

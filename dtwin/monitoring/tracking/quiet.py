@@ -199,6 +199,7 @@ def _work(
             r.new,
             r.repeated,
             r.resolution,
+            r.deviation,
             r.dithered,
             r.far,
             r.since,
