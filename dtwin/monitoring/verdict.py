@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 import msgspec
 
 from dtwin.bus.twin_messages import UNITS, MonitoredUnit, UnitState
-from dtwin.monitoring.kinds import RELATIVE, FaultId, parse_fault_id
+from dtwin.monitoring.kinds import READ, RELATIVE, FaultId, parse_fault_id
 
 
 class Finding(msgspec.Struct, frozen=True):
@@ -135,9 +135,13 @@ def unit_states(
 
 
 def monitored_units(states: Mapping[str, UnitState], findings: Iterable[Finding]) -> dict[str, MonitoredUnit]:
-    """The units as they are published: states by UNITS, and of several findings on a unit the last."""
+    """The units as they are published: states by UNITS, and of several findings on a unit the last.
+
+    One that an encoder itself tells goes before the others: it is the cause of what else is found there.
+    """
     units = {unit: MonitoredUnit(state) for unit, state in states.items()}
-    for unit, found in ((unit, each) for each in findings for unit in units_of(each.fault)):
+    told = sorted(findings, key=lambda each: each.fault.kind in READ)
+    for unit, found in ((unit, each) for each in told for unit in units_of(each.fault)):
         units[unit] = MonitoredUnit(
             states[unit],
             found.cause,

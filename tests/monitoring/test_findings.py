@@ -10,9 +10,11 @@ from dtwin.errors import ParameterError
 from dtwin.experiments.monitoring.trial import identified_belief
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.findings import PUT_DOWN
+from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.monitoring.modes import Diagnosing
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
+from dtwin.monitoring.verdict import UNITS, finding, monitored_units
 from dtwin.run.recording import Log
 
 
@@ -224,3 +226,13 @@ def test_a_slow_drift_that_is_hardly_known_when_it_is_confirmed_becomes_a_findin
     assert dismissed[0] < failed
     assert failed < dismissed[0] + 60.0
     assert monitor.findings.current["drift3"].size == pytest.approx(-0.0006, abs=4e-4)
+
+
+@pytest.mark.parametrize(
+    ("found", "told"), [("grip slip", "grip"), ("slip grip", "grip"), ("freeze2 K2", "freeze2"), ("K2 mu2", "mu2")]
+)
+def test_what_an_encoder_itself_tells_is_not_hidden_by_what_follows_from_it(found: str, told: str) -> None:
+    """Nobody would stop a gripper that does not follow for a box that was lost because of that."""
+    faults = [finding(parse_fault_id(name), 1.0 + k, 1.0 + k) for k, name in enumerate(found.split())]
+    units = monitored_units(dict.fromkeys(UNITS, "failed"), faults)
+    assert [unit.parameter for unit in units.values() if unit.parameter] == [told]
