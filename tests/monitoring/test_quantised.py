@@ -101,9 +101,7 @@ def test_a_lost_sample_of_a_noisy_encoder_is_no_measurement() -> None:
 
 
 @pytest.mark.parametrize(("noise", "stopped"), [(1e-3, True), (2e-4, False)])
-def test_an_encoder_whose_noise_does_not_show_any_more_has_stopped_at_rest_too(
-    noise: float, stopped: bool
-) -> None:
+def test_an_encoder_whose_noise_does_not_show_any_more_has_stopped_at_rest_too(noise: float, stopped: bool) -> None:
     """Not by chance after ten equal readings if its noise exceeds the resolution of 0.4 mrad, else it may rest."""
     readings, q = Readings((noise, noise, noise)), resolution(14)
     generator = np.random.default_rng(0)
