@@ -81,6 +81,7 @@ class Consequences(NamedTuple):
 
 PUT_DOWN: Final = Consequences(("payload",), boxes=True)
 """What follows when a box leaves the gripper."""
+_OVER: Final = "the box that differed is put down"
 
 
 class Findings:
@@ -183,7 +184,8 @@ class Findings:
         since = min([settled.since, *(entry.since for entry in known)])
         self.enter(time, msgspec.structs.replace(settled, since=since, settled=True))
         if settled.fault.about.on_box and since <= self._released:
-            return self.put_down(self._released)._replace(jumped=settled.parameter)
+            over = PUT_DOWN if settled.fault.kind == SLIP else self.put_down(self._released)
+            return over._replace(jumped=settled.parameter)
         return Consequences(jumped=settled.parameter)
 
     def enter(self, time: float, found: Finding) -> None:
@@ -266,15 +268,16 @@ class Findings:
         return msgspec.structs.replace(found, size=size, deviation=deviation)
 
     def pick_up(self, time: float) -> None:
-        """A box is gripped, at a plant time (s)."""
+        """A box is gripped, at a plant time (s); that the one before has slipped has been seen by now."""
         self._gripped = time
+        self.end(time, SLIP, _OVER)
 
     def put_down(self, time: float) -> Consequences:
         """The gripper lets go, at a plant time (s): with the box goes what was wrong with it."""
         self._released = time
         for name in _ON_BOX:
             self._open.pop(name, None)
-            self.end(time, name, "the box that differed is put down")
+            self.end(time, name, _OVER)
         return PUT_DOWN
 
     def examine(self, time: float, estimator: Estimator) -> Consequences:

@@ -91,6 +91,24 @@ def test_a_diagnosis_that_a_box_does_not_outlast_ends_at_once(belief: Belief, ru
     assert findings.current == {}
 
 
+def test_a_slip_that_is_settled_once_the_box_is_gone_stands_until_the_next_one(
+    belief: Belief, run_cell: Callable[..., Log]
+) -> None:
+    """Else it would end within the sample in which it is told, and no verdict would say it."""
+    seen, monitor, row = stream(run_cell(40.0, 3, "slip@29")), Monitor(belief), 0
+    while [finding.parameter for finding in monitor.standing()] != ["slip"]:
+        seen.feed(monitor, row, row + 1)
+        row += 1
+    findings, mode = monitor.findings, monitor._mode
+    assert isinstance(mode, Diagnosing)
+    findings.put_down(monitor.time)
+    after = findings.settle(monitor.time, mode.diagnosis.best()[0], monitor.standing()[0])
+    assert after == PUT_DOWN._replace(jumped="slip")
+    assert [*findings.current] == ["slip"]
+    findings.pick_up(monitor.time + 5.0)
+    assert findings.current == {}
+
+
 def test_a_motor_without_voltage_is_no_weak_one_besides(belief: Belief, run_cell: Callable[..., Log]) -> None:
     """The jump of the constant to nothing and the loss of the voltage are one cause, which is settled at once."""
     seen, monitor = stream(run_cell(30.0, 3, "cut2@16.5")), Monitor(belief)
