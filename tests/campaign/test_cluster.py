@@ -42,7 +42,7 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
     processes = [start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(told))]
     try:
-        until(told.exists, "the scheduler says where it is")
+        until(lambda: _ended(processes[0], folder / "log") or told.exists(), "the scheduler says where it is")
         address: str = json.loads(told.read_text())["address"]
         for _ in range(2):
             processes.append(start("worker", address, "--nthreads", "1", "--no-nanny", "--host", "127.0.0.1"))
@@ -52,6 +52,12 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         for process in processes:
             process.kill()
             process.wait()
+
+
+def _ended(process: subprocess.Popen[bytes], log: Path) -> bool:
+    """Fails with what a process has said, if it has ended."""
+    assert process.poll() is None, log.read_text()
+    return False
 
 
 def _count(address: str) -> int:

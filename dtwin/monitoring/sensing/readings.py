@@ -45,7 +45,7 @@ Quantization Noise, 2008)"""
 _NOISY: Final = 2.0
 """resolutions: an encoder of such noise repeats a reading by chance once in seven samples, and FROZEN times never"""
 _STILL: Final = 10
-"""equal readings in a row that such an encoder does not give at rest either, however many samples are lost"""
+"""equal readings in a row that such an encoder does not give at rest either, though single samples be lost"""
 _CHANCE: Final = 2
 """times that such an encoder may repeat its reading by chance"""
 _RESOLUTIONS: Final = 3.0
