@@ -131,7 +131,7 @@ class ArmParameters:
         if len(values) != len(PARAMETER_NAMES):
             raise ParameterError(f"expected {len(PARAMETER_NAMES)} values, got {len(values)}")
         triples = (tuple(float(v) for v in values[i : i + 3]) for i in range(0, len(values), 3))
-        return cls(*triples)  # type: ignore[arg-type]
+        return cls(*triples)  # type: ignore[arg-type]  # each has three values, by the length
 
     def get(self, name: str) -> float:
         """The value of one parameter by its name, such as `K2`.

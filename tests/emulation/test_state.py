@@ -25,7 +25,7 @@ FAULTS = (
 
 def cell(noise_kind: str) -> Emulation:
     faults = tuple(map(parse_fault, FAULTS))
-    return Emulation(seed=5, noise=0.003, noise_kind=noise_kind, faults=faults)  # type: ignore[arg-type]
+    return Emulation(seed=5, noise=0.003, noise_kind=noise_kind, faults=faults)  # type: ignore[arg-type]  # a kind each
 
 
 Passed = tuple[Sensors, Truth, list[Event], BoxCounts, tuple[float, ...]]

@@ -126,7 +126,7 @@ class Loop:
 
     def _change(self, **values: object) -> ControlSettings:
         device = self._alive()
-        device.settings = replace(device.settings, **values)  # type: ignore[arg-type]
+        device.settings = replace(device.settings, **values)  # type: ignore[arg-type]  # as its callers name them
         return device.settings
 
     def now(self) -> Stop:
@@ -270,7 +270,7 @@ def test_settings_that_cannot_be_written_are_kept_in_memory_until_they_can(tmp_p
     path.parent.mkdir()
     state.save()
     assert state.saved
-    assert not StateFile(path).settings.differing(TUNED)  # type: ignore[union-attr]
+    assert not StateFile(path).settings.differing(TUNED)  # type: ignore[union-attr]  # just saved
 
 
 def test_confirmed_settings_are_in_force_before_the_arm_moves(desk: Desk, tmp_path: Path) -> None:

@@ -292,14 +292,14 @@ def test_proposals_are_one_message(parts: dict[str, object]) -> None:
     with pytest.raises(
         ParameterError, match="expected gains, a target time or both, or a model, a payload or encoder offsets alone"
     ):
-        Proposal("anna", "", 1, **parts)  # type: ignore[arg-type]
+        Proposal("anna", "", 1, **parts)  # type: ignore[arg-type]  # named by the cases
 
 
 def test_not_a_number_and_wrong_shapes_never_become_settings() -> None:
     with pytest.raises(ParameterError, match="kp1"):
         Gains(kp=(float("nan"), 1.0, 1.0))
     with pytest.raises(ParameterError, match="mass: expected 3 values"):
-        ArmParameters(mass=(0.1, 0.1))  # type: ignore[arg-type]
+        ArmParameters(mass=(0.1, 0.1))  # type: ignore[arg-type]  # the shape is wrong
     with pytest.raises(ParameterError, match="target time"):
         ControlSettings(target_time=float("inf"))
 

@@ -180,7 +180,7 @@ def test_goals_are_places_or_angles(simulator: Simulator) -> None:
 )
 def test_impossible_cases_are_refused(changes: dict[str, object], message: str) -> None:
     with pytest.raises(ParameterError, match=message):
-        MotionCase("red", **changes)  # type: ignore[arg-type]
+        MotionCase("red", **changes)  # type: ignore[arg-type]  # the values are wrong
 
 
 @pytest.mark.parametrize("payload", [0.0, 0.2])

@@ -96,7 +96,7 @@ def machine_from(content: object, called: str) -> Machine:
     if not isinstance(name, str):
         raise ModelError(f"name: expected a text, got {name!r}")
     parts = {section: _section(section, kind, content.get(section, {})) for section, kind in SECTIONS.items()}
-    return Machine(name, **parts)  # type: ignore[arg-type]
+    return Machine(name, **parts)  # type: ignore[arg-type]  # SECTIONS tells each type
 
 
 def toml(machine: Machine) -> str:
