@@ -41,8 +41,9 @@ from dtwin.services.parts.fence import fence_warning
 from dtwin.services.parts.journal import carry_over
 from dtwin.services.parts.pace import Pace
 from dtwin.services.parts.part_files import discard_markers, discard_parts
+from dtwin.services.parts.ports import free_port, held_port
 from dtwin.services.runfile import OPERATOR, SUPERVISOR, RunFile
-from dtwin.services.service import current_processor, free_port
+from dtwin.services.service import current_processor
 from dtwin.services.supervisor import Program, Supervisor
 from dtwin.simulation.history import HISTORY
 from dtwin.view.viewer import LOOPBACK, Ports, Viewer, free_ports
@@ -187,11 +188,18 @@ class CellOptions(PlantOptions, ControlOptions):
             listen = ["--listen", management, *turns]
             programs.append(_service("controller", [*link, *listen, *arguments(self, ControlOptions)]))
         lossless = ["--lossless"] if self.pace != "realtime" else []
-        bridge = ["--controller", management, "--state", str(state_of(file)), *turns, *lossless]
+        bridge = ["--controller", management, "--state", str(runfile.state_of(file)), *turns, *lossless]
         cell = arguments(self, CellFileOption)
         sequence = ["--sequence", sequence_name(self.settings())]
         bridge += [*sequence, *cell]
-        emulator = ["--pace", self.pace, *turns, "--journal", str(journal_of(file)), *arguments(self, PlantOptions)]
+        emulator = [
+            "--pace",
+            self.pace,
+            *turns,
+            "--journal",
+            str(runfile.journal_of(file)),
+            *arguments(self, PlantOptions),
+        ]
         emulator += [] if self.duration is None else ["--duration", str(self.duration)]
         if self.log or self.record or self.viewer != "none":
             programs.append(_service("recorder", [*link, *lossless, *self._recorder_options(ports)]))
@@ -229,7 +237,7 @@ class CellOptions(PlantOptions, ControlOptions):
             CommunicationError: the path of the run file is too long for sockets beside it.
         """
         if self.controller == "embedded":
-            address = LocalAddress(sockets_of(file), MANAGEMENT)
+            address = LocalAddress(runfile.sockets_of(file), MANAGEMENT)
             address.check()
             return str(address)
         return self.controller.partition("://")[2]
@@ -320,14 +328,15 @@ def launched(options: CellOptions) -> Iterator[Launched]:
         options.bus(meet, key) as bus,
         _signals(signal.default_int_handler),
         RunFile(options.cell) as file,
-        _own_folder(sockets_of(file.path)),
+        _own_folder(runfile.sockets_of(file.path)),
+        held_port() as console,
     ):
-        journal, state = journal_of(file.path), state_of(file.path)
+        journal, state = runfile.journal_of(file.path), runfile.state_of(file.path)
         carry_over(journal, options.seed)
         state.unlink(missing_ok=True)
         if options.marked is not None:
             discard_parts(options.marked)
-        ports, console = free_ports(), free_port()
+        ports = free_ports()
         supervisor = Supervisor(bus, options.programs(meet, file.path, ports, console), key)
         zenoh = None if options.zenoh is None else str(options.zenoh.resolve())
         page = ports.page_url if options.viewer == "web" else ""
@@ -356,21 +365,6 @@ def launched(options: CellOptions) -> Iterator[Launched]:
                     discard_markers(options.marked)
         journal.unlink(missing_ok=True)
         state.unlink(missing_ok=True)
-
-
-def journal_of(file: Path) -> Path:
-    """The emulator's journal beside the cell's run file."""
-    return file.with_suffix(".journal")
-
-
-def sockets_of(file: Path) -> Path:
-    """The folder beside the cell's run file in which the embedded controller listens."""
-    return file.with_suffix(".ports")
-
-
-def state_of(file: Path) -> Path:
-    """The file beside the cell's run file in which the bridge keeps the settings in force."""
-    return file.with_suffix(".settings")
 
 
 @contextmanager

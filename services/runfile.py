@@ -160,3 +160,18 @@ def join(cell: str, zenoh: Path | None = None, name: str = OPERATOR) -> Bus:
     up = require(cell)
     session = open_configured(Path(up.zenoh), name) if up.zenoh else open_peer(up.meet)
     return Bus(session, cell, up.arm)
+
+
+def journal_of(file: Path) -> Path:
+    """The emulator's journal beside the cell's run file."""
+    return file.with_suffix(".journal")
+
+
+def sockets_of(file: Path) -> Path:
+    """The folder beside the cell's run file in which the embedded controller listens."""
+    return file.with_suffix(".ports")
+
+
+def state_of(file: Path) -> Path:
+    """The file beside the cell's run file in which the bridge keeps the settings in force."""
+    return file.with_suffix(".settings")

@@ -10,9 +10,7 @@ import contextlib
 import gc
 import logging
 import os
-import random
 import signal
-import socket
 import sys
 import threading
 import time
@@ -27,7 +25,7 @@ from dtwin.bus.messages import STATUS, State, Status
 from dtwin.bus.opening import RENDEZVOUS, open_configured, open_peer
 from dtwin.bus.session import Bus
 from dtwin.bus.signature import KEY_SIZE
-from dtwin.errors import CommunicationError, DtwinError, ParameterError
+from dtwin.errors import DtwinError, ParameterError
 from dtwin.options import parse_apart
 from dtwin.services.supervisor import KEY, LIFELINE
 from dtwin.terminal import LineFormatter
@@ -42,8 +40,6 @@ _ONE_READER: Final = "(rx: (worker_threads: 1))"
 """Zenoh's runtimes with one thread that reads."""
 GRACE: Final = 5.0
 """s to end in after the parent has gone"""
-_PORTS: Final = range(20_000, 32_000)
-_TRIES: Final = 100
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,21 +228,6 @@ def current_processor() -> int | None:
         # Field 39 of proc(5); the second one, the name, is in brackets and may hold blanks.
         return int(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[36])
     return None
-
-
-def free_port() -> int:
-    """A TCP port of the loopback interface that nobody listens at now.
-
-    It is below those that systems give to outgoing connections, one of which might take it before it is used.
-
-    Raises:
-        CommunicationError: there is none.
-    """
-    for port in random.SystemRandom().sample(_PORTS, _TRIES):
-        with socket.socket() as probe, contextlib.suppress(OSError):
-            probe.bind(("127.0.0.1", port))
-            return port
-    raise CommunicationError(f"no free TCP port among {_TRIES} from {_PORTS[0]} to {_PORTS[-1]}")
 
 
 class _LastError(logging.Handler):

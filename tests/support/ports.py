@@ -1,7 +1,7 @@
 """Ports of the loopback interface on which nobody listens, and those where a process does."""
 
 import os
-import secrets
+import random
 import socket
 from contextlib import suppress
 from pathlib import Path
@@ -9,33 +9,32 @@ from typing import Final
 
 from dtwin.iec61499.net.address import LOOPBACK
 
-_FOR_CLIENTS: Final = Path("/proc/sys/net/ipv4/ip_local_port_range")
 _FIRST: Final = 10_000
+_BELOW: Final = 20_000
+"""From here on cells look for ports of their own."""
+_WORKERS: Final = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+_WORKER: Final = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+_given: set[int] = set()
 
 
 def free_ports(count: int) -> list[int]:
-    """Several free ports, which differ because all probes are open at once.
+    """Several free ports, each of which is given once.
 
-    They lie below those that the system gives to clients: one of these could be taken before its server listens.
+    Every worker has a range of its own, below those of cells and of clients: nobody else takes one before its server
+    listens.
     """
-    probes: list[socket.socket] = []
-    try:
-        while len(probes) < count:
-            probes.append(socket.socket())
-            with suppress(OSError):  # somebody has it
-                probes[-1].bind((LOOPBACK, _candidate()))
-                continue
-            probes.pop().close()
-        return [probe.getsockname()[1] for probe in probes]
-    finally:
-        for probe in probes:
-            probe.close()
-
-
-def _candidate() -> int:
-    """Any port from 10000 on that is not for clients; 0 for one that the system gives."""
-    below = int(_FOR_CLIENTS.read_text().split()[0]) - _FIRST if _FOR_CLIENTS.exists() else 0
-    return _FIRST + secrets.randbelow(below) if below > 0 else 0
+    share = (_BELOW - _FIRST) // _WORKERS
+    mine = range(_FIRST + _WORKER * share, _FIRST + (_WORKER + 1) * share)
+    found = []
+    for port in random.SystemRandom().sample(mine, share):
+        with socket.socket() as probe, suppress(OSError):  # somebody has it
+            probe.bind((LOOPBACK, port))
+            if port not in _given:
+                found.append(port)
+        if len(found) == count:
+            _given.update(found)
+            return found
+    raise AssertionError(f"fewer than {count} free ports from {mine[0]} to {mine[-1]}")
 
 
 def free_port() -> int:
