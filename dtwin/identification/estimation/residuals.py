@@ -44,16 +44,23 @@ class Whiteness:
 
 def whiteness(residuals: Sequence[Array]) -> Whiteness:
     """Tests the residuals of all experiments, each (N, 3), rad; correlations across experiments do not count."""
-    centred = [block - block.mean(axis=0) for block in residuals]
-    count = sum(map(len, centred))
-    power = np.sum([np.sum(block**2, axis=0) for block in centred], axis=0)
+    count = sum(map(len, residuals))
+    power = np.sum([np.sum((block - block.mean(axis=0)) ** 2, axis=0) for block in residuals], axis=0)
     if np.all(np.sqrt(power / count) < EXACT):
         return Whiteness((1.0,) * 3, (0.0,) * 3)
-    lags = range(1, min(LAGS, min(map(len, centred)) - 1) + 1)
-    products = [np.sum([np.sum(block[k:] * block[:-k], axis=0) for block in centred], axis=0) for k in lags]
-    correlations = np.array(products) / np.maximum(power, np.finfo(float).tiny)
+    lags = range(1, min(LAGS, min(map(len, residuals)) - 1) + 1)
+    correlations = autocorrelations(residuals, lags)
     statistic = count * (count + 2) * np.sum(correlations**2 / (count - np.array(lags)[:, None]), axis=0)
     return Whiteness(tuple(chdtrc(len(lags), statistic).tolist()), tuple(np.abs(correlations).max(axis=0).tolist()))
+
+
+def autocorrelations(residuals: Sequence[Array], lags: Sequence[int]) -> Array:
+    """Autocorrelation of each joint at each lag, (L, 3), of the residuals of all experiments, each (N, 3)."""
+    centred = [block - block.mean(axis=0) for block in residuals]
+    power = np.sum([np.sum(block**2, axis=0) for block in centred], axis=0)
+    products = [np.sum([np.sum(block[k:] * block[:-k], axis=0) for block in centred], axis=0) for k in lags]
+    found: Array = np.array(products) / np.maximum(power, np.finfo(float).tiny)
+    return found
 
 
 def fit(measured: Array, predicted: Array) -> Array:

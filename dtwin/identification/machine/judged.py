@@ -13,10 +13,11 @@ from dtwin import __version__
 from dtwin.errors import IdentificationError
 from dtwin.identification.data import Array, Experiment, fingerprint, from_log
 from dtwin.identification.estimation.quality import noise
+from dtwin.identification.estimation.residuals import autocorrelations
 from dtwin.identification.estimation.residuals import fit as fit_of
 from dtwin.identification.estimation.solver import minimise
 from dtwin.identification.machine.fit import MachineFit
-from dtwin.identification.machine.left import Left, what_is_left
+from dtwin.identification.machine.left import NOTICEABLE, Left, what_is_left
 from dtwin.identification.machine.problem import MachineProblem
 from dtwin.identification.machine.record import SCHEMA, Grade, MachineRecord, Number, SensorCheck
 from dtwin.identification.machine.ripple import fit_with_ripple
@@ -103,11 +104,17 @@ class Judged:
     def remarks(self) -> list[str]:
         """What a person should know of it, in words."""
         said = [each.text() for each in self.left]
-        for joint, (left, encoder) in enumerate(zip(self.found.noise, self.encoders, strict=True), 1):
+        (alike,) = autocorrelations(self.found.residuals, (1,))
+        for joint, (left, encoder, share) in enumerate(zip(self.found.noise, self.encoders, alike, strict=True), 1):
             if left > _UNEXPLAINED * encoder:
                 said.append(
                     f"joint {joint}: {1e3 * left:.2g} mrad are not explained, the encoder's noise is"
                     f" {1e3 * encoder:.2g} mrad: the arm has an effect that the model lacks"
+                )
+            elif share > NOTICEABLE:
+                said.append(
+                    f"joint {joint}: {share:.0%} of what is left is alike in neighbouring samples: the arm has an"
+                    " effect that the model lacks, or its encoder errs alike for longer than a sample"
                 )
         if edge := self.found.at_edge:
             said.append(

@@ -86,6 +86,15 @@ def test_what_the_model_lacks_is_said_in_words() -> None:
     assert any("joint 2" in remark and "an effect that the model lacks" in remark for remark in remarks)
 
 
+def test_what_is_small_beside_the_noise_is_said_if_it_is_alike_in_neighbouring_samples(fitted: MachineFit) -> None:
+    assert Judged(fitted, fitting(1.0, 1.0, 1.0), np.full(3, NOISE), ()).remarks() == []
+    slow = NOISE * np.sin(np.arange(40) / 6.0)[:, None] * [0.0, 1.0, 0.0]
+    biased = replace(fitted, residuals=tuple(residual + slow for residual in fitted.residuals))
+    (said,) = Judged(biased, fitting(1.0, 1.0, 1.0), np.full(3, NOISE), ()).remarks()
+    assert said.startswith("joint 2:")
+    assert "of what is left is alike in neighbouring samples" in said
+
+
 def replaced(vector: Array, **values: float) -> Array:
     result = vector.copy()
     for name, value in values.items():
