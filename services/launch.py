@@ -41,7 +41,7 @@ from dtwin.services.parts.fence import fence_warning
 from dtwin.services.parts.journal import carry_over
 from dtwin.services.parts.pace import Pace
 from dtwin.services.parts.part_files import discard_markers, discard_parts
-from dtwin.services.parts.ports import free_port, held_port
+from dtwin.services.ports import free_port, held_port
 from dtwin.services.runfile import OPERATOR, SUPERVISOR, RunFile
 from dtwin.services.service import current_processor
 from dtwin.services.supervisor import Program, Supervisor

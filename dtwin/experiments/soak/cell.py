@@ -20,7 +20,7 @@ from dtwin.experiments.soak.proxy import Proxy
 from dtwin.experiments.soak.small_disk import SmallDisk
 from dtwin.parameters import ROOT
 from dtwin.services.launch import READY_TIMEOUT
-from dtwin.services.parts.ports import free_port
+from dtwin.services.ports import free_port
 from dtwin.services.runfile import find, join
 from dtwin.signals import Event
 
