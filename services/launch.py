@@ -41,9 +41,8 @@ from dtwin.services.parts.fence import fence_warning
 from dtwin.services.parts.journal import carry_over
 from dtwin.services.parts.pace import Pace
 from dtwin.services.parts.part_files import discard_markers, discard_parts
-from dtwin.services.ports import free_port, held_port
 from dtwin.services.runfile import OPERATOR, SUPERVISOR, RunFile
-from dtwin.services.service import current_processor
+from dtwin.services.service import current_processor, free_port, held_port
 from dtwin.services.supervisor import Program, Supervisor
 from dtwin.simulation.history import HISTORY
 from dtwin.view.viewer import LOOPBACK, Ports, Viewer, free_ports

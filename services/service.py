@@ -10,11 +10,13 @@ import contextlib
 import gc
 import logging
 import os
+import random
 import signal
+import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -25,7 +27,7 @@ from dtwin.bus.messages import STATUS, State, Status
 from dtwin.bus.opening import RENDEZVOUS, open_configured, open_peer
 from dtwin.bus.session import Bus
 from dtwin.bus.signature import KEY_SIZE
-from dtwin.errors import DtwinError, ParameterError
+from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.options import parse_apart
 from dtwin.services.supervisor import KEY, LIFELINE
 from dtwin.terminal import LineFormatter
@@ -40,6 +42,9 @@ _ONE_READER: Final = "(rx: (worker_threads: 1))"
 """Zenoh's runtimes with one thread that reads."""
 GRACE: Final = 5.0
 """s to end in after the parent has gone"""
+_PORTS: Final = range(20_000, 32_000)
+"""Below those that systems give to outgoing connections, one of which might take a port before it is used."""
+_TRIES: Final = 100
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,6 +233,46 @@ def current_processor() -> int | None:
         # Field 39 of proc(5); the second one, the name, is in brackets and may hold blanks.
         return int(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[36])
     return None
+
+
+def free_port() -> int:
+    """A TCP port of the loopback interface that nobody has now.
+
+    Raises:
+        CommunicationError: there is none.
+    """
+    with _bound() as probe:
+        return _number(probe)
+
+
+@contextlib.contextmanager
+def held_port() -> Iterator[int]:
+    """A TCP port of the loopback interface that stays this process's own until the end.
+
+    Only a server that binds it with SO_REUSEADDR can listen at it meanwhile (socket(7)): nobody who looks for a free
+    port finds it, neither before that server listens nor while it is started again.
+
+    Raises:
+        CommunicationError: there is none.
+    """
+    with _bound() as holder:
+        holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        yield _number(holder)
+
+
+def _bound() -> socket.socket:
+    for port in random.SystemRandom().sample(_PORTS, _TRIES):
+        probe = socket.socket()
+        with contextlib.suppress(OSError):  # somebody has it
+            probe.bind(("127.0.0.1", port))
+            return probe
+        probe.close()
+    raise CommunicationError(f"no free TCP port among {_TRIES} from {_PORTS[0]} to {_PORTS[-1]}")
+
+
+def _number(bound: socket.socket) -> int:
+    number: int = bound.getsockname()[1]
+    return number
 
 
 class _LastError(logging.Handler):

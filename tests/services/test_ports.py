@@ -4,7 +4,7 @@ import socket
 
 import pytest
 
-from dtwin.services.ports import held_port
+from dtwin.services.service import held_port
 
 LOOPBACK = "127.0.0.1"
 

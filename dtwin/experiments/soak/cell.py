@@ -20,8 +20,8 @@ from dtwin.experiments.soak.proxy import Proxy
 from dtwin.experiments.soak.small_disk import SmallDisk
 from dtwin.parameters import ROOT
 from dtwin.services.launch import READY_TIMEOUT
-from dtwin.services.ports import free_port
 from dtwin.services.runfile import find, join
+from dtwin.services.service import free_port
 from dtwin.signals import Event
 
 _ROUTED: Final = ROOT / "config" / "routed"
