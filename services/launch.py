@@ -191,14 +191,8 @@ class CellOptions(PlantOptions, ControlOptions):
         cell = arguments(self, CellFileOption)
         sequence = ["--sequence", sequence_name(self.settings())]
         bridge += [*sequence, *cell]
-        emulator = [
-            "--pace",
-            self.pace,
-            *turns,
-            "--journal",
-            str(runfile.journal_of(file)),
-            *arguments(self, PlantOptions),
-        ]
+        emulator = ["--pace", self.pace, *turns, "--journal", str(runfile.journal_of(file))]
+        emulator += arguments(self, PlantOptions)
         emulator += [] if self.duration is None else ["--duration", str(self.duration)]
         if self.log or self.record or self.viewer != "none":
             programs.append(_service("recorder", [*link, *lossless, *self._recorder_options(ports)]))

@@ -14,7 +14,7 @@ from dtwin.identification.machine.problem import MachineProblem
 from dtwin.twin.machine import EXTRA_NAMES, MACHINE_NAMES
 
 NOTICEABLE: Final = 0.1
-"""Share of what is not explained from which on a torque that would explain it is told."""
+"""Share of what is not explained from which on it is told that something would explain it."""
 _UNIT: Final = {"sine": 0.01, "cosine": 0.01, "direction": 0.01, "speed": 0.01, "voltage": 0.001}
 """Sizes that the factors of these torques are compared with, SI units."""
 _STEP: Final = 1e-4
