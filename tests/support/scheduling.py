@@ -1,6 +1,7 @@
-"""Which worker runs which tests: two take those with cells, pages or controllers, which wait; others fill the gaps.
+"""Which worker runs which tests: two take those that wait for other processes; others fill the gaps.
 
-Those run at a low priority, so that they take no processor from a cell that runs in real time.
+Those others run at a low priority, so that they take no processor from a cell that runs in real time, or from a device
+that has to answer in time.
 """
 
 from __future__ import annotations
@@ -17,10 +18,21 @@ _PRIORITY: Final = 10
 _WAITING: Final = (
     "tests/api/test_live.py",
     "tests/bus/",
+    "tests/campaign/",
+    "tests/commands/",
+    "tests/commissioning/test_collection.py",
     "tests/console/",
+    "tests/controller/",
+    "tests/experiments/test_soak.py",
+    "tests/iec61499/deploy/",
+    "tests/iec61499/device/",
+    "tests/iec61499/management/",
+    "tests/iec61499/net/",
     "tests/interop/",
     "tests/services/",
+    "tests/simulation/test_history.py",
     "tests/test_cells_page.py",
+    "tests/view/test_viewer.py",
 )
 """Beginnings of the names of the files whose tests wait for other processes."""
 
