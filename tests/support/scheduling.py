@@ -1,7 +1,7 @@
 """Which worker runs which tests: two take those that wait for other processes; others fill the gaps.
 
-Those others run at a low priority, so that they take no processor from a cell that runs in real time, or from a device
-that has to answer in time.
+Those others run at a low priority, so that they take no processor from a cell that runs in real time, or from a
+device that has to answer in time.
 """
 
 from __future__ import annotations

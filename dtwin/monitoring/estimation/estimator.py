@@ -144,7 +144,7 @@ class Estimator:
         for i in self._scaled:
             self._growth[i] = end[i] - possible[i]
         kernels.carry(self.x, end, self.memory, self._growth)
-        torque, displaced, loose = np.empty(3), np.empty(3), np.empty(3, dtype=np.bool_)
+        torque, displaced, slowed = np.empty(3), np.empty(3), np.empty(3)
         kernels.disturb(
             self.x,
             volts,
@@ -159,9 +159,9 @@ class Estimator:
             self._swing,
             torque,
             displaced,
-            loose,
+            slowed,
         )
-        kernels.predict(self.P, self.F, torque, displaced, loose, self._walk, self.memory, self._growth)
+        kernels.predict(self.P, self.F, torque, displaced, slowed, self._walk, self.memory, self._growth)
 
     def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:
         """Takes in a sample, (3,) rad; returns the logarithm of the likelihood of the readings used."""
@@ -397,4 +397,4 @@ class Estimator:
         self.gripped = gripped
         self._make_certain(PAYLOAD, self.box_mass if gripped else 0.0)
         self.P[PAYLOAD, PAYLOAD] = self.payload_variance if gripped else 0.0
-        self._handling[0] = HANDLING + kernels.LOOSE
+        self._handling[0] = HANDLING

@@ -34,8 +34,6 @@ Array = NDArray[np.float64]
 SWING: Final = 0.1
 """s: time after which a share of 1/e of a gear's swing is left: twice the rotor's inertia over the gear's damping"""
 SETTLED: Final = math.exp(-2.0 * PERIOD / SWING)
-LOOSE: Final = 3
-"""samples after a box was handled in which dry friction takes no uncertainty from the speeds yet"""
 _TOUCH: Final = 0.1
 """Share of the torques of a box that is handled with which one that was let go may still hold a finger back."""
 
@@ -109,12 +107,13 @@ def disturb(
     swing: Array,
     torque: Array,
     displaced: Array,
-    loose: NDArray[np.bool_],
+    slowed: Array,
 ) -> None:
     """Writes the variances of what disturbs the arm: torques (3,), (N m)^2, and displacements (3,), rad^2.
 
     The derivative of a joint that dry friction holds says that its speed is known, however little was known of it
-    before. That is right of a joint that stands, and wrong of one that a box has pushed just now.
+    before. That is right of a joint that stands. One that may move has only become slower, by what friction takes
+    from a speed in a sample, and one that a box pushes not even that.
 
     Args:
         x: mean at the end of the sample.
@@ -126,22 +125,22 @@ def disturb(
         displacement: standard deviation of what moves an angle without torque, rad.
         compliance: (3,), angle by which the gears yield, rad/(N m).
         last: (3,), command before, V, not a number if nobody knows; replaced.
-        handling: (2,), samples for which a box is still handled, and LOOSE more, and samples for which one that was
-            let go may still touch a finger; counted down.
+        handling: (2,), samples for which a box is still handled, and for which one that was let go may still touch a
+            finger; counted down.
         swing: (3,), mean squares of the swings of the gears, rad^2; replaced.
         torque, displaced: receive the variances.
-        loose: (3,), receives whether friction takes no uncertainty from the joint's speed.
+        slowed: (3,), receives by what the standard deviation of a speed may shrink at most, rad/s.
     """
     extra = doubt * doubt
     handled = handling[0] > 0
-    if handling[0] > LOOSE:
+    if handled:
         extra += grip * grip
     elif handling[1] > 0:
         extra += _TOUCH * _TOUCH * grip * grip
     for k in range(2):
         handling[k] = max(handling[k] - 1, 0)
     for i in range(3):
-        loose[i] = handled and friction[i] > 0.0
+        slowed[i] = math.inf if friction[i] == 0.0 else 0.0 if handled else STANDSTILL
         slow = x[W + i] / STANDSTILL
         torque[i] = white[i] + extra + friction[i] * friction[i] * math.exp(-slow * slow)
         if math.isfinite(last[i]):
@@ -162,7 +161,7 @@ def predict(
     F: Array,
     torque: Array,
     displacement: Array,
-    loose: NDArray[np.bool_],
+    slowed: Array,
     walk: Array,
     memory: float,
     growth: Array,
@@ -174,7 +173,7 @@ def predict(
         F: derivatives over the sample.
         torque: (3,), variance of the torque that no model knows, held over the sample, (N m)^2.
         displacement: (3,), variance that the angles gain in the sample without any torque, rad^2.
-        loose: (3,), whether the speed of a joint is known no better than before.
+        slowed: (3,), by what the standard deviation of a speed may shrink at most, rad/s.
         walk: (33,), variance that each state gains in the sample.
         memory: share that is left after a sample of a torque that the model does not explain.
         growth: (3,), by what the offsets grow for a unit of the states from DRIFT on, see `layout`.
@@ -196,8 +195,9 @@ def predict(
             P[i, j] = P[j, i] = 0.5 * (corner[i, j] + corner[j, i])
     for i in range(3):
         P[i, i] += displacement[i]
-        lost = speeds[i] - P[W + i, W + i]
-        if loose[i] and lost > 0.0:  # by an unknown torque that is held over the sample
+        least = max(math.sqrt(speeds[i]) - slowed[i], 0.0)
+        lost = least * least - P[W + i, W + i]
+        if lost > 0.0:  # by an unknown torque that is held over the sample
             P[W + i, W + i] += lost
             P[i, i] += 0.25 * PERIOD * PERIOD * lost
             P[i, W + i] += 0.5 * PERIOD * lost

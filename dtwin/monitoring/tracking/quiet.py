@@ -151,7 +151,7 @@ def _work(
     last one was concluded."""
     possible, end = np.empty(SIZE), np.empty(6)
     torque, displaced, eccentric = np.empty(3), np.empty(3), np.empty(3)
-    expected, deviations, loose = np.empty(3), np.empty(3), np.empty(3, dtype=np.bool_)
+    expected, deviations, slowed = np.empty(3), np.empty(3), np.empty(3)
     last = r.last.copy()
     for k in range(len(measured)):
         sensing.take(
@@ -185,9 +185,9 @@ def _work(
             f.swing,
             torque,
             displaced,
-            loose,
+            slowed,
         )
-        kernels.predict(f.P, f.F, torque, displaced, loose, f.walk, f.memory, f.growth)
+        kernels.predict(f.P, f.F, torque, displaced, slowed, f.walk, f.memory, f.growth)
         motion.eccentricity(f.x[:3], f.sine, f.cosine, eccentric)
         kernels.expect(f.x, f.P, eccentric, f.noise, expected, deviations)
         sensing.judge(
