@@ -12,7 +12,7 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
 from dtwin.identification.machine.record import MachineRecord
 from dtwin.parameters import ArmParameters, Gains
-from dtwin.recovery.tuning import Expect, Tuned, search, times
+from dtwin.recovery.tuning import STIFFER, Expect, Tuned, search, stiffened, times
 from dtwin.simulation.checks import TOLERANCE, Checker
 from dtwin.simulation.margins.demands import DEMANDS, UNSTABLE, cases
 from dtwin.simulation.margins.loop import lateness, later
@@ -75,21 +75,49 @@ def gains_with_margins(
     Raises:
         ParameterError: no gains have the margins.
     """
-    effects, controller = NO_EFFECTS if record is None else record.effects, MotionController()
-    least = TOLERANCE if late and effects != NO_EFFECTS else 1.0
-    if record is not None:
-        least = min(least, tolerated(record, settings.law, Checker(effects=effects)))
-    demands, effects = DEMANDS[settings.law], later(effects, late)
+    least = _least(settings, record, late)
     for factor in SOFTER:
         tried = replace(settings, gains=_slowed(settings.gains, factor))
-        found = cases(controller, tried, arm, places(), lateness(effects), effects)
-        short = [shortfall for case in found if (shortfall := demands.shortfall(case.margins)) is not None]
-        if all(each.name != UNSTABLE and each.share >= least for each in short):
+        if _kept(tried, arm, record, late, least):
             return tried.gains
     raise ParameterError(
         f"no gains have {least:.0%} of the margins, down to {SOFTER[-1]:g} times the loop's speed"
         f"{', though commands are late' if late else ''}"
     )
+
+
+def stiffer_with_margins(
+    settings: ControlSettings, arm: ArmParameters, record: MachineRecord | None, late: float
+) -> tuple[float, ...]:
+    """The factors of STIFFER with which settings have the margins; 1 is among them in any case.
+
+    Args:
+        settings: settings of the controller, with the model and the payload that it is to have.
+        arm: arm as it is known.
+        record: record of an arm that does not obey the equations of motion.
+        late: ticks by which commands act later than they did.
+    """
+    least = _least(settings, record, late)
+    tried = {factor: replace(settings, gains=stiffened(settings.gains, factor)) for factor in STIFFER[1:]}
+    return STIFFER[:1] + tuple(f for f, each in tried.items() if _kept(each, arm, record, late, least))
+
+
+def _least(settings: ControlSettings, record: MachineRecord | None, late: float) -> float:
+    """Share of the demanded margins that uploads to the arm have to keep."""
+    if record is None:
+        return 1.0
+    usual = tolerated(record, settings.law, Checker(effects=record.effects))
+    return min(usual, TOLERANCE) if late and record.effects != NO_EFFECTS else usual
+
+
+def _kept(
+    settings: ControlSettings, arm: ArmParameters, record: MachineRecord | None, late: float, least: float
+) -> bool:
+    """Whether settings have a share of the demanded margins at all places."""
+    effects, demands = later(NO_EFFECTS if record is None else record.effects, late), DEMANDS[settings.law]
+    found = cases(MotionController(), settings, arm, places(), lateness(effects), effects)
+    short = [shortfall for case in found if (shortfall := demands.shortfall(case.margins)) is not None]
+    return all(each.name != UNSTABLE and each.share >= least for each in short)
 
 
 def _slowed(gains: Gains, factor: float) -> Gains:

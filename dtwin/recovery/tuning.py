@@ -88,7 +88,7 @@ def search(
     found: list[_Tried] = []
     for slower in SLOWER:
         for factor in stiffer:
-            tried_gains = replace(gains, kp=times(factor, gains.kp), ki=times(factor, gains.ki))
+            tried_gains = stiffened(gains, factor)
             expected = expect(tried_gains, slower * target_time)
             found.append(_Tried(tried_gains, slower * target_time, *_ratios(expected, reference)))
             if found[-1].worst <= ENOUGH:
@@ -119,6 +119,11 @@ def _ratios(expected: Sequence[PredictedMotion], reference: Sequence[PredictedMo
     for motion, healthy in zip(expected, reference, strict=True):
         worst[motion.carries] = max(worst[motion.carries], _seen(motion.rms) / _seen(healthy.rms))
     return worst[True], worst[False]
+
+
+def stiffened(gains: Gains, factor: float) -> Gains:
+    """Gains with Kp and Ki times a factor."""
+    return replace(gains, kp=times(factor, gains.kp), ki=times(factor, gains.ki))
 
 
 def times(factor: float, gains: Triple) -> Triple:

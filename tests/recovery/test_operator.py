@@ -46,6 +46,7 @@ from dtwin.recovery.desk import Desk
 from dtwin.recovery.margins import control_settings, settings_for_late
 from dtwin.recovery.measures import Measures
 from dtwin.recovery.operator import Operator
+from dtwin.recovery.tuning import times
 from dtwin.signals import MONITOR, Event
 from dtwin.simulation.checks import MOTIONS, Checker
 from dtwin.simulation.margins.demands import DEMANDS, cases
@@ -252,13 +253,13 @@ def test_two_changes_of_one_measure_are_refitted_together(cell: FakeCell) -> Non
     assert cell.uploads[0].model == HEALTHY.with_values({"K2": 0.1416, "D1": 0.08})
 
 
-def test_an_arm_that_needs_more_time_gets_it_before_its_model(cell: FakeCell) -> None:
+def test_an_arm_that_needs_more_time_gets_it_with_its_model(cell: FakeCell) -> None:
     cell.found["D1"], cell.refits["D1"] = (20.0, 0.1, 0.01), 0.15
     cell.worse = lambda request: 3.0 if request.model and (request.target_time or 2.0) < 2.4 else 0.9
     watched(cell)
-    first, second = cell.uploads
-    assert (first.target_time, first.model) == (2.5, None)
-    assert first.arm == second.model == HEALTHY.with_values({"D1": 0.15})
+    (upload,) = cell.uploads
+    assert upload.target_time == 2.5
+    assert upload.arm == upload.model == HEALTHY.with_values({"D1": 0.15})
 
 
 @pytest.mark.parametrize("parameter", ["K2", "supply"])
@@ -351,14 +352,11 @@ def test_a_box_too_heavy_to_hold_stops_the_arm(cell: FakeCell) -> None:
     assert "a box of 310 g at red" in cell.told[-1]
 
 
-def test_an_arm_that_needs_more_time_for_a_heavier_box_gets_that_first(cell: FakeCell) -> None:
+def test_an_arm_that_needs_more_time_for_a_heavier_box_gets_both_together(cell: FakeCell) -> None:
     cell.found["payload"] = (20.0, 0.02, 1e-3)
     cell.worse = lambda request: 1.0 if request.payload is None or (request.target_time or 2.0) > 3.5 else 2.0
     assert measures_of(watched(cell)) == [("payload", ("payload",))]
-    assert [(upload.target_time, upload.payload) for upload in cell.uploads] == [
-        (4.0, None),
-        (None, pytest.approx(0.22)),
-    ]
+    assert [(upload.target_time, upload.payload) for upload in cell.uploads] == [(4.0, pytest.approx(0.22))]
 
 
 def test_a_supply_that_sags_scales_all_voltage_constants(cell: FakeCell) -> None:
@@ -408,6 +406,20 @@ def test_gains_without_margins_are_lowered_with_the_model_and_made_no_stiffer(ce
     settings = replace(ControlSettings(law="cascade", model=cell._now.model), gains=upload.gains)
     Checker().check(settings, HEALTHY.with_values({"K2": 0.1416}))
     assert all(each.gains is None or each.gains.kp[0] == upload.gains.kp[0] for each in more)
+
+
+@pytest.mark.parametrize(("fast", "stiffest"), [(1.0, 1.5), (3.0, 1.3)])
+def test_gains_are_made_no_stiffer_than_their_margins_allow(cell: FakeCell, fast: float, stiffest: float) -> None:
+    """The stiffer the better here; settings without margins would be refused, and the arm left as it was."""
+    usual = USUAL_GAINS["cascade"]
+    begun = replace(usual, kp=times(fast, usual.kp))
+    weak = HEALTHY.with_values({"K2": 0.1416})
+    cell._now = msgspec.structs.replace(cell._now, gains=begun)
+    cell.found["K2"], cell.refits["K2"] = (20.0, -0.1, 0.01), 0.1416
+    cell.worse = lambda request: 1.6 * begun.kp[0] / request.gains.kp[0] if request.gains else 1.0
+    watched(cell)
+    assert cell._now.gains.kp == pytest.approx(times(stiffest, begun.kp))
+    Checker().check(control_settings(cell._now, weak), weak)
 
 
 def test_a_machine_works_on_with_nine_tenths_of_the_margins_when_commands_are_late() -> None:
