@@ -129,8 +129,8 @@ class Measures:
         """Gives the controller a model of the arm as it is now, and settings with which that arm works; when, s.
 
         The model comes first, since it helps at once, and settings are searched while it is on trial; but an arm that
-        needs more time before it can follow its paths gets both together: neither would be accepted alone. Gains
-        that have too small margins with the arm as it is now are lowered with the model for the same reason.
+        needs more time before it can follow its paths gets that first, and so does one whose gains have too small
+        margins with the model get lower ones. What comes first has to keep its margins with the old model, too.
         """
         desk, in_force = self._desk, self._desk.settings()
         changed = {name: arm.get(name) for name in PARAMETER_NAMES if arm.get(name) != self._arm.get(name)}
@@ -141,14 +141,17 @@ class Measures:
 
         weak = bool(beyond_strength(arm, max(BOXES)))
         gains = in_force.gains if weak else self._with_margins(in_force, model, arm)
-        softer = None if gains == in_force.gains else gains
-        able = not weak and worst_ratio(expect(gains, in_force.target_time), self._reference) <= BOUND
-        uploaded = desk.upload("the arm has changed", model=model, gains=softer, arm=arm) if able else None
-        stiffer = (1.0,) if weak or softer is not None else self._stiffer(in_force, model, arm)
+        lower = gains != in_force.gains
+        able = not weak and not lower and worst_ratio(expect(gains, in_force.target_time), self._reference) <= BOUND
+        uploaded = desk.upload("the arm has changed", model=model, arm=arm) if able else None
+        now = msgspec.structs.replace(in_force, model=model)
+        stiffer = (1.0,) if weak or lower else self._stiffer(arm, now) if able else self._stiffer(arm, in_force, now)
         tuned = self._tuned(msgspec.structs.replace(in_force, gains=gains), arm, BOXES, expect, stiffer)
-        changes = (tuned.gains, tuned.target_time) != (gains, in_force.target_time)
+        changes = (tuned.gains, tuned.target_time) != (in_force.gains, in_force.target_time)
         if uploaded is None:
-            uploaded, changes = self._tune(tuned, in_force, arm, "the arm has changed, ", model=model), False
+            if changes:
+                desk.confirm(self._tune(tuned, in_force, arm))
+            uploaded, changes = desk.upload("the arm has changed", model=model, arm=arm), False
         desk.confirm(uploaded)
         self._arm = arm
         if changes:
@@ -164,9 +167,10 @@ class Measures:
         except ParameterError as error:
             raise TooWeak(str(error)) from None
 
-    def _stiffer(self, in_force: Upload, model: ArmParameters, arm: ArmParameters) -> tuple[float, ...]:
-        """Factors on Kp and Ki with which the gains in force have margins."""
-        return stiffer_with_margins(control_settings(in_force, model), arm, self._record, self._desk.late)
+    def _stiffer(self, arm: ArmParameters, *states: Upload) -> tuple[float, ...]:
+        """Factors on Kp and Ki with which settings that are in force one after the other all have their margins."""
+        each = [stiffer_with_margins(control_settings(state), arm, self._record, self._desk.late) for state in states]
+        return tuple(factor for factor in each[0] if all(factor in other for other in each))
 
     def _tuned(
         self, in_force: Upload, arm: ArmParameters, boxes: Sequence[float], expect: Expect, stiffer: Sequence[float]
@@ -180,24 +184,10 @@ class Measures:
             raise TooWeak(f"{_TOO_WEAK[tuned.ability]}{held}")
         return tuned
 
-    def _tune(
-        self,
-        tuned: Tuned,
-        in_force: Upload,
-        arm: ArmParameters,
-        why: str = "",
-        *,
-        model: ArmParameters | None = None,
-        payload: float | None = None,
-    ) -> Upload:
-        """Uploads the settings found, in one with a model or a payload that they were found for."""
+    def _tune(self, tuned: Tuned, in_force: Upload, arm: ArmParameters) -> Upload:
         stiffer, slower = tuned.gains.kp[0] / in_force.gains.kp[0], tuned.target_time / in_force.target_time
-        same = (tuned.gains, tuned.target_time) == (in_force.gains, in_force.target_time)
-        how = "gains and target time stay" if same else f"Kp and Ki times {stiffer:g}, target time times {slower:g}"
-        why += f"{how}: {_expected(tuned)}"
-        return self._desk.upload(
-            why, gains=tuned.gains, target_time=tuned.target_time, model=model, payload=payload, arm=arm
-        )
+        why = f"Kp and Ki times {stiffer:g}, target time times {slower:g}: {_expected(tuned)}"
+        return self._desk.upload(why, gains=tuned.gains, target_time=tuned.target_time, arm=arm)
 
     def _take_off(self, found: Sequence[MonitoredUnit]) -> Taken:
         """Takes offsets off as soon as they are known well, and again if they turn out otherwise."""
@@ -236,7 +226,8 @@ class Measures:
     def _count_on(self, found: Sequence[MonitoredUnit]) -> Taken:
         """Has the controller count on the mass that was measured, at a target time at which the arm can carry it.
 
-        Other boxes may differ from this one as usual ones do, so it is asked for the heaviest, too.
+        An arm that needs more time gets that first: at its old target time the heavier box would be refused. Other
+        boxes may differ from this one as usual ones do, so it is asked for the heaviest, too.
         """
         desk, in_force = self._desk, self._desk.settings()
         self._followed = len(desk.boxes)
@@ -251,10 +242,16 @@ class Measures:
             self._arm,
             boxes,
             lambda gains, time: self._expect(PredictionRequest(gains, time, arm=self._arm, payload=mass), boxes),
-            self._stiffer(msgspec.structs.replace(in_force, payload=mass), in_force.model, self._arm),
+            self._stiffer(self._arm, in_force, msgspec.structs.replace(in_force, payload=mass)),
         )
-        upload = self._tune(tuned, in_force, self._arm, f"the box weighs {1e3 * mass:.0f} g, ", payload=mass)
+        slower = tuned.target_time > in_force.target_time
+        if slower:
+            desk.confirm(self._tune(tuned, in_force, self._arm))
+        upload = desk.upload(f"the box weighs {1e3 * mass:.0f} g", payload=mass, arm=self._arm)
         desk.confirm(upload)
+        if not slower and tuned.gains != in_force.gains:
+            upload = self._tune(tuned, in_force, self._arm)
+            desk.confirm(upload)
         return Taken(upload.time, values)
 
     def follow_boxes(self) -> None:

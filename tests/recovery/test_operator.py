@@ -52,6 +52,7 @@ from dtwin.simulation.checks import MOTIONS, Checker
 from dtwin.simulation.margins.demands import DEMANDS, cases
 from dtwin.simulation.margins.loop import lateness, later
 from dtwin.simulation.margins.poses import places
+from dtwin.simulation.upload import Proposal
 from dtwin.twin.effects import Effects
 from tests.support.records import recorded
 
@@ -141,6 +142,7 @@ class FakeCell:
                 for field in ("gains", "target_time", "model", "payload", "encoder_offset")
                 if getattr(request, field) is not None
             }
+            Proposal(request.who, request.why, request.based_on, **changes)  # as the service, of one kind at a time
             self._before, self._trial = self._now, self.time
             self._now = msgspec.structs.replace(
                 self._now, version=self._now.version + 1, time=self.time, action="upload", on_trial=True, **changes
@@ -253,13 +255,13 @@ def test_two_changes_of_one_measure_are_refitted_together(cell: FakeCell) -> Non
     assert cell.uploads[0].model == HEALTHY.with_values({"K2": 0.1416, "D1": 0.08})
 
 
-def test_an_arm_that_needs_more_time_gets_it_with_its_model(cell: FakeCell) -> None:
+def test_an_arm_that_needs_more_time_gets_it_before_its_model(cell: FakeCell) -> None:
     cell.found["D1"], cell.refits["D1"] = (20.0, 0.1, 0.01), 0.15
     cell.worse = lambda request: 3.0 if request.model and (request.target_time or 2.0) < 2.4 else 0.9
     watched(cell)
-    (upload,) = cell.uploads
-    assert upload.target_time == 2.5
-    assert upload.arm == upload.model == HEALTHY.with_values({"D1": 0.15})
+    first, second = cell.uploads
+    assert (first.target_time, first.model) == (2.5, None)
+    assert first.arm == second.model == HEALTHY.with_values({"D1": 0.15})
 
 
 @pytest.mark.parametrize("parameter", ["K2", "supply"])
@@ -352,11 +354,14 @@ def test_a_box_too_heavy_to_hold_stops_the_arm(cell: FakeCell) -> None:
     assert "a box of 310 g at red" in cell.told[-1]
 
 
-def test_an_arm_that_needs_more_time_for_a_heavier_box_gets_both_together(cell: FakeCell) -> None:
+def test_an_arm_that_needs_more_time_for_a_heavier_box_gets_that_first(cell: FakeCell) -> None:
     cell.found["payload"] = (20.0, 0.02, 1e-3)
     cell.worse = lambda request: 1.0 if request.payload is None or (request.target_time or 2.0) > 3.5 else 2.0
     assert measures_of(watched(cell)) == [("payload", ("payload",))]
-    assert [(upload.target_time, upload.payload) for upload in cell.uploads] == [(4.0, pytest.approx(0.22))]
+    assert [(upload.target_time, upload.payload) for upload in cell.uploads] == [
+        (4.0, None),
+        (None, pytest.approx(0.22)),
+    ]
 
 
 def test_a_supply_that_sags_scales_all_voltage_constants(cell: FakeCell) -> None:
@@ -393,19 +398,20 @@ def test_late_commands_lower_gains_that_are_too_fast(cell: FakeCell) -> None:
 
 
 @pytest.mark.parametrize("worse", [1.1, 0.9])
-def test_gains_without_margins_are_lowered_with_the_model_and_made_no_stiffer(cell: FakeCell, worse: float) -> None:
+def test_gains_without_margins_are_lowered_before_the_model_and_made_no_stiffer(cell: FakeCell, worse: float) -> None:
     fast = replace(FAST, kp=(3000.0,) * 3)
     cell._now = msgspec.structs.replace(cell._now, gains=fast)
     cell.found["K2"], cell.refits["K2"] = (20.0, -0.1, 0.01), 0.1416
     cell.worse = lambda request: worse
     watched(cell)
-    upload, *more = cell.uploads
-    assert (upload.gains is not None, upload.model is not None) == (True, True)
-    assert upload.gains is not None
-    assert upload.gains.kp[0] < fast.kp[0]
-    settings = replace(ControlSettings(law="cascade", model=cell._now.model), gains=upload.gains)
-    Checker().check(settings, HEALTHY.with_values({"K2": 0.1416}))
-    assert all(each.gains is None or each.gains.kp[0] == upload.gains.kp[0] for each in more)
+    first, second = cell.uploads
+    assert (first.model, second.gains) == (None, None)
+    assert first.gains is not None
+    assert first.gains.kp[0] < fast.kp[0]
+    assert second.model is not None
+    for model in (HEALTHY, second.model):
+        settings = replace(ControlSettings(law="cascade", model=model), gains=first.gains)
+        Checker().check(settings, HEALTHY.with_values({"K2": 0.1416}))
 
 
 @pytest.mark.parametrize(("fast", "stiffest"), [(1.0, 1.5), (3.0, 1.3)])
