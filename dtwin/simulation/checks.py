@@ -152,23 +152,31 @@ class Checker:
         arm: ArmParameters,
         motions: Sequence[Motion] | None = None,
         late: float = 0.0,
+        in_force: ControlSettings | None = None,
     ) -> ExpectedTracking:
         """Predicts the performance of settings on an arm and refuses bad ones.
+
+        An arm that has changed may have small margins with the settings that it works with. More time for its motions
+        changes none of them, and may be what it needs before anything else is accepted.
 
         Args:
             settings: settings to be uploaded.
             arm: model of the arm, which takes the place of the plant.
             motions: motions that must keep to their paths; None for all of the cell.
             late: ticks by which commands act later than they did.
+            in_force: settings in force; those that only take more time than these need no more than to be stable.
 
         Raises:
             Refused: a value is out of bounds, a margin is too small, or a motion leaves its path; the message says
                 which and why.
         """
         motions = self.motions if motions is None else motions
+        least = min(self._least, TOLERANCE) if late and self._effects != NO_EFFECTS else self._least
+        if in_force is not None and settings == replace(in_force, target_time=settings.target_time):
+            least = least if settings.target_time < in_force.target_time else 0.0
         try:
             check_bounds(settings)
-            resting = self._margins(settings, arm, motions, late)
+            resting = self._margins(settings, arm, motions, late, least)
             prediction = self.predict(settings, arm, motions, late)
         except (ParameterError, DivergenceError) as error:
             raise Refused(str(error)) from None
@@ -273,15 +281,15 @@ class Checker:
         return self._between_bodies.run(case).figures
 
     def _margins(
-        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion], late: float
+        self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion], late: float, least: float
     ) -> list[Case]:
         """The margins where motions end; delays longer than what is demanded are not looked at.
 
         Raises:
-            Refused: a margin is below what is demanded of the law; the message says which, where, and what is.
+            Refused: a margin is below this share of what is demanded of the law; the message says which, where, and
+                what is.
         """
         found = []
-        least = min(self._least, TOLERANCE) if late and self._effects != NO_EFFECTS else self._least
         for case, short in self._resting(settings, arm, motions, late):
             if short is not None and (short.name == UNSTABLE or short.share < least):
                 raise Refused(f"{case}: {short.text}")

@@ -176,7 +176,7 @@ class Uploader:
         settings = proposal.applied(self.settings)
         try:
             self._refuse_untimely(proposal)
-            prediction = self._checker.check(settings, arm or settings.model, late=late)
+            prediction = self._checker.check(settings, arm or settings.model, late=late, in_force=self.settings)
         except Refused as reason:
             self._record("refuse", proposal, self.settings, time, str(reason))
             raise

@@ -101,6 +101,19 @@ def test_an_arm_too_slow_for_the_margins_is_not_kept_from_what_keeps_its_own() -
         slow.check(settings, arm)
 
 
+def test_more_time_is_not_refused_for_margins_that_it_does_not_change(checker: Checker) -> None:
+    """A shorter time, or a heavier box beside the longer one, is; and all of it where other settings are in force."""
+    usual = USUAL_GAINS["cascade"]
+    first, second, third = usual.kp
+    fast = ControlSettings(law="cascade", gains=replace(usual, kp=(5.0 * first, 5.0 * second, 5.0 * third)))
+    longer = replace(fast, target_time=fast.target_time + 1.0)
+    refused = [(longer, None), (longer, USUAL), (replace(fast, target_time=1.9), fast)]
+    for settings, in_force in [*refused, (replace(longer, payload=0.21), fast)]:
+        with pytest.raises(Refused, match="gain margin"):
+            checker.check(settings, ArmParameters(), in_force=in_force)
+    assert checker.check(longer, ArmParameters(), in_force=fast).spectral_radius < 1.0
+
+
 def test_commands_that_come_late_count_in_margins_and_motions() -> None:
     settings, arm = ControlSettings(gains=USUAL_GAINS["cascade"], law="cascade"), ArmParameters()
     found = Checker().check(settings, arm, late=1.0)
