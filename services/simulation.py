@@ -151,17 +151,21 @@ class Simulation:
     def run(self) -> None:
         """Works until it is asked to end."""
         service = self._service
-        while self._uploader is None and not service.stopping:
+        uploader: Uploader | None = None
+        while uploader is None and not service.stopping:
             try:
-                self._uploader = Uploader(BridgePort(service.bus), self._history, self._checker)
+                uploader = Uploader(BridgePort(service.bus), self._history, self._checker)
             except CommunicationError as error:
                 log.info("%s", error)
                 service.next(RETRY)
             if service.report_due():
                 service.report("waiting")
+        if uploader is not None:
+            loading = threading.Event()
+            threading.Thread(target=self._load, args=(uploader, loading), name="load").start()
+            loading.wait()
         self._follow()
         service.ready()
-        threading.Thread(target=self._load, name="load").start()
         while not service.stopping:
             item = service.next(RETRY)
             pair = None
@@ -177,21 +181,26 @@ class Simulation:
             if service.report_due():
                 service.report("running", self._done, time=self._time)
 
-    def _load(self) -> None:
-        """Loads what uploads are checked with, which takes longer than all the rest; uploads wait for it."""
+    def _load(self, uploader: Uploader, loading: threading.Event) -> None:
+        """Loads what uploads are checked with, which takes longer than all the rest; uploads wait for it.
+
+        There is nobody to upload with before it has begun: an upload that comes at once would find what an arm may
+        lack not known yet, and be refused.
+        """
         with self._lock:
+            self._uploader = uploader
+            loading.set()
             try:
                 self._checker.load()
-                self._tolerate()
+                self._tolerate(uploader)
             except DtwinError as error:
                 log.error("%s", error)
 
-    def _tolerate(self) -> None:
+    def _tolerate(self, uploader: Uploader) -> None:
         """Demands less of an arm of which the record says that no settings have the demanded margins."""
-        record, uploader = self._record, self._uploader
-        if record is None or uploader is None:
+        if self._record is None:
             return
-        share = tolerated(record, uploader.settings.law, self._checker)
+        share = tolerated(self._record, uploader.settings.law, self._checker)
         log.info("uploads have to keep %.0f %% of the demanded margins", 100.0 * share)
 
     def _judge(self, sensors: Sensors, path: PathAngles) -> None:
