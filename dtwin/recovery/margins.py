@@ -8,7 +8,7 @@ from typing import Final
 
 from dtwin.bus.twin_messages import PredictedMotion, Upload
 from dtwin.controller.motion import MotionController
-from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings import ControlSettings, Law
 from dtwin.errors import ParameterError
 from dtwin.identification.machine.record import MachineRecord
 from dtwin.parameters import ArmParameters, Gains
@@ -75,7 +75,7 @@ def gains_with_margins(
     Raises:
         ParameterError: no gains have the margins.
     """
-    least = _least(settings, record, late)
+    least = _least(settings.law, record, late)
     for factor in SOFTER:
         tried = replace(settings, gains=_slowed(settings.gains, factor))
         if _kept(tried, arm, record, late, least):
@@ -97,16 +97,16 @@ def stiffer_with_margins(
         record: record of an arm that does not obey the equations of motion.
         late: ticks by which commands act later than they did.
     """
-    least = _least(settings, record, late)
+    least = _least(settings.law, record, late)
     tried = {factor: replace(settings, gains=stiffened(settings.gains, factor)) for factor in STIFFER[1:]}
     return STIFFER[:1] + tuple(f for f, each in tried.items() if _kept(each, arm, record, late, least))
 
 
-def _least(settings: ControlSettings, record: MachineRecord | None, late: float) -> float:
+def _least(law: Law, record: MachineRecord | None, late: float) -> float:
     """Share of the demanded margins that uploads to the arm have to keep."""
     if record is None:
         return 1.0
-    usual = tolerated(record, settings.law, Checker(effects=record.effects))
+    usual = tolerated(record, law, Checker(effects=record.effects))
     return min(usual, TOLERANCE) if late and record.effects != NO_EFFECTS else usual
 
 

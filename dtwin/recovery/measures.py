@@ -145,7 +145,8 @@ class Measures:
         able = not weak and not lower and worst_ratio(expect(gains, in_force.target_time), self._reference) <= BOUND
         uploaded = desk.upload("the arm has changed", model=model, arm=arm) if able else None
         now = msgspec.structs.replace(in_force, model=model)
-        stiffer = (1.0,) if weak or lower else self._stiffer(arm, now) if able else self._stiffer(arm, in_force, now)
+        states = (now,) if able else (in_force, now)
+        stiffer = (1.0,) if weak or lower else self._stiffer(arm, *states)
         tuned = self._tuned(msgspec.structs.replace(in_force, gains=gains), arm, BOXES, expect, stiffer)
         changes = (tuned.gains, tuned.target_time) != (in_force.gains, in_force.target_time)
         if uploaded is None:

@@ -164,7 +164,7 @@ class Checker:
             arm: model of the arm, which takes the place of the plant.
             motions: motions that must keep to their paths; None for all of the cell.
             late: ticks by which commands act later than they did.
-            in_force: settings in force; those that only take more time than these need no more than to be stable.
+            in_force: settings in force; those that differ by no more than a longer time need only be stable.
 
         Raises:
             Refused: a value is out of bounds, a margin is too small, or a motion leaves its path; the message says

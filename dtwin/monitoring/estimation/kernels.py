@@ -112,8 +112,8 @@ def disturb(
     """Writes the variances of what disturbs the arm: torques (3,), (N m)^2, and displacements (3,), rad^2.
 
     The derivative of a joint that dry friction holds says that its speed is known, however little was known of it
-    before. That is right of a joint that stands. One that may move has only become slower, by what friction takes
-    from a speed in a sample, and one that a box pushes not even that.
+    before. That is right of a joint that stands. One that may move has only become slower, by about STANDSTILL in a
+    sample, and one that a box pushes not even that. What damping takes besides is left out: too little is known then.
 
     Args:
         x: mean at the end of the sample.
