@@ -9,13 +9,24 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from queue import SimpleQueue
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from dtwin.bus.messages import PATH, PREDICT, ROLL_BACK, SENSORS, SETTINGS, UPLOAD, SettingsInForce, SettingsRequest
+from dtwin.bus.messages import (
+    PATH,
+    PREDICT,
+    ROLL_BACK,
+    SENSORS,
+    SETTINGS,
+    UPLOAD,
+    SettingsInForce,
+    SettingsRequest,
+    Topic,
+)
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Predicted, PredictionRequest, RollBackRequest, Upload, UploadRequest
@@ -28,6 +39,7 @@ from dtwin.identification.excitation.rig import Rig
 from dtwin.identification.model import write_model
 from dtwin.identification.result import from_estimate
 from dtwin.parameters import ArmParameters, Gains, Triple, scaled
+from dtwin.services import simulation
 from dtwin.services.runfile import join
 from dtwin.signals import Sensors
 from dtwin.simulation.checks import MOTIONS
@@ -310,6 +322,68 @@ def test_a_killed_service_finds_old_or_new_settings_and_watches_the_new(started:
             until(lambda: not now(bus).on_trial, "the trial ends")
             assert now(bus).action == ("confirm" if in_force == wanted else after.action), moment
         assert now(bus).gains == wanted, "what has been sent is watched, not lost"
+
+
+class FakeUploader:
+    """Refuses every upload, and notes that it came."""
+
+    trial, last, version = None, None, 1
+
+    def __init__(self, port: object, history: object, checker: FakeChecker) -> None:
+        self._noted = checker.noted
+
+    def look_again(self, time: float) -> None:
+        pass
+
+    def upload(self, *asked: object) -> None:
+        self._noted.append("upload")
+        raise CommunicationError("refused")
+
+
+class FakeChecker:
+    """Notes that it is loaded."""
+
+    def __init__(self) -> None:
+        self.noted: list[str] = []
+
+    def load(self) -> None:
+        self.noted.append("load")
+
+
+class FakeService:
+    """Uploads as soon as the service says that it is there, and has it end then; it is its own bus."""
+
+    def __init__(self) -> None:
+        self.bus, self.stopping = self, False
+        self.inbox: SimpleQueue[object] = SimpleQueue()
+        self._answers: dict[str, Any] = {}
+
+    def publisher(self, topic: Topic) -> None:
+        pass
+
+    def subscribe(self, *what: object) -> None:
+        pass
+
+    def refuse(self) -> None:
+        pass
+
+    def answer(self, topic: Topic, request: type, handle: Any, now: Any = None) -> None:
+        self._answers[topic.name] = handle
+
+    def report_due(self) -> bool:
+        return False
+
+    def ready(self) -> None:
+        self.stopping = True
+        with pytest.raises(CommunicationError, match="refused"):
+            self._answers[UPLOAD.name](UploadRequest("test", "at once", 1, target_time=3.0))
+
+
+def test_an_upload_that_comes_at_once_waits_for_what_it_is_checked_with(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(simulation, "Uploader", FakeUploader)
+    checker = FakeChecker()
+    simulation.Simulation(cast(Any, FakeService()), cast(Any, None), cast(Any, checker)).run()
+    assert checker.noted == ["load", "upload"]
 
 
 def until_calm(samples: int = 200) -> None:
