@@ -42,8 +42,7 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
     processes = [start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(told))]
     try:
-        until(lambda: _ended(processes[0], folder / "log") or told.exists(), "the scheduler says where it is")
-        address: str = json.loads(told.read_text())["address"]
+        address = until(lambda: _ended(processes[0], folder / "log") or _address(told), "the scheduler says where it is")
         for _ in range(2):
             processes.append(start("worker", address, "--nthreads", "1", "--no-nanny", "--host", "127.0.0.1"))
         until(lambda: _count(address) == 2, "the workers have joined")
@@ -58,6 +57,15 @@ def _ended(process: subprocess.Popen[bytes], log: Path) -> bool:
     """Fails with what a process has said, if it has ended."""
     assert process.poll() is None, log.read_text()
     return False
+
+
+def _address(told: Path) -> str:
+    """The address in a scheduler's file, empty as long as the file is not there or not whole."""
+    try:
+        address: str = json.loads(told.read_text())["address"]
+    except (FileNotFoundError, json.JSONDecodeError):
+        return ""
+    return address
 
 
 def _count(address: str) -> int:
