@@ -42,7 +42,9 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
     processes = [start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(told))]
     try:
-        address = until(lambda: _ended(processes[0], folder / "log") or _address(told), "the scheduler says where it is")
+        address = until(
+            lambda: _ended(processes[0], folder / "log") or _address(told), "the scheduler says where it is"
+        )
         for _ in range(2):
             processes.append(start("worker", address, "--nthreads", "1", "--no-nanny", "--host", "127.0.0.1"))
         until(lambda: _count(address) == 2, "the workers have joined")
