@@ -55,14 +55,9 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
             process.wait()
 
 
-def _ended(process: subprocess.Popen[bytes], log: Path) -> bool:
-    """Fails with what a process has said, if it has ended."""
+def _address(told: Path, process: subprocess.Popen[bytes], log: Path) -> str:
+    """The address in a scheduler's file, empty while that is not whole; fails with what the scheduler said if it ended."""
     assert process.poll() is None, log.read_text()
-    return False
-
-
-def _address(told: Path) -> str:
-    """The address in a scheduler's file, empty as long as the file is not there or not whole."""
     try:
         address: str = json.loads(told.read_text())["address"]
     except (FileNotFoundError, json.JSONDecodeError):
