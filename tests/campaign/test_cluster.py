@@ -42,9 +42,7 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
     processes = [start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(told))]
     try:
-        address = until(
-            lambda: _ended(processes[0], folder / "log") or _address(told), "the scheduler says where it is"
-        )
+        address = until(lambda: _address(told, processes[0], folder / "log"), "the scheduler says where it is")
         for _ in range(2):
             processes.append(start("worker", address, "--nthreads", "1", "--no-nanny", "--host", "127.0.0.1"))
         until(lambda: _count(address) == 2, "the workers have joined")
@@ -56,7 +54,7 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 def _address(told: Path, process: subprocess.Popen[bytes], log: Path) -> str:
-    """The address in a scheduler's file, empty while that is not whole; fails with what the scheduler said if it ended."""
+    """The address in a scheduler's file, empty while that is not whole; fails if the scheduler has ended."""
     assert process.poll() is None, log.read_text()
     try:
         address: str = json.loads(told.read_text())["address"]
