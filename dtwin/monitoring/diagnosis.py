@@ -10,9 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Final
-
-import numpy as np
+from typing import Final, Literal
 
 from dtwin.monitoring.candidate import Candidate, Conclusion
 from dtwin.monitoring.kinds import (
@@ -25,6 +23,7 @@ from dtwin.monitoring.kinds import (
     LOCK,
     PUSH,
     SCALE,
+    SUPPLY,
     UNKNOWN,
     FaultId,
     Hypothesis,
@@ -73,12 +72,10 @@ _AT_ONCE: Final = (BIAS, SCALE)
 """kinds that show in the first sample after their onset"""
 _TORQUES: Final = ("K", "D", "mu", BIAS, DRIFT)
 """kinds of what an unknown torque on a joint may be mistaken for"""
+_WEAKER: Final = ("K", "D", "mu")
+"""kinds of what makes a joint weaker"""
 SURE: Final = 0.95
 """probability of the causes that a finding names together"""
-_AGAIN: Final = 6000
-"""samples after a suspicion that was not confirmed in which another one of the same joint has it confirmed sooner"""
-_KEPT: Final = 5
-"""suspicions that were not confirmed of which is known"""
 _HOPELESS: Final = 25.0
 """log-likelihood behind the best at which a candidate is given up"""
 _SUDDEN: Final = 4
@@ -128,7 +125,8 @@ class Diagnosis:
         self._history, self._sample = history, sample
         self.candidates = _stops(stopped, sizes) + (self._changes(likely, locked) if likely else [])
         self.certain = bool(stopped)
-        self._pairs: list[Candidate] | None = None
+        self._pairs: list[Candidate] = []
+        self._paired: Literal["no", "weaker", "all"] = "no"
         self._lately: deque[Conclusion] = deque(maxlen=_SUDDEN)
         for candidate in self.candidates:
             self._caught_up(candidate)
@@ -140,10 +138,8 @@ class Diagnosis:
         for candidate in self.candidates:
             candidate.follow(moment)
         self._prune()
-        if self._pairs is None:
-            if self._sample - self.alarm >= LEAST and not self.certain and self.best()[0].misfit > self._misfit:
-                self._pairs = _pairs(self._likely, self._sizes, self.alarm)
-        elif self._pairs:
+        self._pair()
+        if self._pairs:
             # One a sample, because each has to catch up, and the next sample does not wait.
             self.candidates.append(self._caught_up(self._pairs.pop()))
         top, probability = self.best()
@@ -160,8 +156,11 @@ class Diagnosis:
         """What it has come to, or had before if no cause explains the motion any more: an arm that has hit something
         moves unlike all of them, and what it does then does not speak for the one that allows the most."""
         top, probability = self.best()
-        if top.worst > self._misfit and len(self._lately) == _SUDDEN and _on_one_matter(self._lately[0]) >= SURE:
-            return self._lately[0]
+        if top.worst > self._misfit and len(self._lately) == _SUDDEN:
+            before = self._lately[0]
+            # After a push the healthy arm goes on: if that does not explain the motion, it was none.
+            if _on_one_matter(before) >= SURE and not before.candidate.fault.about.passing:
+                return before
         return Conclusion(top, probability, self.others())
 
     def best(self) -> tuple[Candidate, float]:
@@ -217,7 +216,7 @@ class Diagnosis:
         if top.sample < self._sample:
             return found
         if self.certain and not self._convinces(top, probability):
-            return self._stopped() or found
+            return self._stopped(found) or found
         if self.certain and top.fault.kind in (FREEZE, LOCK):
             return found
         if top.misfit > self._misfit:
@@ -228,8 +227,11 @@ class Diagnosis:
         again = self._caught_up(top.again(self._sizes))
         return found._replace(candidate=max(top, again, key=lambda either: either.gain))
 
-    def _stopped(self) -> Conclusion | None:
-        """That an encoder has stopped, as probable as it was while a cause explained the motion."""
+    def _stopped(self, found: Conclusion) -> Conclusion | None:
+        """That an encoder has stopped, as probable as it was while a cause explained the motion.
+
+        If none does, and what was found never did, all that is known is that the joint does not move.
+        """
         ranked = self.ranked()
         top, told = ranked[0][0], [(each.told, probability) for each, probability in ranked]
         explained = top.worst <= self._misfit
@@ -243,7 +245,10 @@ class Diagnosis:
             told = [(before.told, probability), *others]
         probability = sum(probability for fault, probability in told if fault == stop.fault)
         others = tuple(each for each in told if each[0] != stop.fault)
-        return Conclusion(stop, probability, others) if probability >= 1.0 - SURE else None
+        if probability >= 1.0 - SURE:
+            return Conclusion(stop, probability, others)
+        unknown = not explained and found.candidate is top
+        return Conclusion(stop, 0.5, ((FaultId(LOCK, stop.fault.joint), 0.5),)) if unknown else None
 
     def settled(self, sample: int) -> bool:
         """Whether the cause and its size are known as well as they will be."""
@@ -302,6 +307,17 @@ class Diagnosis:
         pushes = [(fault, onset) for fault in faults(PUSH) for onset in recent]
         return found + [Candidate(fault, onset, sizes, delay=delay) for fault, onset in pushes for delay in PUSHES]
 
+    def _pair(self) -> None:
+        """Has two changes at once tried: all if none alone explains the motion, and that two joints became weaker as
+        soon as it looks like the supply, from which that differs only once the third joint needs its motor."""
+        best, paired = self.best()[0], self._paired
+        if not self.certain and paired != "all" and best.misfit > self._misfit and self._sample - self.alarm >= LEAST:
+            self._paired = "all"
+            self._pairs = _pairs(self._likely, self._sizes, self.alarm)
+        elif not self.certain and paired == "no" and best.fault.kind == SUPPLY:
+            self._paired = "weaker"
+            self._pairs = [pair for pair in _pairs(self._likely, self._sizes, self.alarm) if _weakens(pair)]
+
     def _caught_up(self, candidate: Candidate) -> Candidate:
         candidate.catch_up(self._history, self._sample)
         return candidate
@@ -327,6 +343,11 @@ def _pairs(likely: Sequence[Suspicion], sizes: dict[str, float], alarm: int) -> 
             if second != first and frozenset((first, second)) not in found:
                 found[frozenset((first, second))] = Candidate(first, onset, sizes, other=second)
     return list(found.values())[::-1]
+
+
+def _weakens(pair: Candidate) -> bool:
+    """Whether two changes at once are about how weak two joints are."""
+    return all(fault.kind in _WEAKER for fault in pair.faults) and len({fault.joint for fault in pair.faults}) > 1
 
 
 def _stops(stopped: Sequence[tuple[int, Onset]], sizes: dict[str, float]) -> list[Candidate]:
@@ -360,24 +381,3 @@ def _told_by(suspected: FaultId, hypothesis: Hypothesis) -> list[FaultId]:
     """The faults of one hypothesis that a suspected jump may be: those whose first state is the one that jumped."""
     kinds = [k for k, row in KINDS.items() if row.hypothesis == hypothesis and row.states[0] == suspected.kind]
     return [FaultId(kind, suspected.joint) for kind in kinds]
-
-
-class Dismissals:
-    """The last suspicions that were not confirmed: what spoke for one counts again when the same joint is suspected
-    anew, because a healthy arm is hardly suspected twice so soon."""
-
-    def __init__(self) -> None:
-        self._found: deque[tuple[int, int, float]] = deque(maxlen=_KEPT)
-
-    def confirmed(self, diagnosis: Diagnosis, sample: int) -> bool:
-        """Whether a diagnosis that has ended with a sample is confirmed; it is dismissed if not."""
-        best = diagnosis.best()[0]
-        earlier = sum(
-            gain for then, joint, gain in self._found if joint == best.fault.joint and sample - then <= _AGAIN
-        )
-        earned = diagnosis.earned(earlier) and bool(np.isfinite(best.estimator.x).all())
-        if earned:
-            self._found.clear()
-        else:
-            self._found.append((sample, best.fault.joint, best.gain))
-        return earned

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.monitoring.candidate import Candidate
-from dtwin.monitoring.diagnosis import CERTAIN, PAUSE, Diagnosis, Dismissals
+from dtwin.monitoring.diagnosis import CERTAIN, PAUSE, Diagnosis
+from dtwin.monitoring.dismissals import Dismissals
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.findings import Findings

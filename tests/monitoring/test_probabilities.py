@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from dtwin.monitoring.candidate import Candidate, Conclusion
-from dtwin.monitoring.diagnosis import SURE, Diagnosis, Dismissals
+from dtwin.monitoring.diagnosis import SURE, Diagnosis
+from dtwin.monitoring.dismissals import Dismissals
 from dtwin.monitoring.estimation import traces
 from dtwin.monitoring.estimation.belief import Belief, Tail, Unmodelled
 from dtwin.monitoring.estimation.bounds import bounds

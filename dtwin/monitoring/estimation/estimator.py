@@ -324,18 +324,18 @@ class Estimator:
             self._torque[joint - 1] = deviation**2
 
     def lose(self, name: str) -> None:
-        """Takes a voltage constant or the mass held to be zero, for certain."""
+        """Takes a voltage constant or the mass held to be zero; a lost box leaves the jaws as one that is let go."""
         self._make_certain(INDEX[name], 0.0)
         if name == "payload":
-            self.box_mass, self.payload_variance = 0.0, 0.0
+            self.box_mass = self.payload_variance = 0.0
+            self._handling[:] = HANDLING, _TOUCHING
 
     def expect_boxes(self) -> None:
         """Takes the next boxes to be as boxes should be."""
         self.box_mass, self.payload_variance = self.tuning.box_mass, self.tuning.box_deviation**2
 
     def remember(self, name: str) -> None:
-        """Keeps what a state is now, to tell later by how much it has changed; of a box, without one, what boxes
-        are."""
+        """Keeps what a state is now, to tell its change later; of a box, without one, what boxes are."""
         if name in self._cloned:
             return
         index = INDEX[name]
