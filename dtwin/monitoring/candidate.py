@@ -176,6 +176,10 @@ class Candidate:
         """What tells it from candidates of other causes."""
         return tuple(sorted(f"{fault.about.cause} {fault.joint}" for fault in self.faults))
 
+    def includes(self, other: Candidate) -> bool:
+        """Whether it is the cause of another one, alone or beside a second."""
+        return set(other.cause) <= set(self.cause)
+
     @property
     def waits(self) -> bool:
         """Whether it has not been seen what comes after the delay: of a push, that it has ended for a while."""

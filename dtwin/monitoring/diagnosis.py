@@ -164,9 +164,9 @@ class Diagnosis:
         return Conclusion(top, probability, self.others())
 
     def best(self) -> tuple[Candidate, float]:
-        """The most likely candidate, and the probability of its cause among all."""
-        (top, probability), *_ = self.ranked()
-        return top, probability
+        """The most likely candidate, and the probability of its cause, alone or beside another."""
+        (top, probability), *rest = self.ranked()
+        return top, probability + sum(share for each, share in rest if each.includes(top))
 
     def earned(self, earlier: float = 0.0) -> bool:
         """Whether something has failed with a probability of SURE at least.
@@ -182,11 +182,13 @@ class Diagnosis:
 
     def others(self) -> tuple[tuple[FaultId, float], ...]:
         """The causes that with the most likely one have a probability of SURE together, each with its own."""
-        (_, total), *rest = self.ranked()
+        top, total = self.best()
         found = []
-        for candidate, probability in rest:
+        for candidate, probability in self.ranked():
             if total >= SURE:
                 break
+            if candidate.includes(top):
+                continue
             found.append((candidate.told, probability))
             total += probability
         return tuple(found)

@@ -118,15 +118,20 @@ def test_the_motion_is_in_doubt_while_a_box_comes_or_goes() -> None:
     assert max(grown[HANDLING:]) < 0.01
 
 
-def test_a_box_that_was_let_go_may_still_touch_a_finger_for_a_second() -> None:
-    """A tenth of what is in doubt while it is handled stays in doubt until the arm has left it."""
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_box_that_has_gone_may_still_touch_a_finger_for_a_second(lost: bool) -> None:
+    """A tenth of what is in doubt while it is handled, or slips, stays in doubt until the arm has left it."""
     belief = replace(assumed(ArmParameters(), (1e-3, 1e-3, 1e-3)), error=Unmodelled(grip=1.0))
     estimator = Estimator(belief, Tuning())
     estimator.begin(STATE[:3], True)
+    if lost:
+        for _ in range(HANDLING):
+            estimator.predict(VOLTS[0], True)
+        estimator.lose("payload")
     grown = []
     for _ in range(102):
         estimator.P[:] = 0.0
-        estimator.predict(VOLTS[0], False)
+        estimator.predict(VOLTS[0], lost)
         grown.append(estimator.deviation("w2") / np.linalg.norm(estimator.F[4, TORQUE:MOVING]))
     np.testing.assert_allclose(grown[:HANDLING], 1.0, rtol=1e-3)
     np.testing.assert_allclose(grown[HANDLING:100], 0.1, rtol=1e-2)

@@ -200,6 +200,15 @@ def test_what_no_cause_explains_speaks_for_none(belief: Belief) -> None:
     assert str(unsure.candidate.fault) == "payload"
 
 
+def test_a_push_after_which_the_healthy_arm_does_not_go_on_was_none(belief: Belief) -> None:
+    found = diagnosis(belief, {"K1": 40.0, "payload": 20.0})
+    push = Candidate(parse_fault_id("push2"), found.candidates[0].onset, plausible_sizes(belief.arm))
+    push.gain, found.candidates[0] = 40.0, push
+    assert str(explained(found, 4, 9.0).believed().candidate.fault) == "payload"
+    push.gain = 2000.0
+    assert found.believed().candidate is push
+
+
 def test_an_encoder_that_may_have_stopped_is_as_probable_as_it_was_while_a_cause_explained_the_motion(
     belief: Belief,
 ) -> None:
@@ -216,6 +225,49 @@ def test_an_encoder_that_may_have_stopped_is_as_probable_as_it_was_while_a_cause
     winner = found.winner()
     assert (str(winner.candidate.fault), winner.probability) == ("freeze2", pytest.approx(probability))
     assert found.believed().candidate is push
+
+
+def test_of_a_joint_that_stands_still_and_a_motion_that_nothing_explains_no_cause_is_sure(belief: Belief) -> None:
+    onset = Onset(10, 1, Estimator(belief, Tuning()))
+    found = Diagnosis([], Moments(1), 10, plausible_sizes(belief.arm), False, [(2, onset)])
+    weak = Candidate(parse_fault_id("K3"), onset, plausible_sizes(belief.arm))
+    weak.gain, weak.worst, weak.misfit = 1000.0, 9.0, 9.0
+    found.candidates.append(weak)
+    assert found.best() == (weak, pytest.approx(1.0))
+    winner = found.winner()
+    assert (str(winner.candidate.fault), winner.probability) == ("freeze2", 0.5)
+    assert winner.others == ((parse_fault_id("lock2"), 0.5),)
+    weak.worst = weak.misfit = 1.0
+    assert found.winner().candidate.fault == weak.fault
+
+
+def test_a_cause_is_as_probable_as_it_is_alone_or_beside_another(belief: Belief) -> None:
+    found = diagnosis(belief, {"K2": 20.0, "payload": 17.0})
+    sizes, onset = plausible_sizes(belief.arm), found.candidates[0].onset
+    both = Candidate(parse_fault_id("K2"), onset, sizes, other=parse_fault_id("D3"))
+    both.gain = 19.0
+    found.candidates.append(both)
+    total = 1.0 + math.exp(-1.0) + math.exp(-3.0)
+    assert found.best() == (found.candidates[0], pytest.approx((1.0 + math.exp(-1.0)) / total))
+    assert found.others() == ()
+    both.gain = 21.0
+    assert found.best() == (both, pytest.approx(math.exp(1.0) / (math.exp(1.0) + 1.0 + math.exp(-3.0))))
+    assert [str(fault) for fault, _ in found.others()] == ["K2"]
+
+
+@pytest.mark.parametrize(("likeliest", "tried"), [("supply", True), ("K1", False)])
+def test_two_weaker_joints_are_tried_as_soon_as_it_looks_like_the_supply(
+    belief: Belief, likeliest: str, tried: bool
+) -> None:
+    found = diagnosis(belief, {likeliest: 30.0, "D3": 20.0, "bias1": 10.0})
+    found._pair()
+    pairs = {frozenset(map(str, pair.faults)) for pair in found._pairs}
+    assert (frozenset(("D3", "K2")) in pairs) == tried
+    about = "K1", "K2", "D1", "D2", "mu1", "mu2"
+    assert pairs == ({frozenset(("D3", other)) for other in about} if tried else set())
+    waiting = len(found._pairs)
+    found._pair()
+    assert len(found._pairs) == waiting
 
 
 class Ended:
