@@ -143,7 +143,7 @@ class Diagnosis:
             # One a sample, because each has to catch up, and the next sample does not wait.
             self.candidates.append(self._caught_up(self._pairs.pop()))
         top, probability = self.best()
-        if top.worst <= self._misfit:
+        if top.worst <= self._misfit and not self._pairs:
             self._lately.append(Conclusion(top.as_it_is(), probability, self.others()))
 
     def stop(self, stopped: Sequence[tuple[int, Onset]]) -> None:
