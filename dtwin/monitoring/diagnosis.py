@@ -312,11 +312,13 @@ class Diagnosis:
     def _pair(self) -> None:
         """Has two changes at once tried: all if none alone explains the motion, and that two joints became weaker as
         soon as it looks like the supply, from which that differs only once the third joint needs its motor."""
-        best, paired = self.best()[0], self._paired
-        if not self.certain and paired != "all" and best.misfit > self._misfit and self._sample - self.alarm >= LEAST:
+        if self.certain or self._paired == "all":
+            return
+        best = self.best()[0]
+        if best.misfit > self._misfit and self._sample - self.alarm >= LEAST:
             self._paired = "all"
             self._pairs = _pairs(self._likely, self._sizes, self.alarm)
-        elif not self.certain and paired == "no" and best.fault.kind == SUPPLY:
+        elif self._paired == "no" and best.fault.kind == SUPPLY:
             self._paired = "weaker"
             self._pairs = [pair for pair in _pairs(self._likely, self._sizes, self.alarm) if _weakens(pair)]
 
