@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Final
 
 from dtwin.bus.twin_messages import PredictedMotion, Upload
@@ -22,8 +23,10 @@ from dtwin.twin.effects import NO_EFFECTS
 
 LATE: Final = 1.0
 """ticks that a late command acts after its own"""
-SOFTER: Final = (1.0, 0.9, 0.8, 0.75, 0.7, 0.65, 0.6, 0.55, 0.5)
+SOFTER: Final = (1.0, 0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.65, 0.6, 0.55, 0.5)
 """factors on the speed of the loop that are tried, in this order"""
+INTEGRAL: Final = (1.0, 0.8, 0.6)
+"""factors on Ki that are tried at each speed: a slower loop of an arm that gravity turns over needs less of it"""
 
 
 def settings_for_late(
@@ -31,6 +34,7 @@ def settings_for_late(
     arm: ArmParameters,
     record: MachineRecord | None,
     heaviest: float,
+    usual: Mapping[str, float],
     expect: Expect,
     reference: Sequence[PredictedMotion],
 ) -> Tuned:
@@ -42,6 +46,7 @@ def settings_for_late(
         arm: arm as it is known.
         record: record of an arm that does not obey the equations of motion.
         heaviest: mass of the heaviest box, kg.
+        usual: what holding the healthy arm takes at each place, see `beyond_strength`.
         expect: tells what to expect of settings though commands are late.
         reference: what the healthy arm's motions are expected to be.
 
@@ -49,7 +54,7 @@ def settings_for_late(
         ParameterError: no gains have the margins.
     """
     gains = gains_with_margins(settings, arm, record, LATE)
-    return search(arm, heaviest, expect, gains, settings.target_time, reference, stiffer=(1.0,))
+    return search(arm, heaviest, usual, expect, gains, settings.target_time, reference, stiffer=(1.0,))
 
 
 def control_settings(upload: Upload, model: ArmParameters | None = None) -> ControlSettings:
@@ -62,9 +67,9 @@ def gains_with_margins(
 ) -> Gains:
     """The gains nearest to those of settings with the margins at all places that uploads to the arm have to keep.
 
-    A loop that is slower by a factor f has Kp times f^2, Ki times f^3 and Kd times f. An arm with effects need only
-    keep TOLERANCE of the demanded margins when its commands are late: it is slower than the arm that they are meant
-    for.
+    A loop that is slower by a factor f has Kp times f^2, Ki times f^3 or less, and Kd times f. An arm with effects
+    need only keep TOLERANCE of the demanded margins when its commands are late: it is slower than the arm that they
+    are meant for.
 
     Args:
         settings: settings of the controller, with the model that it is to have.
@@ -76,8 +81,8 @@ def gains_with_margins(
         ParameterError: no gains have the margins.
     """
     least = _least(settings.law, record, late)
-    for factor in SOFTER:
-        tried = replace(settings, gains=_slowed(settings.gains, factor))
+    for speed, integral in product(SOFTER, INTEGRAL):
+        tried = replace(settings, gains=_slowed(settings.gains, speed, integral))
         if _kept(tried, arm, record, late, least):
             return tried.gains
     raise ParameterError(
@@ -120,5 +125,5 @@ def _kept(
     return all(each.name != UNSTABLE and each.share >= least for each in short)
 
 
-def _slowed(gains: Gains, factor: float) -> Gains:
-    return Gains(times(factor**2, gains.kp), times(factor**3, gains.ki), times(factor, gains.kd))
+def _slowed(gains: Gains, speed: float, integral: float) -> Gains:
+    return Gains(times(speed**2, gains.kp), times(integral * speed**3, gains.ki), times(speed, gains.kd))

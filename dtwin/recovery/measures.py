@@ -21,12 +21,12 @@ from dtwin.controller.bounds import ENCODER_OFFSETS
 from dtwin.errors import ParameterError
 from dtwin.identification.machine.record import MachineRecord
 from dtwin.monitoring.kinds import parse_fault_id
-from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, Triple, scaled
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, Triple, scaled, symbol_of
 from dtwin.recovery.answers import Measure
 from dtwin.recovery.desk import Desk
 from dtwin.recovery.margins import LATE, control_settings, gains_with_margins, settings_for_late, stiffer_with_margins
 from dtwin.recovery.refit import estimated, refitted
-from dtwin.recovery.strength import beyond_strength
+from dtwin.recovery.strength import beyond_strength, holding
 from dtwin.recovery.tuning import BOUND, Ability, Expect, Tuned, search, worst_ratio
 from dtwin.simulation.proposal import controllable
 
@@ -45,6 +45,7 @@ SAME: Final = 1e-9
 WORSE: Final = 3.0
 """Greatest distance from the path, relative to the healthy arm's, with which an arm whose commands are late works on:
 softer gains hold it less exactly, and no weakness of the arm is behind that."""
+_CONSTANTS: Final = [name for name in PARAMETER_NAMES if symbol_of(name) == "K"]
 _TOO_WEAK: Final[dict[Ability, str]] = {
     "without a box": "the arm can work without a box only",
     "not at all": "the arm cannot keep to its paths any more",
@@ -87,7 +88,8 @@ class Measures:
     def __init__(self, desk: Desk, healthy: ArmParameters, record: MachineRecord | None = None) -> None:
         self.offsets: list[tuple[float, Triple]] = []
         self._desk = desk
-        self._arm, self._record = healthy, record
+        self._arm, self._record, self._usual = healthy, record, holding(healthy, max(BOXES))
+        self._befores: dict[str, tuple[float, dict[str, float]]] = {}
         self._reference: list[PredictedMotion] = []
         self._followed = 0
         self._take: dict[Measure, Callable[[Sequence[MonitoredUnit]], Taken]] = {
@@ -117,13 +119,27 @@ class Measures:
         if self._record is None:
             arm = refitted(self._desk, self._arm, names, min(unit.detected for unit in found))
         else:
-            arm = estimated(self._desk, self._arm, self._record.arm, names)
+            before = self._arm
+            for unit in found:
+                before = before.with_values(self._before(unit, {unit.parameter: self._arm.get(unit.parameter)}))
+            arm = estimated(self._desk, before, self._record.arm, names)
         return Taken(self._adopt(arm), {name: arm.get(name) for name in names})
 
     def _rescale(self, found: Sequence[MonitoredUnit]) -> Taken:
         share = 1.0 + found[0].size
         self._desk.say(f"takes all voltage constants times {share:.3f}")
-        return Taken(self._adopt(scaled(self._arm, "K", share)), {found[0].parameter: share})
+        before = self._before(found[0], {name: self._arm.get(name) for name in _CONSTANTS})
+        arm = scaled(self._arm.with_values(before), "K", share)
+        return Taken(self._adopt(arm), {found[0].parameter: share})
+
+    def _before(self, unit: MonitoredUnit, values: dict[str, float]) -> dict[str, float]:
+        """What the values that a finding changes, as they are now by name, were before it was first answered.
+
+        The size of a finding counts from there, however often it is answered.
+        """
+        since, before = self._befores.get(unit.parameter, (unit.since, values))
+        self._befores[unit.parameter] = unit.since, before if since == unit.since else values
+        return self._befores[unit.parameter][1]
 
     def _adopt(self, arm: ArmParameters) -> float:
         """Gives the controller a model of the arm as it is now, and settings with which that arm works; when, s.
@@ -139,7 +155,7 @@ class Measures:
         def expect(gains: Gains, target_time: float) -> list[PredictedMotion]:
             return self._expect(PredictionRequest(gains, target_time, model=model, arm=arm))
 
-        weak = bool(beyond_strength(arm, max(BOXES)))
+        weak = bool(beyond_strength(arm, max(BOXES), self._usual))
         gains = in_force.gains if weak else self._with_margins(in_force, model, arm)
         lower = gains != in_force.gains
         able = not weak and not lower and worst_ratio(expect(gains, in_force.target_time), self._reference) <= BOUND
@@ -178,9 +194,11 @@ class Measures:
     ) -> Tuned:
         """Settings with which an arm works with boxes of some masses (kg)."""
         heaviest = max(boxes)
-        tuned = search(arm, heaviest, expect, in_force.gains, in_force.target_time, self._reference, stiffer)
+        tuned = search(
+            arm, heaviest, self._usual, expect, in_force.gains, in_force.target_time, self._reference, stiffer
+        )
         if tuned.ability in _TOO_WEAK:
-            places = ", ".join(beyond_strength(arm, heaviest))
+            places = ", ".join(beyond_strength(arm, heaviest, self._usual))
             held = f", it cannot hold a box of {1e3 * heaviest:.0f} g at {places}" if places else ""
             raise TooWeak(f"{_TOO_WEAK[tuned.ability]}{held}")
         return tuned
@@ -193,8 +211,12 @@ class Measures:
     def _take_off(self, found: Sequence[MonitoredUnit]) -> Taken:
         """Takes offsets off as soon as they are known well, and again if they turn out otherwise."""
         desk = self._desk
-        before = desk.settings().encoder_offset
+        before = list(desk.settings().encoder_offset)
         names = [unit.parameter for unit in found]
+        joints = {name: parse_fault_id(name).joint - 1 for name in names}
+        for unit in found:
+            name = unit.parameter
+            before[joints[name]] = self._before(unit, {name: before[joints[name]]})[name]
         self._await_precise(names)
         taken = {unit.parameter: unit.size for unit in found}
         upload: Upload | None = None
@@ -206,7 +228,7 @@ class Measures:
             taken |= {name: unit.size for name, unit in known.items()}
             offsets = list(before)
             for name, size in taken.items():
-                offsets[parse_fault_id(name).joint - 1] += size
+                offsets[joints[name]] += size
             first, second, third = offsets
             if max(map(abs, offsets)) > ENCODER_OFFSETS[1]:
                 raise TooWeak("an offset is too large to be taken off")
@@ -281,7 +303,9 @@ class Measures:
 
         try:
             known = control_settings(in_force)
-            tuned = settings_for_late(known, self._arm, self._record, max(BOXES), expect, self._reference)
+            tuned = settings_for_late(
+                known, self._arm, self._record, max(BOXES), self._usual, expect, self._reference
+            )
         except ParameterError as error:
             raise TooWeak(str(error)) from None
         if tuned.ability in _TOO_WEAK and tuned.ratio > WORSE:

@@ -58,7 +58,7 @@ class Operator:
         self.trouble = ""
         self._desk = desk
         self._measures = measures
-        self._dealt: set[str] = set()
+        self._dealt: dict[str, float] = {}
 
     def watch(self) -> None:
         """Answers all that is found, until the arm is stopped or the time of the desk is over."""
@@ -86,10 +86,13 @@ class Operator:
                 self._begin("go on", (PUSH,))
 
     def _new(self) -> dict[str, MonitoredUnit]:
-        """Findings that nobody has dealt with, by what they name; what has ended may come again."""
+        """Findings that nobody has dealt with, by what they name.
+
+        One that was noticed at another time is another. A unit tells of one thing at a time, so that a finding may be
+        away while something else is looked at, and is the same one afterwards.
+        """
         found = self._desk.findings
-        self._dealt &= found.keys()
-        return {name: unit for name, unit in found.items() if name not in self._dealt}
+        return {name: unit for name, unit in found.items() if self._dealt.get(name) != unit.detected}
 
     def _deal(self) -> None:
         """Answers new findings, first all that ask for the measure that comes first."""
@@ -107,7 +110,7 @@ class Operator:
         measure = min((answer.measure for _, answer in new.values()), key=MEASURES.index)
         found = [unit for unit, answer in new.values() if answer.measure == measure]
         names = tuple(unit.parameter for unit in found)
-        self._dealt |= set(names)
+        self._dealt |= {unit.parameter: unit.detected for unit in found}
         self.findings += found
         self._say_why(" and ".join(names), new[names[0]][1])
         self._begin(measure, names)
@@ -122,7 +125,7 @@ class Operator:
 
     def _stop(self, found: Sequence[MonitoredUnit], why: str) -> None:
         names = tuple(unit.parameter for unit in found)
-        self._dealt |= set(names)
+        self._dealt |= {unit.parameter: unit.detected for unit in found}
         self._desk.stop(found[0], f"{why}: {order(parse_fault_id(names[0]))}")
         self._begin("stop", names)
 

@@ -61,7 +61,7 @@ def estimated(desk: Desk, arm: ArmParameters, healthy: ArmParameters, names: Seq
 
     Args:
         desk: place at the bus of the cell.
-        arm: arm as it was known.
+        arm: arm as it was known, with those parameters as they were before what was found.
         healthy: arm that the monitor began with.
         names: parameters that have changed.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -31,6 +32,11 @@ def holding(arm: ArmParameters, payload: float) -> dict[str, float]:
     }
 
 
-def beyond_strength(arm: ArmParameters, payload: float) -> list[str]:
-    """The names of the places at which the arm cannot be held with RESERVE."""
-    return [name for name, share in holding(arm, payload).items() if share > 1.0 - RESERVE]
+def beyond_strength(arm: ArmParameters, payload: float, usual: Mapping[str, float]) -> list[str]:
+    """The names of the places at which the arm cannot be held with RESERVE, nor with what the healthy arm has left.
+
+    Args:
+        arm, payload: as for `holding`.
+        usual: what the healthy arm needs with its heaviest box, see `holding`.
+    """
+    return [name for name, share in holding(arm, payload).items() if share > max(1.0 - RESERVE, usual[name])]

@@ -6,7 +6,7 @@ The search asks what to expect of settings, whether the simulation service answe
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final, Literal, NamedTuple
 
@@ -63,6 +63,7 @@ class _Tried(NamedTuple):
 def search(
     arm: ArmParameters,
     heaviest: float,
+    usual: Mapping[str, float],
     expect: Expect,
     gains: Gains,
     target_time: float,
@@ -77,14 +78,16 @@ def search(
     Args:
         arm: arm as it is known.
         heaviest: mass of its heaviest box, kg.
+        usual: what holding the healthy arm takes at each place, see `beyond_strength`.
         expect: tells what to expect of settings.
         gains: gains in force.
         target_time: target time in force, s.
         reference: what the healthy arm's motions are expected to be with the settings in force.
         stiffer: factors on Kp and Ki that are tried.
     """
-    if beyond_strength(arm, heaviest):
-        return Tuned(gains, target_time, math.inf, "not at all" if beyond_strength(arm, 0.0) else "without a box")
+    if beyond_strength(arm, heaviest, usual):
+        able: Ability = "not at all" if beyond_strength(arm, 0.0, usual) else "without a box"
+        return Tuned(gains, target_time, math.inf, able)
     found: list[_Tried] = []
     for slower in SLOWER:
         for factor in stiffer:

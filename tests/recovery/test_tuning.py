@@ -11,6 +11,8 @@ from dtwin.recovery.strength import RESERVE, beyond_strength, holding
 from dtwin.recovery.tuning import BOUND, SLOWER, STIFFER, Expect, search
 
 GAINS = Gains()
+USUAL = holding(ArmParameters(), 0.21)
+"""share of the voltage limit that holding the healthy arm takes, by place"""
 
 
 def motion(carries: bool, rms: float, saturated: float = 0.0) -> PredictedMotion:
@@ -43,7 +45,7 @@ def with_ratios(loaded: float, empty: float, asked: list[tuple[float, float]], s
     ],
 )
 def test_the_least_change_that_is_enough_is_taken(loaded: float, time: float, stiffer: float, ability: str) -> None:
-    tuned = search(ArmParameters(), 0.2, with_ratios(loaded, 0.5, []), GAINS, 2.0, HEALTHY)
+    tuned = search(ArmParameters(), 0.2, USUAL, with_ratios(loaded, 0.5, []), GAINS, 2.0, HEALTHY)
     assert (tuned.target_time, tuned.ability) == (time, ability)
     assert tuned.gains.kp[0] / GAINS.kp[0] == pytest.approx(stiffer)
     assert tuned.gains.ki[1] / GAINS.ki[1] == pytest.approx(stiffer)
@@ -53,7 +55,7 @@ def test_the_least_change_that_is_enough_is_taken(loaded: float, time: float, st
 @pytest.mark.parametrize(("empty", "ability"), [(0.5, "without a box"), (1000.0, "not at all")])
 def test_an_arm_that_no_settings_help_is_judged_by_its_empty_motions(empty: float, ability: str) -> None:
     asked: list[tuple[float, float]] = []
-    tuned = search(ArmParameters(), 0.2, with_ratios(1000.0, empty, asked), GAINS, 2.0, HEALTHY)
+    tuned = search(ArmParameters(), 0.2, USUAL, with_ratios(1000.0, empty, asked), GAINS, 2.0, HEALTHY)
     assert tuned.ability == ability
     assert tuned.ratio > BOUND
     assert len(asked) == len(SLOWER) * len(STIFFER)
@@ -61,7 +63,7 @@ def test_an_arm_that_no_settings_help_is_judged_by_its_empty_motions(empty: floa
 
 def test_stiffer_gains_are_not_tried_at_the_voltage_limit() -> None:
     asked: list[tuple[float, float]] = []
-    search(ArmParameters(), 0.2, with_ratios(1000.0, 1.0, asked, saturated=0.1), GAINS, 2.0, HEALTHY)
+    search(ArmParameters(), 0.2, USUAL, with_ratios(1000.0, 1.0, asked, saturated=0.1), GAINS, 2.0, HEALTHY)
     assert [stiffer for _, stiffer in asked] == [1.0] * len(SLOWER)
 
 
@@ -69,7 +71,7 @@ def test_stiffer_gains_are_not_tried_at_the_voltage_limit() -> None:
 def test_nothing_is_tried_with_an_arm_that_cannot_hold_its_box(share: float, ability: str) -> None:
     asked: list[tuple[float, float]] = []
     weak = ArmParameters().with_values({"K2": share * ArmParameters().get("K2")})
-    tuned = search(weak, 0.21, with_ratios(1.0, 1.0, asked), GAINS, 2.0, HEALTHY)
+    tuned = search(weak, 0.21, USUAL, with_ratios(1.0, 1.0, asked), GAINS, 2.0, HEALTHY)
     assert (tuned.ability, tuned.ratio, asked) == (ability, math.inf, [])
 
 
@@ -77,11 +79,21 @@ def test_the_strength_that_is_left_follows_the_voltage_constant() -> None:
     arm = ArmParameters()
     shares = holding(arm, 0.21)
     assert tuple(shares) == NAMES
-    assert not beyond_strength(arm, 0.21)
+    assert not beyond_strength(arm, 0.21, shares)
     # Gravity at red by hand: q1 + q2 + q3 = 0, so that the third link is level.
     level, forearm = 0.12993861 * 0.14 + 0.21 * 0.1608, 0.11604 * 0.1 + (0.12993861 + 0.21) * 0.13246938
     torque = 9.81 * (level + forearm * math.cos(2.5298 - 2.0654))
     assert shares["red"] == pytest.approx(torque / (8.0 * arm.get("K2")), rel=1e-3)
     just = shares["red"] / (1.0 - RESERVE)
-    assert beyond_strength(scaled(arm, "K", 0.999 * just), 0.21) == ["red"]
-    assert not beyond_strength(scaled(arm, "K", 1.001 * just), 0.21)
+    assert beyond_strength(scaled(arm, "K", 0.999 * just), 0.21, shares) == ["red"]
+    assert not beyond_strength(scaled(arm, "K", 1.001 * just), 0.21, shares)
+
+
+def test_an_arm_that_never_had_the_reserve_works_on_with_what_it_has() -> None:
+    """A fault of joint 1 makes no place harder to hold at which joint 2 is the weakest."""
+    arm = scaled(ArmParameters(), "K", holding(ArmParameters(), 0.21)["red"] / (1.0 - 0.5 * RESERVE))
+    usual = holding(arm, 0.21)
+    assert usual["red"] == pytest.approx(1.0 - 0.5 * RESERVE)
+    assert not beyond_strength(arm.with_values({"K1": 0.95 * arm.get("K1")}), 0.21, usual)
+    assert beyond_strength(arm.with_values({"K2": 0.99 * arm.get("K2")}), 0.21, usual) == ["red"]
+    assert beyond_strength(arm, 0.22, usual) == ["red"]

@@ -18,6 +18,7 @@ from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, scaled, symb
 from dtwin.recovery.answers import ANSWERS, Measure
 from dtwin.recovery.margins import LATE, settings_for_late
 from dtwin.recovery.measures import BOXES, WORSE
+from dtwin.recovery.strength import holding
 from dtwin.recovery.tuning import Ability, search
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.proposal import with_rotors
@@ -82,19 +83,19 @@ def expected_of(
     condition, checker = schedule(arm, faults)[0].condition, Checker(effects=effects, via=via)
     now = scaled(condition.parameters, "K", condition.supply)
     masses = [condition.payload(mass) for mass in BOXES]
-    reference = _expect(checker, settings, arm, BOXES)
+    reference, usual = _expect(checker, settings, arm, BOXES), holding(arm, max(BOXES))
 
     def expect(gains: Gains, target_time: float, late: float = 0.0) -> list[PredictedMotion]:
         known = changed(settings, gains, target_time, with_rotors(now, effects), masses[0])
         return _expect(checker, known, now, masses, late)
 
-    ability = search(now, max(masses), expect, settings.gains, settings.target_time, reference).ability
+    ability = search(now, max(masses), usual, expect, settings.gains, settings.target_time, reference).ability
     if ability in ("without a box", "not at all"):
         return _STOP
     if not condition.late:
         return Expected(measures, ability)
     try:
-        tuned = settings_for_late(settings, now, record, max(masses), partial(expect, late=LATE), reference)
+        tuned = settings_for_late(settings, now, record, max(masses), usual, partial(expect, late=LATE), reference)
     except ParameterError:
         return _STOP
     return _STOP if tuned.ratio > WORSE else Expected(measures, ability, max(tuned.ratio, 1.0))

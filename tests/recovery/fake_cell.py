@@ -1,0 +1,187 @@
+"""Services of a cell that answer the operator at once, without any bus."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, cast
+
+import msgspec
+
+from dtwin.bus.messages import (
+    DECIDE,
+    EVENTS,
+    IDENTIFICATION,
+    IDENTIFY,
+    MONITORING,
+    PREDICT,
+    STOP,
+    UPLOAD,
+    StopRequest,
+    StopState,
+    Topic,
+)
+from dtwin.bus.session import Bus
+from dtwin.bus.twin_messages import (
+    UNITS,
+    Estimated,
+    IdentificationRequest,
+    IdentificationState,
+    MonitoredUnit,
+    MonitoringVerdict,
+    Predicted,
+    PredictedMotion,
+    PredictionRequest,
+    Upload,
+    UploadRequest,
+)
+from dtwin.controller.settings import USUAL_GAINS
+from dtwin.errors import CommunicationError
+from dtwin.identification.machine.record import MachineRecord
+from dtwin.monitoring.kinds import parse_fault_id
+from dtwin.parameters import ArmParameters
+from dtwin.recovery.desk import Desk
+from dtwin.recovery.measures import Measures
+from dtwin.recovery.operator import Operator
+from dtwin.signals import Event
+from dtwin.simulation.checks import MOTIONS
+from dtwin.simulation.upload import Proposal
+
+HEALTHY = ArmParameters()
+TICK = 0.5
+"""s of plant time between two verdicts"""
+TRIAL = 10.0
+"""s"""
+
+
+class FakeCell:
+    """Services of a cell as the operator sees them: plant time passes whenever it looks for a message.
+
+    Attributes:
+        found: findings that stand from a plant time (s) on, by what they name: time, size and deviation.
+        noticed: when findings were noticed, if it was not when they began, s.
+        refits: what identification will find, by parameter.
+        changing: changes what is found, whenever time has passed.
+        deaf: number of requests for a stop that nobody answers.
+        worse: gives how far a motion is from its path, relative to the healthy arm, by the request.
+        roll_back: whether settings on trial are taken back.
+        uploads, stops, told: what the operator asked for and said.
+    """
+
+    def __init__(self) -> None:
+        self.time = 0.0
+        self.found: dict[str, tuple[float, float, float]] = {}
+        self.noticed: dict[str, float] = {}
+        self.refits: dict[str, float] = {}
+        self.changing: Callable[[], None] = lambda: None
+        self.deaf = 0
+        self.worse: Callable[[PredictionRequest], float] = lambda request: 1.0
+        self.roll_back = False
+        self.refuse = ""
+        self.uploads: list[UploadRequest] = []
+        self.identified: list[IdentificationRequest] = []
+        self.stops: list[StopRequest] = []
+        self.told: list[str] = []
+        self.events: list[Event] = []
+        self._trial = 0.0
+        self._handlers: dict[str, Callable[[Any], None]] = {}
+        self._before = self._now = Upload(
+            1, 0.0, "start", "", False, USUAL_GAINS["cascade"], 2.0, "cascade", HEALTHY, payload=0.2
+        )
+
+    def over(self) -> bool:
+        """Lets time pass, and tells what there is at that time."""
+        self.time += TICK
+        self.changing()
+        if self._now.on_trial and self.time >= self._trial + TRIAL:
+            self._end_trial()
+        while self.events and self.events[0].time <= self.time:
+            self._handlers[EVENTS.name](self.events.pop(0))
+        units = {unit: MonitoredUnit("nominal") for unit in UNITS}
+        for name, (since, size, deviation) in self.found.items():
+            if since <= self.time:
+                fault = parse_fault_id(name)
+                noticed = self.noticed.get(name, since)
+                unit = MonitoredUnit(
+                    "failed", fault.about.cause, name, size, deviation, 1.0, since, noticed, True, name
+                )
+                units[UNITS[fault.joint - 1]] = unit
+        self._handlers[MONITORING.name](MonitoringVerdict(self.time, units, (), (), 0, 0))
+        return False
+
+    def publisher(self, topic: Topic) -> Callable[[Event], None]:
+        assert topic == EVENTS
+        return lambda event: self.told.append(event.text)
+
+    def subscribe(self, topic: Topic, message: type, handle: Callable[[Any], None]) -> None:
+        self._handlers[topic.name] = handle
+
+    def ask(self, topic: Topic, request: Any, reply: type, timeout: float = 5.0) -> Any:
+        answers: dict[Topic, Callable[[Any], Any]] = {
+            UPLOAD: self._upload,
+            PREDICT: self._predict,
+            IDENTIFY: self._identify,
+            DECIDE: lambda request: IdentificationState("accepted"),
+            STOP: self._stop,
+        }
+        return answers[topic](request)
+
+    def _upload(self, request: UploadRequest | None) -> Upload:
+        if request is not None:
+            assert not self._now.on_trial
+            assert request.based_on == self._now.version
+            self.uploads.append(request)
+            changes = {
+                field: getattr(request, field)
+                for field in ("gains", "target_time", "model", "payload", "encoder_offset")
+                if getattr(request, field) is not None
+            }
+            Proposal(request.who, request.why, request.based_on, **changes)  # as the service, of one kind at a time
+            self._before, self._trial = self._now, self.time
+            self._now = msgspec.structs.replace(
+                self._now, version=self._now.version + 1, time=self.time, action="upload", on_trial=True, **changes
+            )
+        return self._now
+
+    def _end_trial(self) -> None:
+        if self.roll_back:
+            version = self._now.version + 1
+            self._now = msgspec.structs.replace(self._before, version=version, action="roll back", text="worse")
+        else:
+            self._now = msgspec.structs.replace(self._now, action="confirm", on_trial=False)
+
+    def _predict(self, request: PredictionRequest) -> Predicted:
+        rms, nothing = (1e-3 * self.worse(request), 0.0, 0.0), (0.0, 0.0, 0.0)
+        return Predicted(1, tuple(PredictedMotion(*motion, rms, nothing, nothing, 0.0) for motion in MOTIONS))
+
+    def _identify(self, request: IdentificationRequest) -> IdentificationState:
+        self.identified.append(request)
+        found = {name: Estimated(value, 1e-4) for name, value in self.refits.items()}
+        phase = (
+            IdentificationState("refused", self.refuse)
+            if self.refuse
+            else IdentificationState("proposed", parameters=found)
+        )
+        self._handlers[IDENTIFICATION.name](phase)
+        return IdentificationState("measuring")
+
+    def _stop(self, request: StopRequest) -> StopState:
+        if self.deaf:
+            self.deaf -= 1
+            raise CommunicationError("no answer")
+        self.stops.append(request)
+        return StopState(self.time, "torque off" if request.state == "angles unknown" else "braking")
+
+
+def watched(cell: FakeCell, record: MachineRecord | None = None) -> Operator:
+    """The operator after 60 s at a cell; the upload of the healthy arm's model is left out of its list."""
+    desk = Desk(cast(Bus, cell), cell.over, lambda time: None, 60.0)
+    measures = Measures(desk, HEALTHY, record)
+    measures.begin()
+    cell.uploads.clear()
+    operator = Operator(desk, measures)
+    operator.watch()
+    return operator
+
+
+def measures_of(operator: Operator) -> list[tuple[str, tuple[str, ...]]]:
+    return [(step.measure, step.parameters) for step in operator.steps]
