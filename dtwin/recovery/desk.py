@@ -36,6 +36,10 @@ class Late(Exception):
     """Reports that the time to work in has passed, or that the cell has ended."""
 
 
+class TakenBack(CommunicationError):
+    """Reports settings that were taken back because the arm did worse on trial than was expected."""
+
+
 class Grave(Exception):
     """Reports a finding that stops the arm, whatever is being done."""
 
@@ -163,11 +167,11 @@ class Desk:
         """Waits until the trial of an upload has ended.
 
         Raises:
-            CommunicationError: the settings were taken back.
+            TakenBack: the settings were taken back.
         """
         now = self._settled()
         if now.version != upload.version:
-            raise CommunicationError(f"version {upload.version} of the settings was taken back: {now.text}")
+            raise TakenBack(f"version {upload.version} of the settings was taken back: {now.text}")
 
     def _settled(self) -> Upload:
         """The settings in force once none are on trial."""

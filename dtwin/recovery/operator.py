@@ -14,7 +14,7 @@ from dtwin.bus.twin_messages import MonitoredUnit, MonitoringVerdict
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.monitoring.kinds import PUSH, parse_fault_id
 from dtwin.recovery.answers import MEASURES, Answer, Measure, answer_to, order
-from dtwin.recovery.desk import Desk, Grave, Late
+from dtwin.recovery.desk import Desk, Grave, Late, TakenBack
 from dtwin.recovery.measures import Measures, Taken, TooWeak
 from dtwin.signals import MONITOR, Event
 
@@ -59,6 +59,7 @@ class Operator:
         self._desk = desk
         self._measures = measures
         self._dealt: dict[str, float] = {}
+        self._again: dict[str, float] = {}
 
     def watch(self) -> None:
         """Answers all that is found, until the arm is stopped or the time of the desk is over."""
@@ -120,8 +121,20 @@ class Operator:
             taken = self._measures.take(measure, found)
         except TooWeak as weak:
             self._stop(found, f"{parse_fault_id(names[0]).where}: {weak}")
+        except TakenBack as error:
+            self._try_again(found, error)
         else:
             self.steps[-1] = self.steps[-1]._replace(taken=taken)
+
+    def _try_again(self, found: Sequence[MonitoredUnit], error: TakenBack) -> None:
+        """Has findings answered once more, since a trial may fail for what the arm was doing when it began."""
+        again = {unit.parameter: unit.detected for unit in found}
+        if again.items() <= self._again.items():
+            raise error
+        self._again |= again
+        for name in again:
+            del self._dealt[name]
+        self._desk.say(f"{error}; tries once more")
 
     def _stop(self, found: Sequence[MonitoredUnit], why: str) -> None:
         names = tuple(unit.parameter for unit in found)

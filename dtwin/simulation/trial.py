@@ -13,9 +13,9 @@ TrialState = Literal["running", "passed", "failed"]
 
 
 INTERIM: Final = 3.0
-"""Factor of the bounds until the first motion that starts with the new settings.
+"""Factor of the bounds until the first motion that starts when the integrals fit the new settings.
 
-The twin predicts whole motions, and in the rest of the old motion the integrals still fit the old settings.
+The twin predicts whole motions of such an arm.
 """
 
 
@@ -32,6 +32,7 @@ class TrialRules:
         factor: factor of the predicted distance from the path.
         allowance: distance added for noise and for what the twin does not know, rad.
         samples: number of consecutive samples beyond the bound that make a failure, since one may be an outlier.
+        settling: time in which the integrals may still fit the old settings, s: three times Kp / Ki of usual gains.
         grace: time in which a distance from before the upload, or from late commands, may fall below the bound, s.
         calm: number of consecutive samples within the bounds that show that it has.
         late: number of consecutive samples with a late command after which the distance says nothing of the settings.
@@ -42,6 +43,7 @@ class TrialRules:
     factor: float = 1.5
     allowance: float = 0.01
     samples: int = 5
+    settling: float = 1.0
     grace: float = 5.0
     calm: int = 50
     late: int = 3
@@ -59,7 +61,7 @@ class Trial:
         measured: largest distance of each joint that counted so far, rad.
         bounds: bounds of the distance of each joint from the next motion on, rad.
         offender: joint (1 to 3) that failed, or 0 for none; a trial that fails without one could not judge the arm.
-        judged_motion: whether a motion that began with the new settings has ended.
+        judged_motion: whether a motion that began with the new settings, and with integrals that fit them, has ended.
     """
 
     def __init__(self, rules: TrialRules, began: float, predicted: Triple) -> None:
@@ -84,7 +86,7 @@ class Trial:
         """
         away = triple(abs(wanted - found) for wanted, found in zip(path, measured, strict=True))
         begins = max(away) <= SAME_ANGLE
-        self._moved = self._moved or begins
+        self._moved = self._moved or (begins and time >= self.began + self._rules.settling - PERIOD / 2)
         self.judged_motion = self.judged_motion or (self._moved and path == self._path)
         self._path = path
         limit = 1.0 if self._moved else INTERIM

@@ -128,8 +128,24 @@ def test_settings_that_are_taken_back_are_told(cell: FakeCell) -> None:
     cell.roll_back = True
     operator = Operator(desk, measures)
     operator.watch()
-    assert [(step.measure, step.taken.uploaded) for step in operator.steps] == [("offset", None)]
-    assert operator.trouble == "version 2 of the settings was taken back: worse"
+    assert [(step.measure, step.taken.uploaded) for step in operator.steps] == [("offset", None)] * 2
+    assert operator.trouble == "version 4 of the settings was taken back: worse"
+    assert "version 2 of the settings was taken back: worse; tries once more" in cell.told
+
+
+def test_settings_that_are_taken_back_once_are_tried_again(cell: FakeCell) -> None:
+    cell.found["bias1"] = (20.0, 0.01, 1e-4)
+    cell.roll_back = True
+
+    def better() -> None:
+        cell.roll_back = len(cell.uploads) < 2
+
+    cell.changing = better
+    operator = watched(cell)
+    assert measures_of(operator) == [("offset", ("bias1",))] * 2
+    assert [upload.encoder_offset for upload in cell.uploads] == [(0.01, 0.0, 0.0)] * 2
+    assert operator.steps[-1].taken.values == {"bias1": 0.01}
+    assert operator.trouble == ""
 
 
 def test_an_offset_is_taken_off_once_it_is_known_well(cell: FakeCell) -> None:

@@ -136,7 +136,7 @@ def test_a_trial_that_a_crash_cut_short_goes_on(desk: UploadingCell) -> None:
     assert again.trial is not None
     assert again.version == 2
     for tick in range(20):
-        entry = again.observe(8.0 + tick / 100, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0 if tick < 2 else 0.3))
+        entry = again.observe(8.0 + tick / 100, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0 if tick < 2 else 1.0))
         if entry is not None:
             break
     assert desk.actions() == ["start", "upload", "roll back"]
@@ -317,7 +317,7 @@ def verdicts(distances: list[float], rules: TrialRules | None = None, path: floa
 
 
 def test_trial_fails_after_some_samples_beyond_the_bound() -> None:
-    moved = [0.0]  # the first sample of a path
+    moved = [0.01] * 100 + [0.0]  # the first sample of a path when the integrals fit
     assert verdicts(moved + [0.03] * 4 + [0.01] + [0.03] * 4)[-1] == "running"
     assert verdicts(moved + [0.03] * 5)[-2:] == ["running", "failed"]
 
@@ -325,6 +325,12 @@ def test_trial_fails_after_some_samples_beyond_the_bound() -> None:
 def test_trial_is_patient_with_the_motion_that_ran_before() -> None:
     assert verdicts([0.02] + [0.07] * 50)[-1] == "running"
     assert verdicts([0.02] + [0.08] * 5)[-1] == "failed"
+
+
+def test_trial_is_patient_with_a_motion_that_begins_before_the_integrals_fit() -> None:
+    soon = [0.02] * 18 + [0.0]
+    assert verdicts(soon + [0.07] * 50)[-1] == "running"
+    assert verdicts(soon + [0.08] * 5)[-1] == "failed"
 
 
 def test_trial_waits_for_a_distance_that_was_there_before() -> None:
