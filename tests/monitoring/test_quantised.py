@@ -100,6 +100,26 @@ def test_a_lost_sample_of_a_noisy_encoder_is_no_measurement() -> None:
     assert taken(readings, q * round(0.31 / q), 0.31, 1e-3)
 
 
+@pytest.mark.parametrize(
+    ("deviation", "repeats", "counts"),
+    [(5e-3, 3, False), (5e-3, 2, True), (4e-4, 3, True)],
+    ids=["three, of joints that may be anywhere", "two", "three, of joints at rest"],
+)
+def test_three_noisy_encoders_that_repeat_at_once_were_not_read(deviation: float, repeats: int, counts: bool) -> None:
+    """Each repeats itself by chance; all at once they do so only where nothing moves."""
+    q = resolution(14)
+    readings, generator = Readings((3e-4,) * 3), np.random.default_rng(0)
+    expected, expectations = np.zeros(3), np.full(3, deviation)
+    for _ in range(60):
+        angles = q * np.round(2e-3 * generator.standard_normal(3) / q)
+        readings.take(angles)
+        readings.judge(expected, expectations, True)
+    angles = np.where(np.arange(3) < repeats, angles, angles + q)
+    readings.take(angles)
+    assert readings.judge(angles, expectations, True).tolist() == [counts] * repeats + [True] * (3 - repeats)
+    assert readings.judge(angles + 10.0 * deviation, expectations, True).tolist()[:repeats] == [False] * repeats
+
+
 @pytest.mark.parametrize(("noise", "stopped"), [(1e-3, True), (2e-4, False)])
 def test_an_encoder_whose_noise_does_not_show_any_more_has_stopped_at_rest_too(noise: float, stopped: bool) -> None:
     """Not by chance after ten equal readings if its noise exceeds the resolution of 0.4 mrad, else it may rest."""

@@ -48,6 +48,8 @@ _STILL: Final = 10
 """equal readings in a row that such an encoder does not give at rest either, though single samples be lost"""
 _CHANCE: Final = 2
 """times that such an encoder may repeat its reading by chance"""
+_TOGETHER: Final = 1e-3
+"""probability below which three encoders do not repeat their readings at once: that is a sample that was lost"""
 _RESOLUTIONS: Final = 3.0
 _DEVIATIONS: Final = 8.0
 """resolutions and standard deviations of predicted motion that an encoder which works would have shown"""
@@ -325,6 +327,7 @@ def judge(
     An angle of a reading that is looked at again becomes the one within its resolution that is nearest to the
     prediction.
     """
+    vanished = _vanished(predicted, deviation, last, repeated, resolution, noise)
     for i in range(3):
         first = repeated[i] == 0
         if first or math.isnan(since[i]):
@@ -338,7 +341,7 @@ def judge(
         frozen[i] = not first and (frozen[i] or stopped)
         again = not first and repeated[i] % _LOOK == 0 and resolution[i] > 0.0 and off > 0.5 * resolution[i]
         # Where neighbouring readings differ by noise, one that repeats the last is more often a sample that was lost.
-        lost = not first and dithered[i] and off > deviation[i]
+        lost = not first and dithered[i] and (off > deviation[i] or vanished)
         used = (new[i] or again) and not frozen[i] and not lost
         if again and not new[i]:
             angles[i] = last[i] + math.copysign(0.5 * resolution[i], predicted[i] - last[i])
@@ -350,6 +353,25 @@ def judge(
         if used:
             left_out[i], was_near[i], missed[i] = left, near, angles[i] - predicted[i]
         measurements[i] = used and not left
+
+
+@kernel
+def _vanished(
+    predicted: Array, deviation: Array, last: Array, repeated: Counts, resolution: Array, noise: Array
+) -> bool:
+    """Whether a sample that repeats the one before was lost, see `Readings.judge` for the arguments.
+
+    The chance of a reading to fall on the same multiple of the resolution follows from how it is predicted. Of an
+    encoder without noise or resolution nothing follows: at rest it repeats itself whenever it is read.
+    """
+    chance = 1.0
+    for i in range(3):
+        if repeated[i] == 0:
+            return False
+        if resolution[i] > 0.0 or noise[i] > NOISE_FLOOR:
+            off = (predicted[i] - last[i]) / deviation[i]
+            chance *= min(resolution[i] / (math.sqrt(2.0 * math.pi) * deviation[i]), 1.0) * math.exp(-0.5 * off * off)
+    return chance < _TOGETHER
 
 
 def _common_divisor(first: float, second: float) -> float:
