@@ -199,3 +199,29 @@ def test_one_reading_far_off_does_not_count_and_a_second_one_does() -> None:
     assert not taken(readings, 0.05, 0.0, 1e-3)
     assert taken(readings, 0.051, 0.0, 1e-3)
     assert not readings.spikes.any()
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+@pytest.mark.parametrize("arrives", [True, False])
+def test_a_reading_far_off_that_stays_counts_unless_it_is_a_lost_sample_of_a_spike(
+    arrives: bool, noise: float
+) -> None:
+    """At rest an encoder repeats itself; that it does so far off says that it was no spike.
+
+    A lost sample repeats all encoders, but not twice.
+    """
+    q, generator = resolution(14), np.random.default_rng(0)
+    readings, predicted = Readings((noise * q,) * 3), np.zeros(3)
+    rest = q * np.round(noise * generator.standard_normal((60, 3)) + np.array([[0.0], [1.0]] * 30))
+
+    def used(angles: np.ndarray) -> bool:
+        readings.take(angles)
+        return bool(readings.judge(predicted, np.full(3, 2.0 * q), True)[0])
+
+    for angles in rest:
+        used(angles)
+    off = rest[-1] + np.array([60.0 * q, 0.0, 0.0])
+    assert not used(off)
+    assert used(off + np.array([0.0, 0.0, q if arrives else 0.0])) == arrives
+    assert used(off + np.array([0.0, 0.0, q if arrives else 0.0])) != arrives
+    assert not readings.spikes.any()

@@ -328,6 +328,7 @@ def judge(
     prediction.
     """
     vanished = _vanished(predicted, deviation, last, repeated, resolution, noise)
+    arrived = min(repeated[0], repeated[1], repeated[2]) == 0
     for i in range(3):
         first = repeated[i] == 0
         if first or math.isnan(since[i]):
@@ -339,9 +340,12 @@ def judge(
         restless = noise[i] > max(_NOISY * resolution[i], NOISE_FLOOR)
         stopped = (stopped and moved > _DEVIATIONS * deviation[i]) or (restless and repeated[i] >= _STILL - 1)
         frozen[i] = not first and (frozen[i] or stopped)
-        again = not first and repeated[i] % _LOOK == 0 and resolution[i] > 0.0 and off > 0.5 * resolution[i]
+        # One that was far off and is read again is no spike, which a lost sample would repeat only once.
+        stays = left_out[i] and not first and (arrived or repeated[i] > 1)
+        again = not first and resolution[i] > 0.0 and off > 0.5 * resolution[i]
+        again = again and (stays or repeated[i] % _LOOK == 0)
         # Where neighbouring readings differ by noise, one that repeats the last is more often a sample that was lost.
-        lost = not first and dithered[i] and (off > deviation[i] or vanished)
+        lost = not first and not stays and dithered[i] and (off > deviation[i] or vanished)
         used = (new[i] or again) and not frozen[i] and not lost
         if again and not new[i]:
             angles[i] = last[i] + math.copysign(0.5 * resolution[i], predicted[i] - last[i])
