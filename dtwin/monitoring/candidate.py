@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation.arrays import Change
 from dtwin.monitoring.estimation.estimator import Estimator
-from dtwin.monitoring.estimation.layout import INDEX
+from dtwin.monitoring.estimation.layout import INDEX, PAYLOAD
 from dtwin.monitoring.kinds import FaultId, reference
 from dtwin.monitoring.signatures import Onset
 from dtwin.monitoring.tracking.moments import Moment, Moments
@@ -67,8 +67,10 @@ class Candidate:
         delay: samples from the onset until something jumps or is lost, an encoder stops, a joint is locked, or a push
             ends; what jumps does so at an unknown time up to the next onset if this is 0.
         other: what else changed at the same time; both are jumps.
+        caught: samples after which a lost box is held again, somewhat otherwise; 0 for never.
 
     Attributes:
+        caught: samples after which the lost box is held again, 0 for never.
         estimator: the arm under the hypothesis.
         gain: log-likelihood over the arm as believed, since the onset, and the logarithm of how rare it is.
         peak: the most that a single sample has added to that.
@@ -85,6 +87,7 @@ class Candidate:
         expected: dict[str, float] | None = None,
         delay: int = 0,
         other: FaultId | None = None,
+        caught: int = 0,
     ) -> None:
         self.fault, self.other, self.onset = fault, other, onset
         self.gain = -RARER if other else 0.0
@@ -97,6 +100,7 @@ class Candidate:
         self._stopping = fault.joint - 1 if hypothesis == "stop" else -1
         self._stopped: float | None = None
         self._delay = self._first_delay = delay
+        self.caught, self._mass, self._spread = caught, float(onset.estimator.x[PAYLOAD]), sizes.get("payload", 0.0)
         opened = {"jump": (str(fault),), "jumps": fault.states, "scale": fault.states}.get(hypothesis, ())
         if other:
             opened = (*opened, str(other))
@@ -125,6 +129,8 @@ class Candidate:
         self.sample += 1
         if self._delay == 0 and (self._first_delay or self._lost or self._stopping >= 0):
             self._turn(moment)
+        elif self.caught and self._delay == -self.caught:
+            self._catch()
         self._delay -= 1
         if self._opening:
             estimator.spread(self._spreads)
@@ -200,7 +206,13 @@ class Candidate:
         if not begun.gripped:
             start["payload"] = begun.box_mass
         found = {name: change.value - start[name] for name, change in self.changes().items() if not self._lost}
-        return Candidate(self.fault, self.onset, sizes, found, self._first_delay, self.other)
+        return Candidate(self.fault, self.onset, sizes, found, self._first_delay, self.other, self.caught)
+
+    def _catch(self) -> None:
+        """The jaws hold the lost box again: what they are about to grip is the box that there was."""
+        estimator = self.estimator
+        estimator.box_mass, estimator.payload_variance = self._mass, self._spread**2
+        estimator.gripped = False
 
     def _turn(self, moment: Moment) -> None:
         """What happens after the delay."""

@@ -23,6 +23,7 @@ from dtwin.monitoring.kinds import (
     LOCK,
     PUSH,
     SCALE,
+    SLIP,
     SUPPLY,
     UNKNOWN,
     FaultId,
@@ -45,6 +46,8 @@ _RECENT: Final = 100
 """samples since an onset up to which a push is noticed, or two changes at once"""
 PUSHES: Final = (2, 5, 10, 20, 40)
 """samples that a push may last"""
+CAUGHT: Final = (5, 10, 20)
+"""samples after which a box that slips may be held again"""
 DECIDED: Final = 0.999
 """probability at which a cause is settled"""
 LEAST: Final = 20
@@ -120,8 +123,8 @@ class Diagnosis:
         self._temper, self._misfit = temper, misfit
         # Where evidence counts for less, it has taken the time that is waited for otherwise.
         self._least = LEAST if temper == 1.0 else LEAST // 2
-        likely = suspicions[:CONSIDERED]
-        self._likely = likely[:PAIRED]
+        likely = _with_constants(suspicions[:CONSIDERED])
+        self._likely = suspicions[:PAIRED]
         self._history, self._sample = history, sample
         self.candidates = _stops(stopped, sizes) + (self._changes(likely, locked) if likely else [])
         self.certain = bool(stopped)
@@ -264,11 +267,9 @@ class Diagnosis:
             return age >= MOST or (age >= PATIENT and self._located(top.fault.joint) >= LOCATED)
         if top.other or top.waits:
             return age >= ENOUGH
-        return age >= ENOUGH or all(
-            top.estimator.deviation(name) <= _PRECISE * self._sizes[name]
-            for name in top.changes()
-            if name in self._sizes
-        )
+        # What is lost has no size to be told.
+        sized = () if top.fault.about.hypothesis == "loss" else self._sizes.keys() & top.changes().keys()
+        return age >= ENOUGH or all(top.estimator.deviation(name) <= _PRECISE * self._sizes[name] for name in sized)
 
     def _located(self, joint: int) -> float:
         """Probability that it is a matter of a joint (1 to 3), whatever the cause; 0 for what is none."""
@@ -302,7 +303,10 @@ class Diagnosis:
             found += _stepped(FaultId(BIAS, joint), onset, sizes, history, sample)
         for fault, onset, *_ in likely:
             found += [
-                Candidate(f, onset, sizes, delay=delay) for f in _told_by(fault, "loss") for delay in range(DELAYED)
+                Candidate(f, onset, sizes, delay=delay, caught=caught)
+                for f in _told_by(fault, "loss")
+                for delay in range(DELAYED)
+                for caught in ((0, *CAUGHT) if f.kind == SLIP else (0,))
             ]
             found += [Candidate(fault, onset, sizes, {str(fault): change}) for change in fault.about.starts]
         recent = [onset for onset in onsets if sample - onset.sample <= _RECENT][:_FEW]
@@ -337,6 +341,14 @@ class Diagnosis:
         least = top - _HOPELESS * self._temper
         # What an encoder that has stopped does not explain may be what the arm hits because of that.
         self.candidates = [c for c in self.candidates if c.gain >= least or (self.certain and c.fault.kind == FREEZE)]
+
+
+def _with_constants(likely: Sequence[Suspicion]) -> list[Suspicion]:
+    """Suspicions, and of a joint whose offset is suspected that its motor became weaker: what dry friction holds then
+    may begin to move, and a joint that rests is evidence of its offset only."""
+    suspected = {each.fault for each in likely}
+    weak = [each._replace(fault=FaultId("K", each.fault.joint)) for each in likely if each.fault.kind == BIAS]
+    return [*likely, *(each for each in weak if each.fault not in suspected)]
 
 
 def _pairs(likely: Sequence[Suspicion], sizes: dict[str, float], alarm: int) -> list[Candidate]:

@@ -63,11 +63,14 @@ class Consequences(NamedTuple):
         forget: states that count as always having been what they are now.
         boxes: whether the next boxes are expected to be as boxes should be.
         jumped: the state that changed suddenly, whose trend ends; "" for none.
+        loose: whether a box is held, nobody knows how: until it is let go, what its weight and what it may touch do
+            to the arm is in doubt.
     """
 
     forget: tuple[str, ...] = ()
     boxes: bool = False
     jumped: str = ""
+    loose: bool = False
 
     def apply(self, estimator: Estimator, trend: Trend) -> None:
         """Does it."""
@@ -77,8 +80,12 @@ class Consequences(NamedTuple):
             estimator.expect_boxes()
         if self.jumped in WATCHED:
             trend.restart()
+        if self.loose:
+            estimator.handling[0] = _ALWAYS
 
 
+_ALWAYS: Final = 1 << 40
+"""more samples than any box is held for"""
 PUT_DOWN: Final = Consequences(("payload",), boxes=True)
 """What follows when a box leaves the gripper."""
 _OVER: Final = "the box that differed is put down"
@@ -141,7 +148,8 @@ class Findings:
         after = [self._settle(time, candidate, found) for found in settled]
         jumped = [each.jumped for each in after if each.jumped]
         forget = tuple(name for each in after for name in each.forget)
-        return Consequences(forget, any(each.boxes for each in after), jumped[0] if jumped else "")
+        boxes, loose = any(each.boxes for each in after), any(each.loose for each in after)
+        return Consequences(forget, boxes, jumped[0] if jumped else "", loose)
 
     def _told(self, candidate: Candidate, state: str, probability: float, detected: float) -> Finding:
         """What a candidate amounts to by the change of one state, "" for none."""
@@ -186,7 +194,7 @@ class Findings:
         if settled.fault.about.on_box and since <= self._released:
             over = PUT_DOWN if settled.fault.kind == SLIP else self.put_down(self._released)
             return over._replace(jumped=settled.parameter)
-        return Consequences(jumped=settled.parameter)
+        return Consequences(jumped=settled.parameter, loose=bool(candidate.caught))
 
     def enter(self, time: float, found: Finding) -> None:
         """Enters a finding at a plant time (s), unless it is tolerated; what is over already is told alone."""

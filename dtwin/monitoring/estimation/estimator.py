@@ -45,7 +45,7 @@ Array = NDArray[np.float64]
 
 _OWN: Final = (
     *("x", "P", "gains", "innovation", "variance", "score", "information", "_walk", "_torque", "_swing"),
-    *("_command", "_handling", "_clones", "_C", "_B", "_growth", "_motion"),
+    *("_command", "handling", "_clones", "_C", "_B", "_growth", "_motion"),
 )
 """what changes in place, of which a copy needs its own"""
 HANDLING: Final = 10
@@ -76,6 +76,7 @@ class Estimator:
         information: (3,), variance of the scores, 1/rad^2.
         memory: share that is left after a sample of a torque that the model does not explain.
         gripped: whether a box is held since the last prediction.
+        handling: (2,), samples for which a box is still handled, and for which one let go may touch a finger.
         box_mass: mass that a box is expected to have when it is gripped, kg.
         payload_variance: variance of that mass, kg^2.
     """
@@ -116,7 +117,7 @@ class Estimator:
         self.score, self.information = np.zeros(3), np.zeros(3)
         self.gripped = False
         self._command = np.full(3, np.nan)
-        self._handling = np.zeros(2, dtype=np.int64)
+        self.handling = np.zeros(2, dtype=np.int64)
         self._cloned: tuple[str, ...] = ()
         self._clones, self._C, self._B = np.zeros(0), np.zeros((SIZE, 0)), np.zeros(0)
 
@@ -128,9 +129,8 @@ class Estimator:
         P[:ARM], P[:, :ARM], self._C[:ARM] = 0.0, 0.0, 0.0
         self._motion.begin()
         self._command[:] = np.nan
-        for i in range(3):
-            P[i, i] = 1.0
-            P[W + i, W + i] = self.tuning.speed**2
+        np.fill_diagonal(P[:W, :W], 1.0)
+        np.fill_diagonal(P[W:ARM, W:ARM], self.tuning.speed**2)
         self._hold(gripped)
         self.correct(measured, np.ones(3, dtype=bool))
 
@@ -155,7 +155,7 @@ class Estimator:
             self._displacement,
             self._compliance,
             self._command,
-            self._handling,
+            self.handling,
             self._swing,
             torque,
             displaced,
@@ -249,7 +249,7 @@ class Estimator:
             self._compliance,
             self._swing,
             self._command,
-            self._handling,
+            self.handling,
             self._least,
             self._most,
             self._lower,
@@ -268,14 +268,14 @@ class Estimator:
 
     def room(self, count: int) -> Past:
         """Room for what a plain estimator is at some samples."""
-        changing = (self.x, self.P, self._swing, self._command, self._handling, *self.motion_arrays()[-3:])
+        changing = (self.x, self.P, self._swing, self._command, self.handling, *self.motion_arrays()[-3:])
         rows = (np.empty((count, *each.shape), dtype=each.dtype) for each in changing)
         return Past(np.zeros(count, dtype=bool), *rows)
 
     def at(self, past: Past, row: int) -> Estimator:
         """The estimator as it was."""
         other = self.copy()
-        mine = (other.x, other.P, other._swing, other._command, other._handling, *other.motion_arrays()[-3:])
+        mine = (other.x, other.P, other._swing, other._command, other.handling, *other.motion_arrays()[-3:])
         for each, was in zip(mine, past[1:], strict=True):
             each[:] = was[row]
         return other
@@ -328,7 +328,7 @@ class Estimator:
         self._make_certain(INDEX[name], 0.0)
         if name == "payload":
             self.box_mass = self.payload_variance = 0.0
-            self._handling[:] = HANDLING, _TOUCHING
+            self.handling[:] = HANDLING, _TOUCHING
 
     def expect_boxes(self) -> None:
         """Takes the next boxes to be as boxes should be."""
@@ -393,8 +393,8 @@ class Estimator:
     def _hold(self, gripped: bool) -> None:
         """A box is gripped or let go: of what is held now, only the prior is known."""
         if self.gripped and not gripped:
-            self._handling[1] = _TOUCHING
+            self.handling[1] = _TOUCHING
         self.gripped = gripped
         self._make_certain(PAYLOAD, self.box_mass if gripped else 0.0)
         self.P[PAYLOAD, PAYLOAD] = self.payload_variance if gripped else 0.0
-        self._handling[0] = HANDLING
+        self.handling[0] = HANDLING
