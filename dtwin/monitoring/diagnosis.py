@@ -43,7 +43,7 @@ PAIRED: Final = 5
 _FEW: Final = 2
 """onsets of which the rarer causes are tried"""
 _RECENT: Final = 100
-"""samples since an onset up to which a push is noticed, or two changes at once"""
+"""samples since an onset up to which a push, a caught box or two changes at once are noticed"""
 PUSHES: Final = (2, 5, 10, 20, 40)
 """samples that a push may last"""
 CAUGHT: Final = (5, 10, 20)
@@ -306,7 +306,7 @@ class Diagnosis:
                 Candidate(f, onset, sizes, delay=delay, caught=caught)
                 for f in _told_by(fault, "loss")
                 for delay in range(DELAYED)
-                for caught in ((0, *CAUGHT) if f.kind == SLIP else (0,))
+                for caught in ((0, *CAUGHT) if f.kind == SLIP and sample - onset.sample <= _RECENT else (0,))
             ]
             found += [Candidate(fault, onset, sizes, {str(fault): change}) for change in fault.about.starts]
         recent = [onset for onset in onsets if sample - onset.sample <= _RECENT][:_FEW]
