@@ -162,7 +162,7 @@ class Checker:
         Args:
             settings: settings to be uploaded.
             arm: model of the arm, which takes the place of the plant.
-            motions: motions that must keep to their paths; None for all of the cell.
+            motions: motions that must keep to their paths; None for all that the arm makes at work.
             late: ticks by which commands act later than they did.
             in_force: settings in force; those that differ by no more than a longer time need only be stable.
 
@@ -170,13 +170,12 @@ class Checker:
             Refused: a value is out of bounds, a margin is too small, or a motion leaves its path; the message says
                 which and why.
         """
-        motions = self.motions if motions is None else motions
         least = min(self._least, TOLERANCE) if late and self._effects != NO_EFFECTS else self._least
         if in_force is not None and settings == replace(in_force, target_time=settings.target_time):
             least = least if settings.target_time < in_force.target_time else 0.0
         try:
             check_bounds(settings)
-            resting = self._margins(settings, arm, motions, late, least)
+            resting = self._margins(settings, arm, self.motions if motions is None else motions, late, least)
             prediction = self.predict(settings, arm, motions, late)
         except (ParameterError, DivergenceError) as error:
             raise Refused(str(error)) from None
@@ -189,7 +188,6 @@ class Checker:
             )
         return replace(
             prediction,
-            tracking=self._over_ways(settings, arm, late, prediction.tracking),
             spectral_radius=max(case.margins.spectral_radius for case in resting),
             disk_margin=min(case.margins.disk for case in resting),
         )
@@ -203,18 +201,24 @@ class Checker:
     ) -> ExpectedTracking:
         """Predicts the performance of settings on an arm, good or bad; margins at rest are not checked.
 
-        Motions with a box are simulated with a box of the mass that the controller assumes and with a heavier one:
-        near the voltage limit a few grams decide whether an arm can follow its path.
+        All motions that the arm makes at work if none are named: among bodies it goes along the ways between them,
+        and never from place to place. Motions with a box are simulated with a box of the mass that the controller
+        assumes and with a heavier one: near the voltage limit a few grams decide whether an arm can follow its path.
 
         Raises:
             DivergenceError: the state of the arm is no longer finite.
         """
-        motions = self.motions if motions is None else motions
-        loaded = [motion for motion in motions if motion.carries]
-        found = self.simulate(settings, arm, settings.payload, motions, late)
-        found += self.simulate(settings, arm, settings.payload + self._heavier, loaded, late)
+        heavier = settings.payload + self._heavier
+        if motions is None:
+            made = self.expect(settings, arm, settings.payload, late)
+            made += self.expect(settings, arm, heavier, late, loaded=True)
+        else:
+            loaded = [motion for motion in motions if motion.carries]
+            made = list(zip(motions, self.simulate(settings, arm, settings.payload, motions, late), strict=True))
+            made += zip(loaded, self.simulate(settings, arm, heavier, loaded, late), strict=True)
+        found = [figures for _, figures in made]
         tracking = np.array([figures.tracking_max for figures in found])
-        worst = (*motions, *loaded)[int(tracking.max(axis=1).argmax())]
+        worst = made[int(tracking.max(axis=1).argmax())][0]
         volts = np.max([figures.peak_volts for figures in found], axis=0)
         saturated = max(figures.saturated for figures in found)
         rms = float(np.sqrt(np.mean([np.square(figures.tracking_rms) for figures in found])))
@@ -240,9 +244,9 @@ class Checker:
         return [self._simulator.run(case).figures for case in cases]
 
     def expect(
-        self, settings: ControlSettings, arm: ArmParameters, box: float, late: float = 0.0
+        self, settings: ControlSettings, arm: ArmParameters, box: float, late: float = 0.0, loaded: bool = False
     ) -> list[tuple[Motion, Figures]]:
-        """All motions that the arm makes at work, in one order, and the figures of each.
+        """All motions that the arm makes at work, or those with a box, in one order, and the figures of each.
 
         They lead from place to place, or along the ways between bodies.
 
@@ -251,21 +255,16 @@ class Checker:
             arm: the arm.
             box: mass of the box where one is carried, kg.
             late: ticks by which commands act later than they did.
+            loaded: whether only motions with a box are asked for.
 
         Raises:
             DivergenceError: the state of the arm is no longer finite.
         """
         if not self._via:
-            return list(zip(self.motions, self.simulate(settings, arm, box, late=late), strict=True))
-        return [(Motion(*leg.names, leg.carries), self._along(leg, settings, arm, box, late)) for leg in self._legs]
-
-    def _over_ways(self, settings: ControlSettings, arm: ArmParameters, late: float, tracking: Triple) -> Triple:
-        """The largest distances from the path (3,), rad, of motions of which they are given, and of the ways between
-        bodies, of which most are shorter and faster."""
-        for leg in self._legs:
-            figures = self._along(leg, settings, arm, settings.payload + self._heavier, late)
-            tracking = triple(map(max, tracking, figures.tracking_max))
-        return tracking
+            motions = [motion for motion in self.motions if motion.carries or not loaded]
+            return list(zip(motions, self.simulate(settings, arm, box, motions, late), strict=True))
+        legs = [leg for leg in self._legs if leg.carries or not loaded]
+        return [(Motion(*leg.names, leg.carries), self._along(leg, settings, arm, box, late)) for leg in legs]
 
     def _along(self, leg: Leg, settings: ControlSettings, arm: ArmParameters, box: float, late: float) -> Figures:
         case = MotionCase(
