@@ -249,8 +249,8 @@ class Measures:
     def _count_on(self, found: Sequence[MonitoredUnit]) -> Taken:
         """Has the controller count on the mass that was measured, at a target time at which the arm can carry it.
 
-        An arm that needs more time gets that first: at its old target time the heavier box would be refused. Other
-        boxes may differ from this one as usual ones do, so it is asked for the heaviest, too.
+        An arm that needs more time, or lower gains, gets that first: without it the heavier box would be refused.
+        Other boxes may differ from this one as usual ones do, so it is asked for the heaviest, too.
         """
         desk, in_force = self._desk, self._desk.settings()
         self._followed = len(desk.boxes)
@@ -260,19 +260,22 @@ class Measures:
             desk.say(f"the controller counts on {1e3 * in_force.payload:.0f} g already")
             return Taken(None, values)
         boxes = (mass, mass + max(BOXES) - BOXES[0])
+        heavier = msgspec.structs.replace(in_force, payload=mass)
+        gains = self._with_margins(heavier, in_force.model, self._arm)
+        lower = gains != in_force.gains
         tuned = self._tuned(
-            in_force,
+            msgspec.structs.replace(in_force, gains=gains),
             self._arm,
             boxes,
             lambda gains, time: self._expect(PredictionRequest(gains, time, arm=self._arm, payload=mass), boxes),
-            self._stiffer(self._arm, in_force, msgspec.structs.replace(in_force, payload=mass)),
+            (1.0,) if lower else self._stiffer(self._arm, in_force, heavier),
         )
-        slower = tuned.target_time > in_force.target_time
-        if slower:
+        first = lower or tuned.target_time > in_force.target_time
+        if first:
             desk.confirm(self._tune(tuned, in_force, self._arm))
         upload = desk.upload(f"the box weighs {1e3 * mass:.0f} g", payload=mass, arm=self._arm)
         desk.confirm(upload)
-        if not slower and tuned.gains != in_force.gains:
+        if not first and tuned.gains != in_force.gains:
             upload = self._tune(tuned, in_force, self._arm)
             desk.confirm(upload)
         return Taken(upload.time, values)

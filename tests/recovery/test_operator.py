@@ -267,6 +267,19 @@ def test_gains_without_margins_are_lowered_before_the_model_and_made_no_stiffer(
         Checker().check(settings, HEALTHY.with_values({"K2": 0.1416}))
 
 
+def test_gains_without_margins_with_a_heavier_box_are_lowered_before_it_is_counted_on(cell: FakeCell) -> None:
+    fast = replace(FAST, kp=(3000.0,) * 3)
+    cell._now = msgspec.structs.replace(cell._now, gains=fast)
+    cell.found["payload"] = (20.0, 0.03, 1e-3)
+    assert measures_of(watched(cell)) == [("payload", ("payload",))]
+    first, second = cell.uploads
+    assert (first.payload, second.gains) == (None, None)
+    assert first.gains is not None
+    assert first.gains.ki[0] < fast.ki[0]
+    assert second.payload == pytest.approx(0.23)
+    Checker().check(replace(ControlSettings(law="cascade"), gains=first.gains, payload=0.23), HEALTHY)
+
+
 @pytest.mark.parametrize(("fast", "stiffest"), [(1.0, 1.5), (3.0, 1.3)])
 def test_gains_are_made_no_stiffer_than_their_margins_allow(cell: FakeCell, fast: float, stiffest: float) -> None:
     """The stiffer the better here; settings without margins would be refused, and the arm left as it was."""
