@@ -208,6 +208,10 @@ class Candidate:
         found = {name: change.value - start[name] for name, change in self.changes().items() if not self._lost}
         return Candidate(self.fault, self.onset, sizes, found, self._first_delay, self.other, self.caught)
 
+    def beside(self, other: FaultId, sizes: dict[str, float]) -> Candidate:
+        """The same jump from the same onset, together with another."""
+        return Candidate(self.fault, self.onset, sizes, delay=self._first_delay, other=other)
+
     def _catch(self) -> None:
         """The jaws hold the lost box again: what they are about to grip is the box that there was."""
         estimator = self.estimator

@@ -13,41 +13,23 @@ from collections.abc import Mapping, Sequence
 from typing import Final, Literal
 
 from dtwin.monitoring.candidate import Candidate, Conclusion
+from dtwin.monitoring.hypotheses import OF_ENCODER, PAIRED, changes, pairs, stops, weakens
 from dtwin.monitoring.kinds import (
     BIAS,
     DRIFT,
-    FREE,
     FREEZE,
-    JUMPS,
-    KINDS,
     LOCK,
-    PUSH,
     SCALE,
-    SLIP,
     SUPPLY,
     UNKNOWN,
     FaultId,
-    Hypothesis,
     faults,
-    parse_fault_id,
 )
 from dtwin.monitoring.signatures import Onset, Suspicion
 from dtwin.monitoring.tracking.moments import Moment, Moments
 
-DELAYED: Final = 4
-"""samples in which, after an onset, an encoder stops or something is lost"""
 CONSIDERED: Final = 10
 """most likely suspicions that become candidates"""
-PAIRED: Final = 5
-"""most likely changes to which a second one is added if none explains the motion alone"""
-_FEW: Final = 2
-"""onsets of which the rarer causes are tried"""
-_RECENT: Final = 100
-"""samples since an onset up to which a push, a caught box or two changes at once are noticed"""
-PUSHES: Final = (2, 5, 10, 20, 40)
-"""samples that a push may last"""
-CAUGHT: Final = (5, 10, 20)
-"""samples after which a box that slips may be held again"""
 DECIDED: Final = 0.999
 """probability at which a cause is settled"""
 LEAST: Final = 20
@@ -66,17 +48,10 @@ MOST: Final = 500
 """samples after the alarm at which the most likely cause is taken"""
 _PRECISE: Final = 0.02
 """standard deviation of what changed, relative to a plausible change, that is small enough to settle"""
-_SERIOUS: Final = 0.6
-"""share of the best statistic that makes a suspicion's onset one that a joint may have been locked at"""
-_STEPS: Final = 2
-"""samples between two onsets at which an encoder's offset may have jumped"""
-_OF_ENCODER: Final = (BIAS, DRIFT)
 _AT_ONCE: Final = (BIAS, SCALE)
 """kinds that show in the first sample after their onset"""
 _TORQUES: Final = ("K", "D", "mu", BIAS, DRIFT)
 """kinds of what an unknown torque on a joint may be mistaken for"""
-_WEAKER: Final = ("K", "D", "mu")
-"""kinds of what makes a joint weaker"""
 SURE: Final = 0.95
 """probability of the causes that a finding names together"""
 _HOPELESS: Final = 25.0
@@ -123,13 +98,15 @@ class Diagnosis:
         self._temper, self._misfit = temper, misfit
         # Where evidence counts for less, it has taken the time that is waited for otherwise.
         self._least = LEAST if temper == 1.0 else LEAST // 2
-        likely = _with_constants(suspicions[:CONSIDERED])
-        self._likely = suspicions[:PAIRED]
+        likely = suspicions[:CONSIDERED]
+        self._likely = likely[:PAIRED]
         self._history, self._sample = history, sample
-        self.candidates = _stops(stopped, sizes) + (self._changes(likely, locked) if likely else [])
+        self.candidates = stops(stopped, sizes) + (changes(likely, locked, sizes, history, sample) if likely else [])
         self.certain = bool(stopped)
         self._pairs: list[Candidate] = []
         self._paired: Literal["no", "weaker", "all"] = "no"
+        self._tried: set[tuple[str, ...]] = set()
+        self._jumped: dict[FaultId, Candidate] = {}
         self._lately: deque[Conclusion] = deque(maxlen=_SUDDEN)
         for candidate in self.candidates:
             self._caught_up(candidate)
@@ -151,7 +128,7 @@ class Diagnosis:
 
     def stop(self, stopped: Sequence[tuple[int, Onset]]) -> None:
         """Takes in that joints are locked, or that their encoders have stopped, each with an onset before that."""
-        self.candidates += map(self._caught_up, _stops(stopped, self._sizes))
+        self.candidates += map(self._caught_up, stops(stopped, self._sizes))
         self.certain, self.alarm = True, self._sample
         self._prune()
 
@@ -280,51 +257,33 @@ class Diagnosis:
         misfit = top.misfit if top.fault.kind == LOCK else top.worst
         return probability >= DECIDED and (top.fault.kind == FREEZE or misfit <= self._misfit)
 
-    def _changes(self, likely: Sequence[Suspicion], locked: bool) -> list[Candidate]:
-        """What the most likely suspicions may be, and what leaves no traces of its own to suspect."""
-        sizes, history, sample = self._sizes, self._history, self._sample
-        serious = [s.onset for s in likely if s.statistic >= _SERIOUS * likely[0].statistic]
-        onsets = list({onset.sample: onset for onset in serious}.values())
-        hypotheses = [(suspicion.fault, suspicion.onset) for suspicion in likely]
-        hypotheses += [(s.fault, onset) for s in likely[:PAIRED] for onset in s.others]
-        hypotheses += [(fault, s.onset) for s in likely for fault in _told_by(s.fault, "jumps")]
-        hypotheses += [
-            (FaultId(SCALE, s.fault.joint), onset)
-            for s in likely
-            if s.fault.kind in _OF_ENCODER
-            for onset in (s.onset, *s.others)
-        ]
-        hypotheses += [(fault, onset) for fault in faults(LOCK) for onset in onsets]
-        hypotheses += [(fault, onsets[0]) for fault in faults(UNKNOWN)]
-        hypotheses += [(FaultId(FREE), onset) for onset in onsets if locked]
-        found = [Candidate(fault, onset, sizes) for fault, onset in hypotheses]
-        where = [(s.fault.joint, s.onset) for s in likely if s.fault.kind in _OF_ENCODER and s.onset.gap > 1]
-        for joint, onset in where:
-            found += _stepped(FaultId(BIAS, joint), onset, sizes, history, sample)
-        for fault, onset, *_ in likely:
-            found += [
-                Candidate(f, onset, sizes, delay=delay, caught=caught)
-                for f in _told_by(fault, "loss")
-                for delay in range(DELAYED)
-                for caught in ((0, *CAUGHT) if f.kind == SLIP and sample - onset.sample <= _RECENT else (0,))
-            ]
-            found += [Candidate(fault, onset, sizes, {str(fault): change}) for change in fault.about.starts]
-        recent = [onset for onset in onsets if sample - onset.sample <= _RECENT][:_FEW]
-        pushes = [(fault, onset) for fault in faults(PUSH) for onset in recent]
-        return found + [Candidate(fault, onset, sizes, delay=delay) for fault, onset in pushes for delay in PUSHES]
-
     def _pair(self) -> None:
         """Has two changes at once tried: all if none alone explains the motion, and that two joints became weaker as
         soon as it looks like the supply, from which that differs only once the third joint needs its motor."""
         if self.certain or self._paired == "all":
             return
         best = self.best()[0]
+        self._pair_jumps(best)
         if best.misfit > self._misfit and self._sample - self.alarm >= LEAST:
             self._paired = "all"
-            self._pairs = _pairs(self._likely, self._sizes, self.alarm)
+            self._pairs = pairs(self._likely, self._sizes, self.alarm)
         elif self._paired == "no" and best.fault.kind == SUPPLY:
             self._paired = "weaker"
-            self._pairs = [pair for pair in _pairs(self._likely, self._sizes, self.alarm) if _weakens(pair)]
+            self._pairs += [pair for pair in pairs(self._likely, self._sizes, self.alarm) if weakens(pair)]
+
+    def _pair_jumps(self, best: Candidate) -> None:
+        """Has tried that an encoder jumped, as one sample has shown, beside a change of another joint, which cannot
+        explain that sample."""
+        if self._sample - self.alarm == LEAST:
+            told = (each for each in self.candidates if each.fault.kind == BIAS and each.peak >= CERTAIN)
+            self._jumped = {each.fault: each for each in sorted(told, key=lambda each: each.gain)}
+        if best.other or best.fault.about.hypothesis != "jump" or best.fault.kind in OF_ENCODER:
+            return
+        for jump in self._jumped.values():
+            pair = jump.beside(best.fault, self._sizes)
+            if jump.fault.joint != best.fault.joint and pair.cause not in self._tried:
+                self._tried.add(pair.cause)
+                self._pairs.append(pair)
 
     def _caught_up(self, candidate: Candidate) -> Candidate:
         candidate.catch_up(self._history, self._sample)
@@ -343,57 +302,7 @@ class Diagnosis:
         self.candidates = [c for c in self.candidates if c.gain >= least or (self.certain and c.fault.kind == FREEZE)]
 
 
-def _with_constants(likely: Sequence[Suspicion]) -> list[Suspicion]:
-    """Suspicions, and of a joint whose offset is suspected that its motor became weaker: what dry friction holds then
-    may begin to move, and a joint that rests is evidence of its offset only."""
-    suspected = {each.fault for each in likely}
-    weak = [each._replace(fault=FaultId("K", each.fault.joint)) for each in likely if each.fault.kind == BIAS]
-    return [*likely, *(each for each in weak if each.fault not in suspected)]
-
-
-def _pairs(likely: Sequence[Suspicion], sizes: dict[str, float], alarm: int) -> list[Candidate]:
-    """The most likely changes that came lately, each with a second one; the likeliest last."""
-    found: dict[frozenset[FaultId], Candidate] = {}
-    for first, onset, *_ in likely:
-        for second in map(parse_fault_id, JUMPS) if alarm - onset.sample <= _RECENT else ():
-            if second != first and frozenset((first, second)) not in found:
-                found[frozenset((first, second))] = Candidate(first, onset, sizes, other=second)
-    return list(found.values())[::-1]
-
-
-def _weakens(pair: Candidate) -> bool:
-    """Whether two changes at once are about how weak two joints are."""
-    return all(fault.kind in _WEAKER for fault in pair.faults) and len({fault.joint for fault in pair.faults}) > 1
-
-
-def _stops(stopped: Sequence[tuple[int, Onset]], sizes: dict[str, float]) -> list[Candidate]:
-    """Of each joint, that its encoder has stopped and that it is locked, each after some delays."""
-    found = []
-    for joint, onset in stopped:
-        kinds = [FaultId(FREEZE, joint), FaultId(LOCK, joint)]
-        found += [Candidate(fault, onset, sizes, delay=delay) for fault in kinds for delay in range(DELAYED)]
-    return found
-
-
-def _stepped(fault: FaultId, onset: Onset, sizes: dict[str, float], history: Moments, sample: int) -> list[Candidate]:
-    """That an encoder's offset has jumped at a sample of the largest innovations between an onset and the next."""
-    estimator, joint, innovations = onset.estimator.copy(), fault.joint - 1, []
-    for moment in history.last(sample - onset.sample)[: onset.gap]:
-        estimator.predict(moment.volts, moment.gripped, moment.doubt)
-        estimator.correct(moment.measured, moment.used)
-        counts = moment.counts and moment.used[joint]
-        innovations.append(estimator.innovation[joint] ** 2 / estimator.variance[joint] if counts else 0.0)
-    delays = sorted(range(1, len(innovations)), key=lambda delay: -innovations[delay])[:_STEPS]
-    return [Candidate(fault, onset, sizes, delay=delay) for delay in delays]
-
-
 def _on_one_matter(conclusion: Conclusion) -> float:
     """Probability of what a diagnosis comes to and of its other causes that tell of the same matter."""
     told, others = conclusion.candidate.told, conclusion.others
     return conclusion.probability + sum(share for fault, share in others if fault.same_matter(told))
-
-
-def _told_by(suspected: FaultId, hypothesis: Hypothesis) -> list[FaultId]:
-    """The faults of one hypothesis that a suspected jump may be: those whose first state is the one that jumped."""
-    kinds = [k for k, row in KINDS.items() if row.hypothesis == hypothesis and row.states[0] == suspected.kind]
-    return [FaultId(kind, suspected.joint) for kind in kinds]

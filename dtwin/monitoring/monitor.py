@@ -20,9 +20,9 @@ from dtwin.monitoring.modes import STARTING, Diagnosing, Lost, Mode, Probation, 
 from dtwin.monitoring.sensing.commands import commands_between, tells
 from dtwin.monitoring.sensing.listening import Listening, hear, replay
 from dtwin.monitoring.sensing.readings import Readings
+from dtwin.monitoring.sensing.stopped import Stopped
 from dtwin.monitoring.settings import MonitorSettings
 from dtwin.monitoring.signatures import Onset, SignatureBank, limits
-from dtwin.monitoring.stopped import Stopped
 from dtwin.monitoring.tracking.moments import Moment
 from dtwin.monitoring.tracking.quiet import LEAST_LIKELY
 from dtwin.monitoring.tracking.samples import NO_TAPE, Samples, Tape

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dtwin.monitoring.candidate import Candidate, Conclusion
-from dtwin.monitoring.diagnosis import SURE, Diagnosis
+from dtwin.monitoring.diagnosis import LEAST, SURE, Diagnosis
 from dtwin.monitoring.dismissals import Dismissals
 from dtwin.monitoring.estimation import traces
 from dtwin.monitoring.estimation.belief import Belief, Tail, Unmodelled
@@ -268,6 +268,21 @@ def test_two_weaker_joints_are_tried_as_soon_as_it_looks_like_the_supply(
     waiting = len(found._pairs)
     found._pair()
     assert len(found._pairs) == waiting
+
+
+@pytest.mark.parametrize(
+    ("beside", "peak", "tried"), [("D1", 20.0, 1), ("D1", 2.0, 0), ("D3", 20.0, 0), ("drift2", 20.0, 0)]
+)
+def test_a_jump_that_one_sample_has_shown_is_tried_beside_a_change_of_another_joint(
+    belief: Belief, beside: str, peak: float, tried: int
+) -> None:
+    """Friction grows on one until it is the likelier cause, and explains nothing of that sample."""
+    found = diagnosis(belief, {"bias3": 30.0, beside: 40.0})
+    found.candidates[0].peak = peak
+    found._sample = found.alarm + LEAST
+    for _ in range(2):
+        found._pair()
+    assert [set(map(str, pair.faults)) for pair in found._pairs] == [{"bias3", beside}] * tried
 
 
 class Ended:

@@ -5,12 +5,13 @@ from collections.abc import Callable
 import pytest
 
 from dtwin.monitoring.candidate import Candidate, Conclusion
-from dtwin.monitoring.diagnosis import CAUGHT, Diagnosis
+from dtwin.monitoring.diagnosis import Diagnosis
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import HANDLING, Estimator
 from dtwin.monitoring.estimation.layout import INDEX
 from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.findings import Findings
+from dtwin.monitoring.hypotheses import CAUGHT
 from dtwin.monitoring.kinds import parse_fault_id, plausible_sizes
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream

@@ -1,0 +1,142 @@
+"""What may have happened: the hypotheses that a diagnosis tries, from what the signatures of changes suspect."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from dtwin.monitoring.candidate import Candidate
+from dtwin.monitoring.kinds import (
+    BIAS,
+    DRIFT,
+    FREE,
+    FREEZE,
+    JUMPS,
+    KINDS,
+    LOCK,
+    PUSH,
+    SCALE,
+    SLIP,
+    UNKNOWN,
+    FaultId,
+    Hypothesis,
+    faults,
+    parse_fault_id,
+)
+from dtwin.monitoring.signatures import Onset, Suspicion
+from dtwin.monitoring.tracking.moments import Moments
+
+DELAYED: Final = 4
+"""samples in which, after an onset, an encoder stops or something is lost"""
+PAIRED: Final = 5
+"""most likely changes to which a second one is added if none explains the motion alone"""
+_FEW: Final = 2
+"""onsets of which the rarer causes are tried"""
+_RECENT: Final = 100
+"""samples since an onset up to which a push, a caught box or two changes at once are noticed"""
+PUSHES: Final = (2, 5, 10, 20, 40)
+"""samples that a push may last"""
+CAUGHT: Final = (5, 10, 20)
+"""samples after which a box that slips may be held again"""
+_SERIOUS: Final = 0.6
+"""share of the best statistic that makes a suspicion's onset one that a joint may have been locked at"""
+_STEPS: Final = 2
+"""samples between two onsets at which an encoder's offset may have jumped"""
+_WEAKER: Final = ("K", "D", "mu")
+"""kinds of what makes a joint weaker"""
+OF_ENCODER: Final = (BIAS, DRIFT)
+"""kinds that are about what an encoder tells"""
+
+
+def changes(
+    likely: Sequence[Suspicion], locked: bool, sizes: dict[str, float], history: Moments, sample: int
+) -> list[Candidate]:
+    """What the most likely suspicions may be, and what leaves no traces of its own to suspect.
+
+    Args:
+        likely: the suspicions, most likely first.
+        locked: whether the estimator believes a joint to be locked.
+        sizes: plausible sizes of the changes.
+        history: the last samples.
+        sample: number of the last of them.
+    """
+    likely = _with_constants(likely)
+    serious = [s.onset for s in likely if s.statistic >= _SERIOUS * likely[0].statistic]
+    onsets = list({onset.sample: onset for onset in serious}.values())
+    hypotheses = [(suspicion.fault, suspicion.onset) for suspicion in likely]
+    hypotheses += [(s.fault, onset) for s in likely[:PAIRED] for onset in s.others]
+    hypotheses += [(fault, s.onset) for s in likely for fault in _told_by(s.fault, "jumps")]
+    hypotheses += [
+        (FaultId(SCALE, s.fault.joint), onset)
+        for s in likely
+        if s.fault.kind in OF_ENCODER
+        for onset in (s.onset, *s.others)
+    ]
+    hypotheses += [(fault, onset) for fault in faults(LOCK) for onset in onsets]
+    hypotheses += [(fault, onsets[0]) for fault in faults(UNKNOWN)]
+    hypotheses += [(FaultId(FREE), onset) for onset in onsets if locked]
+    found = [Candidate(fault, onset, sizes) for fault, onset in hypotheses]
+    where = [(s.fault.joint, s.onset) for s in likely if s.fault.kind in OF_ENCODER and s.onset.gap > 1]
+    for joint, onset in where:
+        found += _stepped(FaultId(BIAS, joint), onset, sizes, history, sample)
+    for fault, onset, *_ in likely:
+        found += [
+            Candidate(f, onset, sizes, delay=delay, caught=caught)
+            for f in _told_by(fault, "loss")
+            for delay in range(DELAYED)
+            for caught in ((0, *CAUGHT) if f.kind == SLIP and sample - onset.sample <= _RECENT else (0,))
+        ]
+        found += [Candidate(fault, onset, sizes, {str(fault): change}) for change in fault.about.starts]
+    recent = [onset for onset in onsets if sample - onset.sample <= _RECENT][:_FEW]
+    pushes = [(fault, onset) for fault in faults(PUSH) for onset in recent]
+    return found + [Candidate(fault, onset, sizes, delay=delay) for fault, onset in pushes for delay in PUSHES]
+
+
+def pairs(likely: Sequence[Suspicion], sizes: dict[str, float], alarm: int) -> list[Candidate]:
+    """The most likely changes that came lately, each with a second one; the likeliest last."""
+    found: dict[frozenset[FaultId], Candidate] = {}
+    for first, onset, *_ in likely:
+        for second in map(parse_fault_id, JUMPS) if alarm - onset.sample <= _RECENT else ():
+            if second != first and frozenset((first, second)) not in found:
+                found[frozenset((first, second))] = Candidate(first, onset, sizes, other=second)
+    return list(found.values())[::-1]
+
+
+def weakens(pair: Candidate) -> bool:
+    """Whether two changes at once are about how weak two joints are."""
+    return all(fault.kind in _WEAKER for fault in pair.faults) and len({fault.joint for fault in pair.faults}) > 1
+
+
+def stops(stopped: Sequence[tuple[int, Onset]], sizes: dict[str, float]) -> list[Candidate]:
+    """Of each joint, that its encoder has stopped and that it is locked, each after some delays."""
+    found = []
+    for joint, onset in stopped:
+        kinds = [FaultId(FREEZE, joint), FaultId(LOCK, joint)]
+        found += [Candidate(fault, onset, sizes, delay=delay) for fault in kinds for delay in range(DELAYED)]
+    return found
+
+
+def _with_constants(likely: Sequence[Suspicion]) -> list[Suspicion]:
+    """Suspicions, and of a joint whose offset is suspected that its motor became weaker: what dry friction holds then
+    may begin to move, and a joint that rests is evidence of its offset only."""
+    suspected = {each.fault for each in likely}
+    weak = [each._replace(fault=FaultId("K", each.fault.joint)) for each in likely if each.fault.kind == BIAS]
+    return [*likely, *(each for each in weak if each.fault not in suspected)]
+
+
+def _stepped(fault: FaultId, onset: Onset, sizes: dict[str, float], history: Moments, sample: int) -> list[Candidate]:
+    """That an encoder's offset has jumped at a sample of the largest innovations between an onset and the next."""
+    estimator, joint, innovations = onset.estimator.copy(), fault.joint - 1, []
+    for moment in history.last(sample - onset.sample)[: onset.gap]:
+        estimator.predict(moment.volts, moment.gripped, moment.doubt)
+        estimator.correct(moment.measured, moment.used)
+        counts = moment.counts and moment.used[joint]
+        innovations.append(estimator.innovation[joint] ** 2 / estimator.variance[joint] if counts else 0.0)
+    delays = sorted(range(1, len(innovations)), key=lambda delay: -innovations[delay])[:_STEPS]
+    return [Candidate(fault, onset, sizes, delay=delay) for delay in delays]
+
+
+def _told_by(suspected: FaultId, hypothesis: Hypothesis) -> list[FaultId]:
+    """The faults of one hypothesis that a suspected jump may be: those whose first state is the one that jumped."""
+    kinds = [k for k, row in KINDS.items() if row.hypothesis == hypothesis and row.states[0] == suspected.kind]
+    return [FaultId(kind, suspected.joint) for kind in kinds]
