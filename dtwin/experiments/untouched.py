@@ -10,7 +10,7 @@ TUNED: Final = (
     *(*range(501, 507), *range(620, 626), 815, *range(961, 968), 1023, 1061, 1062),
     *(*range(1101, 1105), *range(1121, 1127), 1147, *range(1161, 1167), 1203, 1207, 1208, 1214, 1218),
     *(*range(1251, 1259), *range(1310, 1314), 1327, *range(1331, 1334), 1346, *range(1350, 1353), 1359, 1361),
-    *(1364, 1368, 1371, 1377, 1378, 1385, 1561, 1562, *range(1421, 1427), *range(1451, 1457), 1492, 1511),
+    *(1364, 1368, 1371, 1377, 1378, 1385, 1386, 1561, 1562, *range(1421, 1427), *range(1451, 1457), 1492, 1511),
 )
 """Numbers of the machines that identification, monitoring and recovery were tuned on, or mended after a look at."""
 
