@@ -1,20 +1,24 @@
 """The drawn cases, the right answers to them, and the report of the campaign."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
+from dtwin.bus.messages import Done, FaultRequest
 from dtwin.controller.settings import USUAL_GAINS, ControlSettings
 from dtwin.emulation.faults import parse_fault, schedule
 from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import FaultError
 from dtwin.experiments.recovery.campaign import RecoveryTrial, passed, recovery_report
-from dtwin.experiments.recovery.cases import DRAWS, drawn_case
-from dtwin.experiments.recovery.demonstration import parse_faults
+from dtwin.experiments.recovery.cases import DRAWS, RecoveryCase, drawn_case
+from dtwin.experiments.recovery.demonstration import PUSH_AFTER, make_faults, parse_faults
 from dtwin.experiments.recovery.expected import expected_of, kind_of, made_of
 from dtwin.parameters import ArmParameters
 from dtwin.recovery.answers import ANSWERS
+from dtwin.recovery.desk import Desk
 from dtwin.recovery.measures import WORSE
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from tests.support.records import recorded
@@ -35,6 +39,24 @@ def test_cases_are_drawn_from_the_whole_table_and_are_possible() -> None:
     assert {case.deliveries for case in cases} == {1, 2, 3}
     for case in cases:
         schedule(ArmParameters(), case.faults)
+
+
+@pytest.mark.parametrize(
+    ("faults", "told", "began"),
+    [("cut1,push2+=0.3", 10.2, 11.5), ("push2+=0.3", 10.2, 11.5 + PUSH_AFTER), ("cut1", 12.0, 12.0)],
+)
+def test_what_came_of_faults_is_judged_from_the_first_on(faults: str, told: float, began: float) -> None:
+    """A push comes later than what begins with it, and a fault that was asked for late begins when it is known."""
+    asked: list[FaultRequest] = []
+
+    def ask(topic: object, request: FaultRequest, reply: type) -> Done:
+        asked.append(request)
+        return Done(told, "")
+
+    desk = SimpleNamespace(await_event=lambda kind: SimpleNamespace(time=10.0), bus=SimpleNamespace(ask=ask))
+    case = RecoveryCase(parse_faults([faults]), deliveries=1, wait=1.5)
+    assert make_faults(cast(Desk, desk), case) == pytest.approx(began)
+    assert len(asked[0].faults) == len(case.faults)
 
 
 @pytest.mark.parametrize(

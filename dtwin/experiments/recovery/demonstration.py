@@ -108,7 +108,7 @@ def _played(desk: Desk, healthy: KnownArm, case: RecoveryCase) -> Story:
     started = began = None
     try:
         started = measures.begin()
-        began = _break(desk, case)
+        began = make_faults(desk, case)
         desk.end = began + LIMIT
         operator.watch()
         if desk.stopped:
@@ -120,14 +120,15 @@ def _played(desk: Desk, healthy: KnownArm, case: RecoveryCase) -> Story:
     )
 
 
-def _break(desk: Desk, case: RecoveryCase) -> float:
-    """Once the healthy arm has delivered some boxes, makes faults as it sets out with the next one; when, s."""
+def make_faults(desk: Desk, case: RecoveryCase) -> float:
+    """Once the healthy arm has delivered some boxes, makes faults as it sets out with the next one; when the first
+    began, s."""
     for _ in range(case.deliveries):
         desk.await_event(EventKind.DELIVERED)
     picked = desk.await_event(EventKind.PICKED).time
     faults = [_timed(fault, picked + case.wait) for fault in case.faults]
     done = desk.bus.ask(FAULT, FaultRequest(tuple(map(str, faults))), Done)
-    return max([done.time, *(fault.start for fault in faults)])
+    return max(done.time, min(fault.start for fault in faults))
 
 
 def _timed(fault: Fault, start: float) -> Fault:
