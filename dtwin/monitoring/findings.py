@@ -281,11 +281,13 @@ class Findings:
         self.end(time, SLIP, _OVER)
 
     def put_down(self, time: float) -> Consequences:
-        """The gripper lets go, at a plant time (s): with the box goes what was wrong with it."""
+        """The gripper lets go, at a plant time (s): with the box goes what was wrong with it. That it slipped stands
+        until the next one, because whoever looks once a second would not see it else."""
         self._released = time
         for name in _ON_BOX:
             self._open.pop(name, None)
-            self.end(time, name, _OVER)
+            if name != SLIP:
+                self.end(time, name, _OVER)
         return PUT_DOWN
 
     def examine(self, time: float, estimator: Estimator) -> Consequences:

@@ -10,7 +10,7 @@ from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import HANDLING, Estimator
 from dtwin.monitoring.estimation.layout import INDEX
 from dtwin.monitoring.estimation.tuning import Tuning
-from dtwin.monitoring.findings import Findings
+from dtwin.monitoring.findings import PUT_DOWN, Findings
 from dtwin.monitoring.hypotheses import CAUGHT
 from dtwin.monitoring.kinds import parse_fault_id, plausible_sizes
 from dtwin.monitoring.monitor import Monitor
@@ -58,6 +58,11 @@ def test_a_caught_box_is_about_what_it_was_and_what_it_does_stays_in_doubt_until
     assert estimator.handling[0] > HANDLING
     estimator.predict(begun.x[:3], False)
     assert estimator.handling[0] == HANDLING - 1
+
+    assert findings.put_down(0.5) == PUT_DOWN
+    assert [*findings.current] == ["slip"], "whoever looks once a second has not seen it yet"
+    findings.pick_up(3.0)
+    assert findings.current == {}
 
 
 @pytest.mark.parametrize("suspected", [("bias3",), ("bias3", "K3"), ("payload",)])
