@@ -122,16 +122,16 @@ def test_three_noisy_encoders_that_repeat_at_once_were_not_read(deviation: float
 
 @pytest.mark.parametrize(("noise", "stopped"), [(1e-3, True), (2e-4, False)])
 def test_an_encoder_whose_noise_does_not_show_any_more_has_stopped_at_rest_too(noise: float, stopped: bool) -> None:
-    """Not by chance after ten equal readings if its noise exceeds the resolution of 0.4 mrad, else it may rest."""
+    """Not by chance after 16 equal readings if its noise exceeds the resolution of 0.4 mrad, else it may rest."""
     readings, q = Readings((noise, noise, noise)), resolution(14)
     generator = np.random.default_rng(0)
     for _ in range(100):
         taken(readings, q * round(1e-3 * generator.standard_normal() / q), 0.0, 1e-3)
     seen = []
-    for _ in range(10):
+    for _ in range(16):
         taken(readings, 20.0 * q, 20.0 * q, 1e-3)
         seen.append(bool(readings.frozen[0]))
-    assert seen == [False] * 9 + [stopped]
+    assert seen == [False] * 15 + [stopped]
 
 
 @pytest.mark.parametrize("fault", ["K2*=0.5", "bias3+=0.05"])
