@@ -45,7 +45,7 @@ Quantization Noise, 2008)"""
 _NOISY: Final = 2.0
 """resolutions: an encoder of such noise repeats a reading by chance once in seven samples, and FROZEN times never"""
 _STILL: Final = 16
-"""equal readings in a row that such an encoder does not give at rest either, in months, though one sample in twenty be
+"""equal readings in a row that such an encoder does not give in months of rest either, though one sample in twenty be
 lost: one in five repeats the one before"""
 _CHANCE: Final = 2
 """times that such an encoder may repeat its reading by chance"""
