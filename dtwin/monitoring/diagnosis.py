@@ -25,7 +25,8 @@ from dtwin.monitoring.kinds import (
     FaultId,
     faults,
 )
-from dtwin.monitoring.signatures import Onset, Suspicion
+from dtwin.monitoring.sensing.stopped import StandsStill
+from dtwin.monitoring.signatures import Suspicion
 from dtwin.monitoring.tracking.moments import Moment, Moments
 
 CONSIDERED: Final = 10
@@ -56,6 +57,8 @@ SURE: Final = 0.95
 """probability of the causes that a finding names together"""
 _HOPELESS: Final = 25.0
 """log-likelihood behind the best at which a candidate is given up"""
+_LOOK: Final = 10
+"""samples after which a reading that is repeated is looked at again"""
 _SUDDEN: Final = 4
 """samples in which it shows that no cause explains the motion any more"""
 
@@ -69,7 +72,8 @@ class Diagnosis:
         sample: number of the last sample.
         sizes: plausible sizes of the changes.
         locked: whether the estimator believes a joint to be locked.
-        stopped: joints that are locked, or whose encoders have stopped, each with an onset before that.
+        stopped: joints that are locked, or whose encoders have stopped.
+        resting: joints whose readings are repeated, at rest or because their encoders have stopped there.
         temper: by how much less than its likelihood says evidence counts, at least 1.
         misfit: misfit of a candidate from which on it does not explain the motion.
         charges: what each of JUMPS has to be more likely by, because what the model lacks looks like it.
@@ -87,7 +91,8 @@ class Diagnosis:
         sample: int,
         sizes: dict[str, float],
         locked: bool,
-        stopped: Sequence[tuple[int, Onset]] = (),
+        stopped: Sequence[StandsStill] = (),
+        resting: Sequence[StandsStill] = (),
         temper: float = 1.0,
         misfit: float = 2.0,
         charges: Mapping[str, float] | None = None,
@@ -101,8 +106,12 @@ class Diagnosis:
         likely = suspicions[:CONSIDERED]
         self._likely = likely[:PAIRED]
         self._history, self._sample = history, sample
-        self.candidates = stops(stopped, sizes) + (changes(likely, locked, sizes, history, sample) if likely else [])
+        self.candidates = stops(stopped, sizes)
+        if likely:
+            self.candidates += changes(likely, locked, sizes, history, sample)
+            self.candidates += [] if stopped else stops(resting, sizes, (FREEZE,))
         self.certain = bool(stopped)
+        self._still = {each.joint - 1: each.angle for each in stopped}
         self._pairs: list[Candidate] = []
         self._paired: Literal["no", "weaker", "all"] = "no"
         self._tried: set[tuple[str, ...]] = set()
@@ -115,6 +124,8 @@ class Diagnosis:
     def update(self, moment: Moment) -> None:
         """Takes in a sample, which is the last one of the history by now."""
         self._sample += 1
+        if self._still and (self._sample - self.alarm) % _LOOK == 0:
+            moment = self._looked(moment)
         for candidate in self.candidates:
             candidate.follow(moment)
         self._prune()
@@ -126,9 +137,10 @@ class Diagnosis:
         if top.worst <= self._misfit and not self._pairs:
             self._lately.append(Conclusion(top.as_it_is(), probability, self.others()))
 
-    def stop(self, stopped: Sequence[tuple[int, Onset]]) -> None:
-        """Takes in that joints are locked, or that their encoders have stopped, each with an onset before that."""
+    def stop(self, stopped: Sequence[StandsStill]) -> None:
+        """Takes in that joints are locked, or that their encoders have stopped."""
         self.candidates += map(self._caught_up, stops(stopped, self._sizes))
+        self._still |= {each.joint - 1: each.angle for each in stopped}
         self.certain, self.alarm = True, self._sample
         self._prune()
 
@@ -247,6 +259,16 @@ class Diagnosis:
         # What is lost has no size to be told.
         sized = () if top.fault.about.hypothesis == "loss" else self._sizes.keys() & top.changes().keys()
         return age >= ENOUGH or all(top.estimator.deviation(name) <= _PRECISE * self._sizes[name] for name in sized)
+
+    def _looked(self, moment: Moment) -> Moment:
+        """The last sample, of which readings that are repeated are evidence: no cause but an encoder that has stopped
+        lets its joint go on moving."""
+        used = moment.used.copy()
+        for joint, angle in self._still.items():
+            used[joint] |= moment.measured[joint] == angle
+        looked = moment._replace(used=used)
+        self._history.replace_last(looked)
+        return looked
 
     def _located(self, joint: int) -> float:
         """Probability that it is a matter of a joint (1 to 3), whatever the cause; 0 for what is none."""

@@ -23,6 +23,7 @@ from dtwin.monitoring.kinds import (
     faults,
     parse_fault_id,
 )
+from dtwin.monitoring.sensing.stopped import StandsStill
 from dtwin.monitoring.signatures import Onset, Suspicion
 from dtwin.monitoring.tracking.moments import Moments
 
@@ -107,12 +108,15 @@ def weakens(pair: Candidate) -> bool:
     return all(fault.kind in _WEAKER for fault in pair.faults) and len({fault.joint for fault in pair.faults}) > 1
 
 
-def stops(stopped: Sequence[tuple[int, Onset]], sizes: dict[str, float]) -> list[Candidate]:
-    """Of each joint, that its encoder has stopped and that it is locked, each after some delays."""
+def stops(
+    stopped: Sequence[StandsStill], sizes: dict[str, float], kinds: Sequence[str] = (FREEZE, LOCK)
+) -> list[Candidate]:
+    """Of each joint, that its encoder has stopped and that it is locked, each at some samples from the first one."""
     found = []
-    for joint, onset in stopped:
-        kinds = [FaultId(FREEZE, joint), FaultId(LOCK, joint)]
-        found += [Candidate(fault, onset, sizes, delay=delay) for fault in kinds for delay in range(DELAYED)]
+    for joint, _, first, onset in stopped:
+        least = max(first - onset.sample - 1, 0)
+        told, delays = [FaultId(kind, joint) for kind in kinds], range(least, least + DELAYED)
+        found += [Candidate(fault, onset, sizes, delay=delay) for fault in told for delay in delays]
     return found
 
 

@@ -20,9 +20,9 @@ from dtwin.monitoring.modes import STARTING, Diagnosing, Lost, Mode, Probation, 
 from dtwin.monitoring.sensing.commands import commands_between, tells
 from dtwin.monitoring.sensing.listening import Listening, hear, replay
 from dtwin.monitoring.sensing.readings import Readings
-from dtwin.monitoring.sensing.stopped import Stopped
+from dtwin.monitoring.sensing.stopped import StandsStill, Stopped, repeating, stands_still
 from dtwin.monitoring.settings import MonitorSettings
-from dtwin.monitoring.signatures import Onset, SignatureBank, limits
+from dtwin.monitoring.signatures import SignatureBank, limits
 from dtwin.monitoring.tracking.moments import Moment
 from dtwin.monitoring.tracking.quiet import LEAST_LIKELY
 from dtwin.monitoring.tracking.samples import NO_TAPE, Samples, Tape
@@ -286,7 +286,8 @@ class Monitor:
             case Diagnosing(diagnosis, pending):
                 diagnosis.update(moment)
                 if not diagnosis.certain and (stopped := self._stopped.open(self._readings, self.findings.known)):
-                    diagnosis.stop(self._since(stopped))
+                    diagnosis.stop(self._still(stopped))
+                    self._stopped.ask(stopped)
                 self._decide(diagnosis, pending)
             case Unfit() as mode:
                 self._bank.update(estimator, used, self._readings.fresh, self.sample, counts)
@@ -330,14 +331,14 @@ class Monitor:
             return
         # Of a joint that stands still only what its motion has told before is a cause beside those of standing still.
         suspicions = self._bank.suspicions(self.threshold if stopped else 0.0)
+        self._stopped.ask(stopped)
+        still, resting = self._still(stopped), self._still(repeating(self._readings))
         locked, misfit = bool(self.estimator.locked), self._belief.misfit
-        how = (self._sizes, locked, self._since(stopped), self._temper, misfit, self._charges)
+        how = (self._sizes, locked, still, resting, self._temper, misfit, self._charges)
         self._decide(Diagnosis(suspicions, self._track.moments, self.sample, *how), None)
 
-    def _since(self, stopped: list[int]) -> list[tuple[int, Onset]]:
-        """Joints (1 to 3) that do not move as expected, which are looked into, each with an onset before that."""
-        self._stopped.ask(stopped)
-        return [(i, self._bank.before(self.sample - int(self._readings.repeated[i - 1]))) for i in stopped]
+    def _still(self, joints: list[int]) -> list[StandsStill]:
+        return stands_still(joints, self._readings, self.sample, self._bank)
 
     def _doubt_model(self, unfit: Unfit) -> None:
         """Starts anew from a model that does not fit when it fails again, and believes it after a while."""

@@ -16,7 +16,7 @@ from dtwin.monitoring.estimation import traces
 from dtwin.monitoring.estimation.belief import Belief, Tail, Unmodelled
 from dtwin.monitoring.estimation.bounds import bounds
 from dtwin.monitoring.estimation.estimator import Estimator
-from dtwin.monitoring.estimation.layout import BIAS, INDEX, SIZE
+from dtwin.monitoring.estimation.layout import BIAS, INDEX, SIZE, W
 from dtwin.monitoring.estimation.traces import WIDTH
 from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.findings import Findings
@@ -24,9 +24,10 @@ from dtwin.monitoring.kinds import JUMPS, parse_fault_id, plausible_sizes
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.monitoring.sensing.gripper import GripperWatch
+from dtwin.monitoring.sensing.stopped import StandsStill
 from dtwin.monitoring.settings import MonitorSettings
 from dtwin.monitoring.signatures import ALIKE, Onset, SignatureBank, Suspicion, allowances, limits, threshold
-from dtwin.monitoring.tracking.moments import Moments
+from dtwin.monitoring.tracking.moments import Moment, Moments
 from dtwin.parameters import ArmParameters
 from dtwin.run.recording import Log
 
@@ -213,7 +214,7 @@ def test_an_encoder_that_may_have_stopped_is_as_probable_as_it_was_while_a_cause
     belief: Belief,
 ) -> None:
     onset = Onset(10, 1, Estimator(belief, Tuning()))
-    found = Diagnosis([], Moments(1), 10, plausible_sizes(belief.arm), False, [(2, onset)])
+    found = Diagnosis([], Moments(1), 10, plausible_sizes(belief.arm), False, [StandsStill(2, 0.0, 11, onset)])
     stops = [each for each in found.candidates if each.fault.kind == "freeze"]
     push = Candidate(parse_fault_id("push2"), onset, plausible_sizes(belief.arm))
     found.candidates = [*stops, push]
@@ -229,7 +230,7 @@ def test_an_encoder_that_may_have_stopped_is_as_probable_as_it_was_while_a_cause
 
 def test_of_a_joint_that_stands_still_and_a_motion_that_nothing_explains_no_cause_is_sure(belief: Belief) -> None:
     onset = Onset(10, 1, Estimator(belief, Tuning()))
-    found = Diagnosis([], Moments(1), 10, plausible_sizes(belief.arm), False, [(2, onset)])
+    found = Diagnosis([], Moments(1), 10, plausible_sizes(belief.arm), False, [StandsStill(2, 0.0, 11, onset)])
     weak = Candidate(parse_fault_id("K3"), onset, plausible_sizes(belief.arm))
     weak.gain, weak.worst, weak.misfit = 1000.0, 9.0, 9.0
     found.candidates.append(weak)
@@ -239,6 +240,24 @@ def test_of_a_joint_that_stands_still_and_a_motion_that_nothing_explains_no_caus
     assert winner.others == ((parse_fault_id("lock2"), 0.5),)
     weak.worst = weak.misfit = 1.0
     assert found.winner().candidate.fault == weak.fault
+
+
+def test_only_an_encoder_that_has_stopped_lets_its_joint_go_on_moving(belief: Belief) -> None:
+    estimator, angles = Estimator(belief, Tuning()), np.array([0.3, 0.2, 0.1])
+    estimator.begin(angles, False)
+    estimator.x[W + 1], estimator.P[W + 1], estimator.P[:, W + 1] = 3.0, 0.0, 0.0
+    onset, history = Onset(10, 1, estimator), Moments(40)
+    found = Diagnosis([], history, 10, plausible_sizes(belief.arm), False, [StandsStill(2, 0.2, 10, onset)])
+    moving = Candidate(parse_fault_id("payload"), onset, plausible_sizes(belief.arm))
+    found.candidates.append(moving)
+    for _ in range(10):
+        assert moving in found.candidates
+        moment = Moment(np.zeros(3), False, 0.0, angles, np.zeros(3, dtype=bool), True, 0.0)
+        history.append(moment)
+        found.update(moment)
+    assert moving not in found.candidates
+    assert history.last(1)[0].used.tolist() == [False, True, False]
+    assert "freeze2" in {str(each.fault) for each in found.candidates}
 
 
 def test_a_cause_is_as_probable_as_it_is_alone_or_beside_another(belief: Belief) -> None:

@@ -84,6 +84,13 @@ def test_an_encoder_that_stops_in_motion_is_found_at_once(bits: int) -> None:
     assert monitor.events[-1].time < 13.0
 
 
+@pytest.mark.parametrize(("fault", "bits"), [("freeze1@15.2", 12), ("freeze2@14.8", 12), ("freeze1@15.2", 14)])
+def test_an_encoder_that_stops_at_rest_is_found_once_its_joint_moves(fault: str, bits: int) -> None:
+    """Readings of a joint at rest repeat themselves anyway: that one has stopped shows in how the arm leaves."""
+    found, *_ = monitored(bits, 3, 20.2, fault=fault).history
+    assert found.parameter == fault.partition("@")[0]
+
+
 @pytest.mark.parametrize(("fault", "bits"), [("lock2@12.5", 12), ("lock3@12.5", 12), ("lock2@12.5", 14)])
 def test_a_joint_that_is_locked_is_no_stopped_encoder_though_its_readings_repeat(fault: str, bits: int) -> None:
     monitor = monitored(bits, 3, 14.0, fault=fault)

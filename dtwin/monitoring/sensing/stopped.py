@@ -6,12 +6,30 @@ joints do does: the motion of a joint acts on them, and so does a voltage on a j
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
+from typing import NamedTuple
 
 import numpy as np
 
 from dtwin.monitoring.kinds import FREEZE, LOCK
-from dtwin.monitoring.sensing.readings import Readings
+from dtwin.monitoring.sensing.readings import FROZEN, Readings
+from dtwin.monitoring.signatures import Onset, SignatureBank
+
+
+class StandsStill(NamedTuple):
+    """A joint that stands still, or its encoder does.
+
+    Attributes:
+        joint: 1 to 3.
+        angle: the reading that is repeated, rad.
+        first: number of the sample that gave it first.
+        onset: one before that.
+    """
+
+    joint: int
+    angle: float
+    first: int
+    onset: Onset
 
 
 class Stopped:
@@ -33,3 +51,17 @@ class Stopped:
     def ask(self, joints: Collection[int]) -> None:
         """A diagnosis looks into joints."""
         self._asked.update(joints)
+
+
+def repeating(readings: Readings) -> list[int]:
+    """The joints (1 to 3) of which a reading repeats itself, at rest or because the encoder has stopped there."""
+    return [int(i) + 1 for i in np.flatnonzero(readings.repeated >= FROZEN - 1)]
+
+
+def stands_still(joints: Iterable[int], readings: Readings, sample: int, bank: SignatureBank) -> list[StandsStill]:
+    """What a diagnosis has to know of joints (1 to 3), given the number of the last sample."""
+    found = []
+    for joint in joints:
+        first = sample - int(readings.repeated[joint - 1])
+        found.append(StandsStill(joint, float(readings.last[joint - 1]), first, bank.before(first)))
+    return found
