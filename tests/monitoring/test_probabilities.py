@@ -245,7 +245,7 @@ def test_of_a_joint_that_stands_still_and_a_motion_that_nothing_explains_no_caus
 def test_only_an_encoder_that_has_stopped_lets_its_joint_go_on_moving(belief: Belief) -> None:
     estimator, angles = Estimator(belief, Tuning()), np.array([0.3, 0.2, 0.1])
     estimator.begin(angles, False)
-    estimator.x[W + 1], estimator.P[W + 1], estimator.P[:, W + 1] = 3.0, 0.0, 0.0
+    estimator.x[W + 1], estimator.P[W : W + 3], estimator.P[:, W : W + 3] = 3.0, 0.0, 0.0
     onset, history = Onset(10, 1, estimator), Moments(40)
     found = Diagnosis([], history, 10, plausible_sizes(belief.arm), False, [StandsStill(2, 0.2, 10, onset)])
     moving = Candidate(parse_fault_id("payload"), onset, plausible_sizes(belief.arm))
