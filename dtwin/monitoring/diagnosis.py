@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final, Literal
 
 from dtwin.monitoring.candidate import Candidate, Conclusion
-from dtwin.monitoring.hypotheses import OF_ENCODER, PAIRED, changes, pairs, stops, weakens
+from dtwin.monitoring.hypotheses import OF_ENCODER, PAIRED, changes, pairs, stopped_at_rest, stops, weakens
 from dtwin.monitoring.kinds import (
     BIAS,
     DRIFT,
@@ -109,7 +109,7 @@ class Diagnosis:
         self.candidates = stops(stopped, sizes)
         if likely:
             self.candidates += changes(likely, locked, sizes, history, sample)
-            self.candidates += [] if stopped else stops(resting, sizes, (FREEZE,))
+            self.candidates += [] if stopped else stopped_at_rest(resting, sizes)
         self.certain = bool(stopped)
         self._still = {each.joint - 1: each.angle for each in stopped}
         self._pairs: list[Candidate] = []

@@ -108,16 +108,22 @@ def weakens(pair: Candidate) -> bool:
     return all(fault.kind in _WEAKER for fault in pair.faults) and len({fault.joint for fault in pair.faults}) > 1
 
 
-def stops(
-    stopped: Sequence[StandsStill], sizes: dict[str, float], kinds: Sequence[str] = (FREEZE, LOCK)
-) -> list[Candidate]:
+def stops(stopped: Sequence[StandsStill], sizes: dict[str, float]) -> list[Candidate]:
     """Of each joint, that its encoder has stopped and that it is locked, each at some samples from the first one."""
     found = []
     for joint, _, first, onset in stopped:
         least = max(first - onset.sample - 1, 0)
-        told, delays = [FaultId(kind, joint) for kind in kinds], range(least, least + DELAYED)
-        found += [Candidate(fault, onset, sizes, delay=delay) for fault in told for delay in delays]
+        kinds, delays = [FaultId(FREEZE, joint), FaultId(LOCK, joint)], range(least, least + DELAYED)
+        found += [Candidate(fault, onset, sizes, delay=delay) for fault in kinds for delay in delays]
     return found
+
+
+def stopped_at_rest(resting: Sequence[StandsStill], sizes: dict[str, float]) -> list[Candidate]:
+    """Of each joint, that its encoder has stopped; at which of the equal readings tells nothing."""
+    return [
+        Candidate(FaultId(FREEZE, joint), onset, sizes, delay=max(first - onset.sample - 1, 0))
+        for joint, _, first, onset in resting
+    ]
 
 
 def _with_constants(likely: Sequence[Suspicion]) -> list[Suspicion]:
