@@ -144,7 +144,9 @@ class Candidate:
             used[self._stopping] = False
         gain = estimator.correct(moment.measured, used) - moment.likelihood
         if self._stopped is not None and moment.used[self._stopping]:
-            gain += estimator.chance(self._stopping, float(moment.measured[self._stopping]) - self._stopped)
+            # One that repeats itself is no news, wherever within its resolution it is taken to be.
+            away = float(moment.measured[self._stopping]) - self._stopped if moment.fresh[self._stopping] else 0.0
+            gain += estimator.chance(self._stopping, away)
         if not math.isfinite(gain):
             self.gain = -math.inf
         elif moment.counts:

@@ -119,9 +119,10 @@ def stops(stopped: Sequence[StandsStill], sizes: dict[str, float]) -> list[Candi
 
 
 def stopped_at_rest(resting: Sequence[StandsStill], sizes: dict[str, float]) -> list[Candidate]:
-    """Of each joint, that its encoder has stopped; at which of the equal readings tells nothing."""
+    """Of each joint, that its encoder has stopped at the second of the equal readings: a later one would tell nothing
+    else, and the first one is taken for where the angle passed from one reading to the next."""
     return [
-        Candidate(FaultId(FREEZE, joint), onset, sizes, delay=max(first - onset.sample - 1, 0))
+        Candidate(FaultId(FREEZE, joint), onset, sizes, delay=max(first - onset.sample, 0))
         for joint, _, first, onset in resting
     ]
 

@@ -17,7 +17,8 @@ steps = st.lists(st.integers(-2, MOST), max_size=30)
 
 def moment(number: int) -> Moment:
     angles = np.full(3, float(number))
-    return Moment(angles + 0.1, number % 2 == 0, number + 0.2, angles, angles > 3.0, number % 3 == 0, -number - 0.3)
+    used, fresh = angles > 3.0, angles < 5.0
+    return Moment(angles + 0.1, number % 2 == 0, number + 0.2, angles, used, fresh, number % 3 == 0, -number - 0.3)
 
 
 def plain(moments: list[Moment]) -> list[list[object]]:

@@ -252,7 +252,7 @@ def test_only_an_encoder_that_has_stopped_lets_its_joint_go_on_moving(belief: Be
     found.candidates.append(moving)
     for _ in range(10):
         assert moving in found.candidates
-        moment = Moment(np.zeros(3), False, 0.0, angles, np.zeros(3, dtype=bool), True, 0.0)
+        moment = Moment(np.zeros(3), False, 0.0, angles, ~ALL, ~ALL, True, 0.0)
         history.append(moment)
         found.update(moment)
     assert moving not in found.candidates

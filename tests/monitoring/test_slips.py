@@ -1,12 +1,14 @@
 """A box that slips and is caught again, and a joint that begins to move because its motor became weaker."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from dtwin.monitoring.candidate import Candidate, Conclusion
 from dtwin.monitoring.diagnosis import Diagnosis
-from dtwin.monitoring.estimation.belief import Belief
+from dtwin.monitoring.estimation.belief import Belief, Unmodelled
 from dtwin.monitoring.estimation.estimator import HANDLING, Estimator
 from dtwin.monitoring.estimation.layout import INDEX
 from dtwin.monitoring.estimation.tuning import Tuning
@@ -22,6 +24,8 @@ from dtwin.monitoring.trend import Trend
 from dtwin.run.recording import Log
 
 SLIP = parse_fault_id("slip")
+ALL = np.ones(3, dtype=bool)
+ALL = np.ones(3, dtype=bool)
 
 
 @pytest.mark.parametrize("lasts", [0.04, 0.08, 0.16])
@@ -73,3 +77,25 @@ def test_a_joint_whose_offset_is_suspected_may_have_begun_to_move(belief: Belief
     found = Diagnosis(suspicions, Moments(1), 10, plausible_sizes(belief.arm), False)
     weaker = [each for each in found.candidates if str(each.fault) == "K3"]
     assert len(weaker) == ("bias3" in suspected)
+
+
+def test_what_a_box_was_gripped_from_may_carry_it_until_the_arm_has_left_that_place(belief: Belief) -> None:
+    """An arm that sets out slowly stays longer where a box still stands."""
+    lacking = replace(belief, error=Unmodelled(white=(1e-3,) * 3, slow=(0.01,) * 3, grip=0.5))
+    resting, left = Estimator(lacking, Tuning()), Estimator(lacking, Tuning())
+    for estimator in (resting, left):
+        estimator.begin(np.zeros(3), False)
+        for _ in range(100):
+            estimator.predict(np.zeros(3), False)
+            estimator.correct(np.zeros(3), ALL)
+        for _ in range(HANDLING + 5):
+            estimator.predict(np.zeros(3), True)
+            estimator.correct(np.zeros(3), ALL)
+        assert estimator.handling[0] == 0.0 < estimator.handling[1]
+    left.x[1] += 0.05
+    left.predict(np.zeros(3), True)
+    assert left.handling[1] == 0.0
+    resting.predict(np.zeros(3), False)
+    resting.x[1] += 0.05
+    resting.predict(np.zeros(3), False)
+    assert resting.handling[1] > 0.0, "one that was let go lies at a finger wherever the arm goes"

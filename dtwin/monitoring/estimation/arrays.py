@@ -43,7 +43,7 @@ class FilterArrays(NamedTuple):
     compliance: Array
     swing: Array
     command: Array
-    handling: NDArray[np.int64]
+    handling: Array
     least: Array
     most: Array
     lower: Array
@@ -70,7 +70,7 @@ class Past(NamedTuple):
     P: Array
     swing: Array
     command: Array
-    handling: NDArray[np.int64]
+    handling: Array
     commands: Array
     acting: Array
     mean: Array

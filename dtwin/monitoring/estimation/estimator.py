@@ -51,7 +51,7 @@ _OWN: Final = (
 HANDLING: Final = 10
 """samples in which the jaws push the arm and the weight of a box comes or goes, after the gripper has changed"""
 _TOUCHING: Final = 100
-"""samples after which the arm has left a box that it has let go, which lies at a finger until then"""
+"""samples after which the arm has left a box let go that lies at a finger, or has taken along one that it gripped"""
 _JOLT: Final = 0.5
 """standard deviation of the joints' speeds after one of them was locked, relative to the speed it had"""
 _FOREIGN: Final = 0.1
@@ -76,7 +76,7 @@ class Estimator:
         information: (3,), variance of the scores, 1/rad^2.
         memory: share that is left after a sample of a torque that the model does not explain.
         gripped: whether a box is held since the last prediction.
-        handling: (2,), samples for which a box is still handled, and for which one let go may touch a finger.
+        handling: (5,), see `kernels.disturb`.
         box_mass: mass that a box is expected to have when it is gripped, kg.
         payload_variance: variance of that mass, kg^2.
     """
@@ -117,7 +117,7 @@ class Estimator:
         self.score, self.information = np.zeros(3), np.zeros(3)
         self.gripped = False
         self._command = np.full(3, np.nan)
-        self.handling = np.zeros(2, dtype=np.int64)
+        self.handling = np.array([0.0, 0.0, np.nan, np.nan, np.nan])
         self._cloned: tuple[str, ...] = ()
         self._clones, self._C, self._B = np.zeros(0), np.zeros((SIZE, 0)), np.zeros(0)
 
@@ -328,7 +328,7 @@ class Estimator:
         self._make_certain(INDEX[name], 0.0)
         if name == "payload":
             self.box_mass = self.payload_variance = 0.0
-            self.handling[:] = HANDLING, _TOUCHING
+            self.handling[:] = HANDLING, _TOUCHING, np.nan, np.nan, np.nan
 
     def expect_boxes(self) -> None:
         """Takes the next boxes to be as boxes should be."""
@@ -392,8 +392,8 @@ class Estimator:
 
     def _hold(self, gripped: bool) -> None:
         """A box is gripped or let go: of what is held now, only the prior is known."""
-        if self.gripped and not gripped:
-            self.handling[1] = _TOUCHING
+        if gripped != self.gripped:
+            self.handling[1:] = _TOUCHING, *(self.x[:W] if gripped else (np.nan,) * 3)
         self.gripped = gripped
         self._make_certain(PAYLOAD, self.box_mass if gripped else 0.0)
         self.P[PAYLOAD, PAYLOAD] = self.payload_variance if gripped else 0.0

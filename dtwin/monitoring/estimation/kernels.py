@@ -35,7 +35,10 @@ SWING: Final = 0.1
 """s: time after which a share of 1/e of a gear's swing is left: twice the rotor's inertia over the gear's damping"""
 SETTLED: Final = math.exp(-2.0 * PERIOD / SWING)
 _TOUCH: Final = 0.1
-"""Share of the torques of a box that is handled with which one that was let go may still hold a finger back."""
+"""Share of the torques of a box that is handled with which one that was let go may still hold a finger back, or what
+one stands on that is gripped may still carry it."""
+_LEFT: Final = 0.03
+"""rad from where a box was gripped after which it has left what it stood on"""
 
 
 @kernel
@@ -103,7 +106,7 @@ def disturb(
     displacement: float,
     compliance: Array,
     last: Array,
-    handling: NDArray[np.int64],
+    handling: Array,
     swing: Array,
     torque: Array,
     displaced: Array,
@@ -125,8 +128,9 @@ def disturb(
         displacement: standard deviation of what moves an angle without torque, rad.
         compliance: (3,), angle by which the gears yield, rad/(N m).
         last: (3,), command before, V, not a number if nobody knows; replaced.
-        handling: (2,), samples for which a box is still handled, and for which one that was let go may still touch a
-            finger; counted down.
+        handling: (5,), samples for which a box is still handled, and for which one may still touch something; counted
+            down. Then the angles at which a box was gripped, rad: it has left what it stood on once one is far from
+            them. Not numbers if none was gripped.
         swing: (3,), mean squares of the swings of the gears, rad^2; replaced.
         torque, displaced: receive the variances.
         slowed: (3,), receives by what the standard deviation of a speed may shrink at most, rad/s.
@@ -138,8 +142,10 @@ def disturb(
     elif handling[1] > 0:
         extra += _TOUCH * _TOUCH * grip * grip
     for k in range(2):
-        handling[k] = max(handling[k] - 1, 0)
+        handling[k] = max(handling[k] - 1.0, 0.0)
     for i in range(3):
+        if abs(x[i] - handling[2 + i]) > _LEFT:
+            handling[1] = 0.0
         slowed[i] = math.inf if friction[i] == 0.0 else 0.0 if handled else STANDSTILL
         slow = x[W + i] / STANDSTILL
         torque[i] = white[i] + extra + friction[i] * friction[i] * math.exp(-slow * slow)

@@ -20,6 +20,7 @@ class Moment(NamedTuple):
         doubt: standard deviation of the torques that the command leaves in doubt, N m.
         measured: (3,), rad.
         used: (3,), which readings were taken in.
+        fresh: (3,), which are more than one that repeats itself.
         counts: whether it is evidence.
         likelihood: logarithm of the likelihood of the readings under the arm as believed so far.
     """
@@ -29,6 +30,7 @@ class Moment(NamedTuple):
     doubt: float
     measured: Array
     used: NDArray[np.bool_]
+    fresh: NDArray[np.bool_]
     counts: bool
     likelihood: float
 
@@ -48,6 +50,7 @@ class Moments:
             np.empty(room, dtype=bool),
             np.empty(room),
             np.empty(angles),
+            np.empty(angles, dtype=bool),
             np.empty(angles, dtype=bool),
             np.empty(room, dtype=bool),
             np.empty(room),
@@ -105,13 +108,14 @@ class Moments:
             column[row] = value
 
     def _at(self, row: int) -> Moment:
-        volts, gripped, doubt, measured, used, counts, likelihood = self._columns
+        volts, gripped, doubt, measured, used, fresh, counts, likelihood = self._columns
         return Moment(
             volts[row].copy(),
             bool(gripped[row]),
             float(doubt[row]),
             measured[row].copy(),
             used[row].copy(),
+            fresh[row].copy(),
             bool(counts[row]),
             float(likelihood[row]),
         )

@@ -99,7 +99,7 @@ def follow(
     count, grip = len(measured), estimator.belief.error.grip
     doubts = np.where(closes(commands, estimator.gripped), grip, 0.0)
     volts = np.ascontiguousarray(commands[:, :3])
-    angles, used = np.empty((count, 3)), np.empty((count, 3), dtype=bool)
+    angles, (used, fresh) = np.empty((count, 3)), np.empty((2, count, 3), dtype=bool)
     likelihoods, counted = np.empty(count), np.empty(count, dtype=bool)
     past = estimator.room(ONSETS)
     done, doubted, concluded = _work(
@@ -117,6 +117,7 @@ def follow(
         past,
         angles,
         used,
+        fresh,
         likelihoods,
         counted,
         tape,
@@ -124,7 +125,7 @@ def follow(
     readings.took(measured[done - 1], angles[done - 1])
     bank.adopt(estimator, past)
     held = np.full(count, estimator.gripped)
-    return Stretch(done, (volts, held, doubts, angles, used, counted, likelihoods), doubted, concluded)
+    return Stretch(done, (volts, held, doubts, angles, used, fresh, counted, likelihoods), doubted, concluded)
 
 
 @kernel(uses=(kernels, motion, traces, sensing))
@@ -143,6 +144,7 @@ def _work(
     past: Past,
     angles: Array,
     used: Flags,
+    fresh: Flags,
     likelihoods: Array,
     counted: Flags,
     tape: Tape,
@@ -167,7 +169,7 @@ def _work(
             r.new,
             angles[k],
         )
-        last[:] = measured[k]
+        last[:], fresh[k] = measured[k], r.new
         kernels.bound(f.x, f.least, f.most, gripped, possible)
         motion.carry(possible, volts[k], m, end, f.F)
         kernels.carry(f.x, end, f.memory, f.growth)

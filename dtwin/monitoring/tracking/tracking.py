@@ -67,7 +67,7 @@ class Tracking:
         if arrived:
             self._recall.take(self.sample, self.readings, estimator, self.bank, self.moments)
         likelihood = estimator.correct(angles, self.used)
-        return Moment(command, self.gripped, doubt, angles, self.used, False, likelihood)
+        return Moment(command, self.gripped, doubt, angles, self.used, self.readings.fresh, False, likelihood)
 
     def count(self, moment: Moment) -> Moment:
         """Notes the last sample, which is no evidence for a while after a doubtful command."""
