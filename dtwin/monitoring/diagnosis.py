@@ -81,7 +81,8 @@ class Diagnosis:
     Attributes:
         alarm: number of the sample at which it began.
         candidates: those that are not given up.
-        certain: whether something is wrong, whatever the likelihoods are.
+        certain: whether a joint that should move stands still, or its encoder: something is wrong, whatever the
+            likelihoods are.
     """
 
     def __init__(
@@ -110,8 +111,8 @@ class Diagnosis:
         if likely:
             self.candidates += changes(likely, locked, sizes, history, sample)
             self.candidates += [] if stopped else stopped_at_rest(resting, sizes)
-        self.certain = bool(stopped)
-        self._still = {each.joint - 1: each.angle for each in stopped}
+        self.certain = self._stood = bool(stopped)
+        self._still = {each.joint - 1: each for each in stopped}
         self._pairs: list[Candidate] = []
         self._paired: Literal["no", "weaker", "all"] = "no"
         self._tried: set[tuple[str, ...]] = set()
@@ -124,6 +125,10 @@ class Diagnosis:
     def update(self, moment: Moment) -> None:
         """Takes in a sample, which is the last one of the history by now."""
         self._sample += 1
+        for joint, still in list(self._still.items()):
+            if moment.used[joint] and abs(moment.measured[joint] - still.angle) > still.motion:
+                del self._still[joint]
+                self.certain = bool(self._still)
         if self._still and (self._sample - self.alarm) % _LOOK == 0:
             moment = self._looked(moment)
         for candidate in self.candidates:
@@ -140,8 +145,10 @@ class Diagnosis:
     def stop(self, stopped: Sequence[StandsStill]) -> None:
         """Takes in that joints are locked, or that their encoders have stopped."""
         self.candidates += map(self._caught_up, stops(stopped, self._sizes))
-        self._still |= {each.joint - 1: each.angle for each in stopped}
-        self.certain, self.alarm = True, self._sample
+        self._still |= {each.joint - 1: each for each in stopped}
+        # An arm that strikes about may seem to stand still again and again, which must not put off what it comes to.
+        self.alarm = self.alarm if self._stood else self._sample
+        self.certain = self._stood = True
         self._prune()
 
     def believed(self) -> Conclusion:
@@ -264,8 +271,8 @@ class Diagnosis:
         """The last sample, of which readings that are repeated are evidence: no cause but an encoder that has stopped
         lets its joint go on moving."""
         used = moment.used.copy()
-        for joint, angle in self._still.items():
-            used[joint] |= moment.measured[joint] == angle
+        for joint, still in self._still.items():
+            used[joint] |= moment.measured[joint] == still.angle
         looked = moment._replace(used=used)
         self._history.replace_last(looked)
         return looked

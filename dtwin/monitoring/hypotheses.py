@@ -111,7 +111,7 @@ def weakens(pair: Candidate) -> bool:
 def stops(stopped: Sequence[StandsStill], sizes: dict[str, float]) -> list[Candidate]:
     """Of each joint, that its encoder has stopped and that it is locked, each at some samples from the first one."""
     found = []
-    for joint, _, first, onset in stopped:
+    for joint, _, _, first, onset in stopped:
         least = max(first - onset.sample - 1, 0)
         kinds, delays = [FaultId(FREEZE, joint), FaultId(LOCK, joint)], range(least, least + DELAYED)
         found += [Candidate(fault, onset, sizes, delay=delay) for fault in kinds for delay in delays]
@@ -123,7 +123,7 @@ def stopped_at_rest(resting: Sequence[StandsStill], sizes: dict[str, float]) -> 
     else, and the first one is taken for where the angle passed from one reading to the next."""
     return [
         Candidate(FaultId(FREEZE, joint), onset, sizes, delay=max(first - onset.sample, 0))
-        for joint, _, first, onset in resting
+        for joint, _, _, first, onset in resting
     ]
 
 

@@ -214,7 +214,7 @@ def test_an_encoder_that_may_have_stopped_is_as_probable_as_it_was_while_a_cause
     belief: Belief,
 ) -> None:
     onset = Onset(10, 1, Estimator(belief, Tuning()))
-    found = Diagnosis([], Moments(1), 10, plausible_sizes(belief.arm), False, [StandsStill(2, 0.0, 11, onset)])
+    found = Diagnosis([], Moments(1), 10, plausible_sizes(belief.arm), False, [StandsStill(2, 0.0, 0.01, 11, onset)])
     stops = [each for each in found.candidates if each.fault.kind == "freeze"]
     push = Candidate(parse_fault_id("push2"), onset, plausible_sizes(belief.arm))
     found.candidates = [*stops, push]
@@ -230,7 +230,7 @@ def test_an_encoder_that_may_have_stopped_is_as_probable_as_it_was_while_a_cause
 
 def test_of_a_joint_that_stands_still_and_a_motion_that_nothing_explains_no_cause_is_sure(belief: Belief) -> None:
     onset = Onset(10, 1, Estimator(belief, Tuning()))
-    found = Diagnosis([], Moments(1), 10, plausible_sizes(belief.arm), False, [StandsStill(2, 0.0, 11, onset)])
+    found = Diagnosis([], Moments(1), 10, plausible_sizes(belief.arm), False, [StandsStill(2, 0.0, 0.01, 11, onset)])
     weak = Candidate(parse_fault_id("K3"), onset, plausible_sizes(belief.arm))
     weak.gain, weak.worst, weak.misfit = 1000.0, 9.0, 9.0
     found.candidates.append(weak)
@@ -247,7 +247,7 @@ def test_only_an_encoder_that_has_stopped_lets_its_joint_go_on_moving(belief: Be
     estimator.begin(angles, False)
     estimator.x[W + 1], estimator.P[W : W + 3], estimator.P[:, W : W + 3] = 3.0, 0.0, 0.0
     onset, history = Onset(10, 1, estimator), Moments(40)
-    found = Diagnosis([], history, 10, plausible_sizes(belief.arm), False, [StandsStill(2, 0.2, 10, onset)])
+    found = Diagnosis([], history, 10, plausible_sizes(belief.arm), False, [StandsStill(2, 0.2, 0.01, 10, onset)])
     moving = Candidate(parse_fault_id("payload"), onset, plausible_sizes(belief.arm))
     found.candidates.append(moving)
     for _ in range(10):
@@ -258,6 +258,23 @@ def test_only_an_encoder_that_has_stopped_lets_its_joint_go_on_moving(belief: Be
     assert moving not in found.candidates
     assert history.last(1)[0].used.tolist() == [False, True, False]
     assert "freeze2" in {str(each.fault) for each in found.candidates}
+
+
+@pytest.mark.parametrize(("reading", "works"), [(0.205, False), (0.25, True)])
+def test_a_joint_of_which_another_reading_comes_neither_stands_still_nor_does_its_encoder(
+    belief: Belief, reading: float, works: bool
+) -> None:
+    estimator, angles = Estimator(belief, Tuning()), np.array([0.3, 0.2, 0.1])
+    estimator.begin(angles, False)
+    still, history = StandsStill(2, 0.2, 0.01, 10, Onset(10, 1, estimator)), Moments(40)
+    found = Diagnosis([], history, 10, plausible_sizes(belief.arm), False, [still])
+    for second in (0.2, reading):
+        angles[1] = second
+        history.append(moment := Moment(np.zeros(3), False, 0.0, angles, ALL, ALL, True, 0.0))
+        found.update(moment)
+    assert found.certain is not works
+    found.stop([still])
+    assert (found.certain, found.alarm) == (True, 10)
 
 
 def test_a_cause_is_as_probable_as_it_is_alone_or_beside_another(belief: Belief) -> None:

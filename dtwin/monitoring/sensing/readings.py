@@ -188,6 +188,11 @@ class Readings:
         return self._new
 
     @property
+    def motion(self) -> Array:
+        """By how much more than rounding and noise do readings differ once a joint has moved, (3,) rad."""
+        return np.maximum(_RESOLUTIONS * self.resolution, _DEVIATIONS * self._deviation)
+
+    @property
     def proven(self) -> Flags:
         """Which encoders have stopped, (3,): even at a joint that stands still they would not repeat a reading."""
         return self.frozen & ((self.resolution == 0.0) | (self._deviation > _NOISY * self.resolution))

@@ -22,12 +22,14 @@ class StandsStill(NamedTuple):
     Attributes:
         joint: 1 to 3.
         angle: the reading that is repeated, rad.
+        motion: difference of a reading that shows that the joint moves and its encoder works, rad.
         first: number of the sample that gave it first.
         onset: one before that.
     """
 
     joint: int
     angle: float
+    motion: float
     first: int
     onset: Onset
 
@@ -63,5 +65,6 @@ def stands_still(joints: Iterable[int], readings: Readings, sample: int, bank: S
     found = []
     for joint in joints:
         first = sample - int(readings.repeated[joint - 1])
-        found.append(StandsStill(joint, float(readings.last[joint - 1]), first, bank.before(first)))
+        angle, motion = float(readings.last[joint - 1]), float(readings.motion[joint - 1])
+        found.append(StandsStill(joint, angle, motion, first, bank.before(first)))
     return found
