@@ -125,10 +125,8 @@ class Diagnosis:
     def update(self, moment: Moment) -> None:
         """Takes in a sample, which is the last one of the history by now."""
         self._sample += 1
-        for joint, still in list(self._still.items()):
-            if moment.used[joint] and abs(moment.measured[joint] - still.angle) > still.motion:
-                del self._still[joint]
-                self.certain = bool(self._still)
+        for still in list(self._still.values()):
+            self._compare(moment, still)
         if self._still and (self._sample - self.alarm) % _LOOK == 0:
             moment = self._looked(moment)
         for candidate in self.candidates:
@@ -174,8 +172,7 @@ class Diagnosis:
             earlier: log-likelihood by which an earlier diagnosis has found the same.
         """
         best = self.best()[0]
-        # What an encoder jumps by shows in one sample, of which no other is a repetition.
-        once = best.peak if best.fault.kind in _AT_ONCE else 0.0
+        once = self._at_once(best)
         odds = math.log(SURE / (1.0 - SURE))
         return self.certain or once + (best.gain - once + earlier) / self._temper > odds
 
@@ -216,10 +213,10 @@ class Diagnosis:
         top, probability, _ = found
         if top.sample < self._sample:
             return found
-        if self.certain and not self._convinces(top, probability):
-            return self._stopped(found) or found
-        if self.certain and top.fault.kind in (FREEZE, LOCK):
+        if self.certain and self._convinces(top, probability) and top.fault.kind in (FREEZE, LOCK):
             return found
+        if self.certain and not self._convinces(top, probability) and (stopped := self._stopped(found)):
+            return stopped
         if top.misfit > self._misfit:
             unknown = [self._caught_up(Candidate(fault, top.onset, self._sizes)) for fault in faults(UNKNOWN)]
             return found._replace(candidate=max(unknown, key=lambda each: each.gain))
@@ -260,12 +257,27 @@ class Diagnosis:
         if top.misfit > self._misfit or self.certain:
             return age >= ENOUGH or (self.certain and age >= LEAST and self._convinces(top, probability))
         if age < self._least or probability < DECIDED:
-            return age >= MOST or (age >= PATIENT and self._located(top.fault.joint) >= LOCATED)
+            # An offset and a wrong scale differ only once the joint has moved far.
+            located = top.fault.kind not in _AT_ONCE and self._located(top.fault.joint) >= LOCATED
+            return age >= MOST or (age >= PATIENT and located)
         if top.other or top.waits:
             return age >= ENOUGH
         # What is lost has no size to be told.
         sized = () if top.fault.about.hypothesis == "loss" else self._sizes.keys() & top.changes().keys()
         return age >= ENOUGH or all(top.estimator.deviation(name) <= _PRECISE * self._sizes[name] for name in sized)
+
+    def _compare(self, moment: Moment, still: StandsStill) -> None:
+        """Gives up that an encoder has stopped once another reading comes, and that its joint stands still if that is
+        farther off than rounding and noise."""
+        joint, measured = still.joint - 1, float(moment.measured[still.joint - 1])
+        if not (moment.used[joint] and moment.fresh[joint]) or measured == still.angle:
+            return
+        for candidate in self.candidates:
+            if candidate.fault == FaultId(FREEZE, still.joint):
+                candidate.gain = -math.inf
+        if abs(measured - still.angle) > still.motion:
+            del self._still[joint]
+            self.certain = bool(self._still)
 
     def _looked(self, moment: Moment) -> Moment:
         """The last sample, of which readings that are repeated are evidence: no cause but an encoder that has stopped
@@ -319,16 +331,28 @@ class Diagnosis:
         return candidate
 
     def _evidence(self, candidate: Candidate) -> float:
-        """What speaks for a candidate beyond what the model lacks anyway; an unknown torque may be all of that."""
+        """What speaks for a candidate beyond what the model lacks anyway; an unknown torque may be all of that.
+
+        What an encoder jumps by shows in one sample, and no model lacks that.
+        """
         faults = (candidate.fault, candidate.other) if candidate.other else (candidate.fault,)
         states = [state for fault in faults for state in fault.states or map(fault.named, _TORQUES)]
-        return candidate.gain - max(self._charges.get(state, 0.0) for state in states)
+        charge = max(self._charges.get(state, 0.0) for state in states)
+        return candidate.gain - max(charge - self._at_once(candidate), 0.0)
+
+    def _at_once(self, candidate: Candidate) -> float:
+        """What one sample tells of an encoder's jump, of which no other sample is a repetition."""
+        return candidate.peak if candidate.fault.kind in _AT_ONCE else 0.0
 
     def _prune(self) -> None:
         top = max(candidate.gain for candidate in self.candidates)
         least = top - _HOPELESS * self._temper
         # What an encoder that has stopped does not explain may be what the arm hits because of that.
-        self.candidates = [c for c in self.candidates if c.gain >= least or (self.certain and c.fault.kind == FREEZE)]
+        self.candidates = [
+            each
+            for each in self.candidates
+            if each.gain >= least or (self.certain and each.fault.kind == FREEZE and math.isfinite(each.gain))
+        ]
 
 
 def _on_one_matter(conclusion: Conclusion) -> float:

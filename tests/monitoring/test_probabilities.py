@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dtwin.monitoring.candidate import Candidate, Conclusion
-from dtwin.monitoring.diagnosis import LEAST, SURE, Diagnosis
+from dtwin.monitoring.diagnosis import LEAST, MOST, PATIENT, SURE, Diagnosis
 from dtwin.monitoring.dismissals import Dismissals
 from dtwin.monitoring.estimation import traces
 from dtwin.monitoring.estimation.belief import Belief, Tail, Unmodelled
@@ -152,6 +152,22 @@ def test_tempered_evidence_leaves_more_causes_and_earns_less(belief: Belief) -> 
     assert not diagnosis(belief, gains, ALIKE).earned()
 
 
+def test_what_one_sample_tells_of_an_encoder_is_nothing_that_a_model_lacks(belief: Belief) -> None:
+    """A wrong scale and an offset jump alike, though a lacking model looks like a drift, and so like a scale."""
+    found = diagnosis(belief, {"bias3": 500.0})
+    found._charges = {"bias3": 0.0, "scale3": 100.0}
+    (offset,) = found.candidates
+    scale = Candidate(parse_fault_id("scale3"), offset.onset, plausible_sizes(belief.arm))
+    scale.gain = offset.gain
+    found.candidates.append(scale)
+    assert found.others() == ()
+    scale.peak = 450.0
+    _, share = found.ranked()[1]
+    assert share == pytest.approx(1.0 / (1.0 + scale.fault.about.rarer))
+    assert not found.settled(10 + PATIENT)
+    assert found.settled(10 + MOST)
+
+
 @pytest.mark.parametrize(
     ("stirred", "named", "confidence", "others"),
     [(-1, "payload", 0.6, ("slip", "K1")), (12, "slip", 0.9, ("K1",))],
@@ -260,9 +276,9 @@ def test_only_an_encoder_that_has_stopped_lets_its_joint_go_on_moving(belief: Be
     assert "freeze2" in {str(each.fault) for each in found.candidates}
 
 
-@pytest.mark.parametrize(("reading", "works"), [(0.205, False), (0.25, True)])
-def test_a_joint_of_which_another_reading_comes_neither_stands_still_nor_does_its_encoder(
-    belief: Belief, reading: float, works: bool
+@pytest.mark.parametrize(("reading", "moves"), [(0.205, False), (0.25, True)])
+def test_an_encoder_that_reads_anew_has_not_stopped_and_a_joint_that_is_read_elsewhere_does_not_stand_still(
+    belief: Belief, reading: float, moves: bool
 ) -> None:
     estimator, angles = Estimator(belief, Tuning()), np.array([0.3, 0.2, 0.1])
     estimator.begin(angles, False)
@@ -272,7 +288,8 @@ def test_a_joint_of_which_another_reading_comes_neither_stands_still_nor_does_it
         angles[1] = second
         history.append(moment := Moment(np.zeros(3), False, 0.0, angles, ALL, ALL, True, 0.0))
         found.update(moment)
-    assert found.certain is not works
+        assert ("freeze2" in {str(each.fault) for each in found.candidates}) is (second == 0.2)
+    assert found.certain is not moves
     found.stop([still])
     assert (found.certain, found.alarm) == (True, 10)
 
