@@ -358,4 +358,10 @@ class Diagnosis:
 def _on_one_matter(conclusion: Conclusion) -> float:
     """Probability of what a diagnosis comes to and of its other causes that tell of the same matter."""
     told, others = conclusion.candidate.told, conclusion.others
-    return conclusion.probability + sum(share for fault, share in others if fault.same_matter(told))
+    return conclusion.probability + sum(share for fault, share in others if _one_matter(fault, told))
+
+
+def _one_matter(first: FaultId, second: FaultId) -> bool:
+    """Whether two faults tell of the same matter, as an offset and a wrong scale do of an encoder that has jumped."""
+    jumped = first.joint == second.joint and first.kind in _AT_ONCE and second.kind in _AT_ONCE
+    return jumped or first.same_matter(second)

@@ -217,6 +217,16 @@ def test_what_no_cause_explains_speaks_for_none(belief: Belief) -> None:
     assert str(unsure.candidate.fault) == "payload"
 
 
+def test_an_encoder_has_jumped_whatever_the_arm_hits_then(belief: Belief) -> None:
+    found = diagnosis(belief, {"bias2": 40.0, "payload": 20.0})
+    scale = Candidate(parse_fault_id("scale2"), found.candidates[0].onset, plausible_sizes(belief.arm))
+    scale.gain = 40.0
+    found.candidates.append(scale)
+    believed = explained(found, 4, 9.0).believed()
+    assert (str(believed.candidate.fault), believed.probability) == ("bias2", pytest.approx(0.75))
+    assert believed.others == ((scale.fault, pytest.approx(0.25)),)
+
+
 def test_a_push_after_which_the_healthy_arm_does_not_go_on_was_none(belief: Belief) -> None:
     found = diagnosis(belief, {"K1": 40.0, "payload": 20.0})
     push = Candidate(parse_fault_id("push2"), found.candidates[0].onset, plausible_sizes(belief.arm))
