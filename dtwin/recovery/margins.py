@@ -57,13 +57,20 @@ def settings_for_late(
     return search(arm, heaviest, usual, expect, gains, settings.target_time, reference, stiffer=(1.0,))
 
 
-def control_settings(upload: Upload, model: ArmParameters | None = None) -> ControlSettings:
-    """Settings in force as settings of a controller, with another model if one is given."""
-    return ControlSettings(upload.target_time, upload.gains, upload.law, model or upload.model, upload.payload)
+def control_settings(upload: Upload, record: MachineRecord | None) -> ControlSettings:
+    """Settings in force as settings of a controller: what no upload changes is as the record of the arm proposes."""
+    proposed = record.settings if record is not None else None
+    usual = ControlSettings() if proposed is None or proposed.refused else proposed.control
+    told = ("target_time", "gains", "law", "model", "payload")
+    return replace(usual, **{name: getattr(upload, name) for name in told})
 
 
 def gains_with_margins(
-    settings: ControlSettings, arm: ArmParameters, record: MachineRecord | None, late: float
+    settings: ControlSettings,
+    arm: ArmParameters,
+    record: MachineRecord | None,
+    late: float,
+    before: Sequence[ControlSettings] = (),
 ) -> Gains:
     """The gains nearest to those of settings with the margins at all places that uploads to the arm have to keep.
 
@@ -76,15 +83,16 @@ def gains_with_margins(
         arm: arm as it is known.
         record: record of an arm that does not obey the equations of motion.
         late: ticks by which commands act later than they did.
+        before: settings with which the gains are in force before, and have to have the margins too.
 
     Raises:
         ParameterError: no gains have the margins.
     """
     least = _least(settings.law, record, late)
     for speed, integral in product(SOFTER, INTEGRAL):
-        tried = replace(settings, gains=_slowed(settings.gains, speed, integral))
-        if _kept(tried, arm, record, late, least):
-            return tried.gains
+        gains = _slowed(settings.gains, speed, integral)
+        if all(_kept(replace(each, gains=gains), arm, record, late, least) for each in (settings, *before)):
+            return gains
     raise ParameterError(
         f"no gains have {least:.0%} of the margins, down to {SOFTER[-1]:g} times the loop's speed"
         f"{', though commands are late' if late else ''}"

@@ -156,11 +156,11 @@ class Measures:
             return self._expect(PredictionRequest(gains, target_time, model=model, arm=arm))
 
         weak = bool(beyond_strength(arm, max(BOXES), self._usual))
-        gains = in_force.gains if weak else self._with_margins(in_force, model, arm)
+        now = msgspec.structs.replace(in_force, model=model)
+        gains = in_force.gains if weak else self._with_margins(arm, in_force, now)
         lower = gains != in_force.gains
         able = not weak and not lower and worst_ratio(expect(gains, in_force.target_time), self._reference) <= BOUND
         uploaded = desk.upload("the arm has changed", model=model, arm=arm) if able else None
-        now = msgspec.structs.replace(in_force, model=model)
         states = (now,) if able else (in_force, now)
         stiffer = (1.0,) if weak or lower else self._stiffer(arm, *states)
         tuned = self._tuned(msgspec.structs.replace(in_force, gains=gains), arm, BOXES, expect, stiffer)
@@ -178,15 +178,20 @@ class Measures:
             desk.say(f"gains and target time can stay: {_expected(tuned)}")
         return uploaded.time
 
-    def _with_margins(self, in_force: Upload, model: ArmParameters, arm: ArmParameters) -> Gains:
+    def _with_margins(self, arm: ArmParameters, in_force: Upload, then: Upload) -> Gains:
+        """The gains of settings that come, if they can be, or lower ones, which are in force before already."""
+        before, settings = (control_settings(state, self._record) for state in (in_force, then))
+        how = (arm, self._record, self._desk.late)
         try:
-            return gains_with_margins(control_settings(in_force, model), arm, self._record, self._desk.late)
+            gains = gains_with_margins(settings, *how)
+            return gains if gains == then.gains else gains_with_margins(settings, *how, [before])
         except ParameterError as error:
             raise TooWeak(str(error)) from None
 
     def _stiffer(self, arm: ArmParameters, *states: Upload) -> tuple[float, ...]:
         """Factors on Kp and Ki with which settings that are in force one after the other all have their margins."""
-        each = [stiffer_with_margins(control_settings(state), arm, self._record, self._desk.late) for state in states]
+        known, how = self._record, (arm, self._record, self._desk.late)
+        each = [stiffer_with_margins(control_settings(state, known), *how) for state in states]
         return tuple(factor for factor in each[0] if all(factor in other for other in each))
 
     def _tuned(
@@ -261,7 +266,7 @@ class Measures:
             return Taken(None, values)
         boxes = (mass, mass + max(BOXES) - BOXES[0])
         heavier = msgspec.structs.replace(in_force, payload=mass)
-        gains = self._with_margins(heavier, in_force.model, self._arm)
+        gains = self._with_margins(self._arm, in_force, heavier)
         lower = gains != in_force.gains
         tuned = self._tuned(
             msgspec.structs.replace(in_force, gains=gains),
@@ -305,7 +310,7 @@ class Measures:
             return self._expect(PredictionRequest(gains, target_time, arm=self._arm))
 
         try:
-            known = control_settings(in_force)
+            known = control_settings(in_force, self._record)
             tuned = settings_for_late(
                 known, self._arm, self._record, max(BOXES), self._usual, expect, self._reference
             )

@@ -13,7 +13,8 @@ from dtwin.bus.twin_messages import (
     PredictedMotion,
 )
 from dtwin.controller.motion import MotionController
-from dtwin.controller.settings import USUAL_GAINS, ControlSettings
+from dtwin.controller.proposed import LeastMargins, ProposedSettings
+from dtwin.controller.settings import USUAL_GAINS, Compensation, ControlSettings
 from dtwin.parameters import scaled
 from dtwin.recovery.desk import Desk
 from dtwin.recovery.margins import control_settings, settings_for_late
@@ -277,7 +278,8 @@ def test_gains_without_margins_with_a_heavier_box_are_lowered_before_it_is_count
     assert first.gains is not None
     assert first.gains.ki[0] < fast.ki[0]
     assert second.payload == pytest.approx(0.23)
-    Checker().check(replace(ControlSettings(law="cascade"), gains=first.gains, payload=0.23), HEALTHY)
+    for payload in (0.2, 0.23):
+        Checker().check(replace(ControlSettings(law="cascade"), gains=first.gains, payload=payload), HEALTHY)
 
 
 @pytest.mark.parametrize(("fast", "stiffest"), [(1.0, 1.5), (3.0, 1.3)])
@@ -291,7 +293,22 @@ def test_gains_are_made_no_stiffer_than_their_margins_allow(cell: FakeCell, fast
     cell.worse = lambda request: 1.6 * begun.kp[0] / request.gains.kp[0] if request.gains else 1.0
     watched(cell)
     assert cell._now.gains.kp == pytest.approx(times(stiffest, begun.kp))
-    Checker().check(control_settings(cell._now, weak), weak)
+    Checker().check(replace(control_settings(cell._now, None), model=weak), weak)
+
+
+@pytest.mark.parametrize(("refused", "compensated"), [("", True), ("no gains have the margins", False)])
+def test_margins_are_those_of_a_controller_that_compensates_as_its_record_proposes(
+    refused: str, compensated: bool
+) -> None:
+    """An upload does not tell of that; settings that were refused are not in force."""
+    record, upload = recorded(), msgspec.structs.replace(FakeCell()._now, target_time=1.7, payload=0.23)
+    control = ControlSettings(law="cascade", compensation=Compensation(delay=0.008, bandwidth=100.0))
+    lacking = LeastMargins(0.5, 7.0, 40.0, 2.0, 0.6)
+    proposed = ProposedSettings(control, (0.0, 1.0), lacking, lacking, 0.1, refused, [])
+    settings = control_settings(upload, msgspec.structs.replace(record, settings=proposed))
+    assert settings.compensation == (control.compensation if compensated else Compensation())
+    assert (settings.target_time, settings.payload, settings.gains) == (1.7, 0.23, upload.gains)
+    assert (settings.law, settings.model) == (upload.law, upload.model)
 
 
 @pytest.mark.parametrize(("delay", "integral"), [(0.0065, 1.0), (0.008, 0.6)])
@@ -304,7 +321,7 @@ def test_a_machine_works_on_with_nine_tenths_of_the_margins_when_commands_are_la
     expected = PredictedMotion("pickup", "red", True, (0.002,) * 3, (0.005,) * 3, (1.0,) * 3, 0.0)
     reference = [expected] * len(MOTIONS)
     tuned = settings_for_late(
-        control_settings(in_force),
+        control_settings(in_force, record),
         record.arm,
         record,
         0.2,
