@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import Final
 
 import msgspec
 
 from dtwin.bus.twin_messages import UNITS, MonitoredUnit, UnitState
 from dtwin.monitoring.kinds import READ, RELATIVE, FaultId, parse_fault_id
+
+_TAKES_AWAY: Final = ("loss", "stop", "hold")
+"""hypotheses of what leaves nothing to be changed: a joint without a motor, an encoder, or motion"""
 
 
 class Finding(msgspec.Struct, frozen=True):
@@ -135,12 +139,13 @@ def unit_states(
 
 
 def monitored_units(states: Mapping[str, UnitState], findings: Iterable[Finding]) -> dict[str, MonitoredUnit]:
-    """The units as they are published: states by UNITS, and of several findings on a unit the last.
+    """The units as they are published: states by UNITS, and of several findings on a unit the gravest, or the last.
 
-    One that an encoder itself tells goes before the others: it is the cause of what else is found there.
+    One that an encoder itself tells goes before the others: it is the cause of what else is found there. So does one
+    that takes the motor, the encoder or the motion of a joint away, since what only changes counts for less then.
     """
     units = {unit: MonitoredUnit(state) for unit, state in states.items()}
-    told = sorted(findings, key=lambda each: each.fault.kind in READ)
+    told = sorted(findings, key=lambda each: (each.fault.kind in READ, each.fault.about.hypothesis in _TAKES_AWAY))
     for unit, found in ((unit, each) for each in told for unit in units_of(each.fault)):
         units[unit] = MonitoredUnit(
             states[unit],

@@ -247,7 +247,14 @@ def test_a_slow_drift_that_is_hardly_known_when_it_is_confirmed_becomes_a_findin
 
 
 @pytest.mark.parametrize(
-    ("found", "told"), [("grip slip", "grip"), ("slip grip", "grip"), ("freeze2 K2", "freeze2"), ("K2 mu2", "mu2")]
+    ("found", "told"),
+    [
+        ("grip slip", "grip"),
+        ("slip grip", "grip"),
+        ("freeze2 K2", "freeze2"),
+        ("K2 mu2", "mu2"),
+        ("cut2 bias2", "cut2"),
+    ],
 )
 def test_what_an_encoder_itself_tells_is_not_hidden_by_what_follows_from_it(found: str, told: str) -> None:
     """Nobody would stop a gripper that does not follow for a box that was lost because of that."""
