@@ -213,9 +213,10 @@ class Diagnosis:
         top, probability, _ = found
         if top.sample < self._sample:
             return found
-        if self.certain and self._convinces(top, probability) and top.fault.kind in (FREEZE, LOCK):
-            return found
-        if self.certain and not self._convinces(top, probability) and (stopped := self._stopped(found)):
+        if self.certain and self._convinces(top, probability):
+            if top.fault.kind in (FREEZE, LOCK):
+                return found
+        elif self.certain and (stopped := self._stopped(found)):
             return stopped
         if top.misfit > self._misfit:
             unknown = [self._caught_up(Candidate(fault, top.onset, self._sizes)) for fault in faults(UNKNOWN)]

@@ -61,8 +61,14 @@ def control_settings(upload: Upload, record: MachineRecord | None) -> ControlSet
     """Settings in force as settings of a controller: what no upload changes is as the record of the arm proposes."""
     proposed = record.settings if record is not None else None
     usual = ControlSettings() if proposed is None or proposed.refused else proposed.control
-    told = ("target_time", "gains", "law", "model", "payload")
-    return replace(usual, **{name: getattr(upload, name) for name in told})
+    return replace(
+        usual,
+        target_time=upload.target_time,
+        gains=upload.gains,
+        law=upload.law,
+        model=upload.model,
+        payload=upload.payload,
+    )
 
 
 def gains_with_margins(

@@ -25,7 +25,6 @@ from dtwin.run.recording import Log
 
 SLIP = parse_fault_id("slip")
 ALL = np.ones(3, dtype=bool)
-ALL = np.ones(3, dtype=bool)
 
 
 @pytest.mark.parametrize("lasts", [0.04, 0.08, 0.16])
