@@ -63,6 +63,7 @@ class Desk:
         boxes: how much each box that differed weighed more than usual, kg, by the plant time (s) of the finding.
         stopped: whether the operator has stopped the arm.
         late: ticks by which commands are known to act later than they did.
+        hear: told every event, whatever is being waited for.
     """
 
     def __init__(
@@ -74,6 +75,7 @@ class Desk:
         self.boxes: dict[float, float] = {}
         self.stopped = False
         self.late = 0.0
+        self.hear: Callable[[Event], None] = lambda event: None
         self.bus = bus
         self._over = over
         self._progress = progress
@@ -196,6 +198,8 @@ class Desk:
         if isinstance(message, Event | MonitoringVerdict):
             self.time = max(self.time, message.time)
             self._progress(self.time)
+        if isinstance(message, Event):
+            self.hear(message)
         if isinstance(message, MonitoringVerdict):
             settled = (unit for unit in message.units.values() if unit.settled and unit.parameter)
             self.findings = {unit.parameter: unit for unit in settled}

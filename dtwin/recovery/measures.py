@@ -34,6 +34,9 @@ BOXES: Final = (0.2, 0.21)
 """kg, the usual box and the heaviest"""
 PRECISE: Final = 0.0005
 """rad, standard deviation of an offset that is good enough to be taken off"""
+ROUGH: Final = 0.05
+"""Standard deviation, as a share of its size, of an offset that is taken off at once: the arm may touch what is near
+its ways until then, and what is left is taken off once it is known"""
 PATIENCE: Final = 5.0
 """s for which a better estimate of an offset is waited for"""
 WRONG: Final = 0.001
@@ -248,7 +251,7 @@ class Measures:
         desk, until = self._desk, self._desk.time + PATIENCE
         for _ in desk.messages():
             known = [desk.findings[name] for name in names if name in desk.findings]
-            if desk.time >= until or all(unit.deviation <= PRECISE for unit in known):
+            if desk.time >= until or all(unit.deviation <= max(PRECISE, ROUGH * abs(unit.size)) for unit in known):
                 return
 
     def _count_on(self, found: Sequence[MonitoredUnit]) -> Taken:

@@ -63,6 +63,7 @@ class Operator:
 
     def watch(self) -> None:
         """Answers all that is found, until the arm is stopped or the time of the desk is over."""
+        self._desk.hear = self._hear
         while not self._desk.stopped:
             try:
                 self._listen()
@@ -82,9 +83,12 @@ class Operator:
             if isinstance(message, MonitoringVerdict):
                 self._deal()
                 self._measures.follow_boxes()
-            elif isinstance(message, Event) and message.kind == MONITOR + PUSH:
-                self._say_why(PUSH, answer_to(parse_fault_id(PUSH)))
-                self._begin("go on", (PUSH,))
+
+    def _hear(self, event: Event) -> None:
+        """Tells of a push, which is over by then, also while something else is being answered."""
+        if event.kind == MONITOR + PUSH and not self._desk.stopped:
+            self._say_why(PUSH, answer_to(parse_fault_id(PUSH)))
+            self._begin("go on", (PUSH,))
 
     def _new(self) -> dict[str, MonitoredUnit]:
         """Findings that nobody has dealt with, by what they name.
@@ -114,7 +118,7 @@ class Operator:
         self._dealt |= {unit.parameter: unit.detected for unit in found}
         self.findings += found
         self._say_why(" and ".join(names), new[names[0]][1])
-        self._begin(measure, names)
+        step = self._begin(measure, names)
         if measure == "go on":
             return
         try:
@@ -124,7 +128,7 @@ class Operator:
         except TakenBack as error:
             self._try_again(found, error)
         else:
-            self.steps[-1] = self.steps[-1]._replace(taken=taken)
+            self.steps[step] = self.steps[step]._replace(taken=taken)
 
     def _try_again(self, found: Sequence[MonitoredUnit], error: TakenBack) -> None:
         """Has findings answered once more, since a trial may fail for what the arm was doing when it began."""
@@ -160,5 +164,7 @@ class Operator:
         todo = f"; for a person: {answer.order}" if answer.measure == "go on" and answer.order else ""
         self._desk.say(f"{what} asks for {answer.measure}: {answer.why}{todo}")
 
-    def _begin(self, measure: Measure, names: tuple[str, ...]) -> None:
+    def _begin(self, measure: Measure, names: tuple[str, ...]) -> int:
+        """Writes a step down; its index."""
         self.steps.append(Step(self._desk.time, names, measure, _NOTHING))
+        return len(self.steps) - 1

@@ -28,7 +28,7 @@ from dtwin.simulation.margins.demands import DEMANDS, cases
 from dtwin.simulation.margins.loop import lateness, later
 from dtwin.simulation.margins.poses import places
 from dtwin.twin.effects import Effects
-from tests.recovery.fake_cell import HEALTHY, FakeCell, measures_of, watched
+from tests.recovery.fake_cell import HEALTHY, TRIAL, FakeCell, measures_of, watched
 from tests.support.records import recorded
 
 
@@ -162,6 +162,19 @@ def test_an_offset_is_taken_off_once_it_is_known_well(cell: FakeCell) -> None:
     assert upload.encoder_offset == (0.0, 0.01, 0.0)
     assert measures_of(operator) == [("offset", ("bias2",))]
     assert operator.steps[0].taken.values == {"bias2": 0.01}
+
+
+def test_a_large_offset_that_is_known_roughly_is_taken_off_at_once_and_what_is_left_later(cell: FakeCell) -> None:
+    cell.found["bias1"] = (20.0, 0.03, 0.0014)
+
+    def better() -> None:
+        if cell.time > 25.0:
+            cell.found["bias1"] = (20.0, 0.028, 1e-4)
+
+    cell.changing = better
+    watched(cell)
+    first, second = cell.uploads
+    assert (first.encoder_offset, second.encoder_offset) == ((0.03, 0.0, 0.0), (0.028, 0.0, 0.0))
 
 
 def test_an_offset_that_turns_out_otherwise_is_taken_off_anew(cell: FakeCell) -> None:
@@ -386,6 +399,17 @@ def test_a_slip_and_a_push_are_told_and_nothing_else(cell: FakeCell) -> None:
         "slip asks for go on: the sequence fetches the next box; for a person: pick up the box that was lost",
         "push asks for go on: it is over",
     ]
+
+
+def test_a_push_is_told_while_something_else_is_answered(cell: FakeCell) -> None:
+    cell.found["bias1"] = (20.0, 0.01, 1e-4)
+    cell.events.append(Event(25.0, f"{MONITOR}push", "push of joint 2"))
+    operator = watched(cell)
+    assert measures_of(operator) == [("offset", ("bias1",)), ("go on", ("push",))]
+    assert [step.taken.values for step in operator.steps] == [{"bias1": 0.01}, {}]
+    assert operator.steps[1].time == 25.0
+    assert operator.steps[0].taken.uploaded is not None
+    assert operator.steps[0].taken.uploaded < 25.0 < operator.steps[0].taken.uploaded + TRIAL
 
 
 def test_what_has_ended_may_come_again(cell: FakeCell) -> None:
