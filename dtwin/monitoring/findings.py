@@ -8,6 +8,7 @@ trend they return as an `Consequences`, and the monitor applies it.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
@@ -268,9 +269,9 @@ class Findings:
             self.note(time, "recovered", why or found.text())
 
     def refined(self, found: Finding, estimator: Estimator) -> Finding:
-        """The finding with the size as it is known now."""
+        """The finding with the size as it is known now, or as it was if the estimate has diverged meanwhile."""
         change = estimator.change(found.parameter)
-        if change is None:
+        if change is None or not math.isfinite(change.value + change.deviation):
             return found
         size, deviation = _size(found.fault, change, estimator)
         return msgspec.structs.replace(found, size=size, deviation=deviation)

@@ -105,6 +105,19 @@ def test_the_size_is_refined_after_the_diagnosis(belief: Belief, run_cell: Calla
     assert finding.size == pytest.approx(0.05, abs=4 * finding.deviation + 1e-3)
 
 
+def test_the_size_stays_as_it_was_while_the_estimate_is_no_number(
+    belief: Belief, run_cell: Callable[..., Log]
+) -> None:
+    """Another fault may let the estimate diverge until its diagnosis gives another."""
+    monitor = followed(belief, stream(run_cell(30.0, 3, "D2*=2@12.5")))
+    (told,) = monitor.findings.current.values()
+    for array in (monitor.estimator.x, monitor.estimator.P):
+        array[:] = np.nan
+    (found,) = monitor.standing()
+    assert (found.size, found.deviation) == (told.size, told.deviation)
+    assert all(np.isfinite(unit.deviation) for unit in monitor.verdict().units.values())
+
+
 def test_the_truth_is_not_looked_at(belief: Belief, weak: Log, watching: Monitor) -> None:
     hidden = {f"{name}_{joint}" for name in ("theta", "omega", "target") for joint in (1, 2, 3)} | {"payload_mass"}
     columns = {name: np.zeros_like(c) if name in hidden else c for name, c in weak.columns.items()}
