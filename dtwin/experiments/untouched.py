@@ -11,6 +11,7 @@ TUNED: Final = (
     *(*range(1101, 1105), *range(1121, 1127), 1147, *range(1161, 1167), 1203, 1207, 1208, 1214, 1218),
     *(*range(1251, 1259), *range(1310, 1314), 1327, *range(1331, 1334), 1346, *range(1350, 1353), 1359, 1361),
     *(1364, 1368, 1371, 1377, 1378, *range(1384, 1387), 1389, *range(1393, 1396), 1403, 1407, 1408, 1412),
+    *(1413, 1415, 1416, 1418, 1419),
     *(*range(1421, 1427), *range(1451, 1457), 1492, 1511, 1561, 1562, 1582, 1682, 1685),
 )
 """Numbers of the machines that identification, monitoring and recovery were tuned on, or mended after a look at."""
