@@ -122,11 +122,13 @@ class Findings:
     def assess(self, conclusion: Conclusion, detected: float) -> Finding:
         """What the conclusion of a diagnosis amounts to, noticed at a plant time (s).
 
-        Of two changes it is the larger one. What would be another mass is a slip, too, if the gripper says so.
+        Of two faults it is the larger one, and of two changes that are one fault, as of friction, the surer one. What
+        would be another mass is a slip, too, if the gripper says so.
         """
         candidate, probability, others = conclusion
         changes = candidate.changes()
-        state = max(changes, key=lambda name: self._relative(name, changes[name]), default="")
+        first = self._relative if candidate.other else lambda _, change: change.certainty
+        state = max(changes, key=lambda name: first(name, changes[name]), default="")
         found = self._told(candidate, state, probability, detected)
         if found.fault.kind == SLIP and self._stirred(found.since):
             more = sum(share for fault, share in others if fault.about.on_box)

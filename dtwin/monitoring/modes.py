@@ -13,7 +13,7 @@ unfit to settling or watching.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -43,6 +43,10 @@ LOST_WITHIN: Final = 600
 _MATTERS: Final = 3
 """diagnoses of different matters within _MATTERS_WITHIN that show that none of them was right"""
 _MATTERS_WITHIN: Final = 2000
+"""samples"""
+_DRIVE: Final = ("K", "D", "mu", "friction")
+"""kinds of changes of a joint's drive: one that lasts is told once, not again and again as another one"""
+_DRIVE_WITHIN: Final = 3000
 """samples"""
 
 
@@ -132,12 +136,15 @@ class Turns:
 
     def astray(self, sample: int) -> Turn | None:
         """The first of the diagnoses up to a sample that none can have been right, which are forgotten then; None if
-        they do not show that: so many in a short time, or of so many different matters in a longer one."""
+        they do not show that: so many in a short time, or in a longer one so many of different matters, or so many of
+        the drive of one joint."""
         turns = list(self._turns)
         if len(turns) < LOST or turns[0].sample <= sample - LOST_WITHIN:
-            turns = [turn for turn in turns if turn.sample > sample - _MATTERS_WITHIN]
-            if _different(turns) < _MATTERS:
-                return None
+            lately = [turn for turn in turns if turn.sample > sample - _MATTERS_WITHIN]
+            longer = [turn for turn in turns if turn.sample > sample - _DRIVE_WITHIN]
+            turns = lately if _different(lately) >= _MATTERS else _of_one_drive(longer)
+        if len(turns) < _MATTERS:
+            return None
         self._turns.clear()
         return turns[0]
 
@@ -150,6 +157,13 @@ def _different(turns: Iterable[Turn]) -> int:
         count += bool(turn.faults) and not any(fault.same_matter(other) for fault in turn.faults for other in told)
         told += turn.faults
     return count
+
+
+def _of_one_drive(turns: Sequence[Turn]) -> list[Turn]:
+    """The diagnoses that tell of the drive of that joint of which most do."""
+    joints = [{fault.joint for fault in turn.faults if fault.kind in _DRIVE} for turn in turns]
+    most = max((1, 2, 3), key=lambda joint: sum(joint in each for each in joints))
+    return [turn for turn, each in zip(turns, joints, strict=True) if most in each]
 
 
 class Probation:

@@ -8,12 +8,18 @@ from scipy.special import chdtrc
 
 from dtwin.errors import ParameterError
 from dtwin.experiments.monitoring.trial import identified_belief
+from dtwin.monitoring.candidate import Candidate, Conclusion
 from dtwin.monitoring.estimation.belief import Belief
-from dtwin.monitoring.findings import PUT_DOWN
-from dtwin.monitoring.kinds import parse_fault_id
+from dtwin.monitoring.estimation.estimator import Estimator
+from dtwin.monitoring.estimation.layout import INDEX
+from dtwin.monitoring.estimation.tuning import Tuning
+from dtwin.monitoring.findings import PUT_DOWN, Findings
+from dtwin.monitoring.kinds import parse_fault_id, plausible_sizes
 from dtwin.monitoring.modes import Diagnosing
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
+from dtwin.monitoring.sensing.gripper import GripperWatch
+from dtwin.monitoring.signatures import Onset
 from dtwin.monitoring.verdict import UNITS, finding, monitored_units
 from dtwin.run.recording import Log
 
@@ -45,6 +51,22 @@ def test_what_no_hypothesis_explains_lasts_as_long_as_it_shows(belief: Belief, r
     assert monitor.findings.current["unknown2"].since == pytest.approx(31.0, abs=0.05)
     assert monitor.events[-1].time < 36.0
     assert kinds(monitor)[-1] == "failed"
+
+
+@pytest.mark.parametrize(("viscous", "dry", "told"), [(0.055, -0.0104, "D1"), (-0.01, -0.01, "mu1")])
+def test_of_the_two_numbers_of_a_friction_the_surer_change_is_told(
+    belief: Belief, viscous: float, dry: float, told: str
+) -> None:
+    sizes, estimator = plausible_sizes(belief.arm), Estimator(belief, Tuning())
+    estimator.x[INDEX["mu1"]] = 0.012
+    candidate = Candidate(parse_fault_id("friction1"), Onset(10, 1, estimator), sizes)
+    for name, change, deviation in (("D1", viscous, 0.006), ("mu1", dry, 0.003)):
+        index = INDEX[name]
+        candidate.estimator.x[index] += change
+        candidate.estimator.P[index, index] += deviation**2
+    found = Findings(sizes, GripperWatch()).assess(Conclusion(candidate, 0.93), 0.2)
+    assert found.parameter == told
+    assert found.size == pytest.approx({"D1": viscous, "mu1": dry}[told])
 
 
 def test_a_box_takes_what_was_wrong_with_it_along(belief: Belief, run_cell: Callable[..., Log]) -> None:

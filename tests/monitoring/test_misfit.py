@@ -104,8 +104,11 @@ def test_frozen_encoders_of_an_arm_that_is_not_the_models_are_not_told() -> None
         (["payload", "slip", "payload", "supply"], 300, None),
         (["", "", "K1", "", "D2"], 300, None),
         (["D1", "K1", "K1", "mu1", "bias2"], 300, 0),
-        (["K1"] * 5, 120, 0),
-        (["K1"] * 5, 200, None),
+        (["K1"] * 3, 1500, None),
+        (["K1", "K1", "mu1"], 1400, 0),
+        (["payload", "K1", "K1 D2", "K1"], 800, 800),
+        (["bias1"] * 5, 120, 0),
+        (["bias1"] * 5, 200, None),
     ],
 )
 def test_diagnoses_of_many_matters_or_of_one_again_and_again_show_that_none_was_right(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -119,3 +120,8 @@ class Change(NamedTuple):
     before: float
     value: float
     deviation: float
+
+    @property
+    def certainty(self) -> float:
+        """The difference in its standard deviations, infinite if it is known exactly."""
+        return abs(self.value - self.before) / self.deviation if self.deviation else math.inf
