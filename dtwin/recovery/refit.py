@@ -77,7 +77,9 @@ def estimated(desk: Desk, arm: ArmParameters, healthy: ArmParameters, names: Seq
         known |= {name: desk.findings[name] for name in names if name in desk.findings}
         if desk.time >= until or all(known[n].deviation * units[n] <= WELL * plausible[n] for n in names):
             break
-    anew = arm.with_values({name: arm.get(name) + known[name].size * units[name] for name in names})
+    # An estimate near zero may lie below it, where no parameter of an arm is.
+    values = {name: max(arm.get(name) + known[name].size * units[name], 0.0) for name in names}
+    anew = arm.with_values(values)
     changes = ", ".join(f"{name} is {anew.get(name):.4f}, was {arm.get(name):.4f}" for name in names)
     desk.say(f"takes what the monitor has estimated: {changes}")
     return anew

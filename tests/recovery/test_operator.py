@@ -102,6 +102,12 @@ def test_an_arm_that_needs_more_time_gets_it_before_its_model(cell: FakeCell) ->
     assert first.arm == second.model == HEALTHY.with_values({"D1": 0.15})
 
 
+def test_a_friction_that_is_estimated_below_zero_is_none(cell: FakeCell) -> None:
+    cell.found["mu2"] = (20.0, -0.004, 1e-4)
+    operator = watched(cell, recorded())
+    assert (operator.steps[0].taken.values, operator.trouble) == ({"mu2": 0.0}, "")
+
+
 @pytest.mark.parametrize("parameter", ["K2", "supply"])
 def test_an_arm_too_weak_for_its_boxes_is_stopped(cell: FakeCell, parameter: str) -> None:
     cell.found[parameter], cell.refits["K2"] = (20.0, -0.3, 0.01), 0.7 * HEALTHY.get("K2")
