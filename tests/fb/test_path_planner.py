@@ -141,6 +141,7 @@ def test_an_arm_that_does_not_follow_when_it_brakes_stands_where_it_is_then(join
         stop = {"STOP": 1 if tick < 40 else 2}
         first = "RESET" if tick == 31 else "STANDING"  # the controller must not keep what the distance asked for
         assert planner.fire("REQ", **stop, **triple("THETA", measured)) == [first, "CNF"]
+        assert planner["HELD"] == (tick >= 31)
         if tick >= 31:
             np.testing.assert_allclose(planner.triple("THETA_D"), measured, atol=1e-4)
             np.testing.assert_allclose(planner.triple("OMEGA_D"), 0.0, atol=1e-2)
