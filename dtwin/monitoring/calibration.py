@@ -58,7 +58,6 @@ LEAST: Final = 30.0
 """Shortest log, s."""
 _FIRST: Final = 0.01
 _ROUNDS: Final = 3
-_NEVER: Final = (0.0, 0.0, 0.0)
 _TINY: Final = 1e-300
 _CLIP: Final = 4.0
 """Standard deviations beyond which a reading counts less: spikes."""
@@ -155,7 +154,7 @@ class _Watched(NamedTuple):
 def _chosen(belief: Belief, seen: Stream, progress: Callable[[str], None]) -> Unmodelled:
     """What the model lacks: the best compliance, then the best play with that, then how long torques last."""
     first = (_FIRST, _FIRST, _FIRST)
-    error = Unmodelled(belief.error.white, first, MEMORIES[0], _grip(belief.arm), DISPLACEMENTS[0], _NEVER)
+    error = replace(belief.error, slow=first, memory=MEMORIES[0], grip=_grip(belief.arm))
     for _ in range(_ROUNDS - 1):
         error = _learned(belief, seen, error)
     best = _tried(belief, seen, error, progress)

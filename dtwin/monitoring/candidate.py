@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from dtwin.monitoring.estimation.arrays import Change
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import INDEX, PAYLOAD
+from dtwin.monitoring.estimation.traces import STANDSTILL
 from dtwin.monitoring.kinds import FaultId, reference
 from dtwin.monitoring.signatures import Onset
 from dtwin.monitoring.tracking.moments import Moment, Moments
@@ -137,6 +138,7 @@ class Candidate:
             self._opening -= 1
         if "payload" in self._states and estimator.gripped and not moment.gripped:
             self._box = estimator.change("payload")
+        news = not (estimator.locked and self._rests(estimator, moment))
         estimator.predict(moment.volts, moment.gripped, moment.doubt)
         used = moment.used
         if self._stopped is not None:
@@ -149,7 +151,7 @@ class Candidate:
             gain += estimator.chance(self._stopping, away)
         if not math.isfinite(gain):
             self.gain = -math.inf
-        elif moment.counts:
+        elif moment.counts and news:
             self.gain += gain
             self.peak = max(self.peak, gain)
             self.misfit = misfit_after(self.misfit, estimator.score, estimator.information, used)
@@ -219,6 +221,13 @@ class Candidate:
         estimator = self.estimator
         estimator.box_mass, estimator.payload_variance = self._mass, self._spread**2
         estimator.gripped = False
+
+    def _rests(self, estimator: Estimator, moment: Moment) -> bool:
+        """Whether dry friction would hold the locked joint as well: that it rests is no news then, however much surer
+        one is of a joint that is locked."""
+        joint = estimator.locked
+        sticks = estimator.belief.dry_friction[joint - 1] > 0.0
+        return bool(sticks and abs(estimator.freed(joint, moment.volts, moment.gripped)) < STANDSTILL)
 
     def _turn(self, moment: Moment) -> None:
         """What happens after the delay."""

@@ -168,13 +168,17 @@ class Diagnosis:
     def earned(self, earlier: float = 0.0) -> bool:
         """Whether something has failed with a probability of SURE at least.
 
+        What one sample tells counts whole if it tells more than one of very many does by chance. So does what speaks
+        against it since.
+
         Args:
             earlier: log-likelihood by which an earlier diagnosis has found the same.
         """
         best = self.best()[0]
-        once = self._at_once(best)
+        once = self._at_once(best) if best.peak >= CERTAIN else 0.0
+        rest = best.gain - once + earlier
         odds = math.log(SURE / (1.0 - SURE))
-        return self.certain or once + (best.gain - once + earlier) / self._temper > odds
+        return self.certain or once + min(rest, rest / self._temper) > odds
 
     def others(self) -> tuple[tuple[FaultId, float], ...]:
         """The causes that with the most likely one have a probability of SURE together, each with its own."""

@@ -26,7 +26,21 @@ class Evidence(NamedTuple):
 
 
 class FilterArrays(NamedTuple):
-    """What the kernels of a sample work with; see `Estimator` and `kernels`."""
+    """What the kernels of a sample work with; see `Estimator` and `kernels`.
+
+    Attributes:
+        torque: (3,), variance of the torques that no model knows, (N m)^2.
+        friction: (3,), dry friction in doubt near standstill, N m.
+        compliance: (3,), angle by which the gears yield, rad/(N m).
+        swing: (3,), mean squares of the swings of the gears, rad^2.
+        command: (3,), command before, V, not a number if nobody knows.
+        handling: (5,), samples for which a box is still handled, and for which one may still touch something. Then
+            the angles at which a box was gripped, rad: it has left what it stood on once one is far from them. Not
+            numbers if none was gripped.
+        grip: standard deviation of the torques while a box is handled, N m.
+        displacement: standard deviation of what moves an angle without torque, rad.
+        timing: standard deviation of the time at which a voltage changes, s.
+    """
 
     x: Array
     P: Array
@@ -55,6 +69,7 @@ class FilterArrays(NamedTuple):
     growth: Array
     grip: float
     displacement: float
+    timing: float
 
 
 class Past(NamedTuple):
@@ -99,6 +114,7 @@ class MotionArrays(NamedTuple):
         twin: what `_carry_rigid` knows of the arm.
         vector: (78,), the machine, whose estimated numbers are those of the state.
         gripped: whether a box is held, on whose mass the motion depends.
+        later: (3,), by how much the mean voltages were larger in the sample before, V; replaced.
         commands: (n, 3), commands up to the last sample, V; the last one alone of a rigid arm, not a number if nobody
             knows it.
         acting: (3,), voltages that act, V; not a number if nobody knows.
@@ -109,6 +125,7 @@ class MotionArrays(NamedTuple):
     twin: TwinArrays
     vector: Array
     gripped: bool
+    later: Array
     commands: Array
     acting: Array
     mean: Array

@@ -30,6 +30,9 @@ TOLERANCE: Final = {"K": 0.003, "D": 0.003, "mu": 0.0, "c": 0.0, "I": 0.0}
 """relative standard deviation of parameters given without covariance: what a good identification reaches"""
 WIDENED: Final = 2.0
 """factor on identified standard errors: they rest on one experiment"""
+TIMING: Final = 5e-4
+"""s, standard deviation of delay and lag together where an identification has found them: it tells their sum better
+than each of them"""
 _BIAS: Final = ("offset1", "offset2", "offset3")
 
 
@@ -48,6 +51,7 @@ class Unmodelled:
         compliance: (3,), angle by which the gears swing after a torque of the motor has jumped, rad/(N m), as a
             standard deviation.
         stick: share of the dry friction that is in doubt near standstill, as a standard deviation.
+        timing: standard deviation of the time at which a voltage changes, s.
 
     Raises:
         ParameterError: a number is out of range.
@@ -60,6 +64,7 @@ class Unmodelled:
     displacement: float = 0.0
     compliance: Triple = (0.0, 0.0, 0.0)
     stick: float = 1.0
+    timing: float = 0.0
 
     def __post_init__(self) -> None:
         torques = (*self.white, *self.slow, self.grip)
@@ -70,6 +75,8 @@ class Unmodelled:
         angles = (self.displacement, *self.compliance)
         if not (min(angles) >= 0.0 and math.isfinite(sum(angles))):
             raise ParameterError(f"displacement, compliance: expected finite numbers of at least 0, got {angles}")
+        if not 0.0 <= self.timing < math.inf:
+            raise ParameterError(f"timing: expected a time of at least 0 s, got {self.timing}")
         if not 0.0 <= self.stick <= 1.0:
             raise ParameterError(f"stick: expected 0 to 1, got {self.stick}")
 
@@ -195,10 +202,12 @@ def commissioned(record: MachineRecord) -> Belief:
     the monitor has learned, if the arm was watched at work.
     """
     names = [name for name in LEARNED if name in ARM_NAMES]
-    known = record.healthy
+    known, effects = record.healthy, record.effects
+    timing = TIMING if max(effects.delay, *effects.lag) > 0.0 else 0.0
     if known is None:
         deviations = {name: record.numbers[name].deviation for name in names}
-        return Belief(record.arm, _uncertain(deviations), record.encoders, effects=record.effects)
+        error = Unmodelled(timing=timing)
+        return Belief(record.arm, _uncertain(deviations), record.encoders, effects=effects, error=error)
     bias1, bias2, bias3 = (known.learned[f"bias{joint}"] for joint in (1, 2, 3))
     return Belief(
         record.arm.with_values({name: known.learned[name].value for name in names}),
@@ -206,7 +215,7 @@ def commissioned(record: MachineRecord) -> Belief:
         record.encoders,
         offset=(bias1.value, bias2.value, bias3.value),
         offset_deviation=(bias1.deviation, bias2.deviation, bias3.deviation),
-        effects=record.effects,
+        effects=effects,
         error=Unmodelled(
             slow=known.slow,
             memory=known.memory,
@@ -214,6 +223,7 @@ def commissioned(record: MachineRecord) -> Belief:
             displacement=known.displacement,
             compliance=known.compliance,
             stick=known.stick,
+            timing=timing,
         ),
         tails={fault: Tail(tail.level, tail.rate, tail.excess) for fault, tail in known.tails.items()},
         misfit=known.misfit,

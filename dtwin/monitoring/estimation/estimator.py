@@ -98,7 +98,7 @@ class Estimator:
         self._friction = belief.dry_friction
         self._swing = np.zeros(3)
         self._compliance = np.array(error.compliance)
-        self._grip, self._displacement = error.grip, error.displacement
+        self._grip, self._displacement, self._timing = error.grip, error.displacement, error.timing
         self._locked = 0
         self._growth = np.full(3, PERIOD)
         self._scaled: tuple[int, ...] = ()
@@ -145,23 +145,16 @@ class Estimator:
             self._growth[i] = end[i] - possible[i]
         kernels.carry(self.x, end, self.memory, self._growth)
         torque, displaced, slowed = np.empty(3), np.empty(3), np.empty(3)
-        kernels.disturb(
-            self.x,
-            volts,
-            doubt,
-            self._torque,
-            self._friction,
-            self._grip,
-            self._displacement,
-            self._compliance,
-            self._command,
-            self.handling,
-            self._swing,
-            torque,
-            displaced,
-            slowed,
-        )
+        later = self._motion.arrays(gripped).later
+        kernels.disturb(self.arrays(), volts, later, doubt, torque, displaced, slowed)
         kernels.predict(self.P, self.F, torque, displaced, slowed, self._walk, self.memory, self._growth)
+
+    def freed(self, joint: int, volts: Array, gripped: bool) -> float:
+        """The speed that a locked joint (1 to 3) would have after one period if it were free, rad/s."""
+        possible = np.empty(SIZE)
+        kernels.bound(self.x, self._least, self._most, gripped, possible)
+        end, _ = self._motion.copy().carry(possible, volts, gripped, 0)
+        return float(end[W + joint - 1])
 
     def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:
         """Takes in a sample, (3,) rad; returns the logarithm of the likelihood of the readings used."""
@@ -260,6 +253,7 @@ class Estimator:
             self._growth,
             self._grip,
             self._displacement,
+            self._timing,
         )
 
     def motion_arrays(self) -> MotionArrays:

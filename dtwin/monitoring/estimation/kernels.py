@@ -24,6 +24,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from dtwin.monitoring.estimation.arrays import FilterArrays
 from dtwin.monitoring.estimation.layout import ARM, BIAS, DRIFT, MOVING, PAYLOAD, SIZE, TORQUE, W
 from dtwin.monitoring.estimation.traces import STANDSTILL
 from dtwin.parameters import PERIOD
@@ -97,20 +98,7 @@ def expect(x: Array, P: Array, eccentricity: Array, noise: Array, angles: Array,
 
 @kernel
 def disturb(
-    x: Array,
-    volts: Array,
-    doubt: float,
-    white: Array,
-    friction: Array,
-    grip: float,
-    displacement: float,
-    compliance: Array,
-    last: Array,
-    handling: Array,
-    swing: Array,
-    torque: Array,
-    displaced: Array,
-    slowed: Array,
+    f: FilterArrays, volts: Array, later: Array, doubt: float, torque: Array, displaced: Array, slowed: Array
 ) -> None:
     """Writes the variances of what disturbs the arm: torques (3,), (N m)^2, and displacements (3,), rad^2.
 
@@ -119,39 +107,33 @@ def disturb(
     sample, and one that a box pushes not even that. What damping takes besides is left out: too little is known then.
 
     Args:
-        x: mean at the end of the sample.
+        f: of the estimator at the end of the sample; its command, handling and swing are replaced.
         volts: (3,), command that is held, V.
+        later: (3,), by how much the mean voltages were larger in the sample before, V.
         doubt: standard deviation of the torques that the command leaves in doubt, N m.
-        white: (3,), variance of the torques that no model knows, (N m)^2.
-        friction: (3,), dry friction in doubt near standstill, N m.
-        grip: standard deviation of the torques while a box is handled, N m.
-        displacement: standard deviation of what moves an angle without torque, rad.
-        compliance: (3,), angle by which the gears yield, rad/(N m).
-        last: (3,), command before, V, not a number if nobody knows; replaced.
-        handling: (5,), samples for which a box is still handled, and for which one may still touch something; counted
-            down. Then the angles at which a box was gripped, rad: it has left what it stood on once one is far from
-            them. Not numbers if none was gripped.
-        swing: (3,), mean squares of the swings of the gears, rad^2; replaced.
         torque, displaced: receive the variances.
         slowed: (3,), receives by what the standard deviation of a speed may shrink at most, rad/s.
     """
+    x, last, handling, swing = f.x, f.command, f.handling, f.swing
     extra = doubt * doubt
     handled = handling[0] > 0
     if handled:
-        extra += grip * grip
+        extra += f.grip * f.grip
     elif handling[1] > 0:
-        extra += _TOUCH * _TOUCH * grip * grip
+        extra += _TOUCH * _TOUCH * f.grip * f.grip
     for k in range(2):
         handling[k] = max(handling[k] - 1.0, 0.0)
     for i in range(3):
         if abs(x[i] - handling[2 + i]) > _LEFT:
             handling[1] = 0.0
-        slowed[i] = math.inf if friction[i] == 0.0 else 0.0 if handled else STANDSTILL
+        friction = f.friction[i]
+        slowed[i] = math.inf if friction == 0.0 else 0.0 if handled else STANDSTILL
         slow = x[W + i] / STANDSTILL
-        torque[i] = white[i] + extra + friction[i] * friction[i] * math.exp(-slow * slow)
+        moved = x[ARM + i] * later[i] * f.timing / PERIOD
+        torque[i] = f.torque[i] + extra + friction * friction * math.exp(-slow * slow) + moved * moved
         if math.isfinite(last[i]):
-            swing[i] = swung(swing[i], compliance[i] * x[ARM + i] * (volts[i] - last[i]))
-        displaced[i] = displacement * displacement + swing[i]
+            swing[i] = swung(swing[i], f.compliance[i] * x[ARM + i] * (volts[i] - last[i]))
+        displaced[i] = f.displacement * f.displacement + swing[i]
         last[i] = volts[i]
 
 

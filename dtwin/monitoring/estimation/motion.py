@@ -79,6 +79,7 @@ class MachineMotion:
         self._commands = np.zeros((math.floor(effects.delay / PERIOD) + 2 + LATEST, 3))
         self.sine, self.cosine = np.array(effects.eccentric_sin), np.array(effects.eccentric_cos)
         self._acting, self._mean = np.full((2, 3), np.nan)
+        self._later = np.zeros(3)
 
     def begin(self) -> None:
         """Takes commands and voltages before to be like the next ones."""
@@ -100,13 +101,16 @@ class MachineMotion:
 
     def arrays(self, gripped: bool) -> MotionArrays:
         """See `Motion.arrays`."""
-        return MotionArrays(False, _NO_TWIN, self._vector, gripped, self._commands, self._acting, self._mean)
+        return MotionArrays(
+            False, _NO_TWIN, self._vector, gripped, self._later, self._commands, self._acting, self._mean
+        )
 
     def copy(self) -> MachineMotion:
         """See `Motion.copy`."""
         other = object.__new__(MachineMotion)
         other._vector, other.sine, other.cosine = self._vector, self.sine, self.cosine
         other._commands, other._acting, other._mean = self._commands.copy(), self._acting.copy(), self._mean.copy()
+        other._later = self._later.copy()
         return other
 
 
@@ -131,6 +135,7 @@ def _carry_machine(
     locked: int,
     vector: Array,
     gripped: bool,
+    later: Array,
     commands: Array,
     acting: Array,
     mean: Array,
@@ -168,7 +173,7 @@ def _carry_machine(
     F[:, :6], F[:, TORQUE:MOVING] = slopes[:, :6], slopes[:, 6:9]
     if gripped:
         F[:, PAYLOAD] = slopes[:, 9]
-    later = np.zeros(3)
+    later[:] = 0.0
     for i in range(3):
         now = acting[i] if math.isnan(before[0]) else 0.5 * (before[i] + acting[i])
         if not math.isnan(mean[i]):
@@ -189,7 +194,7 @@ def carry(x: Array, volts: Array, m: MotionArrays, end: Array, F: Array) -> None
     if m.rigid:
         carry_rigid(x, volts, m.gripped, m.twin, m.commands, end, F)
     else:
-        _carry_machine(x, volts, 0, m.vector, m.gripped, m.commands, m.acting, m.mean, end, F)
+        _carry_machine(x, volts, 0, m.vector, m.gripped, m.later, m.commands, m.acting, m.mean, end, F)
 
 
 _NO_TWIN: Final = TwinArrays(np.zeros(18), np.zeros((1, 18, MOVING)), np.zeros(SIZE))

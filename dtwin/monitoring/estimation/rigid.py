@@ -31,6 +31,8 @@ _LEAST_VOLTS: Final = 1e-6
 """V: the derivative by a torque is that by the voltage constant divided by the voltage; this little moves nothing"""
 _NO_ECCENTRICITY: Final = np.zeros(3)
 _UNUSED: Final = np.zeros(3)
+_UNCHANGED: Final = np.zeros(3)
+"""V: when a voltage changes is known exactly of an arm without effects"""
 _NO_MACHINE: Final = np.zeros(len(MACHINE_NAMES))
 
 
@@ -86,7 +88,7 @@ class RigidMotion:
 
     def arrays(self, gripped: bool) -> MotionArrays:
         """See `Motion.arrays`."""
-        return MotionArrays(True, self._twin, _NO_MACHINE, gripped, self._last, _UNUSED, _UNUSED)
+        return MotionArrays(True, self._twin, _NO_MACHINE, gripped, _UNCHANGED, self._last, _UNUSED, _UNUSED)
 
     def copy(self) -> RigidMotion:
         """See `Motion.copy`."""

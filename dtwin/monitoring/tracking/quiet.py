@@ -173,22 +173,7 @@ def _work(
         kernels.bound(f.x, f.least, f.most, gripped, possible)
         motion.carry(possible, volts[k], m, end, f.F)
         kernels.carry(f.x, end, f.memory, f.growth)
-        kernels.disturb(
-            f.x,
-            volts[k],
-            doubts[k],
-            f.torque,
-            f.friction,
-            f.grip,
-            f.displacement,
-            f.compliance,
-            f.command,
-            f.handling,
-            f.swing,
-            torque,
-            displaced,
-            slowed,
-        )
+        kernels.disturb(f, volts[k], m.later, doubts[k], torque, displaced, slowed)
         kernels.predict(f.P, f.F, torque, displaced, slowed, f.walk, f.memory, f.growth)
         motion.eccentricity(f.x[:3], f.sine, f.cosine, eccentric)
         kernels.expect(f.x, f.P, eccentric, f.noise, expected, deviations)
