@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from dtwin.monitoring.estimation.belief import Belief, assumed
+from dtwin.monitoring.estimation.bounds import bounds
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import ARM_NAMES, BIAS, DRIFT, INDEX, MOVING, NAMES, PAYLOAD
 from dtwin.monitoring.estimation.tuning import Tuning
@@ -236,3 +237,11 @@ def test_a_belief_with_coulomb_friction_is_followed() -> None:
         estimator.predict(VOLTS, False)
     expected = rollout(arm, STATE, np.tile(VOLTS, (20, 1)))[-1]
     np.testing.assert_allclose(estimator.x[:6], expected, rtol=0, atol=1e-10)
+
+
+def test_dry_friction_of_a_machine_may_grow_beyond_what_it_has() -> None:
+    arm = ArmParameters(coulomb=(0.02, 0.03, 0.01))
+    rigid, machine = bounds(arm, rigid=True)[1], bounds(arm, rigid=False)[1]
+    for joint, own in enumerate(arm.coulomb, 1):
+        assert rigid[INDEX[f"mu{joint}"]] == max(own, 0.015)
+        assert machine[INDEX[f"mu{joint}"]] == 0.2

@@ -6,12 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dtwin.monitoring.estimation.belief import Unmodelled, assumed
+from dtwin.monitoring.candidate import Candidate
+from dtwin.monitoring.estimation.belief import TIMING, Unmodelled, assumed
 from dtwin.monitoring.estimation.estimator import HANDLING, Estimator
 from dtwin.monitoring.estimation.layout import ARM, ARM_NAMES, INDEX, MOVING, PAYLOAD, SIZE, TORQUE, W
 from dtwin.monitoring.estimation.motion import Array, MachineMotion, Motion, RigidMotion
 from dtwin.monitoring.estimation.traces import STANDSTILL
 from dtwin.monitoring.estimation.tuning import Tuning
+from dtwin.monitoring.kinds import parse_fault_id, plausible_sizes
+from dtwin.monitoring.signatures import Onset
+from dtwin.monitoring.tracking.moments import Moment
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.twin.effects import Effects
 from dtwin.twin.machine import machine_rollout, vector_of
@@ -197,3 +201,33 @@ def test_a_gear_that_yields_swings_after_a_jump_of_the_torque_and_settles() -> N
     assert swung[0] == pytest.approx(0.02 * 3.0 * ArmParameters().get("K2"), rel=1e-3)
     assert swung[10] == pytest.approx(swung[0] / np.e, rel=1e-3)
     assert estimator.deviation("q1") < 1e-3 * swung[0]
+
+
+def test_when_a_voltage_changes_is_in_doubt_and_a_constant_one_is_not() -> None:
+    """A jump of V volts that comes a time too late lacks K V for that share of a sample; it shows in two halves."""
+    error = Unmodelled((0.0, 0.0, 0.0), timing=TIMING)
+    belief = replace(assumed(ArmParameters(), (1e-3,) * 3), effects=Effects(delay=PERIOD), error=error)
+    estimator = Estimator(belief, Tuning())
+    estimator.begin(np.array([-np.pi / 2, 0.0, 0.0]), False)
+    estimator.predict(np.zeros(3), False)
+    found = []
+    for _ in range(4):
+        estimator.P[:] = 0.0
+        estimator.predict(np.array([0.0, 3.0, 0.0]), False)
+        found.append(estimator.deviation("w2") / abs(estimator.F[W + 1, TORQUE + 1]))
+    late = 3.0 * ArmParameters().get("K2") * TIMING / PERIOD
+    np.testing.assert_allclose(found, [0.0, late / 2, late / 2, 0.0], rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize(("volts", "news"), [(0.3, False), (3.0, True)])
+def test_that_a_joint_rests_tells_of_a_lock_only_where_friction_would_not_hold_it(volts: float, news: bool) -> None:
+    belief = assumed(ArmParameters().with_values({"mu2": 0.1}), (1e-3,) * 3)
+    estimator = Estimator(replace(belief, effects=SLIPPERY), Tuning())
+    hanging, command = np.array([-np.pi / 2, 0.0, 0.0]), np.array([0.0, volts, 0.0])
+    estimator.begin(hanging, False)
+    estimator.x[W:ARM] = 0.0
+    locked = Candidate(parse_fault_id("lock2"), Onset(0, 1, estimator), plausible_sizes(belief.arm))
+    assert (abs(locked.estimator.freed(2, command, False)) > STANDSTILL) == news
+    every = np.ones(3, dtype=bool)
+    locked.follow(Moment(command, False, 0.0, hanging, every, every, True, -1000.0))
+    assert (locked.gain > 0.0) == news

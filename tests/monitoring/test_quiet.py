@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dtwin.experiments.monitoring.twin_cell import TwinCell
-from dtwin.monitoring.estimation.belief import Belief, Unmodelled, assumed
+from dtwin.monitoring.estimation.belief import TIMING, Belief, Unmodelled, assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.tracking.quiet import quiet_rows
@@ -93,7 +93,7 @@ def test_the_bits_are_those_of_one_sample_after_the_other(
     belief = replace(
         assumed(cell.arm, (5e-4,) * 3),
         effects=cell.effects,
-        error=Unmodelled(slow=(0.05,) * 3, compliance=(1e-4,) * 3),
+        error=Unmodelled(slow=(0.05,) * 3, compliance=(1e-4,) * 3, timing=TIMING),
     )
     agree(belief, seen, kinds)
 
