@@ -6,8 +6,9 @@ these torques, and what it estimates them to be, and how surely, gives the next 
 
 How long they last, how much gears move a link without torque, how far they swing, and how much of the dry friction
 is in doubt near standstill, is chosen by what the monitor is for. The readings would be most likely under what fits
-most of them, but the threshold depends on the rare ones. So the choice is that under which a sudden change of
-plausible size most probably passes, within two seconds, the threshold that the healthy arm asks for.
+most of them, but the threshold depends on the rare ones. So the choice is that under which a sudden change of a
+tenth of a plausible size most probably passes, within two seconds, the threshold that the healthy arm asks for, and
+what names it.
 
 The statistic of the signature bank is then observed over the whole log. How often a healthy arm passes which value,
 and how fast that gets rarer, tells from where on it is an alarm: peaks over a threshold with exponential excesses
@@ -28,20 +29,23 @@ from scipy.special import erfc, gammaincinv
 from dtwin.errors import ParameterError
 from dtwin.identification.machine.record import LEARNED, Healthy, Learned, MachineRecord, Passed
 from dtwin.monitoring.candidate import misfit_after
+from dtwin.monitoring.diagnosis import DECIDED
 from dtwin.monitoring.estimation.belief import Array, Belief, Tail, Unmodelled, commissioned
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.kernels import swung
 from dtwin.monitoring.estimation.layout import ARM_NAMES, INDEX, MOVING, TORQUE
 from dtwin.monitoring.estimation.tuning import Tuning
-from dtwin.monitoring.kinds import JUMPS, plausible_sizes
+from dtwin.monitoring.kinds import BIAS, JUMPS, plausible_sizes
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream
 from dtwin.monitoring.sensing.commands import closes
-from dtwin.monitoring.settings import ALARMS_PER_HOUR
-from dtwin.monitoring.signatures import allowances, threshold
+from dtwin.monitoring.settings import MonitorSettings
+from dtwin.monitoring.signatures import limits
 from dtwin.monitoring.tracking.samples import Tape
 from dtwin.parameters import GRAVITY, PERIOD, ArmParameters, Triple
 
+SHARES: Final = (1.0, 0.6, 0.4, 0.25)
+"""Shares of the torques that last, as the log tells them: few large ones are most of their mean square."""
 MEMORIES: Final = (0.1, 0.3, 1.0)
 """Times that the torques may last, s."""
 COMPLIANCES: Final = (0.0, 0.5, 1.0, 2.0)
@@ -57,7 +61,9 @@ TRIED: Final = 12000
 LEAST: Final = 30.0
 """Shortest log, s."""
 _FIRST: Final = 0.01
-_ROUNDS: Final = 3
+_ROUNDS: Final = 4
+_AGAIN: Final = ("slow", "compliance")
+"""What depends most on the rest, and is chosen again."""
 _TINY: Final = 1e-300
 _CLIP: Final = 4.0
 """Standard deviations beyond which a reading counts less: spikes."""
@@ -72,6 +78,12 @@ _PEAKS: Final = 0.9
 """Share of these observations that are no peaks."""
 _DOUBT: Final = 0.05
 """Chance that larger excesses on average would have come out as small as those that were seen."""
+_SMALL: Final = 0.1
+"""Share of a plausible change that shall show."""
+_NAMED: Final = math.log(DECIDED / (1.0 - DECIDED))
+"""Log odds of a cause against another with which it is named."""
+_CONFIRMED: Final = np.array([not fault.startswith(BIAS) for fault in JUMPS])
+"""The faults that take more than one sample to name."""
 _SOON: Final = 2.0
 """s, time in which a change shall show."""
 _FITS: Final = 1.5
@@ -131,7 +143,7 @@ def watched(
 
 
 class _Choice(NamedTuple):
-    """How probably a sudden change shows in time if the model lacks this."""
+    """How probably a small sudden change shows in time, and is named, if the model lacks this."""
 
     chance: float
     error: Unmodelled
@@ -152,47 +164,44 @@ class _Watched(NamedTuple):
 
 
 def _chosen(belief: Belief, seen: Stream, progress: Callable[[str], None]) -> Unmodelled:
-    """What the model lacks: the best compliance, then the best play with that, then how long torques last."""
+    """What the model lacks: one after the other, each the best with the others as they are."""
     first = (_FIRST, _FIRST, _FIRST)
     error = replace(belief.error, slow=first, memory=MEMORIES[0], grip=_grip(belief.arm))
-    for _ in range(_ROUNDS - 1):
-        error = _learned(belief, seen, error)
-    best = _tried(belief, seen, error, progress)
-    average = _pass(replace(belief, error=error), seen).compliance
+    for _ in range(_ROUNDS):
+        lacking = _pass(replace(belief, error=error), seen)
+        error = replace(error, slow=lacking.slow)
     choices: dict[str, Sequence[float | Triple]] = {
-        "compliance": [(more * average[0], more * average[1], more * average[2]) for more in COMPLIANCES],
+        "slow": [_triple(share * np.array(lacking.slow)) for share in SHARES],
+        "compliance": [_triple(more * np.array(lacking.compliance)) for more in COMPLIANCES],
         "displacement": DISPLACEMENTS,
         "stick": STICKING,
         "memory": MEMORIES,
     }
-    for name, values in choices.items():
-        tried = [best]
-        for value in values[1:]:
-            changed: dict[str, Any] = {name: value, "slow": tried[-1].error.slow}
-            tried.append(_tried(belief, seen, replace(best.error, **changed), progress))
-        best = max(tried, key=lambda each: each.chance)
+    best = _tried(belief, seen, error, progress)
+    for name in (*choices, *_AGAIN):
+        now = getattr(best.error, name)
+        others: list[dict[str, Any]] = [{name: value} for value in choices[name] if value != now]
+        tried = [_tried(belief, seen, replace(best.error, **other), progress) for other in others]
+        best = max(best, *tried, key=lambda each: each.chance)
     return best.error
 
 
 def _tried(belief: Belief, seen: Stream, error: Unmodelled, progress: Callable[[str], None]) -> _Choice:
-    """One choice, where the search for the torques starts from those in `error`."""
-    error = _learned(belief, seen, error)
+    """One choice."""
     found = _watched(replace(belief, error=error), seen)
-    alarm = threshold(ALARMS_PER_HOUR, Tail()) + allowances(ALARMS_PER_HOUR, _tails(found.statistics))
+    decides = limits(MonitorSettings(), replace(belief, error=error, tails=_tails(found.statistics)))
+    alarm = decides.alarm + decides.allowance
+    alarm[_CONFIRMED] = np.maximum(alarm[_CONFIRMED], 2.0 * _NAMED * decides.temper)
     sizes = plausible_sizes(belief.arm)
-    known = np.array([sizes[fault] for fault in JUMPS]) ** 2 * np.maximum(found.information, _TINY)
+    small = _SMALL * np.array([sizes[fault] for fault in JUMPS])
+    known = np.maximum(small**2 * found.information, _TINY)
     chance = float(np.mean(erfc(np.sqrt(0.5 * alarm / known))))
     progress(
         f"{1e3 * max(error.slow):.0f} mN m that last {error.memory:g} s, {1e3 * error.displacement:g} mrad of play,"
         f" {compliances(error.compliance)} mrad/(N m), {error.stick:.0%} of dry friction in doubt: alarms from"
-        f" {alarm.min():.0f} to {alarm.max():.0f} on, {chance:.0%} of sudden changes show in {_SOON:g} s"
+        f" {alarm.min():.0f} to {alarm.max():.0f} on, {chance:.0%} of small changes show in {_SOON:g} s"
     )
     return _Choice(chance, error)
-
-
-def _learned(belief: Belief, seen: Stream, error: Unmodelled) -> Unmodelled:
-    """The same with torques that last as they come out of the log."""
-    return replace(error, slow=_pass(replace(belief, error=error), seen).slow)
 
 
 def compliances(values: Triple) -> str:

@@ -37,6 +37,9 @@ _LEAST: Final = 0.7
 """Share of the threshold for white innovations that is asked for however small they are."""
 ALIKE: Final = 8.0
 """samples that count as one when causes are compared, because what a model lacks is alike in them"""
+SOONER: Final = 30.0
+"""How much more often than it may be told to have failed a healthy arm may be suspected, where evidence counts for so
+much less that hardly any such suspicion is confirmed."""
 
 
 def threshold(alarms_per_hour: float, tail: Tail) -> float:
@@ -83,15 +86,16 @@ class Limits(NamedTuple):
 
 def limits(settings: MonitorSettings, belief: Belief) -> Limits:
     """What decides on alarms of an arm. Where a model lacks something, that is alike for as long as ALIKE."""
-    alarm, warning = (threshold(rate, Tail()) for rate in (settings.alarms_per_hour, settings.warnings_per_hour))
-    allowance = allowances(settings.alarms_per_hour, belief.tails)
+    rate, unknown = settings.alarms_per_hour, any(belief.error.slow)
+    lacking = np.maximum(allowances(rate, belief.tails), 0.0)
+    alike, often = (ALIKE, SOONER * rate) if unknown else (1.0, rate)
+    temper = alike * (1.0 + float(np.median(lacking)) / threshold(rate, Tail()))
+    alarm, warning = threshold(often, Tail()), threshold(max(often, settings.warnings_per_hour), Tail())
+    allowance = allowances(often, belief.tails)
     lower = min(float(allowance.min()), 0.0)
-    lacking = np.maximum(allowance, 0.0)
     charges = dict(zip(JUMPS, (0.5 * lacking).tolist(), strict=True))
     for joint in (1, 2, 3):
         charges[f"{SCALE}{joint}"] = max(charges[f"{BIAS}{joint}"], charges[f"{DRIFT}{joint}"])
-    alike = ALIKE if any(belief.error.slow) else 1.0
-    temper = alike * (1.0 + float(np.median(lacking)) / alarm)
     return Limits(alarm + lower, warning * (1.0 + lower / alarm), allowance - lower, temper, charges)
 
 

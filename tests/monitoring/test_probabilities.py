@@ -25,7 +25,7 @@ from dtwin.monitoring.offline import stream
 from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.monitoring.sensing.stopped import StandsStill
 from dtwin.monitoring.settings import MonitorSettings
-from dtwin.monitoring.signatures import ALIKE, Onset, SignatureBank, Suspicion, allowances, limits, threshold
+from dtwin.monitoring.signatures import ALIKE, SOONER, Onset, SignatureBank, Suspicion, allowances, limits, threshold
 from dtwin.monitoring.tracking.moments import Moment, Moments
 from dtwin.run.recording import Log
 
@@ -46,8 +46,12 @@ def test_evidence_counts_less_the_more_a_model_lacks(belief: Belief) -> None:
     assert limits(settings, belief).temper == 1.0
     assert limits(settings, lacking).temper == ALIKE
     worse = limits(settings, replace(lacking, tails=dict.fromkeys(JUMPS, Tail(100.0, 1.0, 10.0))))
-    assert worse.temper == pytest.approx(ALIKE * (1.0 + worse.allowance[0] / worse.alarm))
-    assert worse.charges["K1"] == 0.5 * worse.allowance[JUMPS.index("K1")] > 0.0
+    rate = settings.alarms_per_hour
+    assert limits(settings, belief).alarm == threshold(rate, Tail())
+    assert limits(settings, lacking).alarm == threshold(SOONER * rate, Tail())
+    lacks = allowances(rate, dict.fromkeys(JUMPS, Tail(100.0, 1.0, 10.0)))[0]
+    assert worse.temper == pytest.approx(ALIKE * (1.0 + lacks / threshold(rate, Tail())))
+    assert worse.charges["K1"] == 0.5 * lacks > 0.0
 
 
 def test_a_state_as_low_as_it_can_be_can_only_rise(belief: Belief) -> None:
