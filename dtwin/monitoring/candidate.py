@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation.arrays import Change
-from dtwin.monitoring.estimation.estimator import Estimator
+from dtwin.monitoring.estimation.estimator import HANDLING, Estimator
 from dtwin.monitoring.estimation.layout import INDEX, PAYLOAD
 from dtwin.monitoring.estimation.traces import STANDSTILL
 from dtwin.monitoring.kinds import FaultId, reference
@@ -34,7 +34,7 @@ _RECENT: Final = 0.04
 _FARTHEST: Final = 25.0
 """Largest square of an innovation in standard deviations that counts: single readings may be far off."""
 _SEEN: Final = 20
-"""Samples in which it shows that a push has ended."""
+"""Samples in which it shows that a push has ended, or what an arm does without its box."""
 _PUSH: Final = 0.3
 """Standard deviation of the torque of a push, N m."""
 
@@ -192,8 +192,10 @@ class Candidate:
 
     @property
     def waits(self) -> bool:
-        """Whether it has not been seen what comes after the delay: of a push, that it has ended for a while."""
-        return self.fault.about.passing and self._delay > -_SEEN
+        """Whether it has not been seen what comes after: of a push, that it has ended for a while, and of a box that
+        is lost, how the arm moves once the box does not touch it any more, while which anything is possible."""
+        lasts = 0 if self.fault.about.passing else HANDLING if self._lost == "payload" else -math.inf
+        return self._delay > -_SEEN - lasts
 
     def changes(self) -> dict[str, Change]:
         """The change of each state; for a box that has been put down, what was known of it then."""
