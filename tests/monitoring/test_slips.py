@@ -19,7 +19,7 @@ from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.monitoring.signatures import Onset, Suspicion
-from dtwin.monitoring.tracking.moments import Moments
+from dtwin.monitoring.tracking.moments import Moment, Moments
 from dtwin.monitoring.trend import Trend
 from dtwin.run.recording import Log
 
@@ -39,6 +39,20 @@ def test_a_box_that_slips_and_is_caught_again_is_a_slip_and_nothing_else(
     assert (found.parameter, found.others) == ("slip", ())
     assert found.confidence > 0.99
     assert found.detected == pytest.approx(29.1, abs=0.1)
+
+
+@pytest.mark.parametrize(("fault", "waits"), [("slip", HANDLING + 20), ("cut1", 0)])
+def test_a_lost_box_is_seen_for_some_samples_after_it_touches_the_arm_no_more(
+    belief: Belief, fault: str, waits: int
+) -> None:
+    begun = Estimator(belief, Tuning())
+    begun.begin(np.zeros(3), True)
+    candidate = Candidate(parse_fault_id(fault), Onset(0, 1, begun), plausible_sizes(belief.arm))
+    seen = 0
+    while candidate.waits:
+        candidate.follow(Moment(np.zeros(3), True, 0.0, np.zeros(3), ALL, ALL, True, 0.0))
+        seen += 1
+    assert seen == waits
 
 
 def test_a_caught_box_is_about_what_it_was_and_what_it_does_stays_in_doubt_until_it_is_let_go(belief: Belief) -> None:
