@@ -13,7 +13,7 @@ TUNED: Final = (
     *(1364, 1368, 1371, 1377, 1378, *range(1384, 1387), 1389, *range(1393, 1396), 1403, 1407, 1408, 1412),
     *(1413, 1415, 1416, *range(1418, 1421)),
     *(*range(1421, 1427), 1436, 1437, 1450, *range(1451, 1457), 1492, 1511),
-    *(1561, 1562, 1582, 1623, 1673, 1682, 1685, 1713),
+    *(1561, 1562, 1582, 1623, 1673, 1682, 1685, 1713, 1803),
 )
 """Numbers of the machines that identification, monitoring and recovery were tuned on, or mended after a look at."""
 

@@ -26,7 +26,7 @@ from dtwin.monitoring.kinds import (
     faults,
 )
 from dtwin.monitoring.sensing.stopped import StandsStill
-from dtwin.monitoring.signatures import Suspicion
+from dtwin.monitoring.signatures import SOONER, Suspicion
 from dtwin.monitoring.tracking.moments import Moment, Moments
 
 CONSIDERED: Final = 10
@@ -169,7 +169,7 @@ class Diagnosis:
         """Whether something has failed with a probability of SURE at least.
 
         What one sample tells counts whole if it tells more than one of very many does by chance. So does what speaks
-        against it since.
+        against it since. Where a healthy arm is suspected SOONER times as often, odds have to be so much higher.
 
         Args:
             earlier: log-likelihood by which an earlier diagnosis has found the same.
@@ -177,7 +177,7 @@ class Diagnosis:
         best = self.best()[0]
         once = self._at_once(best) if best.peak >= CERTAIN else 0.0
         rest = best.gain - once + earlier
-        odds = math.log(SURE / (1.0 - SURE))
+        odds = math.log(SURE / (1.0 - SURE) * (SOONER if self._temper > 1.0 else 1.0))
         return self.certain or once + min(rest, rest / self._temper) > odds
 
     def others(self) -> tuple[tuple[FaultId, float], ...]:
