@@ -383,7 +383,10 @@ def test_what_never_was_finite_is_not_confirmed() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "peak", "rest", "enough"),
-    [("bias", 14.0, 2.0, True), ("bias", 1.0, 15.0, False), ("K", 14.0, 2.0, False), ("bias", 14.0, -12.0, False)],
+    [
+        *(("bias", 14.0, 2.0, True), ("bias", 1.0, 15.0, False), ("bias", 14.0, -12.0, False)),
+        *(("K", 14.0, 2.0, False), ("K", 2.0, 44.0, False), ("K", 2.0, 52.0, True)),
+    ],
 )
 def test_the_sample_in_which_an_encoder_jumps_and_what_speaks_against_it_count_in_full(
     monkeypatch: pytest.MonkeyPatch, kind: str, peak: float, rest: float, enough: bool
