@@ -182,7 +182,7 @@ def _chosen(belief: Belief, seen: Stream, progress: Callable[[str], None]) -> Un
         now = getattr(best.error, name)
         others: list[dict[str, Any]] = [{name: value} for value in choices[name] if value != now]
         tried = [_tried(belief, seen, replace(best.error, **other), progress) for other in others]
-        best = max(best, *tried, key=lambda each: each.chance)
+        best = max([best, *tried], key=lambda each: each.chance)
     return best.error
 
 
