@@ -45,7 +45,7 @@ from dtwin.monitoring.tracking.samples import Tape
 from dtwin.parameters import GRAVITY, PERIOD, ArmParameters, Triple
 
 SHARES: Final = (1.0, 0.6, 0.4, 0.25)
-"""Shares of the torques that last, as the log tells them: few large ones are most of their mean square."""
+"""Shares of the root mean square of the torques that last. A few large torques are most of it."""
 MEMORIES: Final = (0.1, 0.3, 1.0)
 """Times that the torques may last, s."""
 COMPLIANCES: Final = (0.0, 0.5, 1.0, 2.0)

@@ -192,8 +192,8 @@ class Candidate:
 
     @property
     def waits(self) -> bool:
-        """Whether it has not been seen what comes after: of a push, that it has ended for a while, and of a box that
-        is lost, how the arm moves once the box does not touch it any more, while which anything is possible."""
+        """Whether it has not been seen what comes after: of a push, that it has ended for a while. Of a box that is
+        lost, how the arm moves once the box touches it no more, because until then nearly any motion is possible."""
         lasts = 0 if self.fault.about.passing else HANDLING if self._lost == "payload" else -math.inf
         return self._delay > -_SEEN - lasts
 
