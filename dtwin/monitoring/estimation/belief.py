@@ -31,8 +31,7 @@ TOLERANCE: Final = {"K": 0.003, "D": 0.003, "mu": 0.0, "c": 0.0, "I": 0.0}
 WIDENED: Final = 2.0
 """factor on identified standard errors: they rest on one experiment"""
 TIMING: Final = 5e-4
-"""s, standard deviation that delay and lag together are taken to have where an arm has them: their sum is known better
-than each of them"""
+"""s, standard deviation that delay and lag together are taken to have where an arm has them, less than either has"""
 _BIAS: Final = ("offset1", "offset2", "offset3")
 
 
