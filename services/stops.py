@@ -88,24 +88,25 @@ class Stops:
                 log.warning("no sample is answered before the stop is known: %s", error)
             return self.known
 
-    def _remind(self) -> None:
+    def _remind(self, why: str = KEPT) -> None:
         if self.known:
             return
         self.known = True
         try:
             latch = self._bus.ask(LATCH, None, LatchState, TIMEOUT)
-            if stronger(self.stop, latch.stop) == "none":
-                stop = self._blocks().now()
+            told = (latch.number, latch.stop) == (self._number, self.stop)
+            if told or stronger(self.stop, latch.stop) == "none":
+                stop = self._now()
             else:
-                stop = self._blocks().judge("angles unknown", 1.0)
-            self._note(self._latch(stop), KEPT)
+                stop = self._latch(self._blocks().judge("angles unknown", 1.0))
+            self._note(stop, why)
         except CommunicationError:
             self.known = False
             raise
 
     def _note_token(self, service: str, alive: bool) -> None:
-        if alive and service == LATCH.sender:
-            self.known = False  # It may keep a stop of an earlier life.
+        if service == LATCH.sender and (alive or self.stop != "none"):
+            self.known = False  # It may keep a stop of an earlier life, and the next one may have forgotten this one.
 
     def _ask(self) -> StopState:
         with self._lock:
@@ -123,7 +124,8 @@ class Stops:
             stop = self._blocks().judge(asked.state, asked.confidence)
             why = f" ({asked.who}: {asked.why})"
             try:
-                return self._note(self._kept(stop), why)
+                self._remind(why)
+                return self._note(self._kept(stronger(self.stop, stop)), why)
             except CommunicationError as error:
                 self._note(stronger(self.stop, stop), why)
                 raise CommunicationError(f"{self.stop}, but the emulator does not keep it yet: {error}") from None
@@ -153,6 +155,7 @@ class Stops:
         """Whether a stop is in force, or was when the controller could last be asked."""
         with self._lock:
             try:
+                self._remind()
                 self._note(self._now(), OWN if self.stop == "none" else "")
             except CommunicationError as error:
                 log.debug("%s", error)
