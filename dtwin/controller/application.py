@@ -6,6 +6,7 @@ answer this has them at the ports of the library.
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -117,13 +118,14 @@ class Application:
         """Connects to a SERVER block.
 
         Raises:
-            CommunicationError: the block does not accept the connection.
+            CommunicationError: the block does not listen, or does not accept the connection.
         """
-        try:
-            with self._lock:
-                number = parse_block_id(self._management.read(self._resource, f"{port.block}.ID")).port
-        except ManagementError:
-            number = port.number
+        number, listens = port.number, "TRUE"
+        with self._lock, contextlib.suppress(ManagementError):
+            number = parse_block_id(self._management.read(self._resource, f"{port.block}.ID")).port
+            listens = self._management.read(self._resource, f"{port.block}.QO")
+        if listens != "TRUE":
+            raise self._closed(port, number)
         return BlockingClient(self._address._replace(port=number), port.receives, port.sends, TIMEOUT)
 
     def reopen(self, port: Port) -> None:
@@ -161,7 +163,13 @@ class Application:
         deadline = time.monotonic() + TIMEOUT
         while not self.read([f"{name}.QO"])[0]:
             if time.monotonic() > deadline:
-                raise CommunicationError(f"{self._address}: {name} did not open again within {TIMEOUT:g} s")
+                raise self._closed(port, parse_block_id(identity).port)
+
+    def _closed(self, port: Port, number: int) -> CommunicationError:
+        return CommunicationError(
+            f"{self._address}: {port.block} does not listen: expected port {number} to be free, another process may "
+            "have it; end that one and deploy the application again"
+        )
 
     def _find_resource(self) -> str:
         for resource in self._management.blocks(""):
