@@ -53,8 +53,12 @@ def misfit_after(before: float, score: Array, information: Array, used: NDArray[
         before: that mean before the sample.
         score, information, used: (3,), of the sample, see `Estimator`.
     """
-    squares = np.minimum(score[used] ** 2 / information[used], _FARTHEST)
-    return before + _RECENT * (float(squares.mean()) - before) if squares.size else before
+    total, count = 0.0, 0
+    for value, variance, counts in zip(score.tolist(), information.tolist(), used.tolist(), strict=True):
+        if counts:
+            total += min(value * value / variance, _FARTHEST)
+            count += 1
+    return before + _RECENT * (total / count - before) if count else before
 
 
 class Candidate:
@@ -114,6 +118,8 @@ class Candidate:
         for name in self._states:
             estimator.remember(name)
         self._box: Change | None = None
+        self._told: FaultId | None = None
+        self._cause: tuple[str, ...] | None = None
         for name, change in (expected or {}).items():
             estimator.shift(name, change)
         match hypothesis:
@@ -127,6 +133,7 @@ class Candidate:
     def follow(self, moment: Moment) -> None:
         """Takes in a sample."""
         estimator = self.estimator
+        self._told = self._cause = None
         self.sample += 1
         if self._delay == 0 and (self._first_delay or self._lost or self._stopping >= 0):
             self._turn(moment)
@@ -171,10 +178,12 @@ class Candidate:
     @property
     def told(self) -> FaultId:
         """What it amounts to so far: what has changed to nothing is a fault of another kind."""
-        state, none = str(self.fault), self.fault.about.none
-        change = self.changes().get(state) if none else None
-        lost = change is not None and is_none(state, change.value, self.estimator)
-        return FaultId(none, self.fault.joint) if lost else self.fault
+        if self._told is None:
+            state, none = str(self.fault), self.fault.about.none
+            change = self.changes().get(state) if none else None
+            lost = change is not None and is_none(state, change.value, self.estimator)
+            self._told = FaultId(none, self.fault.joint) if lost else self.fault
+        return self._told
 
     @property
     def faults(self) -> tuple[FaultId, ...]:
@@ -184,7 +193,9 @@ class Candidate:
     @property
     def cause(self) -> tuple[str, ...]:
         """What tells it from candidates of other causes."""
-        return tuple(sorted(f"{fault.about.cause} {fault.joint}" for fault in self.faults))
+        if self._cause is None:
+            self._cause = tuple(sorted(f"{fault.about.cause} {fault.joint}" for fault in self.faults))
+        return self._cause
 
     def includes(self, other: Candidate) -> bool:
         """Whether it is the cause of another one, alone or beside a second."""

@@ -118,6 +118,8 @@ class Diagnosis:
         self._tried: set[tuple[str, ...]] = set()
         self._jumped: dict[FaultId, Candidate] = {}
         self._lately: deque[Conclusion] = deque(maxlen=_SUDDEN)
+        self._known: list[tuple[Candidate, int, float, float]] = []
+        self._ranked: list[tuple[Candidate, float]] = []
         for candidate in self.candidates:
             self._caught_up(candidate)
         self._prune()
@@ -195,6 +197,12 @@ class Diagnosis:
 
     def ranked(self) -> list[tuple[Candidate, float]]:
         """The best candidate of each cause and the probability of the cause among all, most likely first."""
+        known = [(candidate, candidate.sample, candidate.gain, candidate.peak) for candidate in self.candidates]
+        if known != self._known:
+            self._known, self._ranked = known, self._rank()
+        return self._ranked
+
+    def _rank(self) -> list[tuple[Candidate, float]]:
         evidence = [self._evidence(candidate) for candidate in self.candidates]
         most = max(evidence)
         if not math.isfinite(most):
