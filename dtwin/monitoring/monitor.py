@@ -266,7 +266,7 @@ class Monitor:
             self.restarts += 1
             self.findings.note(self.time, "restart", "the estimate diverged and starts anew from the model")
             return
-        moment = self._track.count(moment)
+        moment = self._track.count(moment, estimator)
         counts = moment.counts
         if regripped:
             self._bank.regrip()

@@ -8,11 +8,17 @@ import pytest
 
 from dtwin.experiments.monitoring.twin_cell import TwinCell
 from dtwin.monitoring.estimation.belief import TIMING, Belief, Unmodelled, assumed
+from dtwin.monitoring.estimation.estimator import Estimator
+from dtwin.monitoring.estimation.layout import W
+from dtwin.monitoring.estimation.traces import STANDSTILL
+from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream, stream
-from dtwin.monitoring.tracking.quiet import quiet_rows
+from dtwin.monitoring.tracking.quiet import UNKNOWN, UNSETTLED, in_doubt, quiet_rows
+from dtwin.parameters import ArmParameters
 from dtwin.run.options import ControlOptions
 from dtwin.run.recording import Log
+from dtwin.twin.effects import Effects
 
 STRANGE = 3000
 """row at which something befalls the samples"""
@@ -132,3 +138,20 @@ def test_a_row_ends_where_samples_are_missing_say_nothing_or_the_gripper_has_cha
     assert quiet_rows(4, False, sample, told, held) == 4
     assert quiet_rows(4, True, sample[3:], told[3:], held[3:]) == 0
     assert quiet_rows(7, True, sample[3:], told[3:], held[3:]) == 3
+
+
+@pytest.mark.parametrize(
+    ("friction", "known_from", "silent"),
+    [(0.01, 0, UNSETTLED), (0.01, 15, 15 + UNSETTLED - 1), (0.01, 1000, UNKNOWN), (0.0, 1000, UNSETTLED)],
+)
+def test_after_a_doubtful_command_evidence_waits_until_the_speeds_are_known(
+    friction: float, known_from: int, silent: int
+) -> None:
+    """Only dry friction makes that necessary: without it the covariance tells how well they are known."""
+    arm = replace(ArmParameters(), coulomb=(0.0, friction, 0.0))
+    estimator = Estimator(replace(assumed(arm, (1e-4,) * 3), effects=Effects(delay=0.004)), Tuning())
+    left = [in_doubt(0, 0.9, estimator.arrays())]
+    while left[-1]:
+        estimator.P[W + 1, W + 1] = STANDSTILL**2 * (1.1 if len(left) < known_from else 0.9)
+        left.append(in_doubt(left[-1], 0.0, estimator.arrays()))
+    assert len(left) - 1 == silent

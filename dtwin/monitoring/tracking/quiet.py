@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation import kernels, motion, traces
 from dtwin.monitoring.estimation.estimator import Estimator, FilterArrays, Past
-from dtwin.monitoring.estimation.layout import SIZE
+from dtwin.monitoring.estimation.layout import SIZE, W
 from dtwin.monitoring.estimation.motion import MotionArrays
-from dtwin.monitoring.estimation.traces import ONSETS, Traces
+from dtwin.monitoring.estimation.traces import ONSETS, STANDSTILL, Traces
 from dtwin.monitoring.sensing import readings as sensing
 from dtwin.monitoring.sensing.commands import closes
 from dtwin.monitoring.sensing.readings import Readings, ReadingsArrays
@@ -30,7 +30,9 @@ Flags = NDArray[np.bool_]
 LEAST_LIKELY: Final = -1e4
 """log-likelihood of a sample that cannot be: the arm as believed has nothing to do with it any more"""
 UNSETTLED: Final = 10
-"""samples after one that did not arrive that are no evidence: how wrong the guess was is not known well"""
+"""samples after one whose outcome was in doubt that are no evidence: how wrong the guess was is not known well"""
+UNKNOWN: Final = 40
+"""samples after such a one at most, of which the last ten come once the speeds are known"""
 WINDOW: Final = 256
 """samples that are looked at in one go at most"""
 
@@ -128,6 +130,26 @@ def follow(
     return Stretch(done, (volts, held, doubts, angles, used, fresh, counted, likelihoods), doubted, concluded)
 
 
+@kernel
+def in_doubt(left: int, doubt: float, f: FilterArrays) -> int:
+    """The number of samples from the last one on that are no evidence.
+
+    Jaws that close on a box push the arm, after which its speeds are hardly known. Then it is not known either which
+    way dry friction acts, or whether it holds a joint, and the covariance does not tell.
+
+    Args:
+        left: that number at the sample before.
+        doubt: standard deviation of the torques that the command of the last sample leaves in doubt, N m.
+        f: of the estimator after the last sample.
+    """
+    if doubt > 0.0:
+        return UNKNOWN
+    known = True
+    for i in range(3):
+        known = known and (f.friction[i] == 0.0 or f.P[W + i, W + i] < STANDSTILL * STANDSTILL)
+    return max((min(left, UNSETTLED) if known else left) - 1, 0)
+
+
 @kernel(uses=(kernels, motion, traces, sensing))
 def _work(
     measured: Array,
@@ -218,7 +240,7 @@ def _work(
             odd = odd or r.frozen[i] or r.left_out[i]
         if odd or not likelihoods[k] > LEAST_LIKELY:
             return k + 1, doubted, False
-        doubted = UNSETTLED if doubts[k] else max(doubted - 1, 0)
+        doubted = in_doubt(doubted, doubts[k], f)
         counted[k] = not doubted
         place = traces.take(
             t.E,

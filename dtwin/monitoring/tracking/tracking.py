@@ -14,7 +14,7 @@ from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.signatures import SignatureBank
 from dtwin.monitoring.tracking.moments import Moment, Moments
-from dtwin.monitoring.tracking.quiet import LEAST_LIKELY, UNSETTLED, WINDOW, Stretch, follow, quiet_rows
+from dtwin.monitoring.tracking.quiet import LEAST_LIKELY, WINDOW, Stretch, follow, in_doubt, quiet_rows
 from dtwin.monitoring.tracking.recall import Recall
 from dtwin.monitoring.tracking.samples import Samples, Tape
 
@@ -69,9 +69,14 @@ class Tracking:
         likelihood = estimator.correct(angles, self.used)
         return Moment(command, self.gripped, doubt, angles, self.used, self.readings.fresh, False, likelihood)
 
-    def count(self, moment: Moment) -> Moment:
-        """Notes the last sample, which is no evidence for a while after a doubtful command."""
-        self._doubted = UNSETTLED if moment.doubt else max(self._doubted - 1, 0)
+    def count(self, moment: Moment, estimator: Estimator) -> Moment:
+        """Notes the last sample, which is no evidence for a while after a doubtful command.
+
+        Args:
+            moment: the sample.
+            estimator: the arm as believed after it.
+        """
+        self._doubted = in_doubt(self._doubted, moment.doubt, estimator.arrays())
         likelihood = moment.likelihood if moment.likelihood > LEAST_LIKELY else LEAST_LIKELY
         counted = moment._replace(counts=not self._doubted, likelihood=likelihood)
         self.moments.append(counted)
