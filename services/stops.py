@@ -94,6 +94,7 @@ class Stops:
         self.known = True
         try:
             latch = self._bus.ask(LATCH, None, LatchState, TIMEOUT)
+            # What this bridge has told the latch last is no stop of an earlier life.
             told = (latch.number, latch.stop) == (self._number, self.stop)
             if told or stronger(self.stop, latch.stop) == "none":
                 stop = self._now()

@@ -14,7 +14,7 @@ from dtwin.monitoring.estimation.traces import STANDSTILL
 from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream, stream
-from dtwin.monitoring.tracking.quiet import UNKNOWN, UNSETTLED, in_doubt, quiet_rows
+from dtwin.monitoring.tracking.quiet import LONG_UNSETTLED, UNSETTLED, in_doubt, quiet_rows
 from dtwin.parameters import ArmParameters
 from dtwin.run.options import ControlOptions
 from dtwin.run.recording import Log
@@ -142,7 +142,7 @@ def test_a_row_ends_where_samples_are_missing_say_nothing_or_the_gripper_has_cha
 
 @pytest.mark.parametrize(
     ("friction", "known_from", "silent"),
-    [(0.01, 0, UNSETTLED), (0.01, 15, 15 + UNSETTLED - 1), (0.01, 1000, UNKNOWN), (0.0, 1000, UNSETTLED)],
+    [(0.01, 0, UNSETTLED), (0.01, 15, 15 + UNSETTLED - 1), (0.01, 1000, LONG_UNSETTLED), (0.0, 1000, UNSETTLED)],
 )
 def test_after_a_doubtful_command_evidence_waits_until_the_speeds_are_known(
     friction: float, known_from: int, silent: int

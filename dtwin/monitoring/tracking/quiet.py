@@ -31,8 +31,8 @@ LEAST_LIKELY: Final = -1e4
 """log-likelihood of a sample that cannot be: the arm as believed has nothing to do with it any more"""
 UNSETTLED: Final = 10
 """samples after one whose outcome was in doubt that are no evidence: how wrong the guess was is not known well"""
-UNKNOWN: Final = 40
-"""samples after such a one at most, of which the last ten come once the speeds are known"""
+LONG_UNSETTLED: Final = 40
+"""samples after such a one that are no evidence at most, while dry friction acts on speeds that are not known"""
 WINDOW: Final = 256
 """samples that are looked at in one go at most"""
 
@@ -132,7 +132,7 @@ def follow(
 
 @kernel
 def in_doubt(left: int, doubt: float, f: FilterArrays) -> int:
-    """The number of samples from the last one on that are no evidence.
+    """The number of samples from the last one on that are no evidence after a command that was in doubt.
 
     Jaws that close on a box push the arm, after which its speeds are hardly known. Then it is not known either which
     way dry friction acts, or whether it holds a joint, and the covariance does not tell.
@@ -143,7 +143,7 @@ def in_doubt(left: int, doubt: float, f: FilterArrays) -> int:
         f: of the estimator after the last sample.
     """
     if doubt > 0.0:
-        return UNKNOWN
+        return LONG_UNSETTLED
     known = True
     for i in range(3):
         known = known and (f.friction[i] == 0.0 or f.P[W + i, W + i] < STANDSTILL * STANDSTILL)
