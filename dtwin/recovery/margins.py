@@ -8,18 +8,13 @@ from itertools import product
 from typing import Final
 
 from dtwin.bus.twin_messages import PredictedMotion, Upload
-from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import ControlSettings, Law
 from dtwin.errors import ParameterError
 from dtwin.identification.machine.record import MachineRecord
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.recovery.tuning import STIFFER, Expect, Tuned, search, stiffened, times
-from dtwin.simulation.checks import TOLERANCE, Checker
-from dtwin.simulation.margins.demands import DEMANDS, UNSTABLE, cases
-from dtwin.simulation.margins.loop import lateness, later
-from dtwin.simulation.margins.poses import places
+from dtwin.simulation.checks import Checker
 from dtwin.simulation.proposal import tolerated
-from dtwin.twin.effects import NO_EFFECTS
 
 LATE: Final = 1.0
 """ticks that a late command acts after its own"""
@@ -80,9 +75,7 @@ def gains_with_margins(
 ) -> Gains:
     """The gains nearest to those of settings with the margins at all places that uploads to the arm have to keep.
 
-    A loop that is slower by a factor f has Kp times f^2, Ki times f^3 or less, and Kd times f. An arm with effects
-    need only keep TOLERANCE of the demanded margins when its commands are late: it is slower than the arm that they
-    are meant for.
+    A loop that is slower by a factor f has Kp times f^2, Ki times f^3 or less, and Kd times f.
 
     Args:
         settings: settings of the controller, with the model that it is to have.
@@ -94,13 +87,13 @@ def gains_with_margins(
     Raises:
         ParameterError: no gains have the margins.
     """
-    least = _least(settings.law, record, late)
+    checker = _checker(settings.law, record)
     for speed, integral in product(SOFTER, INTEGRAL):
         gains = _slowed(settings.gains, speed, integral)
-        if all(_kept(replace(each, gains=gains), arm, record, late, least) for each in (settings, *before)):
+        if all(checker.keeps_margins(replace(each, gains=gains), arm, late) for each in (settings, *before)):
             return gains
     raise ParameterError(
-        f"no gains have {least:.0%} of the margins, down to {SOFTER[-1]:g} times the loop's speed"
+        f"no gains have {checker.least(late):.0%} of the margins, down to {SOFTER[-1]:g} times the loop's speed"
         f"{', though commands are late' if late else ''}"
     )
 
@@ -116,27 +109,18 @@ def stiffer_with_margins(
         record: record of an arm that does not obey the equations of motion.
         late: ticks by which commands act later than they did.
     """
-    least = _least(settings.law, record, late)
+    checker = _checker(settings.law, record)
     tried = {factor: replace(settings, gains=stiffened(settings.gains, factor)) for factor in STIFFER[1:]}
-    return STIFFER[:1] + tuple(f for f, each in tried.items() if _kept(each, arm, record, late, least))
+    return STIFFER[:1] + tuple(f for f, each in tried.items() if checker.keeps_margins(each, arm, late))
 
 
-def _least(law: Law, record: MachineRecord | None, late: float) -> float:
-    """Share of the demanded margins that uploads to the arm have to keep."""
+def _checker(law: Law, record: MachineRecord | None) -> Checker:
+    """A checker that asks for the margins that uploads to the arm have to keep."""
     if record is None:
-        return 1.0
-    usual = tolerated(record, law, Checker(effects=record.effects))
-    return min(usual, TOLERANCE) if late and record.effects != NO_EFFECTS else usual
-
-
-def _kept(
-    settings: ControlSettings, arm: ArmParameters, record: MachineRecord | None, late: float, least: float
-) -> bool:
-    """Whether settings have a share of the demanded margins at all places."""
-    effects, demands = later(NO_EFFECTS if record is None else record.effects, late), DEMANDS[settings.law]
-    found = cases(MotionController(), settings, arm, places(), lateness(effects), effects)
-    short = [shortfall for case in found if (shortfall := demands.shortfall(case.margins)) is not None]
-    return all(each.name != UNSTABLE and each.share >= least for each in short)
+        return Checker()
+    checker = Checker(effects=record.effects)
+    tolerated(record, law, checker)
+    return checker
 
 
 def _slowed(gains: Gains, speed: float, integral: float) -> Gains:

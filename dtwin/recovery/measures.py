@@ -45,9 +45,6 @@ SAME_MASS: Final = 0.005
 """kg by which a box may differ from what the controller assumes"""
 SAME: Final = 1e-9
 """Share by which a number that a device reads back may differ from what it was sent as text."""
-WORSE: Final = 3.0
-"""Greatest distance from the path, relative to the healthy arm's, with which an arm whose commands are late works on:
-softer gains hold it less exactly, and no weakness of the arm is behind that."""
 _CONSTANTS: Final = [name for name in PARAMETER_NAMES if symbol_of(name) == "K"]
 _TOO_WEAK: Final[dict[Ability, str]] = {
     "without a box": "the arm can work without a box only",
@@ -319,7 +316,7 @@ class Measures:
             )
         except ParameterError as error:
             raise TooWeak(str(error)) from None
-        if tuned.ability in _TOO_WEAK and tuned.ratio > WORSE:
+        if tuned.ability in _TOO_WEAK:
             raise TooWeak(_TOO_WEAK[tuned.ability])
         if (tuned.gains, tuned.target_time) == (in_force.gains, in_force.target_time):
             desk.say(f"gains and target time can stay though commands are late: {_expected(tuned)}")

@@ -20,10 +20,13 @@ STIFFER: Final = (1.0, 1.15, 1.3, 1.5)
 """Factors on Kp and Ki that are tried for each; beyond the last, encoder noise gets the better of the gain."""
 BOUND: Final = 1.2
 """Greatest distance from the path of an arm that works, relative to that of the healthy arm."""
+WORSE: Final = 3.0
+"""The same for an arm that the voltage limit does not hold back: gains with margins hold it less exactly, and no
+weakness is behind that."""
 FLOOR: Final = 1e-3
 """rad, distance from the path that encoders with noise leave whatever the settings are"""
 ENOUGH: Final = 1.05
-"""Distance from the path, relative to that of the healthy arm, that needs no change of the settings."""
+"""Distance from the path, relative to that of the healthy arm or of the best settings, that needs no other ones."""
 SATURATED: Final = 0.02
 """Share of the samples of a motion at the voltage limit from which on stiffer gains are of no use."""
 
@@ -54,10 +57,15 @@ class _Tried(NamedTuple):
     target_time: float
     loaded: float
     empty: float
+    saturated: float
 
     @property
     def worst(self) -> float:
         return max(self.loaded, self.empty)
+
+    @property
+    def works(self) -> bool:
+        return self.worst <= (WORSE if self.saturated <= SATURATED else BOUND)
 
 
 def search(
@@ -72,8 +80,9 @@ def search(
 ) -> Tuned:
     """The first settings that are no worse than the healthy arm in any motion, from the least change on.
 
-    Where there are none, the first within BOUND are taken, or else the best; an arm whose best are beyond BOUND is
-    judged by its empty motions. Nothing is searched for an arm that cannot hold its heaviest box at some place.
+    Where there are none, the first within BOUND are taken, or else the first that are nearly as good as the best with
+    which the arm works; an arm that works with none is judged by its empty motions. Nothing is searched for an arm
+    that cannot hold its heaviest box at some place.
 
     Args:
         arm: arm as it is known.
@@ -93,12 +102,15 @@ def search(
         for factor in stiffer:
             tried_gains = stiffened(gains, factor)
             expected = expect(tried_gains, slower * target_time)
-            found.append(_Tried(tried_gains, slower * target_time, *_ratios(expected, reference)))
+            saturated = max(motion.saturated for motion in expected)
+            found.append(_Tried(tried_gains, slower * target_time, *_ratios(expected, reference), saturated))
             if found[-1].worst <= ENOUGH:
                 return _tuned(found[-1], target_time)
-            if max(motion.saturated for motion in expected) > SATURATED:
+            if saturated > SATURATED:
                 break
-    best = next((tried for tried in found if tried.worst <= BOUND), min(found, key=lambda tried: tried.worst))
+    working = [tried for tried in found if tried.works] or found
+    enough = max(BOUND, ENOUGH * min(tried.worst for tried in working))
+    best = next(tried for tried in working if tried.worst <= enough)
     return _tuned(best, target_time, min(tried.empty for tried in found))
 
 
@@ -109,7 +121,7 @@ def worst_ratio(expected: Sequence[PredictedMotion], reference: Sequence[Predict
 
 def _tuned(tried: _Tried, target_time: float, empty: float = 1.0) -> Tuned:
     ability: Ability
-    if tried.worst <= BOUND:
+    if tried.works:
         ability = "slower" if tried.target_time > target_time else "as before"
     else:
         ability = "without a box" if empty <= BOUND else "not at all"

@@ -146,6 +146,23 @@ class Checker:
         self._least = TOLERANCE * min(short) if short and min(short) > 0.0 else 1.0
         return self._least
 
+    def least(self, late: float = 0.0) -> float:
+        """The share of the demanded margins that is asked for.
+
+        An arm with effects need only keep TOLERANCE of them when its commands are late: it is slower than the arm
+        that they are meant for.
+
+        Args:
+            late: ticks by which commands act later than they did.
+        """
+        return min(self._least, TOLERANCE) if late and self._effects != NO_EFFECTS else self._least
+
+    def keeps_margins(self, settings: ControlSettings, arm: ArmParameters, late: float = 0.0) -> bool:
+        """Whether settings have the margins on an arm that `check` asks for, wherever a motion begins or ends."""
+        least = self.least(late)
+        found = (short for _, short in self._resting(settings, arm, self.motions, late))
+        return all(short is None or _stands(short, least) for short in found)
+
     def check(
         self,
         settings: ControlSettings,
@@ -170,7 +187,7 @@ class Checker:
             Refused: a value is out of bounds, a margin is too small, or a motion leaves its path; the message says
                 which and why.
         """
-        least = min(self._least, TOLERANCE) if late and self._effects != NO_EFFECTS else self._least
+        least = self.least(late)
         if in_force is not None and settings == replace(in_force, target_time=settings.target_time):
             least = least if settings.target_time < in_force.target_time else 0.0
         try:
@@ -282,7 +299,7 @@ class Checker:
     def _margins(
         self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion], late: float, least: float
     ) -> list[Case]:
-        """The margins where motions end; delays longer than what is demanded are not looked at.
+        """The margins where motions begin and end; delays longer than what is demanded are not looked at.
 
         Raises:
             Refused: a margin is below this share of what is demanded of the law; the message says which, where, and
@@ -290,7 +307,7 @@ class Checker:
         """
         found = []
         for case, short in self._resting(settings, arm, motions, late):
-            if short is not None and (short.name == UNSTABLE or short.share < least):
+            if short is not None and not _stands(short, least):
                 raise Refused(f"{case}: {short.text}")
             found.append(case)
         return found
@@ -298,15 +315,22 @@ class Checker:
     def _resting(
         self, settings: ControlSettings, arm: ArmParameters, motions: Sequence[Motion], late: float = 0.0
     ) -> Iterator[tuple[Case, Shortfall | None]]:
-        """The margins where motions end, and what falls short there of what is demanded."""
+        """The margins where motions end, and where they begin, and what falls short there of what is demanded."""
         demands, effects = DEMANDS[settings.law], later(self._effects, late)
-        for goal, carries in dict.fromkeys((motion.goal, motion.carries) for motion in motions):
+        ends = [(motion.goal, motion.carries) for motion in motions]
+        begins = [(motion.start, motion.carries) for motion in motions]
+        for place, carries in dict.fromkeys(ends + begins):
             payload = settings.payload if carries else 0.0
-            pose = Pose(goal, angles_of(goal, self._task))
+            pose = Pose(place, angles_of(place, self._task))
             after = lateness(effects)
             loop = linear_loop(self._simulator.controller, settings, arm, payload, pose.theta, after, effects)
             case = Case(pose, payload, margins(loop, demands.delay))
             yield case, demands.shortfall(case.margins)
+
+
+def _stands(short: Shortfall, least: float) -> bool:
+    """Whether what falls short of a demand is stable, and has at least a share of what is demanded."""
+    return short.name != UNSTABLE and short.share >= least
 
 
 def motion_case(

@@ -19,7 +19,7 @@ from dtwin.experiments.recovery.expected import expected_of, kind_of, made_of
 from dtwin.parameters import ArmParameters
 from dtwin.recovery.answers import ANSWERS
 from dtwin.recovery.desk import Desk
-from dtwin.recovery.measures import WORSE
+from dtwin.recovery.tuning import WORSE
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from tests.support.records import recorded
 

@@ -61,6 +61,25 @@ def test_an_arm_that_no_settings_help_is_judged_by_its_empty_motions(empty: floa
     assert len(asked) == len(SLOWER) * len(STIFFER)
 
 
+@pytest.mark.parametrize(
+    ("loaded", "saturated", "time", "ability"),
+    [(2.0, 0.0, 2.0, "as before"), (3.1, 0.0, 2.2, "slower"), (1.3, 0.1, 2.0, "not at all")],
+)
+def test_an_arm_whose_gains_can_be_no_stiffer_works_with_what_is_nearest(
+    loaded: float, saturated: float, time: float, ability: str
+) -> None:
+    """Its errors depend on its gains and hardly on its time; one at the voltage limit is too weak."""
+
+    def expect(gains: Gains, time: float) -> list[PredictedMotion]:
+        worse = loaded * (1.0 if time == 2.0 else 0.96)
+        return [motion(True, worse, saturated), motion(False, worse, saturated)]
+
+    tuned = search(ArmParameters(), 0.2, USUAL, expect, GAINS, 2.0, HEALTHY, stiffer=(1.0,))
+    assert (tuned.gains, tuned.ability) == (GAINS, ability)
+    assert tuned.target_time == pytest.approx(time)
+    assert tuned.ratio == pytest.approx(loaded * (1.0 if time == 2.0 else 0.96))
+
+
 def test_stiffer_gains_are_not_tried_at_the_voltage_limit() -> None:
     asked: list[tuple[float, float]] = []
     search(ArmParameters(), 0.2, USUAL, with_ratios(1000.0, 1.0, asked, saturated=0.1), GAINS, 2.0, HEALTHY)

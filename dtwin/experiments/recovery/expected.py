@@ -16,10 +16,10 @@ from dtwin.identification.machine.record import MachineRecord
 from dtwin.monitoring.kinds import NAMED, UNKNOWN
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, scaled, symbol_of
 from dtwin.recovery.answers import ANSWERS, Measure
-from dtwin.recovery.margins import LATE, settings_for_late
-from dtwin.recovery.measures import BOXES, WORSE
+from dtwin.recovery.margins import LATE, gains_with_margins, settings_for_late, stiffer_with_margins
+from dtwin.recovery.measures import BOXES
 from dtwin.recovery.strength import holding
-from dtwin.recovery.tuning import Ability, search
+from dtwin.recovery.tuning import BOUND, Ability, search
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.proposal import with_rotors
 from dtwin.simulation.upload import changed
@@ -43,6 +43,8 @@ class Expected(NamedTuple):
     distance: float = 1.0
 
 
+_WEAK: Final[frozenset[Ability]] = frozenset({"without a box", "not at all"})
+"""How an arm can work that has to stand."""
 _STOP: Final = Expected(frozenset({"stop"}), None)
 
 
@@ -76,6 +78,8 @@ def expected_of(
         effects: what the arm has beside its parameters.
         via: whether the arm moves over points that keep clear of bodies.
         record: what is known of the healthy arm, which says what margins have to be kept.
+
+    An arm that gains with margins hold at BOUND or nearer, is expected to keep to its paths as the healthy one does.
     """
     measures = frozenset(ANSWERS[kind_of(fault)].measure for fault in faults)
     if "stop" in measures:
@@ -89,16 +93,19 @@ def expected_of(
         known = changed(settings, gains, target_time, with_rotors(now, effects), masses[0])
         return _expect(checker, known, now, masses, late)
 
-    ability = search(now, max(masses), usual, expect, settings.gains, settings.target_time, reference).ability
-    if ability in ("without a box", "not at all"):
-        return _STOP
-    if not condition.late:
-        return Expected(measures, ability)
+    known = changed(settings, settings.gains, settings.target_time, with_rotors(now, effects), masses[0])
     try:
-        tuned = settings_for_late(settings, now, record, max(masses), usual, partial(expect, late=LATE), reference)
+        gains = gains_with_margins(known, now, record, 0.0)
+        stiffer = stiffer_with_margins(known, now, record, 0.0) if gains == known.gains else (1.0,)
+        tuned = search(now, max(masses), usual, expect, gains, settings.target_time, reference, stiffer)
+        ability, distance = tuned.ability, tuned.ratio if tuned.ratio > BOUND else 1.0
+        if ability not in _WEAK and condition.late:
+            expect_late = partial(expect, late=LATE)
+            tuned = settings_for_late(settings, now, record, max(masses), usual, expect_late, reference)
+            distance = max(tuned.ratio, 1.0)
     except ParameterError:
         return _STOP
-    return _STOP if tuned.ratio > WORSE else Expected(measures, ability, max(tuned.ratio, 1.0))
+    return _STOP if _WEAK & {ability, tuned.ability} else Expected(measures, ability, distance)
 
 
 def made_of(machine: Machine, nominal: ArmParameters) -> tuple[ArmParameters, Effects]:
