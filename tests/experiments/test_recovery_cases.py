@@ -1,12 +1,15 @@
 """The drawn cases, the right answers to them, and the report of the campaign."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
+import msgspec
 import pytest
 
 from dtwin.bus.messages import Done, FaultRequest
+from dtwin.controller.proposed import LeastMargins, ProposedSettings
 from dtwin.controller.settings import USUAL_GAINS, ControlSettings
 from dtwin.emulation.faults import parse_fault, schedule
 from dtwin.emulation.machine.files import machine_of
@@ -16,10 +19,13 @@ from dtwin.experiments.recovery.campaign import RecoveryTrial, passed, recovery_
 from dtwin.experiments.recovery.cases import DRAWS, RecoveryCase, drawn_case
 from dtwin.experiments.recovery.demonstration import PUSH_AFTER, make_faults, parse_faults
 from dtwin.experiments.recovery.expected import expected_of, kind_of, made_of
+from dtwin.experiments.recovery.known import KnownArm
 from dtwin.parameters import ArmParameters
 from dtwin.recovery.answers import ANSWERS
 from dtwin.recovery.desk import Desk
 from dtwin.recovery.tuning import WORSE
+from dtwin.services.launch import CellOptions
+from dtwin.simulation.proposal import controllable
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from tests.support.records import recorded
 
@@ -97,6 +103,22 @@ def test_late_commands_leave_as_much_distance_as_settings_with_margins_do() -> N
     assert expected_of(parse_faults(["D1*=3"]), ArmParameters(), CONTROL).distance == 1.0
     slow = recorded(Effects(delay=0.03, lag=(0.02,) * 3))
     assert expected_of(late, ArmParameters(), CONTROL, slow.effects, record=slow).measures == {"stop"}
+
+
+def test_what_is_expected_is_of_the_model_that_the_controller_has_when_a_fault_begins(tmp_path: Path) -> None:
+    """An arm that no settings suit has the usual ones, and a controller that knows its rotors."""
+    record = recorded(Effects(delay=0.0134, lag=(0.0037,) * 3, rotor_inertia=(0.001, 0.001, 0.002)))
+    lacking = LeastMargins(0.1, 3.0, 20.0, 1.0, 0.2)
+    refused = ProposedSettings(ControlSettings(), (1.0, 2.0), lacking, lacking, 0.1, "too slow", [])
+    record = msgspec.structs.replace(record, settings=refused)
+    settings = KnownArm(record.arm, tmp_path / "arm.json", record).control(CellOptions())
+    assert settings == replace(CellOptions().control(), model=controllable(record))
+    assert settings.model != record.arm
+    late, believed = parse_faults(["late"]), replace(settings, model=ArmParameters())
+    known, unknown = (
+        expected_of(late, record.arm, each, record.effects, record=record) for each in (settings, believed)
+    )
+    assert unknown.distance > 1.2 * known.distance, "a controller that knows less tracks worse"
 
 
 def test_a_fault_without_an_answer_is_refused() -> None:

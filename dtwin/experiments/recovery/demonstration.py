@@ -86,9 +86,8 @@ def recover(
         )
         settings = complete.settings()
         arm, effects = made_of(settings.machine, settings.arm)
-        expected = expected_of(
-            made.faults, arm, complete.control(), effects, sequence_of(settings).via, healthy.record
-        )
+        via, control = sequence_of(settings).via, healthy.control(options)
+        expected = expected_of(made.faults, arm, control, effects, via, healthy.record)
         with launched(complete) as cell:
             cell.await_ready()
             desk = Desk(cell.bus, lambda: cell.over, progress, LONGEST)

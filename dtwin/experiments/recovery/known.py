@@ -11,6 +11,7 @@ import numpy as np
 from dtwin.commissioning.procedure import commission
 from dtwin.commissioning.stages import Stages
 from dtwin.controller.embedded import EmbeddedController
+from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.machine.sections import IDEAL
 from dtwin.experiments.identification.standard import standard_estimate
 from dtwin.identification.excitation.rig import Rig
@@ -57,6 +58,10 @@ class KnownArm:
         proposed = self.record.settings
         tuned = self.file if proposed is not None and not proposed.refused else None
         return replace(options, commissioned=self.file, tuned=tuned)
+
+    def control(self, options: CellOptions) -> ControlSettings:
+        """The settings of a cell that is used with what is known, once its controller has the model of the arm."""
+        return replace(self.used(options).control(), model=self.model)
 
 
 def known_arm(settings: CellSettings, folder: Path, generator: np.random.Generator) -> KnownArm:
