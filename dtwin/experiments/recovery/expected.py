@@ -79,7 +79,7 @@ def expected_of(
         via: whether the arm moves over points that keep clear of bodies.
         record: what is known of the healthy arm, which says what margins have to be kept.
 
-    An arm that gains with margins hold at BOUND or nearer, is expected to keep to its paths as the healthy one does.
+    An arm that gains with margins keep within BOUND is expected to track as the healthy one does.
     """
     measures = frozenset(ANSWERS[kind_of(fault)].measure for fault in faults)
     if "stop" in measures:
