@@ -266,14 +266,15 @@ class Measures:
             return Taken(None, values)
         boxes = (mass, mass + max(BOXES) - BOXES[0])
         heavier = msgspec.structs.replace(in_force, payload=mass)
-        gains = self._with_margins(self._arm, in_force, heavier)
+        weak = bool(beyond_strength(self._arm, max(boxes), self._usual))
+        gains = in_force.gains if weak else self._with_margins(self._arm, in_force, heavier)
         lower = gains != in_force.gains
         tuned = self._tuned(
             msgspec.structs.replace(in_force, gains=gains),
             self._arm,
             boxes,
             lambda gains, time: self._expect(PredictionRequest(gains, time, arm=self._arm, payload=mass), boxes),
-            (1.0,) if lower else self._stiffer(self._arm, in_force, heavier),
+            (1.0,) if weak or lower else self._stiffer(self._arm, in_force, heavier),
         )
         first = lower or tuned.target_time > in_force.target_time
         if first:

@@ -221,10 +221,11 @@ def test_the_mean_of_all_boxes_that_differed_is_counted_on(cell: FakeCell) -> No
     assert [upload.payload for upload in cell.uploads] == pytest.approx([0.22, 0.23])
 
 
-def test_a_box_too_heavy_to_hold_stops_the_arm(cell: FakeCell) -> None:
-    cell.found["payload"] = (20.0, 0.1, 1e-3)
+@pytest.mark.parametrize(("more", "heaviest"), [(0.1, 310), (0.15, 360)])
+def test_a_box_too_heavy_to_hold_stops_the_arm(cell: FakeCell, more: float, heaviest: int) -> None:
+    cell.found["payload"] = (20.0, more, 1e-3)
     assert measures_of(watched(cell)) == [("payload", ("payload",)), ("stop", ("payload",))]
-    assert "a box of 310 g at red" in cell.told[-1]
+    assert f"a box of {heaviest} g at" in cell.told[-1]
 
 
 def test_an_arm_that_needs_more_time_for_a_heavier_box_gets_that_first(cell: FakeCell) -> None:
