@@ -109,8 +109,8 @@ def search(
             if saturated > SATURATED:
                 break
     working = [tried for tried in found if tried.works] or found
-    enough = max(BOUND, ENOUGH * min(tried.worst for tried in working))
-    best = next(tried for tried in working if tried.worst <= enough)
+    least = min(tried.worst for tried in working)
+    best = next(tried for tried in working if tried.worst <= (BOUND if least <= BOUND else ENOUGH * least))
     return _tuned(best, target_time, min(tried.empty for tried in found))
 
 

@@ -80,6 +80,16 @@ def test_an_arm_whose_gains_can_be_no_stiffer_works_with_what_is_nearest(
     assert tuned.ratio == pytest.approx(loaded * (1.0 if time == 2.0 else 0.96))
 
 
+def test_what_is_within_the_bound_goes_before_what_is_nearly_as_good() -> None:
+    worse = {2.0: 1.24, 2.2: 1.19}
+
+    def expect(gains: Gains, time: float) -> list[PredictedMotion]:
+        return [motion(carries, worse.get(round(time, 3), 1.3)) for carries in (True, False)]
+
+    tuned = search(ArmParameters(), 0.2, USUAL, expect, GAINS, 2.0, HEALTHY, stiffer=(1.0,))
+    assert tuned.target_time == pytest.approx(2.2)
+
+
 def test_stiffer_gains_are_not_tried_at_the_voltage_limit() -> None:
     asked: list[tuple[float, float]] = []
     search(ArmParameters(), 0.2, USUAL, with_ratios(1000.0, 1.0, asked, saturated=0.1), GAINS, 2.0, HEALTHY)

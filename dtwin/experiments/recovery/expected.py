@@ -71,6 +71,8 @@ def expected_of(
 ) -> Expected:
     """The right answer to faults, which begin at once.
 
+    An arm that gains with margins keep within BOUND is expected to track as the healthy one does.
+
     Args:
         faults: the faults.
         arm: the healthy arm.
@@ -78,8 +80,6 @@ def expected_of(
         effects: what the arm has beside its parameters.
         via: whether the arm moves over points that keep clear of bodies.
         record: what is known of the healthy arm, which says what margins have to be kept.
-
-    An arm that gains with margins keep within BOUND is expected to track as the healthy one does.
     """
     measures = frozenset(ANSWERS[kind_of(fault)].measure for fault in faults)
     if "stop" in measures:
