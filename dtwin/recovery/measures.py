@@ -202,7 +202,7 @@ class Measures:
         tuned = search(
             arm, heaviest, self._usual, expect, in_force.gains, in_force.target_time, self._reference, stiffer
         )
-        if tuned.ability in _TOO_WEAK:
+        if not tuned.works:
             places = ", ".join(beyond_strength(arm, heaviest, self._usual))
             held = f", it cannot hold a box of {1e3 * heaviest:.0f} g at {places}" if places else ""
             raise TooWeak(f"{_TOO_WEAK[tuned.ability]}{held}")
@@ -317,7 +317,7 @@ class Measures:
             )
         except ParameterError as error:
             raise TooWeak(str(error)) from None
-        if tuned.ability in _TOO_WEAK:
+        if not tuned.works:
             raise TooWeak(_TOO_WEAK[tuned.ability])
         if (tuned.gains, tuned.target_time) == (in_force.gains, in_force.target_time):
             desk.say(f"gains and target time can stay though commands are late: {_expected(tuned)}")

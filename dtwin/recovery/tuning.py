@@ -51,6 +51,11 @@ class Tuned(NamedTuple):
     ratio: float
     ability: Ability
 
+    @property
+    def works(self) -> bool:
+        """Whether the arm can work with its boxes."""
+        return self.ability in ("as before", "slower")
+
 
 class _Tried(NamedTuple):
     gains: Gains

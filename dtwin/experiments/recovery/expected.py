@@ -43,8 +43,6 @@ class Expected(NamedTuple):
     distance: float = 1.0
 
 
-_WEAK: Final[frozenset[Ability]] = frozenset({"without a box", "not at all"})
-"""How an arm can work that has to stand."""
 _STOP: Final = Expected(frozenset({"stop"}), None)
 
 
@@ -98,14 +96,16 @@ def expected_of(
         gains = gains_with_margins(known, now, record, 0.0)
         stiffer = stiffer_with_margins(known, now, record, 0.0) if gains == known.gains else (1.0,)
         tuned = search(now, max(masses), usual, expect, gains, settings.target_time, reference, stiffer)
-        ability, distance = tuned.ability, tuned.ratio if tuned.ratio > BOUND else 1.0
-        if ability not in _WEAK and condition.late:
+        found = tuned
+        if tuned.works and condition.late:
             expect_late = partial(expect, late=LATE)
-            tuned = settings_for_late(settings, now, record, max(masses), usual, expect_late, reference)
-            distance = max(tuned.ratio, 1.0)
+            found = settings_for_late(settings, now, record, max(masses), usual, expect_late, reference)
     except ParameterError:
         return _STOP
-    return _STOP if _WEAK & {ability, tuned.ability} else Expected(measures, ability, distance)
+    if not (tuned.works and found.works):
+        return _STOP
+    as_healthy = found.ratio <= (1.0 if condition.late else BOUND)
+    return Expected(measures, tuned.ability, 1.0 if as_healthy else found.ratio)
 
 
 def made_of(machine: Machine, nominal: ArmParameters) -> tuple[ArmParameters, Effects]:
