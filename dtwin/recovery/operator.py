@@ -20,6 +20,8 @@ from dtwin.signals import MONITOR, Event
 
 SETTLING: Final = 1.0
 """s in which a second finding may follow the first, so that both are answered together"""
+_LASTING: Final[tuple[Measure, ...]] = ("go on", "payload")
+"""Measures that are taken though what they answer is over"""
 _NOTHING: Final = Taken(None, {})
 
 
@@ -106,8 +108,8 @@ class Operator:
         if not first:
             return
         desk.pass_time(SETTLING)
-        # What needs nothing done may be over by now, such as a slip once the gripper has opened.
-        over = {name: unit for name, unit in first.items() if answer_to(parse_fault_id(name)).measure == "go on"}
+        # A slip is over once the gripper has opened, and a box that has been put down tells of the next ones.
+        over = {name: unit for name, unit in first.items() if answer_to(parse_fault_id(name)).measure in _LASTING}
         found_now = {**over, **self._new()}
         new = {name: (unit, answer_to(parse_fault_id(name))) for name, unit in found_now.items()}
         if not new:

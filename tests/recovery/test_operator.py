@@ -388,6 +388,15 @@ def test_a_slip_that_is_over_before_it_is_answered_is_told(cell: FakeCell) -> No
     assert measures_of(watched(cell)) == [("go on", ("slip",))]
 
 
+def test_a_box_that_is_put_down_before_it_is_answered_is_counted_on(cell: FakeCell) -> None:
+    def put_down() -> None:
+        cell.found = {"payload": (20.0, 0.02, 1e-3)} if 20.0 <= cell.time < 20.4 else {}
+
+    cell.changing = put_down
+    assert measures_of(watched(cell)) == [("payload", ("payload",))]
+    assert [upload.payload for upload in cell.uploads] == pytest.approx([0.22])
+
+
 def test_an_arm_that_stands_no_further_delay_is_stopped(cell: FakeCell) -> None:
     cell.found["late"] = (20.0, 1.0, 0.01)
     operator = watched(cell, recorded(Effects(delay=0.04)))
