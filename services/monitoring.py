@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +17,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from dtwin.bus.batches import Batches
 from dtwin.bus.following import Following
 from dtwin.bus.messages import ACKNOWLEDGE, ACTED, EVENTS, MONITORING, RESIDUALS, SENSORS, VOLTAGES, WATCH, Acted
-from dtwin.bus.ticks import Ticks
+from dtwin.bus.ticks import Tick, Ticks
 from dtwin.bus.twin_messages import (
     AcknowledgeRequest,
     MonitoringResiduals,
@@ -34,10 +35,11 @@ from dtwin.monitoring.estimation.belief import Belief, assumed, commissioned, id
 from dtwin.monitoring.estimation.tuning import tuning_for
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
+from dtwin.monitoring.tracking.samples import Samples
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.demands import Demands
-from dtwin.services.service import Link, Service, main
+from dtwin.services.service import Link, Service, main, read_alone
 from dtwin.signals import MONITOR, Event, EventKind, Sensors, Voltages
 
 log = logging.getLogger(__name__)
@@ -49,6 +51,8 @@ RESIDUAL_EVERY: Final = 10
 """ticks"""
 VERDICT_EVERY: Final = 100
 """ticks"""
+TOGETHER: Final = 5
+"""Ticks that are dealt with at once while nothing is the matter; a divisor of the two before."""
 PATIENCE: Final = 4.0
 """s that a query waits for the main thread"""
 
@@ -70,6 +74,7 @@ class Options(CellFileOption, Link):
         belief = self._belief()
         settings = MonitorSettings(alarms_per_hour=self.alarms_per_hour, tuning=tuning_for(self.task().boxes))
         warm_up(belief)
+        read_alone()
         with Service(NAME, self) as service:
             demands = Demands(service.bus) if self.safe_stop else None
             Monitoring(service, lambda: Monitor(belief, settings), self._words(), demands).run()
@@ -112,9 +117,10 @@ class Monitoring:
         self._tell_event: Callable[[Event], None] = bus.publisher(EVENTS)
         self._tell_verdict: Callable[[MonitoringVerdict], None] = bus.publisher(MONITORING)
         self._tell_residuals: Callable[[MonitoringResiduals], None] = bus.publisher(RESIDUALS)
-        bus.subscribe(SENSORS, Sensors, Following(service.inbox.put, bus.refuse))
-        bus.subscribe(VOLTAGES, Voltages, service.inbox.put)
-        bus.subscribe(ACTED, Acted, service.inbox.put)
+        self._batches = Batches(lambda: service.inbox.put(_COME))
+        bus.subscribe(SENSORS, Sensors, Following(self._batches.put, bus.refuse))
+        bus.subscribe(VOLTAGES, Voltages, self._batches.put)
+        bus.subscribe(ACTED, Acted, self._batches.put)
         bus.answer(ACKNOWLEDGE, AcknowledgeRequest, self._ask, lambda: self._ask(None))
         bus.answer(WATCH, WatchRequest, self._switch, lambda: WatchState(self._running, self._model))
 
@@ -125,16 +131,16 @@ class Monitoring:
         while not service.stopping:
             item = service.next(0.2)
             before = done
+            ticks = [tick for message in self._batches.take() for tick in self._ticks.take(message)]
+            if ticks:
+                self._time = ticks[-1][0].time
+                if self._running:
+                    self._watch(ticks)
+                    done += len(ticks)
             if isinstance(item, _Asked):
                 self._acknowledge(item)
             elif isinstance(item, WatchRequest):
                 self._change(item)
-            elif item is not None:
-                for sensors, acted in self._ticks.take(item):
-                    self._time = sensors.time
-                    if self._running:
-                        self._watch(sensors, acted)
-                        done += 1
             if service.report_due() or (done and not before):
                 working = done and self._running
                 service.report("running" if working else "waiting", done, time=self._time)
@@ -177,14 +183,16 @@ class Monitoring:
         except DtwinError as error:
             asked.verdict.set_exception(error)
 
-    def _watch(self, sensors: Sensors, acted: Voltages | Acted) -> None:
-        monitor = self._monitor
-        volts = np.array(acted.volts)
-        monitor.update(sensors.sequence, np.array(sensors.theta), volts, acted.box_gripped, sensors.gripper)
-        if sensors.sequence % RESIDUAL_EVERY == 0:
-            self._tell_residuals(residuals(sensors.sequence, sensors.theta, monitor))
-        if not self._tell_news() and sensors.sequence % VERDICT_EVERY == 0:
-            self._tell_verdict(monitor.verdict())
+    def _watch(self, ticks: Sequence[Tick]) -> None:
+        monitor, seen, done = self._monitor, samples(ticks), 0
+        while done < len(ticks):
+            done += monitor.follow(seen.part(slice(done, None)))
+            sensors = ticks[done - 1][0]
+            if sensors.sequence % RESIDUAL_EVERY == 0:
+                self._tell_residuals(residuals(sensors.sequence, sensors.theta, monitor))
+            if not self._tell_news() and sensors.sequence % VERDICT_EVERY == 0:
+                self._tell_verdict(monitor.verdict())
+        self._batches.size = TOGETHER if monitor.calm else 1
 
     def _tell_news(self) -> bool:
         """Publishes what the monitor has noticed since the last time; whether that was anything."""
@@ -204,11 +212,26 @@ class Monitoring:
         return bool(news)
 
 
+_COME: Final = object()
+"""Wakes the main thread: a batch is complete."""
+
+
 class _Asked(NamedTuple):
     """A query on its way to the main thread, and where the answer goes; without a request nothing shall change."""
 
     request: AcknowledgeRequest | None
     verdict: Future[MonitoringVerdict]
+
+
+def samples(ticks: Sequence[Tick]) -> Samples:
+    """What sensors and commands said in ticks."""
+    return Samples(
+        np.array([sensors.sequence for sensors, _ in ticks]),
+        np.array([sensors.theta for sensors, _ in ticks]),
+        np.array([acted.volts for _, acted in ticks]),
+        np.array([acted.box_gripped for _, acted in ticks]),
+        np.array([sensors.gripper for sensors, _ in ticks]),
+    )
 
 
 def residuals(sequence: int, theta: Triple, monitor: Monitor) -> MonitoringResiduals:

@@ -39,7 +39,7 @@ REPORT_PERIOD: Final = 1.0
 _PRIORITY: Final = 10
 """of 1 to 99: before all ordinary processes, after the kernel's own threads"""
 _ONE_READER: Final = "(rx: (worker_threads: 1))"
-"""Zenoh's runtimes with one thread that reads."""
+"""Zenoh's runtimes with one thread that reads; two would only wake each other where there is little to read."""
 GRACE: Final = 5.0
 """s to end in after the parent has gone"""
 _PORTS: Final = range(20_000, 32_000)
@@ -219,12 +219,17 @@ def hurry() -> None:
 def stay(processor: int) -> None:
     """Keeps this thread and those it starts on one processor, if the system has it and grants it.
 
-    A session that is opened afterwards reads on one thread: on one processor two would only wake each other.
+    A session that is opened afterwards reads on one thread.
     """
-    os.environ.setdefault("ZENOH_RUNTIME", _ONE_READER)
+    read_alone()
     if hasattr(os, "sched_setaffinity"):
         with contextlib.suppress(OSError, ValueError):
             os.sched_setaffinity(0, {processor})
+
+
+def read_alone() -> None:
+    """Lets a session that is opened afterwards read on one thread, unless the environment says otherwise."""
+    os.environ.setdefault("ZENOH_RUNTIME", _ONE_READER)
 
 
 def current_processor() -> int | None:

@@ -106,6 +106,12 @@ class Diagnosing:
 Mode = Settling | Watching | Diagnosing | Lost | Unfit
 
 
+def settling(mode: Mode, left: int, begun: bool) -> Settling:
+    """Settles for some samples; who was lost is lost after that. The last arguments are as in `Settling`."""
+    then = mode.then if isinstance(mode, Settling) else mode
+    return Settling(left, left - STARTING, begun, Watching() if isinstance(then, Diagnosing) else then)
+
+
 class Turn(NamedTuple):
     """A diagnosis that was settled, and what was believed before.
 

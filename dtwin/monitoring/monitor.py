@@ -16,7 +16,7 @@ from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.findings import Findings
 from dtwin.monitoring.kinds import JUMPS, PUSH, UNKNOWN, FaultId, plausible_sizes
-from dtwin.monitoring.modes import STARTING, Diagnosing, Lost, Mode, Probation, Settling, Turn, Turns, Unfit, Watching
+from dtwin.monitoring.modes import Diagnosing, Lost, Mode, Probation, Settling, Turn, Turns, Unfit, Watching, settling
 from dtwin.monitoring.sensing.commands import commands_between, tells
 from dtwin.monitoring.sensing.listening import Listening, hear, replay
 from dtwin.monitoring.sensing.readings import Readings
@@ -56,8 +56,7 @@ class Monitor:
         self.settings = settings or MonitorSettings()
         self._sizes = plausible_sizes(belief.arm)
         self.threshold, self._warning, allowance, self._temper, self._charges = limits(self.settings, belief)
-        self._belief = belief
-        self.estimator = Estimator(belief, self.settings.tuning)
+        self._belief, self.estimator = belief, Estimator(belief, self.settings.tuning)
         self._readings, self._stopped, self.trend = Readings(belief.noise), Stopped(), Trend(self.estimator)
         self._listening: Listening | None = Listening()
         self._bank = SignatureBank(self._sizes, allowance)
@@ -122,8 +121,7 @@ class Monitor:
             seen: samples, as for `update`.
             tape: receives what is made of them, but for the last one, which the attributes tell.
         """
-        watching = isinstance(self._mode, Watching) and self._listening is None and self._probation.passed
-        many = watching and len(seen.sample) > 1 and not self.findings.known and self._track.settled(self.estimator)
+        many = len(seen.sample) > 1 and self._quiet()
         stretch = many and self._track.follow(self.estimator, self.threshold, seen, self.trend.left(self.time), tape)
         if not stretch or not stretch.done:
             self.update(*seen.row(0))
@@ -135,6 +133,15 @@ class Monitor:
             self.findings.read(self.time, self._track.readings, True)
             self._conclude(stretch.last, False)
         return stretch.done
+
+    @property
+    def calm(self) -> bool:
+        """Whether nothing has begun of which more samples may make an alarm."""
+        return self._quiet() and not (self._track.repeating(self.estimator) or self._bank.exceeds(self._warning))
+
+    def _quiet(self) -> bool:
+        watching = isinstance(self._mode, Watching) and self._listening is None and self._probation.passed
+        return watching and not self.findings.known and self._track.settled(self.estimator)
 
     @property
     def statistic(self) -> float:
@@ -238,13 +245,7 @@ class Monitor:
         self._bank.clear()
         self._bank.note(self.estimator, self.sample)
         unheard = self._listening.left if self._listening else 0
-        self._settle(max(SETTLING, unheard), begun=True)
-
-    def _settle(self, left: int, begun: bool) -> None:
-        """Settles for some samples; who was lost is lost after that."""
-        then = self._mode.then if isinstance(self._mode, Settling) else self._mode
-        then = Watching() if isinstance(then, Diagnosing) else then
-        self._mode = Settling(left, left - STARTING, begun, then)
+        self._mode = settling(self._mode, max(SETTLING, unheard), begun=True)
 
     def _step(self, measured: Array, arrived: bool, command: Array, doubt: float) -> None:
         """Carries the estimate over one period and does what the mode asks for."""
@@ -376,7 +377,7 @@ class Monitor:
             self._mode = Diagnosing(diagnosis, pending)
             return
         self._bank.clear()
-        self._settle(PAUSE, begun=False)
+        self._mode = settling(self._mode, PAUSE, begun=False)
         if pending is None or not self._dismissals.confirmed(diagnosis, self.sample):
             self.findings.note(self.time, "dismissed", "a suspicion was not confirmed")
             return
@@ -385,8 +386,7 @@ class Monitor:
 
     def _adopt(self, candidate: Candidate, pending: Finding) -> None:
         """Takes the arm to be as the winner of a diagnosis says."""
-        before = candidate.onset.estimator
-        over = candidate.fault.kind == PUSH
+        before, over = candidate.onset.estimator, candidate.fault.kind == PUSH
         self.estimator = before.copy() if over else candidate.estimator
         if over or candidate.sample < self.sample:
             self._begin(self._readings.last, self._track.gripped)

@@ -147,6 +147,7 @@ class SignatureBank:
     def __init__(self, sizes: dict[str, float], allowance: Array | None = None) -> None:
         self.traces = Traces.of(sizes, np.zeros(len(JUMPS)) if allowance is None else allowance)
         self._estimators: list[Callable[[], Estimator] | None] = [None] * ONSETS
+        self._room: Past | None = None
 
     def clear(self) -> None:
         """Forgets all onsets."""
@@ -189,6 +190,12 @@ class SignatureBank:
         t = self.traces
         place = begin(t.E, t.h, t.J, t.at_once, t.rows, t.samples, t.order, t.gaps, sample)
         self._estimators[place] = partial(_itself, estimator.copy())
+
+    def room(self, estimator: Estimator) -> Past:
+        """Room for what an estimator is at the samples noted in `traces`, by place, to be given to `adopt`."""
+        if self._room is None or not estimator.fits(self._room):
+            self._room = estimator.room(ONSETS)
+        return self._room
 
     def adopt(self, estimator: Estimator, past: Past) -> None:
         """Takes what an estimator was at samples noted in `traces` for the estimators of their onsets, by place."""

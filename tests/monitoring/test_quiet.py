@@ -129,6 +129,22 @@ def agree(belief: Belief, seen: Stream, kinds: set[str]) -> None:
         np.testing.assert_array_equal(ours, theirs)
 
 
+@pytest.mark.parametrize(("fault", "before"), [("freeze1@20", 3), ("freeze1@17.5", 3), ("mu2+=0.01@20", 1)])
+def test_work_is_calm_and_no_longer_so_before_an_alarm(
+    run_cell: Callable[..., Log], belief: Belief, fault: str, before: int
+) -> None:
+    """An encoder that stops shows that in its first readings that repeat themselves."""
+    seen, monitor, calm = stream(run_cell(30.0, 3, fault)), Monitor(belief), list[bool]()
+    while not monitor.events:
+        row = len(calm)
+        calm.append(monitor.calm)
+        monitor.update(int(seen.sample[row]), seen.measured[row], seen.volts[row], bool(seen.gripped[row]))
+    assert row > 1750
+    assert all(calm[1300:1740])
+    assert not any(calm[-before:])
+    assert not monitor.calm
+
+
 def test_a_row_ends_where_samples_are_missing_say_nothing_or_the_gripper_has_changed() -> None:
     sample, told, held = np.arange(5, 15), np.zeros((10, 7)), np.zeros(10, dtype=bool)
     assert quiet_rows(4, False, sample, told, held) == 10

@@ -262,17 +262,22 @@ class Estimator:
 
     def room(self, count: int) -> Past:
         """Room for what a plain estimator is at some samples."""
-        changing = (self.x, self.P, self._swing, self._command, self.handling, *self.motion_arrays()[-3:])
-        rows = (np.empty((count, *each.shape), dtype=each.dtype) for each in changing)
+        rows = (np.empty((count, *each.shape)) for each in self._changing())
         return Past(np.zeros(count, dtype=bool), *rows)
+
+    def fits(self, past: Past) -> bool:
+        """Whether there is room for this estimator."""
+        return past.commands.shape[1:] == self.motion_arrays().commands.shape
 
     def at(self, past: Past, row: int) -> Estimator:
         """The estimator as it was."""
         other = self.copy()
-        mine = (other.x, other.P, other._swing, other._command, other.handling, *other.motion_arrays()[-3:])
-        for each, was in zip(mine, past[1:], strict=True):
+        for each, was in zip(other._changing(), past[1:], strict=True):
             each[:] = was[row]
         return other
+
+    def _changing(self) -> tuple[Array, ...]:
+        return (self.x, self.P, self._swing, self._command, self.handling, *self.motion_arrays()[-3:])
 
     def spread(self, deviations: Mapping[str, float]) -> None:
         """Lets states be off by more from now on, each by itself.

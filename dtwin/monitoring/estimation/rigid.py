@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from typing import Final
 
@@ -92,8 +91,8 @@ class RigidMotion:
 
     def copy(self) -> RigidMotion:
         """See `Motion.copy`."""
-        other = copy.copy(self)
-        other._last = self._last.copy()
+        other = object.__new__(RigidMotion)
+        other._twin, other._last = self._twin, self._last.copy()
         return other
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.parameters import PERIOD, GripperParameters
+from dtwin.twin.compiled import kernel
 
 Array = NDArray[np.float64]
 
@@ -102,7 +103,7 @@ class GripperWatch:
         Args:
             sample, angle, volts: (N,), as for `take`.
         """
-        if self._goes_on(angle, volts):
+        if self._goes_on(angle, volts) >= 0.0:
             return len(sample)
         ahead = copy.copy(self)
         rows = zip(sample.tolist(), angle.tolist(), volts.tolist(), strict=True)
@@ -110,24 +111,20 @@ class GripperWatch:
 
     def pass_over(self, sample: NDArray[np.int64], angle: Array, volts: Array) -> None:
         """Takes in samples that change nothing of `fails`; (N,), as for `take`."""
-        if self._goes_on(angle, volts):
-            if self._direction:
-                farthest = float((self._direction * (angle - self._from)).max())
-                self._farthest = max(self._farthest, farthest)
-            self._last = int(sample[-1])
+        farthest = self._goes_on(angle, volts)
+        if farthest >= 0.0:
+            self._farthest, self._last = farthest, int(sample[-1])
             return
         for each in zip(sample.tolist(), angle.tolist(), volts.tolist(), strict=True):
             self.take(*each)
 
-    def _goes_on(self, angle: Array, volts: Array) -> bool:
-        """Whether samples tell of the same drive, about which all is known, and of a jaw that stays in its place."""
-        if not self._judged or not np.isfinite(angle).all() or not np.isfinite(volts).all():
-            return False
-        if {self._driven(value) for value in set(volts.tolist())} != {self._direction}:
-            return False
-        moved = self._direction * (angle - self._from)
-        stays = (np.abs(angle - self._place) <= _STANDS) & (moved >= max(self._farthest, float(moved.max())) - _BACK)
-        return bool(stays.all())
+    def _goes_on(self, angle: Array, volts: Array) -> float:
+        """See `_goes_on`."""
+        if not self._judged:
+            return -1.0
+        least, direction = _DRIVEN * self._gripper.volts, self._direction
+        how = (direction, self._from, self._farthest, self._place, least)
+        return float(_goes_on(*how, angle.copy(), volts.copy()))
 
     def _begin(self, sample: int, angle: float, direction: int) -> None:
         """The drive changes with a sample."""
@@ -151,3 +148,32 @@ class GripperWatch:
         """
         gripper = self._gripper
         return math.sqrt(2.0 * way * gripper.inertia / (gripper.voltage_constant * gripper.volts))
+
+
+@kernel
+def _goes_on(
+    direction: int, start: float, farthest: float, place: float, least: float, angle: Array, volts: Array
+) -> float:
+    """How far a jaw has gone at most after samples that tell of the same drive and of a jaw that stays in its place.
+
+    It is below 0 if they do not.
+
+    Args:
+        direction: 1 while the gripper is opened, -1 while it is closed, 0 while neither.
+        start: angle at which the drive began, rad.
+        farthest: how far the jaw has gone so far, rad.
+        place: angle at which it stands, rad.
+        least: voltage from which on the gripper counts as driven, V.
+        angle, volts: (N,), as for `GripperWatch.take`.
+    """
+    most = farthest
+    for k in range(len(angle)):
+        driven = 1 if volts[k] >= least else -1 if volts[k] <= -least else 0
+        # What is no number compares with nothing.
+        if driven != direction or not abs(angle[k] - place) <= _STANDS or not abs(volts[k]) < np.inf:
+            return -1.0
+        most = max(most, direction * (angle[k] - start))
+    for k in range(len(angle)):
+        if direction * (angle[k] - start) < most - _BACK:
+            return -1.0
+    return most

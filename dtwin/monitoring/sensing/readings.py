@@ -129,8 +129,8 @@ class Readings:
     @property
     def settled(self) -> bool:
         """Whether noise and resolution are known, and no reading is left out or repeats itself too long."""
-        known = not self._unweighed and not self.unheard and int(self._steps.min()) >= _JUDGED
-        return known and not self.left_out.any() and not self.frozen.any()
+        known = not self._unweighed and not self.unheard and min(self._steps.tolist()) >= _JUDGED
+        return known and True not in self.left_out.tolist() and True not in self.frozen.tolist()
 
     def arrays(self) -> ReadingsArrays:
         """What is known of the encoders once it is settled; the arrays are this object's own."""
@@ -196,6 +196,14 @@ class Readings:
     def proven(self) -> Flags:
         """Which encoders have stopped, (3,): even at a joint that stands still they would not repeat a reading."""
         return self.frozen & ((self.resolution == 0.0) | (self._deviation > _NOISY * self.resolution))
+
+    def repeating(self, moves: list[bool]) -> bool:
+        """Whether an encoder repeats its reading though its joint moves, or does so often though noise changes it."""
+        each = zip(moves, *(a.tolist() for a in (self.repeated, self._deviation, self.resolution)), strict=True)
+        return any(
+            times > 0 and (moved or (times >= FROZEN - 1 and noise > max(_NOISY * resolution, NOISE_FLOOR)))
+            for moved, times, noise, resolution in each
+        )
 
     def judge(self, predicted: Array, deviation: Array, trusted: bool) -> Flags:
         """Compares the last sample with its prediction.

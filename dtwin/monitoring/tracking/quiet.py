@@ -15,9 +15,8 @@ from dtwin.monitoring.estimation import kernels, motion, traces
 from dtwin.monitoring.estimation.estimator import Estimator, FilterArrays, Past
 from dtwin.monitoring.estimation.layout import SIZE, W
 from dtwin.monitoring.estimation.motion import MotionArrays
-from dtwin.monitoring.estimation.traces import ONSETS, STANDSTILL, Traces
+from dtwin.monitoring.estimation.traces import STANDSTILL, Traces
 from dtwin.monitoring.sensing import readings as sensing
-from dtwin.monitoring.sensing.commands import closes
 from dtwin.monitoring.sensing.readings import Readings, ReadingsArrays
 from dtwin.monitoring.signatures import SignatureBank
 from dtwin.monitoring.tracking.moments import Moment
@@ -59,6 +58,7 @@ class Stretch(NamedTuple):
         return Moment._make(column[row].tolist() if column.ndim == 1 else column[row] for column in self.columns)
 
 
+@kernel
 def quiet_rows(last: int, gripped: bool, sample: NDArray[np.int64], told: Array, held: Flags) -> int:
     """The number of samples that have come one after the other up to a change of the gripper.
 
@@ -69,9 +69,11 @@ def quiet_rows(last: int, gripped: bool, sample: NDArray[np.int64], told: Array,
         told: (N, m), what they tell.
         held: (N,), whether the commands that answered them hold a box.
     """
-    quiet = (sample == last + 1 + np.arange(len(sample))) & np.isfinite(told).all(axis=1)
-    quiet[1:] &= held[:-1] == gripped
-    return len(sample) if quiet.all() else int(quiet.argmin())
+    for k in range(len(sample)):
+        changed = k > 0 and held[k - 1] != gripped
+        if sample[k] != last + 1 + k or changed or not np.isfinite(told[k]).all():
+            return k
+    return len(sample)
 
 
 def follow(
@@ -80,8 +82,8 @@ def follow(
     bank: SignatureBank,
     threshold: float,
     first: int,
-    measured: Array,
-    commands: Array,
+    told: Array,
+    command: Array,
     doubted: int,
     tape: Tape,
 ) -> Stretch:
@@ -93,30 +95,30 @@ def follow(
         bank: evidence so far.
         threshold: value of the largest statistic above which there is more to do.
         first: number of the first sample.
-        measured: (N, 3), readings, rad.
-        commands: (N, 4), command that led to each, V; that of the gripper last.
+        told: (N, 7), readings, rad, and the command that answered them, V; that of the gripper last.
+        command: (4,), command that led to the first sample, V.
         doubted: samples still to come that are no evidence.
         tape: receives what is made of the samples, but for the last one.
     """
-    count, grip = len(measured), estimator.belief.error.grip
-    doubts = np.where(closes(commands, estimator.gripped), grip, 0.0)
-    volts = np.ascontiguousarray(commands[:, :3])
-    angles, (used, fresh) = np.empty((count, 3)), np.empty((2, count, 3), dtype=bool)
-    likelihoods, counted = np.empty(count), np.empty(count, dtype=bool)
-    past = estimator.room(ONSETS)
+    count = len(told)
+    volts, angles, (used, fresh) = np.empty((count, 3)), np.empty((count, 3)), np.empty((2, count, 3), dtype=bool)
+    doubts, likelihoods, counted = np.empty(count), np.empty(count), np.empty(count, dtype=bool)
+    past = bank.room(estimator)
     done, doubted, concluded = _work(
-        np.ascontiguousarray(measured),
-        volts,
-        doubts,
+        told,
+        command,
         first,
         threshold,
         doubted,
         estimator.gripped,
+        estimator.belief.error.grip,
         estimator.arrays(),
         estimator.motion_arrays(),
         readings.arrays(),
         bank.traces,
         past,
+        volts,
+        doubts,
         angles,
         used,
         fresh,
@@ -124,7 +126,7 @@ def follow(
         counted,
         tape,
     )
-    readings.took(measured[done - 1], angles[done - 1])
+    readings.took(told[done - 1, :3], angles[done - 1])
     bank.adopt(estimator, past)
     held = np.full(count, estimator.gripped)
     return Stretch(done, (volts, held, doubts, angles, used, fresh, counted, likelihoods), doubted, concluded)
@@ -152,18 +154,20 @@ def in_doubt(left: int, doubt: float, f: FilterArrays) -> int:
 
 @kernel(uses=(kernels, motion, traces, sensing))
 def _work(
-    measured: Array,
-    volts: Array,
-    doubts: Array,
+    told: Array,
+    command: Array,
     first: int,
     threshold: float,
     doubted: int,
     gripped: bool,
+    grip: float,
     f: FilterArrays,
     m: MotionArrays,
     r: ReadingsArrays,
     t: Traces,
     past: Past,
+    volts: Array,
+    doubts: Array,
     angles: Array,
     used: Flags,
     fresh: Flags,
@@ -176,10 +180,14 @@ def _work(
     possible, end = np.empty(SIZE), np.empty(6)
     torque, displaced, eccentric = np.empty(3), np.empty(3), np.empty(3)
     expected, deviations, slowed = np.empty(3), np.empty(3), np.empty(3)
-    last = r.last.copy()
-    for k in range(len(measured)):
+    last, held = r.last.copy(), command.copy()
+    past.known[:] = False
+    for k in range(len(told)):
+        measured = told[k, :3]
+        volts[k], doubts[k] = held[:3], grip if held[3] < 0.0 and not gripped else 0.0
+        held[:] = told[k, 3:]
         sensing.take(
-            measured[k],
+            measured,
             last,
             r.known,
             r.resolution,
@@ -191,7 +199,7 @@ def _work(
             r.new,
             angles[k],
         )
-        last[:], fresh[k] = measured[k], r.new
+        last[:], fresh[k] = measured, r.new
         kernels.bound(f.x, f.least, f.most, gripped, possible)
         motion.carry(possible, volts[k], m, end, f.F)
         kernels.carry(f.x, end, f.memory, f.growth)
@@ -279,4 +287,4 @@ def _work(
             traces.largest_of_each(t.h, t.J, t.precision, t.least, tape.statistics[k])
         if traces.exceed(t.h, t.J, t.precision, t.least, t.allowance, threshold):
             return k + 1, doubted, True
-    return len(measured), doubted, True
+    return len(told), doubted, True

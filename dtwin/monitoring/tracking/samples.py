@@ -29,10 +29,10 @@ class Samples(NamedTuple):
     gripped: NDArray[np.bool_]
     jaw: Array
 
-    def first(self, count: int) -> Samples:
-        """As many of them as there are, at most so many."""
+    def part(self, rows: slice) -> Samples:
+        """Some of them."""
         sample, measured, volts, gripped, jaw = self
-        return Samples(sample[:count], measured[:count], volts[:count], gripped[:count], jaw[:count])
+        return Samples(sample[rows], measured[rows], volts[rows], gripped[rows], jaw[rows])
 
     def row(self, number: int) -> tuple[int, Array, Array, bool, float]:
         """One of them."""

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from dtwin.monitoring.diagnosis import MOST
 from dtwin.monitoring.estimation.estimator import Estimator
-from dtwin.monitoring.estimation.traces import LONGEST
+from dtwin.monitoring.estimation.layout import ARM, W
+from dtwin.monitoring.estimation.traces import LONGEST, STANDSTILL
 from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.signatures import SignatureBank
@@ -86,6 +87,10 @@ class Tracking:
         """Whether the next samples can be taken in many at once."""
         return self.gripped == estimator.gripped and self.readings.settled and estimator.plain
 
+    def repeating(self, estimator: Estimator) -> bool:
+        """Whether an encoder repeats its reading that seldom does while it works."""
+        return self.readings.repeating([abs(speed) > STANDSTILL for speed in estimator.x[W:ARM].tolist()])
+
     def follow(self, estimator: Estimator, threshold: float, seen: Samples, most: int, tape: Tape) -> Stretch:
         """Takes in as many of some samples as come in a row, up to the first at which there is more to do.
 
@@ -98,14 +103,13 @@ class Tracking:
             most: number of them that are taken in at most.
             tape: receives what is made of them, but for the last one.
         """
-        sample, measured, volts, gripped, jaw = seen.first(min(WINDOW, most))
+        sample, measured, volts, gripped, jaw = seen.part(slice(min(WINDOW, most)))
         told = np.hstack((measured, volts))
-        rows = quiet_rows(self.sample, self.gripped, sample, told, gripped)
-        rows = self.gripper.calm(sample[:rows], jaw[:rows], volts[:rows, 3])
+        rows = quiet_rows(self.sample, self.gripped, sample.copy(), told, gripped.copy())
+        rows = self.gripper.calm(sample[:rows], jaw[:rows], volts[:rows, 3]) if rows else 0
         if not rows:
             return Stretch(0, (), self._doubted, True)
-        commands = np.vstack((self.command, volts[: rows - 1]))
-        how = (threshold, self.sample + 1, measured[:rows], commands, self._doubted, tape)
+        how = (threshold, self.sample + 1, told[:rows], self.command.copy(), self._doubted, tape)
         stretch = follow(estimator, self.readings, self.bank, *how)
         done = stretch.done
         self.gripper.pass_over(sample[:done], jaw[:done], volts[:done, 3])
