@@ -121,7 +121,8 @@ class Monitor:
             seen: samples, as for `update`.
             tape: receives what is made of them, but for the last one, which the attributes tell.
         """
-        many = len(seen.sample) > 1 and self._quiet()
+        many = len(seen.sample) > 1 and self._watches() and not self.findings.known
+        many = many and self._track.settled(self.estimator)
         stretch = many and self._track.follow(self.estimator, self.threshold, seen, self.trend.left(self.time), tape)
         if not stretch or not stretch.done:
             self.update(*seen.row(0))
@@ -137,11 +138,10 @@ class Monitor:
     @property
     def calm(self) -> bool:
         """Whether nothing has begun of which more samples may make an alarm."""
-        return self._quiet() and not (self._track.repeating(self.estimator) or self._bank.exceeds(self._warning))
+        return self._watches() and not (self._track.repeating(self.estimator) or self._bank.exceeds(self._warning))
 
-    def _quiet(self) -> bool:
-        watching = isinstance(self._mode, Watching) and self._listening is None and self._probation.passed
-        return watching and not self.findings.known and self._track.settled(self.estimator)
+    def _watches(self) -> bool:
+        return isinstance(self._mode, Watching) and self._listening is None and self._probation.passed
 
     @property
     def statistic(self) -> float:
