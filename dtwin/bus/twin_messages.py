@@ -269,6 +269,7 @@ class MonitoringVerdict(msgspec.Struct, frozen=True, tag_field="schema", tag=SCH
         unobservable: causes that the last seconds could not have shown.
         missed: samples that did not arrive since the service started.
         restarts: how often the estimate of the motion had to start anew.
+        findings: all that is wrong, the gravest first; a unit tells of one of them.
     """
 
     time: Seconds
@@ -277,6 +278,7 @@ class MonitoringVerdict(msgspec.Struct, frozen=True, tag_field="schema", tag=SCH
     unobservable: tuple[Line, ...]
     missed: Count
     restarts: Count
+    findings: tuple[MonitoredUnit, ...] = ()
 
 
 class AcknowledgeRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

@@ -28,7 +28,7 @@ from dtwin.monitoring.tracking.quiet import LEAST_LIKELY
 from dtwin.monitoring.tracking.samples import NO_TAPE, Samples, Tape
 from dtwin.monitoring.tracking.tracking import BRIDGED, SETTLING, Tracking
 from dtwin.monitoring.trend import Trend
-from dtwin.monitoring.verdict import Finding, Forecast, monitored_units, unfit_units, unit_states
+from dtwin.monitoring.verdict import Finding, Forecast, verdict_on
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event
 
@@ -210,10 +210,8 @@ class Monitor:
 
     def verdict(self) -> MonitoringVerdict:
         """The opinion now, as it is published."""
-        states = unit_states(self._suspected(), self.forecasts, found := self.standing())
-        units = unfit_units(self._misfit) or monitored_units(states, found)
-        forecasts = tuple(forecast.text() for forecast in self.forecasts)
-        return MonitoringVerdict(self.time, units, forecasts, self.unobservable(), self.missed, self.restarts)
+        wrong = self._suspected(), self.forecasts, self.standing(), self._misfit
+        return verdict_on(self.time, *wrong, self.unobservable(), self.missed, self.restarts)
 
     def unobservable(self) -> tuple[str, ...]:
         """Causes that, had they come about in their plausible size, the last seconds would not have shown."""

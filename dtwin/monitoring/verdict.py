@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
 import msgspec
 
-from dtwin.bus.twin_messages import UNITS, MonitoredUnit, UnitState
+from dtwin.bus.twin_messages import UNITS, MonitoredUnit, MonitoringVerdict, UnitState
 from dtwin.monitoring.kinds import READ, RELATIVE, FaultId, parse_fault_id
 
 _TAKES_AWAY: Final = ("loss", "stop", "hold")
@@ -124,6 +124,32 @@ def units_of(fault: FaultId) -> tuple[str, ...]:
     return UNITS[:-1] if fault.about.on_arm else (UNITS[fault.joint - 1],)
 
 
+def verdict_on(
+    time: float,
+    suspected: FaultId | None,
+    forecasts: Sequence[Forecast],
+    findings: Sequence[Finding],
+    misfit: Mapping[int, str],
+    unobservable: tuple[str, ...],
+    missed: int,
+    restarts: int,
+) -> MonitoringVerdict:
+    """A verdict as it is published.
+
+    Args:
+        time: plant time, s.
+        suspected: what may be wrong.
+        forecasts: slow changes.
+        findings: what is wrong.
+        misfit: what there is to say of joints that the model does not fit, see `unfit_units`.
+        unobservable, missed, restarts: as in `MonitoringVerdict`.
+    """
+    units = unfit_units(misfit) or monitored_units(unit_states(suspected, forecasts, findings), findings)
+    texts = tuple(forecast.text() for forecast in forecasts)
+    told = tuple(map(monitored, gravest_first(findings)))
+    return MonitoringVerdict(time, units, texts, unobservable, missed, restarts, told)
+
+
 def unit_states(
     suspected: FaultId | None, forecasts: Iterable[Forecast], findings: Iterable[Finding]
 ) -> dict[str, UnitState]:
@@ -139,27 +165,37 @@ def unit_states(
 
 
 def monitored_units(states: Mapping[str, UnitState], findings: Iterable[Finding]) -> dict[str, MonitoredUnit]:
-    """The units as they are published: states by UNITS, and of several findings on a unit the gravest, or the last.
+    """The units as they are published: states by UNITS, and of several findings on a unit the gravest."""
+    units = {unit: MonitoredUnit(state) for unit, state in states.items()}
+    for found in reversed(gravest_first(findings)):
+        units |= {unit: monitored(found, states[unit]) for unit in units_of(found.fault)}
+    return units
+
+
+def gravest_first(findings: Iterable[Finding]) -> list[Finding]:
+    """Findings by how grave they are, of equals the last one first.
 
     One that an encoder itself tells goes before the others: it is the cause of what else is found there. So does one
     that takes the motor, the encoder or the motion of a joint away, since what only changes counts for less then.
     """
-    units = {unit: MonitoredUnit(state) for unit, state in states.items()}
     told = sorted(findings, key=lambda each: (each.fault.kind in READ, each.fault.about.hypothesis in _TAKES_AWAY))
-    for unit, found in ((unit, each) for each in told for unit in units_of(each.fault)):
-        units[unit] = MonitoredUnit(
-            states[unit],
-            found.cause,
-            found.parameter,
-            found.size,
-            found.deviation,
-            found.confidence,
-            found.since,
-            found.detected,
-            found.settled,
-            found.text(),
-        )
-    return units
+    return told[::-1]
+
+
+def monitored(found: Finding, state: UnitState = "failed") -> MonitoredUnit:
+    """A finding as it is published."""
+    return MonitoredUnit(
+        state,
+        found.cause,
+        found.parameter,
+        found.size,
+        found.deviation,
+        found.confidence,
+        found.since,
+        found.detected,
+        found.settled,
+        found.text(),
+    )
 
 
 def unfit_units(misfit: Mapping[int, str]) -> dict[str, MonitoredUnit]:

@@ -201,8 +201,7 @@ class Desk:
         if isinstance(message, Event):
             self.hear(message)
         if isinstance(message, MonitoringVerdict):
-            settled = (unit for unit in message.units.values() if unit.settled and unit.parameter)
-            self.findings = {unit.parameter: unit for unit in settled}
+            self.findings = {found.parameter: found for found in message.findings if found.settled}
             if (payload := self.findings.get(PAYLOAD)) is not None:
                 self.boxes[payload.since] = payload.size
             grave = gravest(map(parse_fault_id, self.findings))

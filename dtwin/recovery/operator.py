@@ -93,11 +93,7 @@ class Operator:
             self._begin("go on", (PUSH,))
 
     def _new(self) -> dict[str, MonitoredUnit]:
-        """Findings that nobody has dealt with, by what they name.
-
-        One that was noticed at another time is another. A unit tells of one thing at a time, so that a finding may be
-        away while something else is looked at, and is the same one afterwards.
-        """
+        """Findings that nobody has dealt with, by what they name; one that was noticed at another time is another."""
         found = self._desk.findings
         return {name: unit for name, unit in found.items() if self._dealt.get(name) != unit.detected}
 

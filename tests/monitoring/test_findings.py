@@ -20,7 +20,7 @@ from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.monitoring.signatures import Onset
-from dtwin.monitoring.verdict import UNITS, finding, monitored_units
+from dtwin.monitoring.verdict import UNITS, finding, monitored_units, verdict_on
 from dtwin.run.recording import Log
 
 
@@ -283,3 +283,11 @@ def test_what_an_encoder_itself_tells_is_not_hidden_by_what_follows_from_it(foun
     faults = [finding(parse_fault_id(name), 1.0 + k, 1.0 + k) for k, name in enumerate(found.split())]
     units = monitored_units(dict.fromkeys(UNITS, "failed"), faults)
     assert [unit.parameter for unit in units.values() if unit.parameter] == [told]
+
+
+def test_a_verdict_tells_all_that_is_wrong_though_a_unit_tells_the_gravest_alone() -> None:
+    found = [finding(parse_fault_id(name), 1.0, 2.0) for name in ("mu2", "late", "freeze2", "K1")]
+    told = verdict_on(3.0, None, (), found, {}, (), 0, 0)
+    assert [each.parameter for each in told.findings] == ["freeze2", "K1", "late", "mu2"]
+    assert [told.units[unit].parameter for unit in UNITS[:3]] == ["K1", "freeze2", "late"]
+    assert all(each.state == "failed" for each in told.findings)

@@ -96,7 +96,7 @@ class FakeCell:
             self._end_trial()
         while self.events and self.events[0].time <= self.time:
             self._handlers[EVENTS.name](self.events.pop(0))
-        units = {unit: MonitoredUnit("nominal") for unit in UNITS}
+        units, findings = {unit: MonitoredUnit("nominal") for unit in UNITS}, list[MonitoredUnit]()
         for name, (since, size, deviation) in self.found.items():
             if since <= self.time:
                 fault = parse_fault_id(name)
@@ -105,7 +105,8 @@ class FakeCell:
                     "failed", fault.about.cause, name, size, deviation, 1.0, since, noticed, True, name
                 )
                 units[UNITS[fault.joint - 1]] = unit
-        self._handlers[MONITORING.name](MonitoringVerdict(self.time, units, (), (), 0, 0))
+                findings.append(unit)
+        self._handlers[MONITORING.name](MonitoringVerdict(self.time, units, (), (), 0, 0, tuple(findings[::-1])))
         return False
 
     def publisher(self, topic: Topic) -> Callable[[Event], None]:

@@ -93,6 +93,12 @@ def test_two_changes_of_one_measure_are_refitted_together(cell: FakeCell) -> Non
     assert cell.uploads[0].model == HEALTHY.with_values({"K2": 0.1416, "D1": 0.08})
 
 
+def test_what_another_finding_hides_in_the_state_of_its_joint_is_answered_too(cell: FakeCell) -> None:
+    cell.found |= {"K2": (20.0, -0.1, 0.01), "mu2": (20.5, 0.01, 1e-3)}
+    cell.refits |= {"K2": 0.1416, "mu2": 0.01}
+    assert measures_of(watched(cell)) == [("refit", ("mu2", "K2"))]
+
+
 def test_an_arm_that_needs_more_time_gets_it_before_its_model(cell: FakeCell) -> None:
     cell.found["D1"], cell.refits["D1"] = (20.0, 0.1, 0.01), 0.15
     cell.worse = lambda request: 3.0 if request.model and (request.target_time or 2.0) < 2.4 else 0.9
