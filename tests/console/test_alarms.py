@@ -203,9 +203,9 @@ def test_csv_keeps_commas_and_does_not_calculate() -> None:
     assert rows[1][1] == "1970-01-01T00:00:00.000+00:00"
 
 
-def verdict(**units: MonitoredUnit) -> MonitoringVerdict:
+def verdict(*findings: MonitoredUnit, **units: MonitoredUnit) -> MonitoringVerdict:
     named = {name.replace("_", " "): unit for name, unit in units.items()}
-    return MonitoringVerdict(10.0, named, (), (), 0, 0)
+    return MonitoringVerdict(10.0, named, (), (), 0, 0, findings)
 
 
 def test_a_finding_is_an_alarm_with_an_order_and_goes_when_it_is_gone() -> None:
@@ -218,6 +218,19 @@ def test_a_finding_is_an_alarm_with_an_order_and_goes_when_it_is_gone() -> None:
     assert alarm.response == "replace encoder 2, then `dtwin release`"
     sources.verdict(verdict(joint_2=MonitoredUnit("nominal")), 2.0)
     assert alarms.alarm(alarm.name).state is R
+
+
+def test_a_finding_that_another_one_hides_stays_an_alarm() -> None:
+    alarms = AlarmList(Journal(None))
+    sources = Sources(alarms)
+    friction = MonitoredUnit("failed", "friction", "mu2", text="friction of joint 2")
+    late = MonitoredUnit("failed", "late commands", "late", text="late commands")
+    sources.verdict(verdict(friction, joint_2=friction), 1.0)
+    sources.verdict(verdict(late, friction, joint_1=late, joint_2=late, joint_3=late), 2.0)
+    names = {alarm.name for alarm in alarms.alarms() if alarm.state is U}
+    assert names == {"finding/joint 2/mu2", *(f"finding/joint {joint}/late" for joint in (1, 2, 3))}
+    sources.verdict(verdict(MonitoredUnit("failed", parameter="<b>"), joint_1=late), 3.0)
+    assert alarms.alarm("finding/joint 2/mu2").state is R
 
 
 def test_findings_are_suppressed_while_the_arm_is_excited_also_new_ones() -> None:

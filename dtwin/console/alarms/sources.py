@@ -17,6 +17,7 @@ from dtwin.console.alarms.states import Alarm, Priority
 from dtwin.controller.sequence import CALLS
 from dtwin.errors import ParameterError
 from dtwin.monitoring.kinds import parse_fault_id
+from dtwin.monitoring.verdict import units_of
 from dtwin.recovery.answers import order
 from dtwin.signals import MONITOR, Event, EventKind, Stop
 
@@ -85,11 +86,9 @@ class Sources:
 
     def verdict(self, verdict: MonitoringVerdict, at: float) -> None:
         """Raises what the monitor finds, and clears what it finds no more."""
-        found: dict[str, Alarm] = {}
-        for name, unit in verdict.units.items():
-            if unit.state != "nominal":
-                alarm = _of_finding(name, unit)
-                found[alarm.name] = alarm
+        told = [(name, unit) for name, unit in verdict.units.items() if unit.state != "nominal"]
+        told += [(name, each) for each in verdict.findings for name in _units(each.parameter)]
+        found = {alarm.name: alarm for alarm in (_of_finding(name, unit) for name, unit in told)}
         for text in verdict.forecasts:
             name = FORECAST + text.partition(":")[0].partition(" ")[0][:80]
             found[name] = Alarm(name, text, FORECASTED.priority, FORECASTED.response)
@@ -156,6 +155,14 @@ def _of_finding(name: str, unit: MonitoredUnit) -> Alarm:
         what = unit.parameter or unit.cause or "unknown"
     response = row.response or _order(unit.parameter)
     return Alarm(f"{FINDING}{name}/{what}"[:100], f"{name}: {unit.text}"[:1000], row.priority, response)
+
+
+def _units(parameter: str) -> tuple[str, ...]:
+    """The units that a finding is about."""
+    try:
+        return units_of(parse_fault_id(parameter))
+    except ParameterError:
+        return ()
 
 
 def _order(parameter: str) -> str:
