@@ -22,7 +22,7 @@ from dtwin.bus.twin_messages import Estimated, IdentificationState, MonitoredUni
 from dtwin.commands.identification import live
 from dtwin.commands.live.status import table
 from dtwin.commands.live.watch import describe
-from dtwin.commands.monitoring import acknowledge, monitor
+from dtwin.commands.monitoring import monitor
 from dtwin.commands.simulation.history import ShowHistory
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import DtwinError
@@ -94,7 +94,6 @@ def test_a_table_of_services_shows_what_they_say(text: str) -> None:
 @given(texts)
 def test_a_verdict_shows_what_monitoring_says(text: str) -> None:
     verdict = MonitoringVerdict(1.0, {text: MonitoredUnit("failed", text=text)}, (text,), (text,), 0, 0)
-    check(said(lambda: acknowledge._print(verdict)), text)
     shown = said(lambda: monitor._print(verdict, [text], [Event(0.0, text, text)], 1.0, Path(text.replace("\0", ""))))
     check(shown, text)
 

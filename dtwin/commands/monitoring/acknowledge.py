@@ -10,9 +10,9 @@ from rich.console import Console
 
 from dtwin.bus.messages import ACKNOWLEDGE
 from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringVerdict
-from dtwin.commands.monitoring.monitor import STATE_COLOURS
+from dtwin.commands.monitoring.monitor import print_states
 from dtwin.services.runfile import join
-from dtwin.terminal import as_text, print_json
+from dtwin.terminal import print_json
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,5 @@ class MonitorAcknowledge:
         if self.json:
             print_json(verdict)
             return 0
-        _print(verdict)
+        print_states(Console(highlight=False, soft_wrap=True), verdict, [found.text for found in verdict.findings])
         return 0
-
-
-def _print(verdict: MonitoringVerdict) -> None:
-    console = Console(highlight=False, soft_wrap=True)
-    for name, unit in verdict.units.items():
-        state = as_text(unit.state, STATE_COLOURS[unit.state])
-        console.print(as_text(f"{name:<8}  "), state, as_text(f"  {unit.text}"), sep="")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -164,13 +164,7 @@ def _print(
         console.print(as_text(f"{event.time:10.2f} s  {event.kind:<10}  {event.text}"))
     if events:
         console.print()
-    for name, unit in verdict.units.items():
-        console.print(as_text(f"{name:<8}  "), as_text(unit.state, STATE_COLOURS[unit.state]), sep="")
-    for unit in verdict.units.values():
-        if unit.state == "not commissioned" and unit.text:
-            console.print(as_text(f"model     {unit.text}"))
-    for text in found:
-        console.print(as_text(f"finding   {text}"))
+    print_states(console, verdict, found)
     for text in verdict.forecasts:
         console.print(as_text(f"forecast  {text}"))
     if verdict.unobservable:
@@ -178,3 +172,14 @@ def _print(
     console.print(f"{verdict.time:.0f} s watched, {verdict.missed} samples missed, {factor:.0f} x real time")
     if record is not None:
         console.print(as_text(f"recording {record}: look at it with `{viewer_command(record)}`"), soft_wrap=True)
+
+
+def print_states(console: Console, verdict: MonitoringVerdict, found: Iterable[str]) -> None:
+    """Prints the states of all units, why a model does not fit, and what was found, in words."""
+    for name, unit in verdict.units.items():
+        console.print(as_text(f"{name:<8}  "), as_text(unit.state, STATE_COLOURS[unit.state]), sep="")
+    for unit in verdict.units.values():
+        if unit.state == "not commissioned" and unit.text:
+            console.print(as_text(f"model     {unit.text}"))
+    for text in found:
+        console.print(as_text(f"finding   {text}"))
