@@ -119,12 +119,12 @@ class GripperWatch:
             self.take(*each)
 
     def _goes_on(self, angle: Array, volts: Array) -> float:
-        """See `_goes_on`."""
+        """How far the jaw has gone after samples that tell nothing new, below 0 if they do; see `_farthest`."""
         if not self._judged:
             return -1.0
         least, direction = _DRIVEN * self._gripper.volts, self._direction
         how = (direction, self._from, self._farthest, self._place, least)
-        return float(_goes_on(*how, angle.copy(), volts.copy()))
+        return float(_farthest(*how, angle.copy(), volts.copy()))
 
     def _begin(self, sample: int, angle: float, direction: int) -> None:
         """The drive changes with a sample."""
@@ -151,7 +151,7 @@ class GripperWatch:
 
 
 @kernel
-def _goes_on(
+def _farthest(
     direction: int, start: float, farthest: float, place: float, least: float, angle: Array, volts: Array
 ) -> float:
     """How far a jaw has gone at most after samples that tell of the same drive and of a jaw that stays in its place.
