@@ -18,15 +18,17 @@ from dtwin.bus.twin_messages import (
     UploadRequest,
 )
 from dtwin.errors import CommunicationError
-from dtwin.monitoring.kinds import arm_state, parse_fault_id
+from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.recovery.answers import gravest
-from dtwin.signals import Event
+from dtwin.signals import ArmState, Event, EventKind
 
 PAYLOAD: Final = "payload"
 """What a finding about the held box names."""
 NAME: Final = "operator"
 """Name of the operator in the history and among the events."""
+EXPLAINED: Final = 2.0
+"""s after the blocks have stopped the arm in which a finding may come that tells why"""
 _LOOK: Final = 0.1
 """s"""
 Message = Event | MonitoringVerdict | IdentificationState
@@ -48,6 +50,10 @@ class Grave(Exception):
         self.finding = finding
 
 
+class Tripped(Exception):
+    """Reports that the blocks have stopped the arm by themselves, and why."""
+
+
 class Desk:
     """Hears the services of a cell, and asks them.
 
@@ -62,6 +68,7 @@ class Desk:
         findings: settled findings that stand, by the parameters that changed.
         boxes: how much each box that differed weighed more than usual, kg, by the plant time (s) of the finding.
         stopped: whether the operator has stopped the arm.
+        tripped: event with which the blocks stopped the arm by themselves, None while they have not.
         late: ticks by which commands are known to act later than they did.
         hear: told every event, whatever is being waited for.
     """
@@ -74,6 +81,7 @@ class Desk:
         self.findings: dict[str, MonitoredUnit] = {}
         self.boxes: dict[float, float] = {}
         self.stopped = False
+        self.tripped: Event | None = None
         self.late = 0.0
         self.hear: Callable[[Event], None] = lambda event: None
         self.bus = bus
@@ -91,6 +99,7 @@ class Desk:
         Raises:
             Late: the time is over.
             Grave: a finding stands that stops the arm, and the arm is not stopped.
+            Tripped: the blocks have stopped the arm, and no such finding has come within EXPLAINED.
         """
         while True:
             if self._over():
@@ -106,7 +115,7 @@ class Desk:
         """Waits for a plant time.
 
         Raises:
-            Late: the time is over. Grave: a finding stands that stops the arm.
+            Late, Grave, Tripped: as `messages`.
         """
         until = self.time + seconds
         for _ in self.messages():
@@ -181,14 +190,13 @@ class Desk:
             next(self.messages())
         return now
 
-    def stop(self, finding: MonitoredUnit, why: str) -> None:
-        """Stops the arm safely, and says why.
+    def stop(self, state: ArmState, why: str) -> None:
+        """Stops an arm that is in this state safely, and says why.
 
         Raises:
             CommunicationError: nobody stops the arm.
         """
-        fault = parse_fault_id(finding.parameter)
-        answer = self.bus.ask(STOP, StopRequest(NAME, why[:1000], arm_state(fault)), StopState)
+        answer = self.bus.ask(STOP, StopRequest(NAME, why[:1000], state), StopState)
         if answer.stop == "none":
             raise CommunicationError(f"the blocks do not stop the arm: {why}")
         self.stopped = True
@@ -199,6 +207,7 @@ class Desk:
             self.time = max(self.time, message.time)
             self._progress(self.time)
         if isinstance(message, Event):
+            self._note_stop(message)
             self.hear(message)
         if isinstance(message, MonitoringVerdict):
             self.findings = {found.parameter: found for found in message.findings if found.settled}
@@ -207,3 +216,11 @@ class Desk:
             grave = gravest(map(parse_fault_id, self.findings))
             if grave is not None and not self.stopped:
                 raise Grave(self.findings[str(grave)])
+            if self.tripped is not None and not self.stopped and self.time >= self.tripped.time + EXPLAINED:
+                raise Tripped(self.tripped.text)
+
+    def _note_stop(self, event: Event) -> None:
+        """Notes the first event of a stop that the operator did not ask for."""
+        if event.kind == EventKind.STOP:
+            released = "released" in event.text
+            self.tripped = None if released or self.stopped else self.tripped or event

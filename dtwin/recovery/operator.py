@@ -12,9 +12,9 @@ from typing import Final, NamedTuple
 
 from dtwin.bus.twin_messages import MonitoredUnit, MonitoringVerdict
 from dtwin.errors import CommunicationError, ParameterError
-from dtwin.monitoring.kinds import PUSH, parse_fault_id
+from dtwin.monitoring.kinds import PUSH, arm_state, parse_fault_id
 from dtwin.recovery.answers import MEASURES, Answer, Measure, answer_to, order
-from dtwin.recovery.desk import Desk, Grave, Late, TakenBack
+from dtwin.recovery.desk import Desk, Grave, Late, TakenBack, Tripped
 from dtwin.recovery.measures import Measures, Taken, TooWeak
 from dtwin.signals import MONITOR, Event
 
@@ -75,6 +75,8 @@ class Operator:
                 return
             except Grave as grave:
                 self._halt(grave.finding)
+            except Tripped as tripped:
+                self._explain(str(tripped))
             except (CommunicationError, ParameterError) as error:
                 self._complain(error)
 
@@ -141,7 +143,8 @@ class Operator:
     def _stop(self, found: Sequence[MonitoredUnit], why: str) -> None:
         names = tuple(unit.parameter for unit in found)
         self._dealt |= {unit.parameter: unit.detected for unit in found}
-        self._desk.stop(found[0], f"{why}: {order(parse_fault_id(names[0]))}")
+        fault = parse_fault_id(names[0])
+        self._desk.stop(arm_state(fault), f"{why}: {order(fault)}")
         self._begin("stop", names)
 
     def _halt(self, found: MonitoredUnit) -> None:
@@ -153,6 +156,17 @@ class Operator:
             self._complain(error)
         else:
             self.findings.append(found)
+
+    def _explain(self, why: str) -> None:
+        """Leaves an arm that the blocks have stopped to a person; if nobody answers, the next verdict asks again."""
+        names = tuple(self._desk.findings)
+        found = f"{' and '.join(names)} does not explain it" if names else "nothing explains it"
+        try:
+            self._desk.stop("failed", f"{why}; {found}: find out what is wrong, then `dtwin release`")
+        except CommunicationError as error:
+            self._complain(error)
+        else:
+            self._begin("stop", names)
 
     def _complain(self, error: Exception) -> None:
         self.trouble = str(error)

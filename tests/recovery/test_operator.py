@@ -22,7 +22,7 @@ from dtwin.recovery.measures import Measures
 from dtwin.recovery.operator import Operator
 from dtwin.recovery.strength import holding
 from dtwin.recovery.tuning import times
-from dtwin.signals import MONITOR, Event
+from dtwin.signals import MONITOR, Event, EventKind
 from dtwin.simulation.checks import MOTIONS, Checker
 from dtwin.simulation.margins.demands import DEMANDS, cases
 from dtwin.simulation.margins.loop import lateness, later
@@ -384,6 +384,28 @@ def test_what_nothing_helps_stops_the_arm_whatever_is_being_done(cell: FakeCell,
     (stop,) = cell.stops
     assert (stop.state, stop.confidence) == (state, 1.0)
     assert f" {parameter[-1]}, then `dtwin release`" in cell.told[-1]
+
+
+def test_an_arm_that_the_blocks_have_stopped_is_left_to_a_person_whatever_is_found(cell: FakeCell) -> None:
+    """A stop that is released is none, and a finding that stops the arm tells more than the blocks do."""
+    cell.events = [
+        Event(time, EventKind.STOP, f"safe stop: {text}")
+        for time, text in ((10.0, "braking (dtwin stop)"), (10.5, "released"), (24.6, "braking (it left its path)"))
+    ]
+    cell.found["slip"] = (24.4, 0.0, 0.0)
+    operator = watched(cell)
+    assert measures_of(operator)[-1] == ("stop", ("slip",))
+    assert 26.6 <= operator.steps[-1].time <= 27.1
+    (stop,) = cell.stops
+    assert stop.state == "failed"
+    assert "it left its path); slip does not explain it: find out" in cell.told[-1]
+
+
+def test_a_finding_tells_why_the_blocks_have_stopped_the_arm(cell: FakeCell) -> None:
+    cell.events = [Event(24.6, EventKind.STOP, "safe stop: braking (it left its path)")]
+    cell.found["lock3"] = (25.6, 0.0, 0.0)
+    assert measures_of(watched(cell)) == [("stop", ("lock3",))]
+    assert "free joint 3" in cell.told[-1]
 
 
 def test_a_slip_that_is_over_before_it_is_answered_is_told(cell: FakeCell) -> None:

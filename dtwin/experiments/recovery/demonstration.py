@@ -19,7 +19,7 @@ from dtwin.experiments.recovery.healthy import healthy_run
 from dtwin.experiments.recovery.known import KnownArm, known_arm
 from dtwin.experiments.recovery.outcome import Recovery, Story, judge
 from dtwin.parameters import PERIOD
-from dtwin.recovery.desk import Desk, Grave, Late
+from dtwin.recovery.desk import Desk, Grave, Late, Tripped
 from dtwin.recovery.measures import Measures
 from dtwin.recovery.operator import Operator
 from dtwin.run.recording import read_log
@@ -112,7 +112,7 @@ def _played(desk: Desk, healthy: KnownArm, case: RecoveryCase) -> Story:
         operator.watch()
         if desk.stopped:
             desk.pass_time(STANDS)
-    except (CommunicationError, ParameterError, Late, Grave) as error:
+    except (CommunicationError, ParameterError, Late, Grave, Tripped) as error:
         operator.trouble = str(error)
     return Story(
         began, started, tuple(operator.findings), tuple(operator.steps), tuple(measures.offsets), operator.trouble
