@@ -17,11 +17,12 @@ NANOSECOND = 1e-9
 
 
 def main() -> int:
-    """Measures for the time that is given, two minutes otherwise."""
-    words = sys.argv[1:]
-    seconds = float(words[words.index("--seconds") + 1]) if "--seconds" in words else 120.0
+    """Measures for the time that is given, two minutes otherwise; the words after it are options of `dtwin up`."""
+    words, seconds = sys.argv[1:], 120.0
+    if words[:1] == ["--seconds"]:
+        seconds, words = float(words[1]), words[2:]
     with new_desk() as desk:
-        desk.detach("--monitoring")
+        desk.detach("--monitoring", *words)
         time.sleep(SETTLING)
         pids = _services(runfile.require("cell").pid)
         windows = [_shares(pids) for _ in range(max(round(seconds / WINDOW), 1))]
