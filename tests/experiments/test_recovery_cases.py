@@ -18,16 +18,12 @@ from dtwin.errors import FaultError
 from dtwin.experiments.recovery.campaign import RecoveryTrial, passed, recovery_report
 from dtwin.experiments.recovery.cases import DRAWS, RecoveryCase, drawn_case
 from dtwin.experiments.recovery.demonstration import PUSH_AFTER, make_faults, parse_faults
-from dtwin.experiments.recovery.expected import Expected, expected_of, kind_of, made_of
+from dtwin.experiments.recovery.expected import expected_of, kind_of, made_of
 from dtwin.experiments.recovery.known import KnownArm
-from dtwin.experiments.recovery.outcome import Recovery, Story
 from dtwin.parameters import ArmParameters
-from dtwin.recovery.answers import ANSWERS, Measure, Outcome
+from dtwin.recovery.answers import ANSWERS
 from dtwin.recovery.desk import Desk
-from dtwin.recovery.measures import Taken
-from dtwin.recovery.operator import Step
 from dtwin.recovery.tuning import WORSE
-from dtwin.run.recording import RunLog
 from dtwin.services.launch import CellOptions
 from dtwin.simulation.proposal import controllable
 from dtwin.twin.effects import NO_EFFECTS, Effects
@@ -141,24 +137,3 @@ def test_a_campaign_passes_with_the_shares_that_are_asked_for() -> None:
     text = recovery_report([TRIAL, replace(TRIAL, seed=1, right=False, recovered=None)]).text
     assert "| 0 | ideal | `K2*=0.9` | 0.1 | K2 | refit | yes | recovered | yes | 12.0 | 1.0 V (3.0 V) |" in text
     assert "Right answer: 1 of 2" in text
-
-
-@pytest.mark.parametrize(
-    ("otherwise", "measure", "outcome", "right", "works"),
-    [
-        ("payload", "payload", "works slower", True, True),
-        ("payload", "refit", "works slower", False, True),
-        ("payload", "payload", None, False, False),
-        ("payload", "stop", "stopped, person told", True, True),
-        ("", "payload", "works slower", False, False),
-    ],
-)
-def test_an_arm_that_works_was_able_to_unless_the_table_stops_it(
-    otherwise: str, measure: Measure, outcome: Outcome | None, right: bool, works: bool
-) -> None:
-    able = cast(frozenset[Measure], frozenset(filter(None, [otherwise])))
-    expected = Expected(frozenset({"stop"}), None, 1.0, able)
-    story = Story(10.0, 0.0, steps=(Step(12.0, ("payload",), measure, Taken(None, {})),))
-    log = RunLog().freeze()
-    run = Recovery(1, (), expected, story, (), None, outcome, False, 0.0, 0.0, (), log)
-    assert (run.right, run.works) == (right, works)

@@ -36,13 +36,11 @@ class Expected(NamedTuple):
         measures: all measures to be taken.
         ability: how the arm can work then; None if it stands.
         distance: least distance from its paths that settings with margins can leave, relative to the healthy arm's.
-        otherwise: measures of an arm that works though it was not expected to; none where the table stops it.
     """
 
     measures: frozenset[Measure]
     ability: Ability | None
     distance: float = 1.0
-    otherwise: frozenset[Measure] = frozenset()
 
 
 _STOP: Final = Expected(frozenset({"stop"}), None)
@@ -84,7 +82,6 @@ def expected_of(
     measures = frozenset(ANSWERS[kind_of(fault)].measure for fault in faults)
     if "stop" in measures:
         return _STOP
-    unable = _STOP._replace(otherwise=measures)
     condition, checker = schedule(arm, faults)[0].condition, Checker(effects=effects, via=via)
     now = scaled(condition.parameters, "K", condition.supply)
     masses = [condition.payload(mass) for mass in BOXES]
@@ -104,9 +101,9 @@ def expected_of(
             expect_late = partial(expect, late=LATE)
             found = settings_for_late(settings, now, record, max(masses), usual, expect_late, reference)
     except ParameterError:
-        return unable
+        return _STOP
     if not (tuned.works and found.works):
-        return unable
+        return _STOP
     as_healthy = found.ratio <= (1.0 if condition.late else BOUND)
     return Expected(measures, tuned.ability, 1.0 if as_healthy else found.ratio)
 

@@ -170,21 +170,13 @@ class Recovery:
         """
         if not self.story.steps and self.outcome == "nothing needed":
             return True
-        return self.measures == (self.expected.otherwise if self._able else self.expected.measures)
+        return self.measures == self.expected.measures
 
     @property
     def works(self) -> bool:
         """Whether the arm tracks as well as physics lets it, or stands safely where it cannot."""
         stands = self.outcome == "stopped, person told" and not self.box_lost
-        if self.expected.ability is None:
-            return stands or self._able
-        return self.outcome is not None and not self.story.stopped
-
-    @property
-    def _able(self) -> bool:
-        """Whether the arm works though it was not expected to be able to: that proves more than was computed."""
-        tracks = self.outcome in ("recovered", "works slower")
-        return tracks and bool(self.expected.otherwise) and not self.story.stopped
+        return stands if self.expected.ability is None else self.outcome is not None and not self.story.stopped
 
     @property
     def succeeded(self) -> bool:
