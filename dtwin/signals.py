@@ -33,6 +33,8 @@ ARM_STATES: Final[tuple[ArmState, ...]] = get_args(ArmState)
 Stop = Literal["none", "braking", "standstill", "torque off"]
 STOPS: Final[tuple[Stop, ...]] = get_args(Stop)
 """By the number that the blocks know them by. In terms of IEC 61800-5-2: no stop, SS2, SOS, STO."""
+RELEASED: Final = "safe stop: released"
+"""Beginning of the text of an event that a stop has ended; what follows are the words of who ended it."""
 
 
 class EventKind(StrEnum):

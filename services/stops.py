@@ -26,7 +26,7 @@ from dtwin.bus.session import Bus
 from dtwin.controller.device import SafeStop
 from dtwin.errors import CommunicationError
 from dtwin.services.parts.latch import stronger
-from dtwin.signals import Event, EventKind, Stop
+from dtwin.signals import RELEASED, Event, EventKind, Stop
 
 log = logging.getLogger(__name__)
 
@@ -188,7 +188,7 @@ class Stops:
         """The answer, after an event if the stop is another one than before."""
         state = StopState(self._time(), stop)
         if stop != self.stop:
-            text = f"safe stop: {'released' if stop == 'none' else stop}{why}"
+            text = f"{RELEASED if stop == 'none' else f'safe stop: {stop}'}{why}"
             self.stop = stop
             log.warning("%s", text)
             self._tell(Event(state.time, EventKind.STOP, text[:1000]))

@@ -21,7 +21,7 @@ from dtwin.errors import CommunicationError
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.recovery.answers import gravest
-from dtwin.signals import ArmState, Event, EventKind
+from dtwin.signals import RELEASED, ArmState, Event, EventKind
 
 PAYLOAD: Final = "payload"
 """What a finding about the held box names."""
@@ -222,5 +222,5 @@ class Desk:
     def _note_stop(self, event: Event) -> None:
         """Notes the first event of a stop that the operator did not ask for."""
         if event.kind == EventKind.STOP:
-            released = "released" in event.text
-            self.tripped = None if released or self.stopped else self.tripped or event
+            over = event.text.startswith(RELEASED)
+            self.tripped = None if over or self.stopped else self.tripped or event

@@ -12,7 +12,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from dtwin.run.recording import Log
-from dtwin.signals import MONITOR, Event, EventKind
+from dtwin.signals import MONITOR, RELEASED, Event, EventKind
 from dtwin.view import style
 from dtwin.view.series import time_column
 
@@ -28,8 +28,6 @@ _FINDINGS: Final = frozenset({EventKind.FAILED, MONITOR + EventKind.FAILED})
 _FAULTS: Final = frozenset({EventKind.FAULT, EventKind.DIVERGED, EventKind.COLLISION, EventKind.MISPLACED})
 _MARKUP: Final = re.compile(r"([!-/:-@\[-`{-~])")
 """What Markdown may take for more than text, and lets be shown after a backslash."""
-_RELEASED: Final = "released"
-"""Word of the event that ends a safe stop."""
 _MOVES: Final = 1e-7
 """Least change of the path in a tick that counts as a motion, rad."""
 _BEYOND: Final = 1e5
@@ -79,7 +77,7 @@ def _stops(event: Event) -> bool | None:
     if event.kind == EventKind.RESUMED:
         return False
     if event.kind == EventKind.STOP:
-        return _RELEASED not in event.text.partition("(")[0]
+        return not event.text.startswith(RELEASED)
     return None
 
 

@@ -389,8 +389,9 @@ def test_what_nothing_helps_stops_the_arm_whatever_is_being_done(cell: FakeCell,
 def test_an_arm_that_the_blocks_have_stopped_is_left_to_a_person_whatever_is_found(cell: FakeCell) -> None:
     """A stop that is released is none, and a finding that stops the arm tells more than the blocks do."""
     cell.events = [
-        Event(time, EventKind.STOP, f"safe stop: {text}")
-        for time, text in ((10.0, "braking (dtwin stop)"), (10.5, "released"), (24.6, "braking (it left its path)"))
+        Event(10.0, EventKind.STOP, "safe stop: braking (dtwin stop)"),
+        Event(10.5, EventKind.STOP, "safe stop: released"),
+        Event(24.6, EventKind.STOP, "safe stop: braking (it was not released: it left its path)"),
     ]
     cell.found["slip"] = (24.4, 0.0, 0.0)
     operator = watched(cell)

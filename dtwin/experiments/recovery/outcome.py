@@ -18,7 +18,7 @@ from dtwin.recovery.desk import NAME
 from dtwin.recovery.operator import Step
 from dtwin.recovery.tuning import BOUND
 from dtwin.run.recording import Log
-from dtwin.signals import EventKind
+from dtwin.signals import RELEASED, EventKind
 from dtwin.simulation.figures import Array
 from dtwin.simulation.measured import motions
 
@@ -282,7 +282,7 @@ def _stopped_at(log: Log, began: float) -> float | None:
     The operator is told of the stop before it comes, and may be seconds behind in a cell that waits for nobody.
     """
     stops = [event for event in log.events if event.kind == EventKind.STOP and event.time >= began]
-    return stops[0].time if stops and "released" not in stops[-1].text else None
+    return stops[0].time if stops and not stops[-1].text.startswith(RELEASED) else None
 
 
 def _lost(log: Log, stopped: float) -> bool:
