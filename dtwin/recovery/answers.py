@@ -23,7 +23,8 @@ margins: the gains are lowered until the loop has the demanded margins with the 
 stop: the arm is stopped safely, and a person told what to do.
 """
 MEASURES: Final[tuple[Measure, ...]] = get_args(Measure)
-"""In the order in which they are taken where findings ask for several, but for the stop, which goes before all.
+"""In the order in which they are taken where findings ask for several, but for the stop, which goes before all, and
+what changes nothing, which is said at once.
 
 The model comes first: until it is right no trial of anything else can be passed.
 """

@@ -42,6 +42,10 @@ class TakenBack(CommunicationError):
     """Reports settings that were taken back because the arm did worse on trial than was expected."""
 
 
+class Over(Exception):
+    """Reports that the monitor has withdrawn what was being answered, before anything was changed."""
+
+
 class Grave(Exception):
     """Reports a finding that stops the arm, whatever is being done."""
 
@@ -66,6 +70,7 @@ class Desk:
         time: plant time of the newest message, s.
         end: plant time after which nothing is waited for any more, s.
         findings: settled findings that stand, by the parameters that changed.
+        examined: numbers of the joints about which the monitor is still finding out; 0 stands for the whole arm.
         boxes: how much each box that differed weighed more than usual, kg, by the plant time (s) of the finding.
         stopped: whether the operator has stopped the arm.
         tripped: event with which the blocks stopped the arm by themselves, None while they have not.
@@ -79,6 +84,7 @@ class Desk:
         self.time = 0.0
         self.end = end
         self.findings: dict[str, MonitoredUnit] = {}
+        self.examined: frozenset[int] = frozenset()
         self.boxes: dict[float, float] = {}
         self.stopped = False
         self.tripped: Event | None = None
@@ -211,6 +217,8 @@ class Desk:
             self.hear(message)
         if isinstance(message, MonitoringVerdict):
             self.findings = {found.parameter: found for found in message.findings if found.settled}
+            open_ones = (parse_fault_id(found.parameter) for found in message.findings if not found.settled)
+            self.examined = frozenset(fault.joint for fault in open_ones)
             if (payload := self.findings.get(PAYLOAD)) is not None:
                 self.boxes[payload.since] = payload.size
             grave = gravest(map(parse_fault_id, self.findings))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -23,7 +23,7 @@ from dtwin.identification.machine.record import MachineRecord
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, Triple, scaled, symbol_of
 from dtwin.recovery.answers import Measure
-from dtwin.recovery.desk import Desk
+from dtwin.recovery.desk import Desk, Over
 from dtwin.recovery.margins import LATE, control_settings, gains_with_margins, settings_for_late, stiffer_with_margins
 from dtwin.recovery.refit import estimated, refitted
 from dtwin.recovery.strength import beyond_strength, holding
@@ -39,6 +39,10 @@ ROUGH: Final = 0.05
 its ways until then, and what is left is taken off once it is known"""
 PATIENCE: Final = 5.0
 """s for which a better estimate of an offset is waited for"""
+DOUBTFUL: Final = 5.0
+"""Standard deviations below which an offset is waited for LONGER, since the monitor may still withdraw it"""
+LONGER: Final = 3.0
+"""Times PATIENCE"""
 WRONG: Final = 0.001
 """rad by which an offset that was taken off may differ from what is known of it later"""
 SAME_MASS: Final = 0.005
@@ -82,7 +86,8 @@ class Measures:
         offsets: plant time (s) of every upload of encoder offsets, and the offsets (rad).
 
     All methods raise CommunicationError when a service refuses or takes settings back, TooWeak when no settings help,
-    Late when the time of the desk is over, and Grave when something else stops the arm.
+    Over when nothing has to be changed after all, Late when the time of the desk is over, and Grave when something
+    else stops the arm.
     """
 
     def __init__(self, desk: Desk, healthy: ArmParameters, record: MachineRecord | None = None) -> None:
@@ -123,6 +128,8 @@ class Measures:
             for unit in found:
                 before = before.with_values(self._before(unit, {unit.parameter: self._arm.get(unit.parameter)}))
             arm = estimated(self._desk, before, self._record.arm, names)
+            if arm == self._arm:
+                raise Over(f"{' and '.join(names)} changed nothing that lasts")
         return Taken(self._adopt(arm), {name: arm.get(name) for name in names})
 
     def _rescale(self, found: Sequence[MonitoredUnit]) -> Taken:
@@ -223,32 +230,46 @@ class Measures:
             name = unit.parameter
             before[joints[name]] = self._before(unit, {name: before[joints[name]]})[name]
         self._await_precise(names)
-        taken = {unit.parameter: unit.size for unit in found}
-        upload: Upload | None = None
-        for _ in range(2):
-            known = {name: desk.findings[name] for name in names if name in desk.findings}
-            wrong = {n: u for n, u in known.items() if abs(u.size - taken[n]) > max(WRONG, 3.0 * u.deviation)}
-            if upload is not None and not wrong:
-                break
-            taken |= {name: unit.size for name, unit in known.items()}
-            offsets = list(before)
-            for name, size in taken.items():
-                offsets[joints[name]] += size
-            first, second, third = offsets
-            if max(map(abs, offsets)) > ENCODER_OFFSETS[1]:
-                raise TooWeak("an offset is too large to be taken off")
-            why = ", ".join(f"{name} is {1e3 * size:+.2f} mrad" for name, size in taken.items())
-            upload = desk.upload(why, encoder_offset=(first, second, third), arm=self._arm)
-            self.offsets.append((upload.time, (first, second, third)))
-            desk.confirm(upload)
-        assert upload is not None
+        taken = {name: size for name, (size, _) in self._offsets(names).items()}
+        if not any(taken.values()):
+            raise Over(f"{' and '.join(names)} is none after all")
+        upload = self._upload_offsets(before, joints, taken)
+        known = self._offsets(names)
+        if any(abs(size - taken[name]) > max(WRONG, 3.0 * deviation) for name, (size, deviation) in known.items()):
+            taken = {name: size for name, (size, _) in known.items()}
+            upload = self._upload_offsets(before, joints, taken)
         return Taken(upload.time, taken)
 
+    def _offsets(self, names: Sequence[str]) -> dict[str, tuple[float, float]]:
+        """Offsets and their standard deviations, rad, by the names of findings; what has been withdrawn is none."""
+        known = {name: self._desk.findings.get(name) for name in names}
+        return {name: (unit.size, unit.deviation) if unit else (0.0, 0.0) for name, unit in known.items()}
+
+    def _upload_offsets(
+        self, before: Sequence[float], joints: Mapping[str, int], taken: Mapping[str, float]
+    ) -> Upload:
+        """Takes offsets off beside those that were taken off before, on trial."""
+        offsets = list(before)
+        for name, size in taken.items():
+            offsets[joints[name]] += size
+        first, second, third = offsets
+        if max(map(abs, offsets)) > ENCODER_OFFSETS[1]:
+            raise TooWeak("an offset is too large to be taken off")
+        why = ", ".join(f"{name} is {1e3 * size:+.2f} mrad" for name, size in taken.items())
+        upload = self._desk.upload(why, encoder_offset=(first, second, third), arm=self._arm)
+        self.offsets.append((upload.time, (first, second, third)))
+        self._desk.confirm(upload)
+        return upload
+
     def _await_precise(self, names: Sequence[str]) -> None:
-        desk, until = self._desk, self._desk.time + PATIENCE
+        """Waits until offsets are known well, or as well as patience allows, or withdrawn."""
+        desk, began = self._desk, self._desk.time
         for _ in desk.messages():
             known = [desk.findings[name] for name in names if name in desk.findings]
-            if desk.time >= until or all(unit.deviation <= max(PRECISE, ROUGH * abs(unit.size)) for unit in known):
+            sure = all(abs(unit.size) >= DOUBTFUL * unit.deviation for unit in known)
+            patience = PATIENCE if sure else LONGER * PATIENCE
+            well = all(unit.deviation <= max(PRECISE, ROUGH * abs(unit.size)) for unit in known)
+            if well or desk.time >= began + patience:
                 return
 
     def _count_on(self, found: Sequence[MonitoredUnit]) -> Taken:

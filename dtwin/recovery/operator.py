@@ -14,7 +14,7 @@ from dtwin.bus.twin_messages import MonitoredUnit, MonitoringVerdict
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.monitoring.kinds import PUSH, arm_state, parse_fault_id
 from dtwin.recovery.answers import MEASURES, Answer, Measure, answer_to, order
-from dtwin.recovery.desk import Desk, Grave, Late, TakenBack, Tripped
+from dtwin.recovery.desk import Desk, Grave, Late, Over, TakenBack, Tripped
 from dtwin.recovery.measures import Measures, Taken, TooWeak
 from dtwin.signals import MONITOR, Event
 
@@ -107,17 +107,24 @@ class Operator:
             return
         desk.pass_time(SETTLING)
         # A slip is over once the gripper has opened, and a box that has been put down tells of the next ones.
-        over = {name: unit for name, unit in first.items() if answer_to(parse_fault_id(name)).measure in _LASTING}
+        over = {name: unit for name, unit in first.items() if _measure(unit) in _LASTING}
         found_now = {**over, **self._new()}
-        new = {name: (unit, answer_to(parse_fault_id(name))) for name, unit in found_now.items()}
-        if not new:
+        new = list(found_now.values())
+        # What changes nothing is said at once: it may be over before anything else has been answered.
+        self._answer("go on", new)
+        others = {measure for unit in new if (measure := _measure(unit)) != "go on"}
+        if others:
+            self._answer(min(others, key=MEASURES.index), new)
+
+    def _answer(self, measure: Measure, new: Sequence[MonitoredUnit]) -> None:
+        """Answers those of new findings that ask for a measure."""
+        found = [unit for unit in new if _measure(unit) == measure]
+        if not found:
             return
-        measure = min((answer.measure for _, answer in new.values()), key=MEASURES.index)
-        found = [unit for unit, answer in new.values() if answer.measure == measure]
         names = tuple(unit.parameter for unit in found)
         self._dealt |= {unit.parameter: unit.detected for unit in found}
         self.findings += found
-        self._say_why(" and ".join(names), new[names[0]][1])
+        self._say_why(" and ".join(names), answer_to(parse_fault_id(names[0])))
         step = self._begin(measure, names)
         if measure == "go on":
             return
@@ -127,6 +134,9 @@ class Operator:
             self._stop(found, f"{parse_fault_id(names[0]).where}: {weak}")
         except TakenBack as error:
             self._try_again(found, error)
+        except Over as over:
+            self._desk.say(f"goes on: {over}")
+            self.steps[step] = self.steps[step]._replace(measure="go on")
         else:
             self.steps[step] = self.steps[step]._replace(taken=taken)
 
@@ -180,3 +190,7 @@ class Operator:
         """Writes a step down; its index."""
         self.steps.append(Step(self._desk.time, names, measure, _NOTHING))
         return len(self.steps) - 1
+
+
+def _measure(unit: MonitoredUnit) -> Measure:
+    return answer_to(parse_fault_id(unit.parameter)).measure

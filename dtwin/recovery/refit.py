@@ -57,7 +57,8 @@ def estimated(desk: Desk, arm: ArmParameters, healthy: ArmParameters, names: Seq
     """An arm of which some parameters are as the monitor estimates them, as soon as it knows them well.
 
     The monitor knows what an arm has beside its parameters, which a fit of motions to the equations of motion does
-    not.
+    not. While it examines a joint anew, what it has found there may be about to be withdrawn; a parameter of which it
+    has withdrawn the finding is what it was before.
 
     Args:
         desk: place at the bus of the cell.
@@ -71,14 +72,16 @@ def estimated(desk: Desk, arm: ArmParameters, healthy: ArmParameters, names: Seq
     """
     plausible, until = plausible_sizes(healthy), desk.time + PATIENCE
     units = {name: reference(name, healthy) if parse_fault_id(name).about.unit == RELATIVE else 1.0 for name in names}
-    known = {name: desk.findings[name] for name in names}
+    joints = {parse_fault_id(name).joint for name in names}
     desk.say(f"waits until the monitor knows {' and '.join(names)} well")
     for _ in desk.messages():
-        known |= {name: desk.findings[name] for name in names if name in desk.findings}
-        if desk.time >= until or all(known[n].deviation * units[n] <= WELL * plausible[n] for n in names):
+        known = {name: desk.findings[name] for name in names if name in desk.findings}
+        well = all(unit.deviation * units[name] <= WELL * plausible[name] for name, unit in known.items())
+        if desk.time >= until or (well and not joints & desk.examined):
             break
     # An estimate near zero may lie below it, where no parameter of an arm is.
-    values = {name: max(arm.get(name) + known[name].size * units[name], 0.0) for name in names}
+    sizes = {name: known[name].size * units[name] if name in known else 0.0 for name in names}
+    values = {name: max(arm.get(name) + size, 0.0) for name, size in sizes.items()}
     anew = arm.with_values(values)
     changes = ", ".join(f"{name} is {anew.get(name):.4f}, was {arm.get(name):.4f}" for name in names)
     desk.say(f"takes what the monitor has estimated: {changes}")

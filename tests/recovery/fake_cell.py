@@ -59,6 +59,7 @@ class FakeCell:
     Attributes:
         found: findings that stand from a plant time (s) on, by what they name: time, size and deviation.
         noticed: when findings were noticed, if it was not when they began, s.
+        open: names of what the monitor is still finding out.
         refits: what identification will find, by parameter.
         changing: changes what is found, whenever time has passed.
         deaf: number of requests for a stop that nobody answers.
@@ -71,6 +72,7 @@ class FakeCell:
         self.time = 0.0
         self.found: dict[str, tuple[float, float, float]] = {}
         self.noticed: dict[str, float] = {}
+        self.open: list[str] = []
         self.refits: dict[str, float] = {}
         self.changing: Callable[[], None] = lambda: None
         self.deaf = 0
@@ -106,6 +108,7 @@ class FakeCell:
                 )
                 units[UNITS[fault.joint - 1]] = unit
                 findings.append(unit)
+        findings += [MonitoredUnit("suspected", parameter=name) for name in self.open]
         self._handlers[MONITORING.name](MonitoringVerdict(self.time, units, (), (), 0, 0, tuple(findings[::-1])))
         return False
 

@@ -84,6 +84,29 @@ def test_the_monitor_tells_what_an_arm_with_effects_has_become(cell: FakeCell) -
     assert upload.model.get("I1") - upload.arm.get("I1") == pytest.approx(1e-4)
 
 
+def test_what_the_monitor_withdraws_before_it_is_answered_changes_nothing(cell: FakeCell) -> None:
+    """A push that is taken for a stronger motor is examined anew once the motor is seen to be as strong as before."""
+    cell.found["K3"] = (20.0, 0.12, 0.004)
+
+    def withdraw() -> None:
+        cell.open = ["K3"] if 20.5 <= cell.time < 23.0 else []
+        if cell.time >= 23.0:
+            cell.found = {}
+
+    cell.changing = withdraw
+    operator = watched(cell, recorded())
+    assert measures_of(operator) == [("go on", ("K3",))]
+    assert (cell.uploads, operator.trouble) == ([], "")
+    assert cell.told[-1] == "goes on: K3 changed nothing that lasts"
+
+
+def test_what_the_monitor_withdraws_of_two_changes_is_left_as_it_was(cell: FakeCell) -> None:
+    cell.found |= {"K3": (20.0, 0.12, 0.1), "mu1": (20.0, 0.004, 1e-4)}
+    cell.changing = lambda: cell.found.pop("K3", None) if cell.time >= 23.0 else None
+    operator = watched(cell, recorded())
+    assert operator.steps[0].taken.values == {"mu1": pytest.approx(0.004), "K3": HEALTHY.get("K3")}
+
+
 def test_two_changes_of_one_measure_are_refitted_together(cell: FakeCell) -> None:
     cell.found |= {"K2": (20.0, -0.1, 0.01), "D1": (20.5, 0.03, 0.001)}
     cell.refits |= {"K2": 0.1416, "D1": 0.08}
@@ -109,9 +132,9 @@ def test_an_arm_that_needs_more_time_gets_it_before_its_model(cell: FakeCell) ->
 
 
 def test_a_friction_that_is_estimated_below_zero_is_none(cell: FakeCell) -> None:
-    cell.found["mu2"] = (20.0, -0.004, 1e-4)
+    cell.found |= {"D1": (20.0, 0.03, 1e-4), "mu2": (20.0, -0.004, 1e-4)}
     operator = watched(cell, recorded())
-    assert (operator.steps[0].taken.values, operator.trouble) == ({"mu2": 0.0}, "")
+    assert (operator.steps[0].taken.values["mu2"], operator.trouble) == (0.0, "")
 
 
 @pytest.mark.parametrize("parameter", ["K2", "supply"])
@@ -199,6 +222,39 @@ def test_an_offset_that_turns_out_otherwise_is_taken_off_anew(cell: FakeCell) ->
     cell.changing = otherwise
     watched(cell)
     assert [upload.encoder_offset for upload in cell.uploads] == [(0.0, 0.0, 0.02), (0.0, 0.0, 0.01)]
+
+
+def test_a_doubtful_offset_that_is_withdrawn_is_never_taken_off(cell: FakeCell) -> None:
+    """Beside it a box has slipped, of which there is nothing to see any more once the gripper has opened."""
+    cell.found |= {"slip": (20.0, 0.0, 0.0), "bias3": (20.0, -0.0038, 1e-3)}
+
+    def withdraw() -> None:
+        if cell.time > 21.0:
+            cell.found.pop("slip", None)
+        if cell.time > 30.0:
+            cell.found.pop("bias3", None)
+
+    cell.changing = withdraw
+    operator = watched(cell)
+    assert measures_of(operator) == [("go on", ("slip",)), ("go on", ("bias3",))]
+    assert cell.uploads == []
+    assert cell.told[-1] == "goes on: bias3 is none after all"
+
+
+def test_a_doubtful_offset_that_stays_is_taken_off_at_last(cell: FakeCell) -> None:
+    cell.found["bias3"] = (20.0, -0.0038, 1e-3)
+    operator = watched(cell)
+    (upload,) = cell.uploads
+    assert upload.encoder_offset == (0.0, 0.0, -0.0038)
+    assert operator.steps[0].taken.uploaded == pytest.approx(36.0, abs=1.0)
+
+
+def test_an_offset_that_is_withdrawn_once_it_is_taken_off_is_given_back(cell: FakeCell) -> None:
+    cell.found["bias3"] = (20.0, 0.02, 1e-4)
+    cell.changing = lambda: cell.found.clear() if cell.uploads else None
+    operator = watched(cell)
+    assert [upload.encoder_offset for upload in cell.uploads] == [(0.0, 0.0, 0.02), (0.0, 0.0, 0.0)]
+    assert operator.steps[0].taken.values == {"bias3": 0.0}
 
 
 def test_an_offset_beyond_all_bounds_stops_the_arm(cell: FakeCell) -> None:
