@@ -108,7 +108,7 @@ class FakeCell:
                 )
                 units[UNITS[fault.joint - 1]] = unit
                 findings.append(unit)
-        findings += [MonitoredUnit("suspected", parameter=name) for name in self.open]
+        findings += [MonitoredUnit("may be degrading", parameter=name) for name in self.open]
         self._handlers[MONITORING.name](MonitoringVerdict(self.time, units, (), (), 0, 0, tuple(findings[::-1])))
         return False
 

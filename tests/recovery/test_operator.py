@@ -102,7 +102,12 @@ def test_what_the_monitor_withdraws_before_it_is_answered_changes_nothing(cell: 
 
 def test_what_the_monitor_withdraws_of_two_changes_is_left_as_it_was(cell: FakeCell) -> None:
     cell.found |= {"K3": (20.0, 0.12, 0.1), "mu1": (20.0, 0.004, 1e-4)}
-    cell.changing = lambda: cell.found.pop("K3", None) if cell.time >= 23.0 else None
+
+    def withdraw() -> None:
+        if cell.time >= 23.0:
+            cell.found.pop("K3", None)
+
+    cell.changing = withdraw
     operator = watched(cell, recorded())
     assert operator.steps[0].taken.values == {"mu1": pytest.approx(0.004), "K3": HEALTHY.get("K3")}
 
