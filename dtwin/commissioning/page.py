@@ -10,6 +10,7 @@ from dtwin.commissioning.html import bullets, document, heading, paragraph, pict
 from dtwin.commissioning.procedure import Commissioned, Identified
 from dtwin.commissioning.words import GRADES, NINETY_FIVE, interval, quantity, steps
 from dtwin.controller.proposed import LeastMargins
+from dtwin.identification.machine.load import USUAL_BOX
 from dtwin.identification.machine.record import Grade, MachineRecord
 from dtwin.monitoring.calibration import compliances
 from dtwin.monitoring.estimation.belief import Tail, commissioned
@@ -98,10 +99,23 @@ def _numbers(record: MachineRecord) -> list[str]:
     return [
         heading("Numbers"),
         table(["", "identified, 95 %", "data sheet, 95 %", "unit", "away, in its deviations"], rows),
+        *_load(record),
         heading("What the data do not tell"),
         paragraph("Of these the data sheet tells nearly all that is known; the values used stay near its."),
         bullets(untold),
         paragraph(f"Taken from the data sheet without a look at the data: {', '.join(kept)}."),
+    ]
+
+
+def _load(record: MachineRecord) -> list[str]:
+    if record.load is None:
+        return []
+    usual = 1e3 * USUAL_BOX
+    return [
+        paragraph(
+            f"A box of {usual:.0f} g moves on these numbers like one of {record.load * usual:.0f} g. Motion without a"
+            " box tells ratios of torques only; their scale is the data sheet's, with its tolerance."
+        )
     ]
 
 

@@ -10,6 +10,7 @@ import msgspec
 from dtwin.commissioning.stages import Stages
 from dtwin.controller.proposed import ProposedSettings
 from dtwin.identification.machine.judged import identify_machine, record_of
+from dtwin.identification.machine.load import Load, load_on
 from dtwin.identification.machine.record import Healthy, MachineRecord, SensorCheck
 from dtwin.identification.machine.sensors import check_sensors
 from dtwin.monitoring.calibration import watched
@@ -96,9 +97,13 @@ def commission(
             identification.record, lambda done, of: progress(f"designing settings: {done} of {of} gains")
         ),
     )
-    seen = stream(healthy())
+    work = healthy()
+    progress("weighing the boxes")
+    load = stages.result("load", Load, lambda: load_on(identification.record, work))
+    seen = stream(work)
     progress("watching the arm")
     known = stages.result("monitor", Healthy, calibrated)
     return Commissioned(
-        msgspec.structs.replace(identification.record, settings=settings, healthy=known), identification
+        msgspec.structs.replace(identification.record, settings=settings, healthy=known, load=load.scale),
+        identification,
     )

@@ -46,6 +46,10 @@ class Over(Exception):
     """Reports that the monitor has withdrawn what was being answered, before anything was changed."""
 
 
+class Unsure(Exception):
+    """Reports a finding that is too doubtful to change anything for."""
+
+
 class Grave(Exception):
     """Reports a finding that stops the arm, whatever is being done."""
 

@@ -80,20 +80,22 @@ class Measures:
         desk: place at the bus of the cell.
         healthy: the arm as it was identified.
         record: record of the arm if it is none that obeys the equations of motion: it says what the arm has beside
-            its parameters, and of which model the controller has to be.
+            its parameters, of which model the controller has to be, and how a box moves on it.
 
     Attributes:
         offsets: plant time (s) of every upload of encoder offsets, and the offsets (rad).
 
     All methods raise CommunicationError when a service refuses or takes settings back, TooWeak when no settings help,
-    Over when nothing has to be changed after all, Late when the time of the desk is over, and Grave when something
-    else stops the arm.
+    Unsure when a finding is too doubtful, Over when nothing has to be changed after all, Late when the time of the
+    desk is over, and Grave when something else stops the arm.
     """
 
     def __init__(self, desk: Desk, healthy: ArmParameters, record: MachineRecord | None = None) -> None:
         self.offsets: list[tuple[float, Triple]] = []
         self._desk = desk
-        self._arm, self._record, self._usual = healthy, record, holding(healthy, max(BOXES))
+        self._arm, self._record = healthy, record
+        self._load = record.load or 1.0 if record else 1.0
+        self._usual = holding(healthy, self._load * max(BOXES))
         self._befores: dict[str, tuple[float, dict[str, float]]] = {}
         self._reference: list[PredictedMotion] = []
         self._followed = 0
@@ -162,7 +164,7 @@ class Measures:
         def expect(gains: Gains, target_time: float) -> list[PredictedMotion]:
             return self._expect(PredictionRequest(gains, target_time, model=model, arm=arm))
 
-        weak = bool(beyond_strength(arm, max(BOXES), self._usual))
+        weak = bool(self._beyond_strength(arm, max(BOXES)))
         now = msgspec.structs.replace(in_force, model=model)
         gains = in_force.gains if weak else self._with_margins(arm, in_force, now)
         lower = gains != in_force.gains
@@ -206,14 +208,17 @@ class Measures:
     ) -> Tuned:
         """Settings with which an arm works with boxes of some masses (kg)."""
         heaviest = max(boxes)
-        tuned = search(
-            arm, heaviest, self._usual, expect, in_force.gains, in_force.target_time, self._reference, stiffer
-        )
+        load, gains, time = self._load * heaviest, in_force.gains, in_force.target_time
+        tuned = search(arm, load, self._usual, expect, gains, time, self._reference, stiffer)
         if not tuned.works:
-            places = ", ".join(beyond_strength(arm, heaviest, self._usual))
+            places = ", ".join(self._beyond_strength(arm, heaviest))
             held = f", it cannot hold a box of {1e3 * heaviest:.0f} g at {places}" if places else ""
             raise TooWeak(f"{_TOO_WEAK[tuned.ability]}{held}")
         return tuned
+
+    def _beyond_strength(self, arm: ArmParameters, box: float) -> list[str]:
+        """The places at which an arm cannot hold a box (kg)."""
+        return beyond_strength(arm, self._load * box, self._usual)
 
     def _tune(self, tuned: Tuned, in_force: Upload, arm: ArmParameters) -> Upload:
         stiffer, slower = tuned.gains.kp[0] / in_force.gains.kp[0], tuned.target_time / in_force.target_time
@@ -287,7 +292,7 @@ class Measures:
             return Taken(None, values)
         boxes = (mass, mass + max(BOXES) - BOXES[0])
         heavier = msgspec.structs.replace(in_force, payload=mass)
-        weak = bool(beyond_strength(self._arm, max(boxes), self._usual))
+        weak = bool(self._beyond_strength(self._arm, max(boxes)))
         gains = in_force.gains if weak else self._with_margins(self._arm, in_force, heavier)
         lower = gains != in_force.gains
         tuned = self._tuned(
@@ -321,7 +326,7 @@ class Measures:
     def _mean_box(self) -> float:
         """Mean mass of all boxes that differed, kg."""
         boxes = self._desk.boxes
-        return BOXES[0] + sum(boxes.values()) / len(boxes)
+        return BOXES[0] + sum(boxes.values()) / len(boxes) / self._load
 
     def _stand_delay(self, found: Sequence[MonitoredUnit]) -> Taken:
         """Lowers the gains until the loop has its margins with the delay, and the speed until the arm tracks well."""
@@ -334,7 +339,7 @@ class Measures:
         try:
             known = control_settings(in_force, self._record)
             tuned = settings_for_late(
-                known, self._arm, self._record, max(BOXES), self._usual, expect, self._reference
+                known, self._arm, self._record, self._load * max(BOXES), self._usual, expect, self._reference
             )
         except ParameterError as error:
             raise TooWeak(str(error)) from None
@@ -348,12 +353,14 @@ class Measures:
         return Taken(upload.time, {})
 
     def _expect(self, request: PredictionRequest, boxes: Sequence[float] = BOXES) -> list[PredictedMotion]:
-        """What simulation expects of all motions, with boxes of some masses (kg)."""
+        """What simulation expects of all motions, with boxes of some masses (kg), on the arm as it is known."""
         return [
             motion
             for box in boxes
             for motion in self._desk.bus.ask(
-                PREDICT, msgspec.structs.replace(request, box=box, late=self._desk.late), Predicted
+                PREDICT,
+                msgspec.structs.replace(request, box=self._load * box, late=self._desk.late),
+                Predicted,
             ).motions
         ]
 

@@ -14,12 +14,14 @@ from dtwin.bus.twin_messages import MonitoredUnit, MonitoringVerdict
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.monitoring.kinds import PUSH, arm_state, parse_fault_id
 from dtwin.recovery.answers import MEASURES, Answer, Measure, answer_to, order
-from dtwin.recovery.desk import Desk, Grave, Late, Over, TakenBack, Tripped
+from dtwin.recovery.desk import Desk, Grave, Late, Over, TakenBack, Tripped, Unsure
 from dtwin.recovery.measures import Measures, Taken, TooWeak
 from dtwin.signals import MONITOR, Event
 
 SETTLING: Final = 1.0
 """s in which a second finding may follow the first, so that both are answered together"""
+FIND_OUT: Final = "find out what is wrong, then `dtwin release`"
+"""What a person has to do about an arm of which nobody knows what it has"""
 _LASTING: Final[tuple[Measure, ...]] = ("go on", "payload")
 """Measures that are taken though what they answer is over"""
 _NOTHING: Final = Taken(None, {})
@@ -131,7 +133,10 @@ class Operator:
         try:
             taken = self._measures.take(measure, found)
         except TooWeak as weak:
-            self._stop(found, f"{parse_fault_id(names[0]).where}: {weak}")
+            fault = parse_fault_id(names[0])
+            self._stop(found, f"{fault.where}: {weak}", order(fault))
+        except Unsure as doubt:
+            self._stop(found, f"{doubt}: too doubtful to change the model", FIND_OUT)
         except TakenBack as error:
             self._try_again(found, error)
         except Over as over:
@@ -150,18 +155,17 @@ class Operator:
             del self._dealt[name]
         self._desk.say(f"{error}; tries once more")
 
-    def _stop(self, found: Sequence[MonitoredUnit], why: str) -> None:
+    def _stop(self, found: Sequence[MonitoredUnit], why: str, todo: str) -> None:
         names = tuple(unit.parameter for unit in found)
         self._dealt |= {unit.parameter: unit.detected for unit in found}
-        fault = parse_fault_id(names[0])
-        self._desk.stop(arm_state(fault), f"{why}: {order(fault)}")
+        self._desk.stop(arm_state(parse_fault_id(names[0])), f"{why}: {todo}")
         self._begin("stop", names)
 
     def _halt(self, found: MonitoredUnit) -> None:
         """Stops the arm; if nobody does it, the next verdict asks again."""
         fault = parse_fault_id(found.parameter)
         try:
-            self._stop([found], f"{fault.where}, {answer_to(fault).why}")
+            self._stop([found], f"{fault.where}, {answer_to(fault).why}", order(fault))
         except CommunicationError as error:
             self._complain(error)
         else:
@@ -172,7 +176,7 @@ class Operator:
         names = tuple(self._desk.findings)
         found = f"{' and '.join(names)} does not explain it" if names else "nothing explains it"
         try:
-            self._desk.stop("failed", f"{why}; {found}: find out what is wrong, then `dtwin release`")
+            self._desk.stop("failed", f"{why}; {found}: {FIND_OUT}")
         except CommunicationError as error:
             self._complain(error)
         else:

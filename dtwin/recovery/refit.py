@@ -10,12 +10,14 @@ from dtwin.bus.twin_messages import IdentificationDecision, IdentificationReques
 from dtwin.errors import CommunicationError
 from dtwin.monitoring.kinds import RELATIVE, parse_fault_id, plausible_sizes, reference
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, symbol_of
-from dtwin.recovery.desk import Desk
+from dtwin.recovery.desk import Desk, Unsure
 
 PATIENCE: Final = 5.0
 """s for which a better estimate of the monitor is waited for"""
 WELL: Final = 0.02
 """standard deviation of an estimate that is known well, relative to a plausible change"""
+EARNED: Final = 0.5
+"""Probability with which a parameter has to be what changed before an arm gets a model with it"""
 MODEL_NAME: Final = "recovery"
 """Name under which identification keeps the model."""
 
@@ -58,7 +60,8 @@ def estimated(desk: Desk, arm: ArmParameters, healthy: ArmParameters, names: Seq
 
     The monitor knows what an arm has beside its parameters, which a fit of motions to the equations of motion does
     not. While it examines a joint anew, what it has found there may be about to be withdrawn; a parameter of which it
-    has withdrawn the finding is what it was before.
+    has withdrawn the finding is what it was before. One that is less probable than all other causes together is not
+    believed, since nothing but the monitor's estimate stands behind it.
 
     Args:
         desk: place at the bus of the cell.
@@ -67,6 +70,7 @@ def estimated(desk: Desk, arm: ArmParameters, healthy: ArmParameters, names: Seq
         names: parameters that have changed.
 
     Raises:
+        Unsure: what changed is probably something else.
         Late: the time is over.
         Grave: a finding stands that stops the arm.
     """
@@ -79,6 +83,9 @@ def estimated(desk: Desk, arm: ArmParameters, healthy: ArmParameters, names: Seq
         well = all(unit.deviation * units[name] <= WELL * plausible[name] for name, unit in known.items())
         if desk.time >= until or (well and not joints & desk.examined):
             break
+    doubted = [unit.text for unit in known.values() if unit.confidence < EARNED]
+    if doubted:
+        raise Unsure(" and ".join(doubted))
     # An estimate near zero may lie below it, where no parameter of an arm is.
     sizes = {name: known[name].size * units[name] if name in known else 0.0 for name in names}
     values = {name: max(arm.get(name) + size, 0.0) for name, size in sizes.items()}

@@ -15,7 +15,7 @@ from dtwin.commissioning.stages import Stages
 from dtwin.identification.machine.record import read_record
 from dtwin.run.recording import Log, read_log
 
-STAGES = ("sensors", "identification", "settings", "monitor")
+STAGES = ("sensors", "identification", "settings", "load", "monitor")
 
 
 @pytest.fixture(scope="module")

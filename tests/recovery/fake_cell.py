@@ -59,6 +59,7 @@ class FakeCell:
     Attributes:
         found: findings that stand from a plant time (s) on, by what they name: time, size and deviation.
         noticed: when findings were noticed, if it was not when they began, s.
+        confidence: confidence in what is found.
         open: names of what the monitor is still finding out.
         refits: what identification will find, by parameter.
         changing: changes what is found, whenever time has passed.
@@ -72,6 +73,7 @@ class FakeCell:
         self.time = 0.0
         self.found: dict[str, tuple[float, float, float]] = {}
         self.noticed: dict[str, float] = {}
+        self.confidence = 1.0
         self.open: list[str] = []
         self.refits: dict[str, float] = {}
         self.changing: Callable[[], None] = lambda: None
@@ -104,7 +106,7 @@ class FakeCell:
                 fault = parse_fault_id(name)
                 noticed = self.noticed.get(name, since)
                 unit = MonitoredUnit(
-                    "failed", fault.about.cause, name, size, deviation, 1.0, since, noticed, True, name
+                    "failed", fault.about.cause, name, size, deviation, self.confidence, since, noticed, True, name
                 )
                 units[UNITS[fault.joint - 1]] = unit
                 findings.append(unit)

@@ -84,6 +84,17 @@ def test_the_monitor_tells_what_an_arm_with_effects_has_become(cell: FakeCell) -
     assert upload.model.get("I1") - upload.arm.get("I1") == pytest.approx(1e-4)
 
 
+def test_a_doubtful_change_stops_the_arm_and_a_person_has_to_find_out(cell: FakeCell) -> None:
+    """A heavier link looks a little like a weaker motor; with that model the arm would work on."""
+    cell.found["K1"], cell.confidence = (20.0, -0.04, 0.002), 0.29
+    operator = watched(cell, recorded())
+    assert measures_of(operator) == [("refit", ("K1",)), ("stop", ("K1",))]
+    assert (cell.uploads, operator.trouble) == ([], "")
+    assert cell.told[-1].endswith(
+        "K1: too doubtful to change the model: find out what is wrong, then `dtwin release`"
+    )
+
+
 def test_what_the_monitor_withdraws_before_it_is_answered_changes_nothing(cell: FakeCell) -> None:
     """A push that is taken for a stronger motor is examined anew once the motor is seen to be as strong as before."""
     cell.found["K3"] = (20.0, 0.12, 0.004)
@@ -286,6 +297,17 @@ def test_the_mean_of_all_boxes_that_differed_is_counted_on(cell: FakeCell) -> No
     cell.changing = carrying
     watched(cell)
     assert [upload.payload for upload in cell.uploads] == pytest.approx([0.22, 0.23])
+
+
+@pytest.mark.parametrize(("load", "measures"), [(None, ["refit"]), (1.1, ["refit", "stop"])])
+def test_an_arm_holds_boxes_as_heavy_as_they_move_on_it(
+    cell: FakeCell, load: float | None, measures: list[str]
+) -> None:
+    """The share of the voltage that is left at the highest place decides, and boxes are a third of the load there."""
+    known = msgspec.structs.replace(recorded(), load=load)
+    cell.found["K2"] = (20.0, -0.14, 1e-3)
+    operator = watched(cell, known)
+    assert [measure for measure, _ in measures_of(operator)] == measures
 
 
 @pytest.mark.parametrize(("more", "heaviest"), [(0.1, 310), (0.15, 360)])

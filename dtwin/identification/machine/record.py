@@ -151,6 +151,8 @@ class MachineRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         versions: versions of the software that made the record.
         settings: settings of the controller for this machine; None if nobody has designed them.
         healthy: what it does beside at work; None if nobody has watched it.
+        load: mass with which a box moves on a machine of these numbers, as a share of the mass that it has; None if
+            nobody has watched it carry boxes. Motion without a box tells ratios of torques, not their scale.
     """
 
     schema: str
@@ -168,6 +170,7 @@ class MachineRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     versions: dict[str, str]
     settings: ProposedSettings | None = None
     healthy: Healthy | None = None
+    load: Annotated[float, msgspec.Meta(gt=0.0)] | None = None
 
     @property
     def arm(self) -> ArmParameters:

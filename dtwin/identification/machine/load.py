@@ -1,0 +1,87 @@
+"""What a box of known mass weighs on a machine that was identified without one.
+
+The motion of an empty arm stays the same if its masses, inertias, friction and voltage constants all have the same
+factor: it tells ratios of torques, and their scale is that of the data sheet. Boxes whose mass is known tell the
+scale.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import msgspec
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from dtwin.identification.data import Array, Experiment, from_log
+from dtwin.identification.estimation.solver import minimise
+from dtwin.identification.machine.problem import MachineProblem
+from dtwin.identification.machine.record import MachineRecord
+from dtwin.run.recording import Log
+from dtwin.twin.machine import vector_of
+
+USUAL_BOX: Final = 0.2
+"""kg, mass of the boxes in the mean"""
+SEGMENT: Final = 0.4
+"""Length of the segments of motion with a box, s."""
+FEWEST: Final = 12
+MOST: Final = 40
+"""Numbers of segments that tell the scale."""
+_MOVED: Final = 0.05
+"""Least range of some joint's angle in a segment, rad."""
+_SCALES: Final = (0.7, 1.4)
+"""More than the tolerances of a data sheet."""
+_EXACT: Final = 0.002
+"""By how much the scale may be off."""
+
+
+class Load(msgspec.Struct, frozen=True):
+    """What a box is on a machine.
+
+    Attributes:
+        scale: mass with which it moves, as a share of the mass that it has; None if boxes were carried too little, or
+            are other ones.
+    """
+
+    scale: float | None
+
+
+def load_on(record: MachineRecord, log: Log) -> Load:
+    """What a box is on the machine of a record.
+
+    Of segments of motion with a box only the initial states are fitted; the scale is that with which they fit best.
+
+    Args:
+        record: what was identified without boxes.
+        log: log of ordinary work, with boxes of USUAL_BOX in the mean.
+    """
+    segments = [e for e in from_log(log, USUAL_BOX, SEGMENT) if _tells(e)]
+    if len(segments) < FEWEST:
+        return Load(None)
+    chosen = segments[:: -(-len(segments) // MOST)]
+    vector, noise = vector_of(record.arm, record.effects), np.array(record.unexplained)
+    found = minimize_scalar(
+        lambda scale: _misfit(vector, noise, chosen, scale),
+        bounds=_SCALES,
+        method="bounded",
+        options={"xatol": _EXACT},
+    )
+    inside = _SCALES[0] + 2.0 * _EXACT < found.x < _SCALES[1] - 2.0 * _EXACT
+    return Load(float(found.x) if inside else None)
+
+
+def _misfit(vector: Array, noise: Array, segments: list[Experiment], scale: float) -> float:
+    """Weighted sum of squares of what is left of segments whose boxes are so much heavier."""
+    loaded = tuple(Experiment(e.measured, e.volts, scale * e.payload) for e in segments)
+    problem = MachineProblem(loaded, (), vector, {})
+    weights = [np.broadcast_to(1.0 / noise, e.measured.shape) for e in loaded]
+    states = minimise(
+        lambda x: problem.normal(x, weights), lambda x: problem.cost(x, weights), problem.start(), *problem.bounds
+    ).x
+    return problem.cost(states, weights)
+
+
+def _tells(segment: Experiment) -> bool:
+    """Whether a box is carried all the time in a whole segment of motion."""
+    whole = len(segment) * segment.period >= 0.9 * SEGMENT
+    return whole and bool((segment.payload > 0.0).all()) and float(np.ptp(segment.measured, axis=0).max()) > _MOVED
