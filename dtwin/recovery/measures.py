@@ -94,7 +94,7 @@ class Measures:
         self.offsets: list[tuple[float, Triple]] = []
         self._desk = desk
         self._arm, self._record = healthy, record
-        self._load = record.load or 1.0 if record else 1.0
+        self._load = (record and record.load) or 1.0
         self._usual = holding(healthy, self._load * max(BOXES))
         self._befores: dict[str, tuple[float, dict[str, float]]] = {}
         self._reference: list[PredictedMotion] = []

@@ -12,16 +12,20 @@ from typing import Final, NamedTuple
 
 from dtwin.bus.twin_messages import MonitoredUnit, MonitoringVerdict
 from dtwin.errors import CommunicationError, ParameterError
-from dtwin.monitoring.kinds import PUSH, arm_state, parse_fault_id
+from dtwin.monitoring.kinds import PUSH, SLIP, arm_state, parse_fault_id
 from dtwin.recovery.answers import MEASURES, Answer, Measure, answer_to, order
 from dtwin.recovery.desk import Desk, Grave, Late, Over, TakenBack, Tripped, Unsure
-from dtwin.recovery.measures import Measures, Taken, TooWeak
+from dtwin.recovery.measures import BOXES, Measures, Taken, TooWeak
 from dtwin.signals import MONITOR, Event
 
 SETTLING: Final = 1.0
 """s in which a second finding may follow the first, so that both are answered together"""
 FIND_OUT: Final = "find out what is wrong, then `dtwin release`"
 """What a person has to do about an arm of which nobody knows what it has"""
+LOST: Final = 0.5
+"""Share of the weight of a box that is gone at least when it was lost"""
+SURELY: Final = 5.0
+"""Standard deviations by which that is told"""
 _LASTING: Final[tuple[Measure, ...]] = ("go on", "payload")
 """Measures that are taken though what they answer is over"""
 _NOTHING: Final = Taken(None, {})
@@ -111,12 +115,21 @@ class Operator:
         # A slip is over once the gripper has opened, and a box that has been put down tells of the next ones.
         over = {name: unit for name, unit in first.items() if _measure(unit) in _LASTING}
         found_now = {**over, **self._new()}
-        new = list(found_now.values())
+        new = [unit for unit in found_now.values() if not self._kept(unit)]
         # What changes nothing is said at once: it may be over before anything else has been answered.
         self._answer("go on", new)
         others = {measure for unit in new if (measure := _measure(unit)) != "go on"}
         if others:
             self._answer(min(others, key=MEASURES.index), new)
+
+    def _kept(self, unit: MonitoredUnit) -> bool:
+        """Whether a box that is said to have slipped weighs nearly what it did: then there is nothing to pick up."""
+        lost = abs(unit.size) + SURELY * unit.deviation
+        kept = unit.parameter == SLIP and lost < LOST * BOXES[0]
+        if kept:
+            self._dealt[unit.parameter] = unit.detected
+            self._desk.say(f"slip is none: the box has lost {1e3 * lost:.0f} g at most")
+        return kept
 
     def _answer(self, measure: Measure, new: Sequence[MonitoredUnit]) -> None:
         """Answers those of new findings that ask for a measure."""
