@@ -154,9 +154,17 @@ class Operator:
             self._try_again(found, error)
         except Over as over:
             self._desk.say(f"goes on: {over}")
-            self.steps[step] = self.steps[step]._replace(measure="go on")
+            self._drop(step)
         else:
             self.steps[step] = self.steps[step]._replace(taken=taken)
+
+    def _drop(self, step: int) -> None:
+        """Ends a step without a change; what the monitor has found of the joint instead is answered by itself."""
+        joints = {parse_fault_id(name).joint for name in self.steps[step].parameters}
+        if joints & (self._desk.examined | {parse_fault_id(name).joint for name in self._new()}):
+            del self.steps[step]
+        else:
+            self.steps[step] = self.steps[step]._replace(measure="go on")
 
     def _try_again(self, found: Sequence[MonitoredUnit], error: TakenBack) -> None:
         """Has findings answered once more, since a trial may fail for what the arm was doing when it began."""

@@ -111,6 +111,18 @@ def test_what_the_monitor_withdraws_before_it_is_answered_changes_nothing(cell: 
     assert cell.told[-1] == "goes on: K3 changed nothing that lasts"
 
 
+def test_what_the_monitor_names_anew_is_answered_as_that_alone(cell: FakeCell) -> None:
+    cell.found["K2"] = (20.0, -0.1, 0.1)
+
+    def rename() -> None:
+        if cell.time >= 23.0:
+            cell.found = {"mu2": (23.0, 0.01, 1e-4)}
+
+    cell.changing = rename
+    operator = watched(cell, recorded())
+    assert measures_of(operator) == [("refit", ("mu2",))]
+
+
 def test_what_the_monitor_withdraws_of_two_changes_is_left_as_it_was(cell: FakeCell) -> None:
     cell.found |= {"K3": (20.0, 0.12, 0.1), "mu1": (20.0, 0.004, 1e-4)}
 
