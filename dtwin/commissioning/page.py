@@ -8,9 +8,8 @@ import numpy as np
 
 from dtwin.commissioning.html import bullets, document, heading, paragraph, picture, table
 from dtwin.commissioning.procedure import Commissioned, Identified
-from dtwin.commissioning.words import GRADES, NINETY_FIVE, interval, quantity, steps
+from dtwin.commissioning.words import GRADES, NINETY_FIVE, interval, load, quantity, steps
 from dtwin.controller.proposed import LeastMargins
-from dtwin.identification.machine.load import USUAL_BOX
 from dtwin.identification.machine.record import Grade, MachineRecord
 from dtwin.monitoring.calibration import compliances
 from dtwin.monitoring.estimation.belief import Tail, commissioned
@@ -108,15 +107,8 @@ def _numbers(record: MachineRecord) -> list[str]:
 
 
 def _load(record: MachineRecord) -> list[str]:
-    if record.load is None:
-        return []
-    usual = 1e3 * USUAL_BOX
-    return [
-        paragraph(
-            f"A box of {usual:.0f} g moves on these numbers like one of {record.load * usual:.0f} g. Motion without a"
-            " box tells ratios of torques only; their scale is the data sheet's, with its tolerance."
-        )
-    ]
+    why = "Motion without a box tells ratios of torques only; their scale is the data sheet's, with its tolerance."
+    return [] if record.load is None else [paragraph(f"{load(record.load).capitalize()}. {why}")]
 
 
 def _fit(identified: Identified, record: MachineRecord) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from dtwin.identification.machine.load import USUAL_BOX
 from dtwin.identification.machine.record import Grade, Number
 
 NINETY_FIVE: Final = 1.959964
@@ -61,3 +62,9 @@ def steps(step: float | None) -> str:
     bits = math.log2(turn)
     whole = f", {bits:.0f} bits" if abs(bits - round(bits)) < 1e-4 else ""
     return f"{1e3 * step:.4g} mrad ({turn:.6g} steps a turn{whole})"
+
+
+def load(scale: float) -> str:
+    """What a box is on the numbers of a machine, in words, by the mass with which it moves, as a share of its own."""
+    usual = 1e3 * USUAL_BOX
+    return f"a box of {usual:.0f} g moves on these numbers like one of {scale * usual:.0f} g"

@@ -20,7 +20,7 @@ from dtwin.commands.frame import at_least
 from dtwin.commissioning.collection import collect
 from dtwin.commissioning.procedure import Commissioned, Progress, commission
 from dtwin.commissioning.stages import Stages
-from dtwin.commissioning.words import NINETY_FIVE, steps
+from dtwin.commissioning.words import NINETY_FIVE, load, steps
 from dtwin.errors import CommunicationError, ParameterError, RecordingError, UnansweredError
 from dtwin.files import ensure_writable, reason_of, replacing
 from dtwin.identification.machine.record import MachineRecord, write_record
@@ -187,6 +187,8 @@ def _print(record: MachineRecord, files: list[Path]) -> None:
     for joint, encoder in enumerate(record.sensors.encoders, 1):
         noise = f"noise {1e3 * encoder.noise:.2g} mrad"
         console.print(f"encoder {joint}: step {steps(encoder.step)}, {noise}, {encoder.spikes:.0f} spikes an hour")
+    if record.load is not None:
+        console.print(load(record.load))
     if record.settings is not None and record.settings.refused:
         console.print(as_text(f"the settings must not be used: {record.settings.refused}"))
     elif record.settings is not None:
