@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from dtwin.identification.machine.load import USUAL_BOX
-from dtwin.identification.machine.record import Grade, Number
+from dtwin.identification.machine.record import USUAL_BOX, Grade, Number
 
 NINETY_FIVE: Final = 1.959964
 """Standard deviations of a normal distribution within which 95 % lie."""

@@ -19,7 +19,7 @@ from dtwin.bus.twin_messages import (
 )
 from dtwin.controller.bounds import ENCODER_OFFSETS
 from dtwin.errors import ParameterError
-from dtwin.identification.machine.record import MachineRecord
+from dtwin.identification.machine.record import USUAL_BOX, MachineRecord
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, Triple, scaled, symbol_of
 from dtwin.recovery.answers import Measure
@@ -30,7 +30,7 @@ from dtwin.recovery.strength import beyond_strength, holding
 from dtwin.recovery.tuning import BOUND, Ability, Expect, Tuned, search, worst_ratio
 from dtwin.simulation.proposal import controllable
 
-BOXES: Final = (0.2, 0.21)
+BOXES: Final = (USUAL_BOX, 0.21)
 """kg, the usual box and the heaviest"""
 PRECISE: Final = 0.0005
 """rad, standard deviation of an offset that is good enough to be taken off"""

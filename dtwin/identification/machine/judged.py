@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,7 +15,7 @@ from dtwin.identification.data import Array, Experiment, fingerprint, from_log
 from dtwin.identification.estimation.quality import noise
 from dtwin.identification.estimation.residuals import autocorrelations
 from dtwin.identification.estimation.residuals import fit as fit_of
-from dtwin.identification.estimation.solver import minimise
+from dtwin.identification.estimation.solver import Minimum, minimise
 from dtwin.identification.machine.fit import MachineFit
 from dtwin.identification.machine.left import NOTICEABLE, Left, what_is_left
 from dtwin.identification.machine.problem import MachineProblem
@@ -37,7 +37,7 @@ MOST: Final = 60
 FEWEST: Final = 20
 """Numbers of segments that are fitted."""
 _MOST_JUDGED: Final = 12
-_MOVED: Final = (0.05, 0.2)
+MOVED: Final = (0.05, 0.2)
 """Range of some joint's angle in a segment that is fitted, or judges, rad."""
 GOOD: Final = 0.98
 POOR: Final = 0.9
@@ -136,8 +136,8 @@ def identify_machine(log: Log, arm: ArmParameters, progress: Callable[[str], Non
         IdentificationError: the log has too little motion of the empty gripper.
     """
     cut = round((1.0 - HELD_OUT) * len(log))
-    segments = _moving(log.part(0, cut), SEGMENT, _MOVED[0])
-    judging = _moving(log.part(cut, len(log)), JUDGED, _MOVED[1])[:_MOST_JUDGED]
+    segments = _empty(log.part(0, cut), SEGMENT, MOVED[0])
+    judging = _empty(log.part(cut, len(log)), JUDGED, MOVED[1])[:_MOST_JUDGED]
     if len(segments) < FEWEST or not judging:
         raise IdentificationError(
             f"too little motion with an empty gripper: {len(segments)} segments of {SEGMENT:g} s and {len(judging)}"
@@ -184,20 +184,34 @@ def record_of(judged: Judged, sensors: SensorCheck, arm: ArmParameters, source: 
 
 def judge(found: MachineFit, segments: Sequence[Experiment]) -> HeldOutMotion:
     """What a machine predicts of segments of which only the initial states are estimated."""
-    problem = MachineProblem(tuple(segments), (), found.vector, {})
-    weights = [np.broadcast_to(1.0 / found.noise, e.measured.shape) for e in segments]
-    states = minimise(
+    problem, states = with_states(found.vector, found.noise, segments)
+    return HeldOutMotion(tuple(e.measured for e in segments), tuple(problem.simulate(states.x)))
+
+
+def with_states(vector: Array, noise: Array, segments: Sequence[Experiment]) -> tuple[MachineProblem, Minimum]:
+    """The problem of a machine that is known, and the initial states with which it explains segments best.
+
+    Args:
+        vector: (78,), all numbers of the machine.
+        noise: (3,), standard deviation of what is not explained, rad.
+        segments: segments of motion.
+    """
+    problem = MachineProblem(tuple(segments), (), vector, {})
+    weights = [np.broadcast_to(1.0 / noise, e.measured.shape) for e in segments]
+    return problem, minimise(
         lambda x: problem.normal(x, weights), lambda x: problem.cost(x, weights), problem.start(), *problem.bounds
-    ).x
-    return HeldOutMotion(tuple(e.measured for e in segments), tuple(problem.simulate(states)))
+    )
 
 
-def _moving(log: Log, length: float, moved: float) -> list[Experiment]:
-    """Segments of nearly the whole length in which some joint moved so far (rad)."""
-    if log.columns["box_gripped"].all():
-        return []
-    long_enough = (e for e in from_log(log, None, length) if len(e) * e.period >= 0.9 * length)
+def moving(segments: Iterable[Experiment], length: float, moved: float) -> list[Experiment]:
+    """Segments of nearly a whole length (s) in which some joint moved so far (rad)."""
+    long_enough = (e for e in segments if len(e) * e.period >= 0.9 * length)
     return [e for e in long_enough if float(np.ptp(e.measured, axis=0).max()) > moved]
+
+
+def _empty(log: Log, length: float, moved: float) -> list[Experiment]:
+    """Moving segments of the empty gripper."""
+    return [] if log.columns["box_gripped"].all() else moving(from_log(log, None, length), length, moved)
 
 
 def _triple(values: Array) -> Triple:

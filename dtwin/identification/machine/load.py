@@ -14,21 +14,14 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from dtwin.identification.data import Array, Experiment, from_log
-from dtwin.identification.estimation.solver import minimise
-from dtwin.identification.machine.problem import MachineProblem
-from dtwin.identification.machine.record import MachineRecord
+from dtwin.identification.machine.judged import MOVED, SEGMENT, moving, with_states
+from dtwin.identification.machine.record import USUAL_BOX, MachineRecord
 from dtwin.run.recording import Log
 from dtwin.twin.machine import vector_of
 
-USUAL_BOX: Final = 0.2
-"""kg, mass of the boxes in the mean"""
-SEGMENT: Final = 0.4
-"""Length of the segments of motion with a box, s."""
 FEWEST: Final = 12
 MOST: Final = 40
 """Numbers of segments that tell the scale."""
-_MOVED: Final = 0.05
-"""Least range of some joint's angle in a segment, rad."""
 _SCALES: Final = (0.7, 1.4)
 """More than the tolerances of a data sheet."""
 _EXACT: Final = 0.002
@@ -55,7 +48,8 @@ def load_on(record: MachineRecord, log: Log) -> Load:
         record: what was identified without boxes.
         log: log of ordinary work, with boxes of USUAL_BOX in the mean.
     """
-    segments = [e for e in from_log(log, USUAL_BOX, SEGMENT) if _tells(e)]
+    fast = moving(from_log(log, USUAL_BOX, SEGMENT), SEGMENT, MOVED[0])
+    segments = [e for e in fast if (e.payload > 0.0).all()]
     if len(segments) < FEWEST:
         return Load(None)
     chosen = segments[:: -(-len(segments) // MOST)]
@@ -72,16 +66,5 @@ def load_on(record: MachineRecord, log: Log) -> Load:
 
 def _misfit(vector: Array, noise: Array, segments: list[Experiment], scale: float) -> float:
     """Weighted sum of squares of what is left of segments whose boxes are so much heavier."""
-    loaded = tuple(Experiment(e.measured, e.volts, scale * e.payload) for e in segments)
-    problem = MachineProblem(loaded, (), vector, {})
-    weights = [np.broadcast_to(1.0 / noise, e.measured.shape) for e in loaded]
-    states = minimise(
-        lambda x: problem.normal(x, weights), lambda x: problem.cost(x, weights), problem.start(), *problem.bounds
-    ).x
-    return problem.cost(states, weights)
-
-
-def _tells(segment: Experiment) -> bool:
-    """Whether a box is carried all the time in a whole segment of motion."""
-    whole = len(segment) * segment.period >= 0.9 * SEGMENT
-    return whole and bool((segment.payload > 0.0).all()) and float(np.ptp(segment.measured, axis=0).max()) > _MOVED
+    loaded = [Experiment(e.measured, e.volts, scale * e.payload) for e in segments]
+    return with_states(vector, noise, loaded)[1].normal.cost

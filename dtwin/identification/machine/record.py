@@ -18,6 +18,8 @@ Grade = Literal["identified", "approximate", "unusable"]
 NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 
 SCHEMA: Final = "dtwin machine record 6"
+USUAL_BOX: Final = 0.2
+"""kg, mass of the boxes in the mean"""
 LEARNED: Final = tuple(f"{symbol}{joint}" for symbol in ("K", "D", "mu", "bias") for joint in (1, 2, 3))
 """Names of what is learned of a machine while it is watched: parameters, and offsets of encoders, rad."""
 

@@ -7,8 +7,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from dtwin.identification.machine.load import USUAL_BOX, load_on
-from dtwin.identification.machine.record import MachineRecord
+from dtwin.identification.machine.load import load_on
+from dtwin.identification.machine.record import USUAL_BOX, MachineRecord
 from dtwin.run.recording import Log
 from dtwin.twin.effects import NO_EFFECTS
 from tests.support.records import recorded
