@@ -115,21 +115,15 @@ class Operator:
         # A slip is over once the gripper has opened, and a box that has been put down tells of the next ones.
         over = {name: unit for name, unit in first.items() if _measure(unit) in _LASTING}
         found_now = {**over, **self._new()}
-        new = [unit for unit in found_now.values() if not self._kept(unit)]
+        new = [unit for unit in found_now.values() if not _kept(unit)]
+        for unit in filter(_kept, found_now.values()):
+            self._dealt[unit.parameter] = unit.detected
+            desk.say(f"slip is none: the box has lost {1e3 * _most_lost(unit):.0f} g at most")
         # What changes nothing is said at once: it may be over before anything else has been answered.
         self._answer("go on", new)
         others = {measure for unit in new if (measure := _measure(unit)) != "go on"}
         if others:
             self._answer(min(others, key=MEASURES.index), new)
-
-    def _kept(self, unit: MonitoredUnit) -> bool:
-        """Whether a box that is said to have slipped weighs nearly what it did: then there is nothing to pick up."""
-        lost = abs(unit.size) + SURELY * unit.deviation
-        kept = unit.parameter == SLIP and lost < LOST * BOXES[0]
-        if kept:
-            self._dealt[unit.parameter] = unit.detected
-            self._desk.say(f"slip is none: the box has lost {1e3 * lost:.0f} g at most")
-        return kept
 
     def _answer(self, measure: Measure, new: Sequence[MonitoredUnit]) -> None:
         """Answers those of new findings that ask for a measure."""
@@ -177,9 +171,12 @@ class Operator:
         self._desk.say(f"{error}; tries once more")
 
     def _stop(self, found: Sequence[MonitoredUnit], why: str, todo: str) -> None:
+        """Stops the arm for findings; what nobody stops it for is answered again."""
         names = tuple(unit.parameter for unit in found)
-        self._dealt |= {unit.parameter: unit.detected for unit in found}
+        for name in names:
+            self._dealt.pop(name, None)
         self._desk.stop(arm_state(parse_fault_id(names[0])), f"{why}: {todo}")
+        self._dealt |= {unit.parameter: unit.detected for unit in found}
         self._begin("stop", names)
 
     def _halt(self, found: MonitoredUnit) -> None:
@@ -219,3 +216,13 @@ class Operator:
 
 def _measure(unit: MonitoredUnit) -> Measure:
     return answer_to(parse_fault_id(unit.parameter)).measure
+
+
+def _kept(unit: MonitoredUnit) -> bool:
+    """Whether a box that is said to have slipped weighs nearly what it did: then there is nothing to pick up."""
+    return unit.parameter == SLIP and _most_lost(unit) < LOST * BOXES[0]
+
+
+def _most_lost(unit: MonitoredUnit) -> float:
+    """What a box has lost at most, kg."""
+    return abs(unit.size) + SURELY * unit.deviation

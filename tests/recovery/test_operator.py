@@ -579,3 +579,14 @@ def test_a_stop_that_nobody_answers_is_asked_for_again(cell: FakeCell) -> None:
     operator = watched(cell)
     assert measures_of(operator) == [("stop", ("freeze1",))]
     assert cell.deaf == 0
+
+
+@pytest.mark.parametrize(("confidence", "size"), [(1.0, -0.3), (0.3, -0.05)])
+def test_a_stop_for_an_arm_that_no_settings_help_is_asked_for_again(
+    cell: FakeCell, confidence: float, size: float
+) -> None:
+    cell.found["K2"], cell.confidence = (20.0, size, 1e-3), confidence
+    cell.deaf = 1
+    operator = watched(cell, recorded())
+    assert measures_of(operator) == [("refit", ("K2",)), ("refit", ("K2",)), ("stop", ("K2",))]
+    assert (cell.deaf, len(cell.stops)) == (0, 1)
