@@ -22,9 +22,10 @@ from dtwin.bus.messages import ACTED, EVENTS, MONITORING, PATH, RESIDUALS, SENSO
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.twin_messages import MonitoringResiduals, MonitoringVerdict
 from dtwin.errors import NoSpaceError, ParameterError, RecordingError
+from dtwin.logs.collecting import RunLog
+from dtwin.logs.log import Log
 from dtwin.parameters import ArmParameters
 from dtwin.run.options import ArmOptions
-from dtwin.run.recording import Log, RunLog
 from dtwin.services.parts.log_parts import Parts
 from dtwin.services.parts.part_files import begin, begun, discard_parts, numbered
 from dtwin.services.parts.rows import LOSSLESS_PATIENCE, PATIENCE, Rows

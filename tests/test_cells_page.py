@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dtwin.logs.log import Log
+from dtwin.logs.reading import read_log
 from dtwin.parameters import ROOT
 from dtwin.run.cell_file import _KEYS, _SECTIONS, _Boxes, _Control, _Noise, _Stand
-from dtwin.run.recording import Log, read_log
 
 PAGE = (ROOT / "docs" / "cells.md").read_text()
 

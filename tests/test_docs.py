@@ -10,9 +10,9 @@ import pytest
 
 from dtwin.emulation.faults import TARGETS
 from dtwin.emulation.machine.sections import SECTIONS, declared
+from dtwin.logs.log import COLUMNS
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import PICKUP, PLACES, ROOT, ArmParameters
-from dtwin.run.recording import COLUMNS
 
 README = (ROOT / "README.md").read_text()
 MODEL = (ROOT / "docs" / "model.md").read_text()

@@ -11,8 +11,8 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from dtwin import __version__
+from dtwin.logs.reading import read_log
 from dtwin.parameters import ROOT
-from dtwin.run.recording import read_log
 
 LINKS = ("services", "data/fb", "data/models", "data/config", "data/machines", "data/cells")
 """what of dtwin/ lies elsewhere in a checkout"""

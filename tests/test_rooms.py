@@ -14,6 +14,7 @@ FLOORS = [
     {"dtwin.files", "dtwin.options", "dtwin.parameters", "dtwin.terminal", "dtwin.iec61499"},
     {"dtwin.signals", "dtwin.task"},
     {"dtwin.bus", "dtwin.emulation", "dtwin.twin", "dtwin.controller"},
+    {"dtwin.logs"},
     {"dtwin.run", "dtwin.fmu", "dtwin.campaign"},
     {"dtwin.pictures"},
     {"dtwin.view", "dtwin.identification"},

@@ -20,8 +20,8 @@ from dtwin.identification.held_out import Comparison, compare
 from dtwin.identification.model import IdentifiedModel, write_model
 from dtwin.identification.parsing import settings_for
 from dtwin.identification.result import from_estimate
+from dtwin.logs.log import Log
 from dtwin.parameters import ArmParameters, load_arm
-from dtwin.run.recording import Log
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -17,6 +17,7 @@ from dtwin.identification.estimation.quality import noise
 from dtwin.identification.machine.record import read_record
 from dtwin.identification.model import IdentifiedModel
 from dtwin.identification.store import STORE, ModelStore, open_model
+from dtwin.logs.log import Log
 from dtwin.monitoring.estimation.belief import Belief, assumed, believed_arm, commissioned, identified
 from dtwin.monitoring.estimation.tuning import tuning_for
 from dtwin.monitoring.monitor import Monitor
@@ -26,7 +27,6 @@ from dtwin.monitoring.trend import Forecast
 from dtwin.monitoring.verdict import Finding
 from dtwin.parameters import ArmParameters
 from dtwin.run.prediction import BelievedArm
-from dtwin.run.recording import Log
 from dtwin.run.settings import arm_of
 from dtwin.signals import Event
 from dtwin.task import task_of

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from dtwin.logs.log import Log
 from dtwin.monitoring.offline import Trace
 from dtwin.parameters import VOLTAGE_LIMIT
 from dtwin.pictures import COLOURS, DARK, RED, new_figure
-from dtwin.run.recording import Log
 from dtwin.signals import Event, EventKind
 
 if TYPE_CHECKING:

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from dtwin.api.arguments import AnyPath, checked
 from dtwin.emulation import MODEL_FILE
 from dtwin.errors import DtwinError, RecordingError
+from dtwin.logs.log import Log
+from dtwin.logs.reading import read_log
 from dtwin.parameters import ArmParameters
 from dtwin.run.cell import RunSummary
 from dtwin.run.hidden import HiddenLog
-from dtwin.run.recording import Log, read_log
 from dtwin.run.settings import arm_of
 from dtwin.signals import Event
 

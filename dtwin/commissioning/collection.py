@@ -12,8 +12,9 @@ from dtwin.bus.messages import ACTED, SENSORS, VOLTAGES, Acted
 from dtwin.bus.session import Bus
 from dtwin.bus.ticks import Ticks
 from dtwin.errors import CommunicationError
+from dtwin.logs.collecting import RunLog
+from dtwin.logs.log import Log
 from dtwin.parameters import PERIOD, Triple
-from dtwin.run.recording import Log, RunLog
 from dtwin.signals import UNKNOWN, Sensors, StepRecord, Voltages
 
 PATIENCE: Final = 30.0

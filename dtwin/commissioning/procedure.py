@@ -13,10 +13,10 @@ from dtwin.identification.machine.judged import identify_machine, record_of
 from dtwin.identification.machine.load import Load, load_on
 from dtwin.identification.machine.record import Healthy, MachineRecord, SensorCheck
 from dtwin.identification.machine.sensors import check_sensors
+from dtwin.logs.log import Log
 from dtwin.monitoring.calibration import watched
 from dtwin.monitoring.offline import stream
 from dtwin.parameters import ArmParameters, Triple
-from dtwin.run.recording import Log
 from dtwin.simulation.proposal import propose
 
 Progress = Callable[[str], None]

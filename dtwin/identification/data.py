@@ -16,7 +16,7 @@ from dtwin.parameters import HOME, PERIOD, PayloadModel, Triple
 from dtwin.twin.rollout import checked_payload
 
 if TYPE_CHECKING:
-    from dtwin.run.recording import Log
+    from dtwin.logs.log import Log
 
 Array = NDArray[np.float64]
 

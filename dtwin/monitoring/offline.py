@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.errors import ParameterError
+from dtwin.logs.log import Log
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.thesis import ThesisMonitor
 from dtwin.monitoring.tracking.samples import NO_TAPE, Samples, Tape
 from dtwin.parameters import PERIOD
-from dtwin.run.recording import Log
 from dtwin.signals import Event
 
 Array = NDArray[np.float64]

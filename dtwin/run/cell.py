@@ -13,12 +13,13 @@ import numpy as np
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.iec61499.native.resource import NativeResource
+from dtwin.logs.collecting import RunLog
+from dtwin.logs.log import Log
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, Triple
 from dtwin.run.compiled_ticks import CompiledTicks
 from dtwin.run.emulate import emulate
 from dtwin.run.hidden import HiddenLog
 from dtwin.run.loop import Controller, Pacer, run, tick_count
-from dtwin.run.recording import Log, RunLog
 from dtwin.run.settings import CellSettings, metadata, sequence_of
 from dtwin.signals import BoxCounts, Event, StepRecord
 

@@ -21,8 +21,9 @@ from dtwin.controller.sequence import HELP
 from dtwin.emulation.emulation import Emulation
 from dtwin.errors import DivergenceError
 from dtwin.iec61499.native.resource import NativeResource
+from dtwin.logs.collecting import RunLog
+from dtwin.logs.log import NUMBERS
 from dtwin.parameters import PERIOD
-from dtwin.run.recording import NUMBERS, RunLog
 from dtwin.signals import StepRecord
 from dtwin.twin import closed_loop
 from dtwin.twin.closed_loop import FINISHED, exchange

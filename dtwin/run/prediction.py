@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from dtwin.controller.settings import NO_OFFSET, ControlSettings
 from dtwin.errors import DivergenceError, ModelError, ParameterError
+from dtwin.logs.log import Log
 from dtwin.parameters import PERIOD, ArmParameters, Triple
-from dtwin.run.recording import Log
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from dtwin.twin.machine import machine_rollout, vector_of
 from dtwin.twin.rollout import rollout_ends

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from dtwin.logs.log import Log
 from dtwin.parameters import Place
-from dtwin.run.recording import Log
 from dtwin.signals import NO_COLOUR
 
 NEAR: Final = 0.05

@@ -11,9 +11,9 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from dtwin.emulation.contact.scene import HALF
+from dtwin.logs.log import Log
 from dtwin.parameters import COULOMB_WIDTH, ArmParameters
 from dtwin.run.hidden import DriveColumns, HiddenLog, TouchColumns
-from dtwin.run.recording import Log
 from dtwin.task import DEFAULT_TASK
 from dtwin.view import scene, style
 from dtwin.view.layout import GRIPPER_ANGLES, VOLTS, plot_view, reach

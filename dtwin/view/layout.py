@@ -13,8 +13,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
+from dtwin.logs.log import Log
 from dtwin.parameters import VOLTAGE_LIMIT
-from dtwin.run.recording import Log
 from dtwin.task import Task
 from dtwin.view import scene, series, story
 

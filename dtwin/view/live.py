@@ -15,9 +15,9 @@ import rerun as rr
 from dtwin.bus.twin_messages import MonitoredUnit, MonitoringResiduals, MonitoringVerdict
 from dtwin.errors import NoSpaceError
 from dtwin.files import ensure_writable
+from dtwin.logs.log import Log, concatenate
 from dtwin.parameters import ArmParameters
 from dtwin.run.prediction import DATA_SHEET, BelievedArm
-from dtwin.run.recording import Log, concatenate
 from dtwin.task import DEFAULT_TASK, Task
 from dtwin.view.boxes import grasps, waiting
 from dtwin.view.layout import blueprint, extent_of, live_blueprint, live_extent, sparse_blueprint

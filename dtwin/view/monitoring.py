@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from dtwin.bus.twin_messages import UNITS, MonitoredUnit, MonitoringResiduals, MonitoringVerdict, UnitState
 from dtwin.errors import RecordingError
+from dtwin.logs.log import Log
 from dtwin.parameters import ArmParameters
 from dtwin.run.prediction import DATA_SHEET, BelievedArm
-from dtwin.run.recording import Log
 from dtwin.signals import Event, EventKind
 from dtwin.task import task_of
 from dtwin.view import scene, style

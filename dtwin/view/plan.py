@@ -14,8 +14,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from dtwin.logs.log import Log
 from dtwin.run.prediction import BelievedArm, OpenLoop
-from dtwin.run.recording import Log
 from dtwin.task import Task
 from dtwin.view import style
 from dtwin.view.kinematics import Pose, body_poses

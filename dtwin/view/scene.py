@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from rerun_loader_mjcf import MJCFLogger
 
 from dtwin.errors import ModelError
+from dtwin.logs.log import Log
 from dtwin.parameters import ArmParameters
 from dtwin.run.prediction import DATA_SHEET, BelievedArm
-from dtwin.run.recording import Log
 from dtwin.signals import NO_COLOUR
 from dtwin.task import DEFAULT_TASK, Task
 from dtwin.view import style

@@ -10,8 +10,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 
+from dtwin.logs.log import Log
 from dtwin.parameters import VOLTAGE_LIMIT
-from dtwin.run.recording import Log
 from dtwin.signals import MONITOR, NO_COLOUR, Event, EventKind
 from dtwin.task import Task
 from dtwin.view import style

@@ -11,7 +11,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from dtwin.run.recording import Log
+from dtwin.logs.log import Log
 from dtwin.signals import MONITOR, RELEASED, Event, EventKind
 from dtwin.view import style
 from dtwin.view.series import time_column

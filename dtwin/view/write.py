@@ -10,10 +10,10 @@ import msgspec
 import rerun as rr
 
 from dtwin.errors import RecordingError
+from dtwin.logs.log import COLUMNS, Log
 from dtwin.parameters import ArmParameters
 from dtwin.run.hidden import HiddenLog
 from dtwin.run.prediction import believed_by_controller
-from dtwin.run.recording import COLUMNS, Log
 from dtwin.task import task_of
 from dtwin.view.boxes import grasps, waiting
 from dtwin.view.hidden import hidden_views, log_hidden

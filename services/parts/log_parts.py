@@ -20,7 +20,9 @@ from typing import Any, Final
 
 from dtwin.errors import NoSpaceError, RecordingError
 from dtwin.files import NO_SPACE, ensure_writable
-from dtwin.run.recording import Log, concatenate, count_rows, is_log, join_logs, read_log
+from dtwin.logs.files import count_rows, is_log, join_logs
+from dtwin.logs.log import Log, concatenate
+from dtwin.logs.reading import read_log
 from dtwin.services.parts.part_files import WHOLE, discard_parts, folder_of
 
 log = logging.getLogger(__name__)

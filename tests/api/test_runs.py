@@ -11,7 +11,7 @@ import pytest
 import dtwin
 from dtwin.cli import main
 from dtwin.emulation.emulation import Emulation
-from dtwin.run.recording import COLUMNS, Log
+from dtwin.logs.log import COLUMNS, Log
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ from dtwin.cli import main
 from dtwin.commands.table import COMMANDS
 from dtwin.controller.runtime import VARIABLE
 from dtwin.emulation import MODEL_FILE
+from dtwin.logs.reading import read_log
 from dtwin.parameters import ROOT
-from dtwin.run.recording import read_log
 from tests.support.iec61499.c_harness import needs_compiler
 
 BLOCKS = ROOT / "fb"

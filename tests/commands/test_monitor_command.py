@@ -15,7 +15,7 @@ from dtwin.emulation.machine.sections import Machine, Structure
 from dtwin.experiments.monitoring.scorecard import Scorecard, faults_experiment, label, summary
 from dtwin.experiments.monitoring.scorecard_report import faults_report
 from dtwin.experiments.monitoring.trial import FaultOutcome, FaultTrial, run_trial, true_cause
-from dtwin.run.recording import Log
+from dtwin.logs.log import Log
 
 
 @pytest.fixture(scope="module")

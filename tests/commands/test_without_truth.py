@@ -12,9 +12,9 @@ import pytest
 
 from dtwin.cli import main
 from dtwin.emulation.faults import parse_fault
+from dtwin.logs.log import TRUTH, Log
 from dtwin.run.cell import Cell
 from dtwin.run.options import ControlOptions
-from dtwin.run.recording import TRUTH, Log
 from dtwin.run.settings import CellSettings
 
 SCORES = ("truth", "seconds", "real_time_factor", "model_file", "computed_in_ms")

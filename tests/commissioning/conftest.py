@@ -9,8 +9,8 @@ import pytest
 
 from dtwin.commissioning import procedure
 from dtwin.identification.machine import fit, judged
+from dtwin.logs.log import Log
 from dtwin.monitoring import calibration
-from dtwin.run.recording import Log
 from dtwin.simulation import proposal
 from dtwin.simulation.margins import design
 from dtwin.simulation.margins.poses import places

@@ -13,7 +13,8 @@ from dtwin.cli import main
 from dtwin.commands.identification import commission as command
 from dtwin.commissioning.stages import Stages
 from dtwin.identification.machine.record import read_record
-from dtwin.run.recording import Log, read_log
+from dtwin.logs.log import Log
+from dtwin.logs.reading import read_log
 
 STAGES = ("sensors", "identification", "settings", "load", "monitor")
 

@@ -11,8 +11,8 @@ from dtwin.console.calculations.recall import recall
 from dtwin.console.calculations.tasks import Recall
 from dtwin.console.ring import COLUMNS, Ring
 from dtwin.console.telling import Frame, spots
+from dtwin.logs.collecting import RunLog
 from dtwin.run.cell_file import cell_of
-from dtwin.run.recording import RunLog
 from dtwin.services.console import ConsoleOptions
 from dtwin.signals import Sensors, StepRecord, Truth, Voltages
 from dtwin.task import told

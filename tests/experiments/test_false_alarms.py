@@ -10,9 +10,9 @@ from scipy.stats import poisson
 
 from dtwin.experiments.monitoring.false_alarms import Shift, WatchedShift, false_alarms_report, interval, watch_shift
 from dtwin.experiments.monitoring.twin_cell import TwinCell
+from dtwin.logs.log import Log
 from dtwin.parameters import HANGING, PERIOD
 from dtwin.run.options import ControlOptions
-from dtwin.run.recording import Log
 from dtwin.twin.machine import MACHINE_NAMES, SUBSTEP, WIDTH, integrate_machine
 from tests.support.iec61499.c_harness import needs_compiler
 from tests.support.records import recorded

@@ -28,10 +28,10 @@ from dtwin.iec61499.net.wire import Signature
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.standard.notation import basic
 from dtwin.iec61499.types import BOOL, DINT, LREAL
+from dtwin.logs.log import Log
 from dtwin.parameters import ArmParameters
 from dtwin.run.cell import Cell
 from dtwin.run.loop import run
-from dtwin.run.recording import Log
 from dtwin.run.settings import CellSettings
 from dtwin.signals import STOPS
 from tests.support.devices import BLOCKS, DeployedApplication, Receiver, embedded

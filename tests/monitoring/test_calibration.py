@@ -11,6 +11,7 @@ import pytest
 
 from dtwin.errors import ModelError, ParameterError
 from dtwin.identification.machine.record import LEARNED, Passed, read_record, write_record
+from dtwin.logs.log import Log
 from dtwin.monitoring import calibration
 from dtwin.monitoring.calibration import LEAST, calibrated, tail_of
 from dtwin.monitoring.estimation.belief import Belief, Tail, Unmodelled, commissioned
@@ -18,7 +19,6 @@ from dtwin.monitoring.estimation.layout import ARM_NAMES
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.signatures import allowances, threshold
-from dtwin.run.recording import Log
 from tests.support.records import EFFECTS, HEALTHY, recorded
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dtwin.logs.log import Log
 from dtwin.monitoring.estimation.belief import Belief, assumed
 from dtwin.monitoring.estimation.bounds import bounds
 from dtwin.monitoring.estimation.estimator import Estimator
@@ -13,7 +14,6 @@ from dtwin.monitoring.estimation.layout import ARM_NAMES, BIAS, DRIFT, INDEX, MO
 from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.offline import stream
 from dtwin.parameters import ArmParameters
-from dtwin.run.recording import Log
 from dtwin.twin.rollout import rollout
 
 ARM = ArmParameters()

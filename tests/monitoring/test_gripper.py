@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from dtwin.emulation.faults import parse_fault
 from dtwin.emulation.machine.sections import Contact, Machine
+from dtwin.logs.log import Log
 from dtwin.monitoring.estimation.belief import assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
@@ -18,7 +19,6 @@ from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.parameters import PERIOD, ArmParameters, GripperParameters
 from dtwin.run.cell import Cell
 from dtwin.run.options import ControlOptions
-from dtwin.run.recording import Log
 from dtwin.run.settings import CellSettings
 from dtwin.signals import EventKind
 

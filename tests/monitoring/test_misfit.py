@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dtwin.emulation.machine.files import machine_of
+from dtwin.logs.log import Log
 from dtwin.monitoring.estimation.belief import Belief, assumed
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.tuning import Tuning
@@ -15,7 +16,6 @@ from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.run.cell import Cell
-from dtwin.run.recording import Log
 from dtwin.run.settings import CellSettings
 
 MISFIT = "not commissioned"

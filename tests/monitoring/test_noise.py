@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from dtwin.logs.log import Log
 from dtwin.monitoring.estimation import kernels
 from dtwin.monitoring.estimation.belief import assumed
 from dtwin.monitoring.monitor import Monitor
@@ -15,7 +16,6 @@ from dtwin.monitoring.offline import stream
 from dtwin.monitoring.sensing.noise import judge
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.parameters import ArmParameters
-from dtwin.run.recording import Log
 
 LEVEL = 1e-3
 """rad"""

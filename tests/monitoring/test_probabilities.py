@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 import pytest
 
+from dtwin.logs.log import Log
 from dtwin.monitoring.candidate import Candidate, Conclusion
 from dtwin.monitoring.diagnosis import LEAST, MOST, PATIENT, SURE, Diagnosis
 from dtwin.monitoring.dismissals import Dismissals
@@ -27,7 +28,6 @@ from dtwin.monitoring.sensing.stopped import StandsStill
 from dtwin.monitoring.settings import MonitorSettings
 from dtwin.monitoring.signatures import ALIKE, SOONER, Onset, SignatureBank, Suspicion, allowances, limits, threshold
 from dtwin.monitoring.tracking.moments import Moment, Moments
-from dtwin.run.recording import Log
 
 ALL = np.ones(3, dtype=bool)
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from dtwin.experiments.monitoring.twin_cell import TwinCell
+from dtwin.logs.log import Log
 from dtwin.monitoring.estimation.belief import TIMING, Belief, Unmodelled, assumed
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import W
@@ -17,7 +18,6 @@ from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.tracking.quiet import LONG_UNSETTLED, UNSETTLED, in_doubt, quiet_rows
 from dtwin.parameters import ArmParameters
 from dtwin.run.options import ControlOptions
-from dtwin.run.recording import Log
 from dtwin.twin.effects import Effects
 
 STRANGE = 3000

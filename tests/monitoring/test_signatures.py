@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.special import chdtrc
 
+from dtwin.logs.log import Log
 from dtwin.monitoring.estimation import traces
 from dtwin.monitoring.estimation.belief import Belief, Tail
 from dtwin.monitoring.estimation.estimator import Estimator
@@ -20,7 +21,6 @@ from dtwin.monitoring.signatures import (
     SignatureBank,
     threshold,
 )
-from dtwin.run.recording import Log
 from tests.support.arms import Array
 
 ALL = np.ones(3, dtype=bool)

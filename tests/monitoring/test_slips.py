@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dtwin.logs.log import Log
 from dtwin.monitoring.candidate import Candidate, Conclusion
 from dtwin.monitoring.diagnosis import Diagnosis
 from dtwin.monitoring.estimation.belief import Belief, Unmodelled
@@ -21,7 +22,6 @@ from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.monitoring.signatures import Onset, Suspicion
 from dtwin.monitoring.tracking.moments import Moment, Moments
 from dtwin.monitoring.trend import Trend
-from dtwin.run.recording import Log
 
 SLIP = parse_fault_id("slip")
 ALL = np.ones(3, dtype=bool)

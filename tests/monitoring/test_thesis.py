@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from dtwin.errors import ParameterError
+from dtwin.logs.log import Log
 from dtwin.monitoring.offline import stream
 from dtwin.monitoring.thesis import ABSOLUTE, IN_A_ROW, RELATIVE, ThesisMonitor, ThesisSettings
 from dtwin.parameters import ArmParameters
-from dtwin.run.recording import Log
 
 ARM = ArmParameters()
 

@@ -9,10 +9,10 @@ import pytest
 from dtwin.controller.settings import USUAL_GAINS, ControlSettings
 from dtwin.emulation.faults import parse_fault
 from dtwin.errors import DivergenceError, ParameterError
+from dtwin.logs.log import Log
 from dtwin.parameters import ArmParameters
 from dtwin.run.cell import Cell, RunSummary
 from dtwin.run.loop import tick_count
-from dtwin.run.recording import Log
 from dtwin.run.settings import CellSettings
 
 

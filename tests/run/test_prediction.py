@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from dtwin.emulation.faults import parse_fault
 from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import ModelError
+from dtwin.logs.log import Log
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.run.cell import Cell
 from dtwin.run.options import ControlOptions
 from dtwin.run.prediction import HORIZON, BelievedArm, OpenLoop, believed_by_controller
-from dtwin.run.recording import Log
 from dtwin.run.settings import CellSettings
 from dtwin.task import DEFAULT_TASK
 from dtwin.twin.effects import Effects

@@ -29,10 +29,10 @@ from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Upload, UploadRequest
 from dtwin.errors import CommunicationError
 from dtwin.identification.store import ModelStore, open_model
+from dtwin.logs.reading import read_log
 from dtwin.parameters import ROOT, ArmParameters, Gains, scaled
 from dtwin.run.cell import Cell
 from dtwin.run.options import ControlOptions, PlantOptions
-from dtwin.run.recording import read_log
 from dtwin.run.settings import CellSettings
 from dtwin.services import runfile
 from dtwin.services.controller import deploy_cell

@@ -11,8 +11,9 @@ import pytest
 
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.errors import ModelError
+from dtwin.logs.log import Log
+from dtwin.logs.reading import read_log
 from dtwin.parameters import PERIOD, ArmParameters
-from dtwin.run.recording import Log, read_log
 from dtwin.services.parts.part_files import begin, discard_markers
 from dtwin.services.recorder import Options, Recorder
 from dtwin.signals import Event, Sensors, Truth, Voltages

@@ -15,12 +15,12 @@ from dtwin.experiments.recovery.demonstration import parse_faults, recover
 from dtwin.experiments.recovery.expected import Expected
 from dtwin.experiments.recovery.healthy import healthy_run
 from dtwin.experiments.recovery.outcome import Story, judge, tracked
+from dtwin.logs.reading import read_log
 from dtwin.parameters import ArmParameters
 from dtwin.recovery.measures import Taken
 from dtwin.recovery.operator import Step
 from dtwin.recovery.tuning import BOUND
 from dtwin.run.cell import Cell
-from dtwin.run.recording import read_log
 from dtwin.run.settings import CellSettings
 from dtwin.services.launch import CellOptions
 from tests.support.desk import Desk

@@ -28,9 +28,9 @@ from dtwin.bus.messages import (
 from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import IdentificationState, Upload
+from dtwin.logs.reading import read_log
 from dtwin.run.cell import Cell, CellSettings
 from dtwin.run.options import ControlOptions
-from dtwin.run.recording import read_log
 from dtwin.services import runfile
 from dtwin.signals import Event, Sensors, Voltages
 from tests.support.by_hand import FAR, PATIENCE, ByHand

@@ -13,10 +13,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from dtwin.logs.reading import read_log
 from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell
 from dtwin.run.options import ControlOptions, PlantOptions
-from dtwin.run.recording import read_log
 from dtwin.signals import BoxCounts
 from tests.support.desk import Desk, boxes
 from tests.support.logs import difference

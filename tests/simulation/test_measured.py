@@ -9,9 +9,9 @@ import pytest
 
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import RecordingError
+from dtwin.logs.log import Log
 from dtwin.parameters import HANGING, PICKUP, PLACES, ArmParameters, Gains
 from dtwin.run.cell import Cell
-from dtwin.run.recording import Log
 from dtwin.run.settings import CellSettings
 from dtwin.simulation.measured import compare, find, motions, settings_of
 from dtwin.simulation.whatif import Simulator

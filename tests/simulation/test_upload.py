@@ -14,9 +14,9 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.settings import ControlSettings
 from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.errors import CommunicationError, ParameterError
+from dtwin.logs.log import Log
 from dtwin.parameters import ArmParameters, Gains, scaled
 from dtwin.run.cell import Cell
-from dtwin.run.recording import Log
 from dtwin.run.settings import CellSettings
 from dtwin.simulation.checks import Checker, Refused
 from dtwin.simulation.history import History

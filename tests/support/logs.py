@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dtwin.run.recording import read_log
+from dtwin.logs.reading import read_log
 
 
 def difference(found: Path, expected: Path) -> str:

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from dtwin.logs.log import COLUMNS, Log
 from dtwin.parameters import PLACES, Colour
-from dtwin.run.recording import COLUMNS, Log
 from dtwin.view.boxes import Grasp, Waiting, grasps, placements, waiting
 
 

@@ -10,9 +10,10 @@ from rerun.chunk import RrdReader
 from dtwin.cli import main
 from dtwin.emulation.contact.touch import Grip, Touch
 from dtwin.emulation.hidden import Drives, Hidden
+from dtwin.logs.collecting import RunLog
+from dtwin.logs.log import Log
 from dtwin.parameters import ArmParameters
 from dtwin.run.hidden import HiddenLog
-from dtwin.run.recording import Log, RunLog
 from dtwin.signals import Sensors, StepRecord, Truth, Voltages
 from dtwin.view.write import write_recording
 from tests.view.test_write import MODEL, Contents, at, contents, ranges_of

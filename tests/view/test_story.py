@@ -11,11 +11,12 @@ from rerun.chunk import RrdReader
 
 from dtwin.bus.twin_messages import UNITS, MonitoredUnit, MonitoringVerdict, UnitState
 from dtwin.emulation.faults import parse_fault
+from dtwin.logs.collecting import RunLog
+from dtwin.logs.log import Log
 from dtwin.parameters import PERIOD, PICKUP, PLACES, ArmParameters
 from dtwin.run.cell import Cell
 from dtwin.run.options import ControlOptions
 from dtwin.run.prediction import OpenLoop, believed_by_controller
-from dtwin.run.recording import Log, RunLog
 from dtwin.run.settings import CellSettings
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
 from dtwin.task import DEFAULT_TASK

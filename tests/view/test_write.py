@@ -12,8 +12,9 @@ import pytest
 from rerun.chunk import RrdReader
 
 from dtwin.errors import ModelError, NoSpaceError, RecordingError
+from dtwin.logs.collecting import RunLog
+from dtwin.logs.log import Log
 from dtwin.parameters import PICKUP, PLACES, ROOT, ArmParameters, Colour
-from dtwin.run.recording import Log, RunLog
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
 from dtwin.view.write import write_recording
 from tests.support.disks import full_disk

@@ -33,7 +33,7 @@ class FilmCommand(FilmSettings):
     """MJCF file of the arm."""
 
     def execute(self) -> int:
-        from dtwin.run.recording import read_log
+        from dtwin.logs.reading import read_log
         from dtwin.run.settings import arm_of
         from dtwin.view.shown.film import write_film  # MuJoCo takes a while to load.
 

@@ -24,9 +24,10 @@ from dtwin.commissioning.words import NINETY_FIVE, load, steps
 from dtwin.errors import CommunicationError, ParameterError, RecordingError, UnansweredError
 from dtwin.files import ensure_writable, reason_of, replacing
 from dtwin.identification.machine.record import MachineRecord, write_record
+from dtwin.logs.log import Log
+from dtwin.logs.reading import read_log
 from dtwin.monitoring.calibration import LEAST
 from dtwin.parameters import ArmParameters, load_arm
-from dtwin.run.recording import Log, read_log
 from dtwin.services.runfile import join
 from dtwin.terminal import as_text, print_json, print_table
 

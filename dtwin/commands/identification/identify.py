@@ -25,10 +25,10 @@ from dtwin.identification.excitation.plan import HELD_OUT, PLAIN, Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.identification.parsing import settings_for
 from dtwin.identification.store import STORE, ModelStore, check_name
+from dtwin.logs.reading import read_log
 from dtwin.parameters import PERIOD, ArmParameters, assignment, load_arm, unit_of
 from dtwin.pictures import save as save_figure
 from dtwin.run.options import MachineOption
-from dtwin.run.recording import read_log
 from dtwin.terminal import as_text, print_json, print_table
 
 _DESIGN_NOISE = 0.003

@@ -22,9 +22,10 @@ from dtwin.errors import ParameterError
 from dtwin.files import ensure_writable
 from dtwin.identification.machine.record import MachineRecord, read_record
 from dtwin.identification.store import STORE, ModelStore, open_model
+from dtwin.logs.log import Log
+from dtwin.logs.reading import read_log
 from dtwin.parameters import PERIOD, ArmParameters, Law, Triple
 from dtwin.run.options import CellFileOption, CompensationOptions
-from dtwin.run.recording import Log, read_log
 from dtwin.signals import Sensors
 from dtwin.simulation.candidates import vary
 from dtwin.simulation.figures import Figures, triple

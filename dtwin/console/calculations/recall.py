@@ -12,7 +12,7 @@ from dtwin.console.calculations.tasks import Recall
 from dtwin.console.ring import COLUMNS
 from dtwin.console.telling import CellState, Condition, spots
 from dtwin.errors import ParameterError, choices
-from dtwin.run.recording import read_log
+from dtwin.logs.reading import read_log
 from dtwin.task import task_of
 
 WINDOW: Final = 120.0

@@ -23,8 +23,8 @@ from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import DivergenceError, NativeError
 from dtwin.experiments.identification.strangers import truth_of
 from dtwin.iec61499.native.resource import NativeResource
+from dtwin.logs.log import COLUMNS, Log
 from dtwin.parameters import HANGING, PERIOD, VOLTAGE_LIMIT, ArmParameters, GripperParameters, Triple
-from dtwin.run.recording import COLUMNS, Log
 from dtwin.signals import NO_COLOUR, BoxCounts
 from dtwin.task import DEFAULT_TASK
 from dtwin.twin.cell_loop import DIVERGED, work

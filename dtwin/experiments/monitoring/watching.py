@@ -18,13 +18,13 @@ from dtwin.experiments.untouched import untouched
 from dtwin.identification.machine.judged import identify_machine, record_of
 from dtwin.identification.machine.record import Grade
 from dtwin.identification.machine.sensors import check_sensors
+from dtwin.logs.log import Log
 from dtwin.monitoring.calibration import watched
 from dtwin.monitoring.estimation.belief import Belief, commissioned
 from dtwin.monitoring.kinds import KINDS, NAMED, parse_fault_id
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.parameters import PERIOD, ArmParameters
-from dtwin.run.recording import Log
 from dtwin.signals import Event
 
 IDENTIFIED_FROM: Final = 120.0

@@ -18,11 +18,11 @@ from dtwin.experiments.recovery.expected import expected_of, kind_of, made_of
 from dtwin.experiments.recovery.healthy import healthy_run
 from dtwin.experiments.recovery.known import KnownArm, known_arm
 from dtwin.experiments.recovery.outcome import Recovery, Story, judge
+from dtwin.logs.reading import read_log
 from dtwin.parameters import PERIOD
 from dtwin.recovery.desk import Desk, Grave, Late, Tripped
 from dtwin.recovery.measures import Measures
 from dtwin.recovery.operator import Operator
-from dtwin.run.recording import read_log
 from dtwin.run.settings import sequence_of
 from dtwin.services.launch import CellOptions, launched
 from dtwin.signals import EventKind

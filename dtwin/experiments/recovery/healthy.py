@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.settings_port import EmbeddedPort
+from dtwin.logs.log import Log
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.run.cell import Cell
-from dtwin.run.recording import Log
 from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.signals import Event, Sensors, Voltages
 

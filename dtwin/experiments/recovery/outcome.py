@@ -12,12 +12,12 @@ import numpy as np
 from dtwin.bus.twin_messages import MonitoredUnit
 from dtwin.emulation.faults import Fault, schedule
 from dtwin.experiments.recovery.expected import Expected
+from dtwin.logs.log import Log
 from dtwin.parameters import PERIOD, ArmParameters, Triple
 from dtwin.recovery.answers import Measure, Outcome
 from dtwin.recovery.desk import NAME
 from dtwin.recovery.operator import Step
 from dtwin.recovery.tuning import BOUND
-from dtwin.run.recording import Log
 from dtwin.signals import RELEASED, EventKind
 from dtwin.simulation.figures import Array
 from dtwin.simulation.measured import motions

@@ -16,10 +16,10 @@ from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.experiments.report import Picture, Report, page, table
 from dtwin.identification.estimation.problem import START
+from dtwin.logs.log import Log
 from dtwin.parameters import PERIOD, ArmParameters, Gains, Triple
 from dtwin.pictures import COLOURS, RED, new_figure
 from dtwin.run.cell import Cell
-from dtwin.run.recording import Log
 from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.signals import BoxCounts
 from dtwin.simulation.checks import Checker

@@ -15,7 +15,7 @@ from dtwin.errors import CommunicationError, RecordingError
 from dtwin.experiments.report import Report, page, table
 from dtwin.experiments.soak.cell import TroubledCell, cell_name, wait
 from dtwin.experiments.soak.troubles import TROUBLES, Aftermath, Trouble, count_kept
-from dtwin.run.recording import read_log
+from dtwin.logs.reading import read_log
 from dtwin.signals import BoxCounts
 
 CALM: Final = 30.0

@@ -22,8 +22,8 @@ from dtwin.identification.machine.problem import MachineProblem
 from dtwin.identification.machine.record import SCHEMA, Grade, MachineRecord, Number, SensorCheck
 from dtwin.identification.machine.ripple import fit_with_ripple
 from dtwin.identification.machine.sheet import IDENTIFIED, sheet
+from dtwin.logs.log import Log
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
-from dtwin.run.recording import Log
 from dtwin.twin.effects import EFFECT_NAMES, Effects
 from dtwin.twin.machine import vector_of
 

@@ -16,7 +16,7 @@ from scipy.optimize import minimize_scalar
 from dtwin.identification.data import Array, Experiment, from_log
 from dtwin.identification.machine.judged import MOVED, SEGMENT, moving, with_states
 from dtwin.identification.machine.record import USUAL_BOX, MachineRecord
-from dtwin.run.recording import Log
+from dtwin.logs.log import Log
 from dtwin.twin.machine import vector_of
 
 FEWEST: Final = 12

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from dtwin.errors import IdentificationError
 from dtwin.identification.data import Array
 from dtwin.identification.machine.record import EncoderCheck, SensorCheck
+from dtwin.logs.log import Log
 from dtwin.parameters import PERIOD
-from dtwin.run.recording import Log
 
 FEWEST: Final = 500
 """Least number of samples that sensors are judged by."""

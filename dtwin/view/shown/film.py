@@ -13,8 +13,8 @@ from PIL import Image, ImageDraw, ImageFont
 from dtwin.emulation.picture import DrawnBox, Studio
 from dtwin.errors import DtwinError, ParameterError, RecordingError
 from dtwin.files import replacing
+from dtwin.logs.log import Log
 from dtwin.parameters import ArmParameters, Triple
-from dtwin.run.recording import Log
 from dtwin.signals import NO_COLOUR
 from dtwin.task import Task, task_of
 from dtwin.twin.kinematics import forward

@@ -9,7 +9,7 @@ from dtwin.identification.data import Experiment, Start, fingerprint, from_log
 from dtwin.identification.estimation.problem import Prior, Problem, initial_speed
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.run.recording import Log
+from dtwin.logs.log import Log
 from tests.support.identification import ARM, blocks
 
 KNOWN = Plan(payload=0.2, samples=50).experiment()

@@ -5,7 +5,7 @@ from dtwin.errors import IdentificationError
 from dtwin.identification.data import Experiment, from_log
 from dtwin.identification.estimation import quality
 from dtwin.identification.estimation.estimate import EstimationSettings, identify
-from dtwin.run.recording import RunLog
+from dtwin.logs.collecting import RunLog
 from tests.support.arms import Array
 from tests.support.identification import FREE, SETTINGS, clean, noisy
 

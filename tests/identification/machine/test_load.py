@@ -9,7 +9,7 @@ import pytest
 
 from dtwin.identification.machine.load import load_on
 from dtwin.identification.machine.record import USUAL_BOX, MachineRecord
-from dtwin.run.recording import Log
+from dtwin.logs.log import Log
 from dtwin.twin.effects import NO_EFFECTS
 from tests.support.records import recorded
 

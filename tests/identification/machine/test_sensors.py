@@ -16,9 +16,9 @@ from dtwin.identification.data import Array
 from dtwin.identification.excitation.plan import PLAIN, Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.identification.machine.sensors import FEWEST, check_sensors, step_of
+from dtwin.logs.log import COLUMNS, Log
 from dtwin.parameters import PERIOD
 from dtwin.run.cell import Cell
-from dtwin.run.recording import COLUMNS, Log
 from dtwin.run.settings import CellSettings
 
 SECONDS = 300.0

@@ -6,7 +6,10 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import RecordingError
-from dtwin.run.recording import Log, RunLog, concatenate, join_logs, read_log
+from dtwin.logs.collecting import RunLog
+from dtwin.logs.files import join_logs
+from dtwin.logs.log import Log, concatenate
+from dtwin.logs.reading import read_log
 from dtwin.services.parts import log_parts
 from dtwin.services.parts.log_parts import MERGED, WAITING_LIMIT, Parts, Span
 from dtwin.services.parts.part_files import SUFFIX

@@ -18,10 +18,10 @@ import tyro
 from PIL import Image
 
 from dtwin.identification.machine.record import read_record
+from dtwin.logs.reading import read_log
 from dtwin.monitoring.estimation.belief import believed_arm, commissioned
 from dtwin.parameters import PERIOD, ROOT
 from dtwin.run.prediction import TICKS, BelievedArm, OpenLoop, believed_by_controller
-from dtwin.run.recording import read_log
 from dtwin.signals import EventKind
 
 FAULT: Final = ("--fault", "K2*=0.1@45", "--duration", "60")

@@ -14,7 +14,10 @@ from hypothesis import strategies as st
 
 from dtwin.errors import NoSpaceError, RecordingError
 from dtwin.files import ensure_writable
-from dtwin.run.recording import COLUMNS, NEEDED, NUMBERS, TRUTH, Log, RunLog, is_log, join_logs, read_log
+from dtwin.logs.collecting import RunLog
+from dtwin.logs.files import is_log, join_logs
+from dtwin.logs.log import COLUMNS, NEEDED, NUMBERS, TRUTH, Log
+from dtwin.logs.reading import read_log
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
 from tests.support.disks import full_disk
 
