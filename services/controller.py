@@ -17,7 +17,7 @@ from dtwin.iec61499.device.embedded import EmbeddedDevice
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.server import ManagementServer
-from dtwin.iec61499.mapping import configured, resource_network
+from dtwin.iec61499.mapping import configured, device_network
 from dtwin.iec61499.net.address import Address, parse_listening_address
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.run.options import ControlOptions
@@ -79,7 +79,7 @@ def deploy_cell(address: Address, settings: ControlSettings) -> None:
     with ManagementClient(address) as client:
         for device in system.devices:
             for resource in device.resources:
-                network = resource_network(system, f"{device.name}.{resource.name}")
+                network = device_network(system, f"{device.name}.{resource.name}")
                 plan = partial(plan_deployment, resource.name, network, library, None)
                 deploy(client, suited(client, plan))
 

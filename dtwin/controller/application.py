@@ -12,11 +12,11 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from dtwin.controller.ports import EMULATOR, Port
+from dtwin.controller.ports import EMULATOR, Port, on_device
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.literals import format_string, format_typed
 from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.management.protocol import ManagementError
+from dtwin.iec61499.management.protocol import ANY, ManagedConnection, ManagementError
 from dtwin.iec61499.mapping import literal_of
 from dtwin.iec61499.net.address import LocalAddress, StreamAddress, parse_block_id
 from dtwin.iec61499.net.client import BlockingClient
@@ -67,7 +67,7 @@ class Application:
         texts = {}
         for name in names:
             with self._lock:
-                texts[name] = self._management.read(self._resource, name)
+                texts[name] = self._management.read(self._resource, on_device(name))
         return self._numbers(names, texts)
 
     def read_like(self, values: Mapping[str, float | str]) -> dict[str, float | str]:
@@ -80,7 +80,7 @@ class Application:
         found: dict[str, float | str] = dict(zip(numbers, self.read(numbers), strict=True))
         for name in values.keys() - set(numbers):
             with self._lock:
-                found[name] = self._management.read(self._resource, name).strip("'")
+                found[name] = self._management.read(self._resource, on_device(name)).strip("'")
         return found
 
     def write(self, name: str, value: float | str) -> None:
@@ -90,13 +90,13 @@ class Application:
             CommunicationError: the device does not answer, or refuses.
         """
         with self._lock:
-            self._management.write(self._resource, name, literal_of(value))
+            self._management.write(self._resource, on_device(name), literal_of(value))
 
     def watch(self, names: Sequence[str]) -> None:
         """Adds ports to those that `watched` reads in one request."""
         with self._lock:
             for name in names:
-                self._management.watch(self._resource, name)
+                self._management.watch(self._resource, on_device(name))
 
     def watched(self, names: Sequence[str]) -> list[float]:
         """Values of watched ports in one request.
@@ -105,8 +105,8 @@ class Application:
             CommunicationError: the device does not answer, or a value is no number.
         """
         with self._lock:
-            texts = self._management.watched(self._resource)
-        return self._numbers(names, texts)
+            watched = self._management.watched(self._resource)
+        return self._numbers(names, {name: watched.get(on_device(name), "") for name in names})
 
     def _numbers(self, names: Sequence[str], texts: Mapping[str, str]) -> list[float]:
         try:
@@ -122,8 +122,8 @@ class Application:
         """
         number, listens = port.number, "TRUE"
         with self._lock, contextlib.suppress(ManagementError):
-            number = parse_block_id(self._management.read(self._resource, f"{port.block}.ID")).port
-            listens = self._management.read(self._resource, f"{port.block}.QO")
+            number = parse_block_id(self._management.read(self._resource, on_device(f"{port.block}.ID"))).port
+            listens = self._management.read(self._resource, on_device(f"{port.block}.QO"))
         if listens != "TRUE":
             raise self._closed(port, number)
         return BlockingClient(self._address._replace(port=number), port.receives, port.sends, TIMEOUT)
@@ -141,7 +141,7 @@ class Application:
         """
         if isinstance(self._address, LocalAddress):
             return
-        name = port.block
+        name = on_device(port.block)
         with self._lock:
             identity = self._management.read(self._resource, f"{name}.ID")
             try:
@@ -161,7 +161,7 @@ class Application:
             self._management.write(self._resource, f"{name}.QO", "FALSE")
             self._management.trigger(self._resource, f"{name}.INIT")
         deadline = time.monotonic() + TIMEOUT
-        while not self.read([f"{name}.QO"])[0]:
+        while not self.read([f"{port.block}.QO"])[0]:
             if time.monotonic() > deadline:
                 raise self._closed(port, parse_block_id(identity).port)
 
@@ -172,12 +172,12 @@ class Application:
         )
 
     def _find_resource(self) -> str:
+        """The resource that has the application, by its answer: a FORTE 2 does not list blocks of applications."""
+        block = on_device(EMULATOR.block)
         for resource in self._management.blocks(""):
-            if any(block.name == EMULATOR.block for block in self._management.blocks(resource.name)):
+            if self._management.request(resource.name, "READ", ManagedConnection(f"{block}.QO", ANY)).reason is None:
                 return resource.name
-        raise CommunicationError(
-            f"{self._address}: no resource has a block {EMULATOR.block}: deploy the application first"
-        )
+        raise CommunicationError(f"{self._address}: no resource has a block {block}: deploy the application first")
 
 
 def _number(text: str) -> float:

@@ -23,6 +23,8 @@ SYSTEM: Final = "dtwin.sys"
 """File of the system with the control application, in the folder BLOCKS."""
 MOTION_SYSTEM: Final = "motion.sys"
 """File of the system with path planner and controller alone, in the folder BLOCKS."""
+APPLICATION: Final = "CELL"
+"""Name of the application in the system; on a device the names of its blocks begin with it."""
 _JOINTS: Final = (1, 2, 3)
 
 TUNING: Final = (*(f"CONTROLLER.{kind}{joint}" for kind in ("KP", "KI", "KD") for joint in _JOINTS), "PLANNER.T")
@@ -94,6 +96,11 @@ VERDICT: Final = Port(f"{TWIN}.MONITORING.VERDICT", 61506, Signature([DINT, LREA
 
 It answers with the number of the stop in force.
 """
+
+
+def on_device(name: str) -> str:
+    """What a block or port of the application is called on a device, as 4diac IDE calls it."""
+    return f"{APPLICATION}.{name}"
 
 
 def sensor_values(sensors: Sensors) -> tuple[Any, ...]:

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.controller.ports import BLOCKS, EMULATOR, SYSTEM, sensor_values
+from dtwin.controller.ports import BLOCKS, EMULATOR, SYSTEM, on_device, sensor_values
 from dtwin.errors import DtwinError
 from dtwin.experiments.served import ServedDevice
 from dtwin.iec61499.library import Library
@@ -44,7 +44,7 @@ def neutral_change(resource: str, count: int = CHANGES) -> list[Step]:
         name = f"EXTRA{number}"
         made += [
             (resource, "CREATE", ManagedBlock(name, "E_CTU")),
-            (resource, "CREATE", ManagedConnection("SEQUENCE.CNF", f"{name}.CU")),
+            (resource, "CREATE", ManagedConnection(on_device("SEQUENCE.CNF"), f"{name}.CU")),
             (resource, "WRITE", ManagedConnection(VALUE, f"{name}.PV")),
             (resource, "READ", ManagedConnection(f"{name}.PV", "*")),
             (resource, "START", ManagedBlock(name, "E_CTU")),
@@ -64,7 +64,7 @@ def online_change() -> float:
             ServedDevice(subprocess.DEVNULL, str(BLOCKS / SYSTEM), "--listen", f"unix:{folder}/61499") as device,
             ManagementClient(device.address) as client,
         ):
-            while client.read(resource, f"{EMULATOR.block}.STATUS") != "OK":
+            while client.read(resource, on_device(f"{EMULATOR.block}.STATUS")) != "OK":
                 pass
             address = LocalAddress(folder, EMULATOR.number)
             with BlockingClient(address, EMULATOR.receives, EMULATOR.sends, timeout=10.0) as cell:

@@ -17,7 +17,8 @@ from dtwin.iec61499.files.block_types import ForeignLanguageError, read_adapter,
 from dtwin.iec61499.files.data_types import package_of, read_constants, read_data_type
 from dtwin.iec61499.files.project import linked_folders
 from dtwin.iec61499.files.systems import read_system
-from dtwin.iec61499.mapping import unplaced_connections
+from dtwin.iec61499.mapping import left_out
+from dtwin.iec61499.opening import opened
 from dtwin.iec61499.standard.catalogue import find_adapter, find_standard, find_structure, standard_names
 from dtwin.iec61499.standard.utilities import STRUCTURE, structure_block
 from dtwin.iec61499.types import ELEMENTARY, DataType, StructType, elementary
@@ -253,7 +254,7 @@ class Library:
     def load_system(self, path: Path, acknowledged: bool = False) -> model.System:
         """Reads a system configuration (.sys); connections between resources get communication blocks.
 
-        What was done to its connections, its attributes `inserted` and `left_out` say.
+        What was done to it, its attributes `inserted` and `left_out` say.
 
         Args:
             path: the file.
@@ -262,10 +263,12 @@ class Library:
         Raises:
             FunctionBlockError: the file is unreadable or wrong; names file and line.
         """
-        system = read_system(path, self)
-        return replace(
-            distributed(system, self.find, self.add if acknowledged else None), left_out=unplaced_connections(system)
-        )
+        return self.complete(read_system(path, self), acknowledged)
+
+    def complete(self, system: model.System, acknowledged: bool = False) -> model.System:
+        """A system as its file says, made to run as `load_system` does."""
+        system = opened(system)
+        return replace(distributed(system, self.find, self.add if acknowledged else None), left_out=left_out(system))
 
 
 def _same_ports(first: model.FBType, second: model.FBType) -> bool:

@@ -350,7 +350,7 @@ class System:
 
     Attributes:
         inserted: which communication blocks its file does not have.
-        left_out: which connections of its file no resource has.
+        left_out: which blocks and connections of its file no resource has.
     """
 
     header: TypeHeader

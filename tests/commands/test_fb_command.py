@@ -61,11 +61,13 @@ def test_a_device_ends_cleanly_on_a_signal(number: signal.Signals) -> None:
 def test_watch_and_stop(system: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with device(system, "--blocks", ROOT / "fb") as (_, addresses):
         management = str(addresses["management"])
-        names = ["EMULATOR.STATUS", "EMB_RES.PLANNER.T"]
+        names = ["CELL.EMULATOR.STATUS", "EMB_RES.CELL.PLANNER.T"]
         assert main(["fb", "watch", management, *names, "--count", "2", "--interval", "0.001"]) == 0
-        assert capsys.readouterr().out == "EMULATOR.STATUS\tEMB_RES.PLANNER.T\nOK\t2.0\nOK\t2.0\n"
-        assert main(["fb", "watch", management, "PLANNER.NOTHING"]) == 2
-        assert "refused READ PLANNER.NOTHING: NO_SUCH_OBJECT" in capsys.readouterr().err
+        assert capsys.readouterr().out == "CELL.EMULATOR.STATUS\tEMB_RES.CELL.PLANNER.T\nOK\t2.0\nOK\t2.0\n"
+        assert main(["fb", "watch", management, "CELL.PLANNER.NOTHING"]) == 2
+        assert "refused READ CELL.PLANNER.NOTHING: NO_SUCH_OBJECT" in capsys.readouterr().err
+        assert main(["fb", "watch", management, "PLANNER.T"]) == 2
+        assert "NO_SUCH_OBJECT: expected CELL.PLANNER.T\n" in capsys.readouterr().err
         assert main(["fb", "stop", management]) == 0
         assert capsys.readouterr().out == "EMB_RES stopped\n"
         assert main(["fb", "stop", management]) == 0
@@ -98,7 +100,7 @@ def test_a_run_controlled_over_tcp_is_bit_identical(system: Path, tmp_path: Path
     embedded.run()
     with (
         device(system, "--blocks", ROOT / "fb") as (_, addresses),
-        RemoteController(addresses["EMULATOR"], EmbeddedController(settings.control)) as controller,
+        RemoteController(addresses["CELL.EMULATOR"], EmbeddedController(settings.control)) as controller,
     ):
         remote = Cell(settings, controller)
         remote.run()

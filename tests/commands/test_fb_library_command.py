@@ -149,7 +149,7 @@ def test_a_boot_file_runs_the_cell(tmp_path: Path) -> None:
     settings = CellSettings(duration=5.0, seed=3)
     with (
         device(boot, "--blocks", blocks) as (_, addresses),
-        RemoteController(addresses["EMULATOR"], EmbeddedController(settings.control)) as controller,
+        RemoteController(addresses["CELL.EMULATOR"], EmbeddedController(settings.control)) as controller,
     ):
         Cell(settings, controller).run()
         assert controller.largest_difference == 0.0
@@ -186,5 +186,5 @@ def test_deploying_twice_from_the_command_line(tmp_path: Path, capsys: pytest.Ca
         for _ in range(2):
             assert main(["fb", "deploy", *arguments]) == 0
             assert re.fullmatch(r"EMB_RES runs: \d+ block types, \d+ requests\n", capsys.readouterr().out)
-        assert main(["fb", "watch", arguments[0], "EMULATOR.STATUS", "--count", "1"]) == 0
+        assert main(["fb", "watch", arguments[0], "CELL.EMULATOR.STATUS", "--count", "1"]) == 0
         assert capsys.readouterr().out.endswith("\nOK\n")

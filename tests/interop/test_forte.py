@@ -120,13 +120,13 @@ def test_a_second_deployment_takes_the_place_of_the_first(served: DeployedApplic
     served.deploy()
     with controller(served) as remote:
         Cell(settings, remote).run()
-        served.client.write("EMB_RES", "PLANNER.T", "9.0")
+        served.client.write("EMB_RES", "CELL.PLANNER.T", "9.0")
         # the client of the first one is still there
         served.deploy()
     with controller(served) as remote:
         Cell(settings, remote).run()
         assert remote.largest_difference <= SAME
-    assert float(served.client.read("EMB_RES", "PLANNER.T")) == 2.0
+    assert float(served.client.read("EMB_RES", "CELL.PLANNER.T")) == 2.0
 
 
 @needs_forte
@@ -176,9 +176,9 @@ def test_identification_gains_and_model_from_the_twin(served: DeployedApplicatio
     advance(300)
     tell(61501, "IDENTIFICATION.REQUEST", True)
     advance(1)
-    assert served.client.read("EMB_RES", "SELECTOR.OVERRIDE") == "TRUE"
+    assert served.client.read("EMB_RES", "CELL.SELECTOR.OVERRIDE") == "TRUE"
     advance(400)
-    assert served.client.read("EMB_RES", "SELECTOR.OVERRIDE") == "FALSE"
+    assert served.client.read("EMB_RES", "CELL.SELECTOR.OVERRIDE") == "FALSE"
     tell(61504, "SIMULATION.GAIN_PORT", *generator.uniform(10.0, 300.0, 6), *generator.uniform(1.0, 3.0, 3), 1.5)
     advance(700)
     tell(61505, "SIMULATION.MODEL_PORT", *(ArmParameters().vector() * generator.uniform(0.9, 1.1, 21)))
@@ -235,7 +235,7 @@ def test_stop_hold_torque_off_and_release(served: DeployedApplication) -> None:
     advance(95)
     assert tell(2, 1.0, False) == "braking"
     advance(1)
-    assert served.client.read("EMB_RES", "SELECTOR.OVERRIDE") == "FALSE"
+    assert served.client.read("EMB_RES", "CELL.SELECTOR.OVERRIDE") == "FALSE"
     advance(800)
     assert tell(0, 1.0, False) == "torque off"
     assert not cell.log.freeze().stack("volts")[-400:, :3].any()
@@ -332,7 +332,9 @@ def test_watch_and_stop_from_the_command_line(
         return capsys.readouterr().out.splitlines()
 
     management = str(served.client.address)
-    names, *rows = output("watch", management, "PLANNER.T", "CONTROLLER.KP2", "--count", "2", "--interval", "0.001")
-    assert names == "PLANNER.T\tCONTROLLER.KP2"
+    names, *rows = output(
+        "watch", management, "CELL.PLANNER.T", "CELL.CONTROLLER.KP2", "--count", "2", "--interval", "0.001"
+    )
+    assert names == "CELL.PLANNER.T\tCELL.CONTROLLER.KP2"
     assert [list(map(float, row.split("\t"))) for row in rows] == [[2.0, 500.0]] * 2
     assert output("stop", management) == ["EMB_RES stopped"]

@@ -82,7 +82,7 @@ def test_a_cell_tells_its_user_where_its_controller_is(desk: Desk) -> None:
     assert address == f"unix:{desk.folder}/dtwin/cell.ports/61499"
     assert f"device management is at {address}\n" in said
     assert f"controller: {address}\n" in desk.run("status")
-    assert desk.run("fb", "watch", address, "PLANNER.T", "--count", "1") == "PLANNER.T\n2.0\n"
+    assert desk.run("fb", "watch", address, "CELL.PLANNER.T", "--count", "1") == "CELL.PLANNER.T\n2.0\n"
     os.kill(desk.find("dtwin.services.controller"), signal.SIGKILL)
     until(lambda: desk.summary()["services"]["controller"]["restarts"] == 1, "the controller is started again")
     ticks = desk.tick()

@@ -18,7 +18,7 @@ from dtwin.iec61499.deploy.build import deploy, suited
 from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.mapping import configured, resource_network
+from dtwin.iec61499.mapping import configured, device_network
 from dtwin.iec61499.net.address import LOOPBACK, Address
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.net.wire import Message, MessageReader, Signature
@@ -41,7 +41,7 @@ class DeployedApplication:
     def plan(self, blocks: Path = BLOCKS, settings: ControlSettings | None = None) -> Deployment:
         library = Library([blocks])
         system = configured(library.load_system(BLOCKS / "dtwin.sys"), (settings or ControlSettings()).inputs())
-        return suited(self.client, partial(plan_deployment, "EMB_RES", resource_network(system), library, self.ports))
+        return suited(self.client, partial(plan_deployment, "EMB_RES", device_network(system), library, self.ports))
 
     def deploy(self, blocks: Path = BLOCKS, settings: ControlSettings | None = None) -> None:
         deploy(self.client, self.plan(blocks, settings))

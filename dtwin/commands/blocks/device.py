@@ -26,6 +26,7 @@ from dtwin.iec61499.device.embedded import EmbeddedDevice
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import load_boot_file
 from dtwin.iec61499.management.client import ManagementClient
+from dtwin.iec61499.management.protocol import ManagementError
 from dtwin.iec61499.management.server import ManagementServer
 from dtwin.iec61499.mapping import management_address
 from dtwin.iec61499.net.address import parse_listening_address, parse_stream_address
@@ -201,7 +202,8 @@ class FbWatch:
     address: tyro.conf.Positional[str]
     """HOST:PORT or unix:FOLDER/PORT of the device management."""
     names: tyro.conf.Positional[tuple[str, ...]]
-    """Ports to read: BLOCK.PORT, or RESOURCE.BLOCK.PORT if the device has several resources."""
+    """Ports to read: APPLICATION.BLOCK.PORT, as 4diac IDE calls them, or BLOCK.PORT of a block of the resource alone;
+    with the name of the resource in front if the device has several."""
     interval: float = 0.5
     """Time between two readings, s."""
     count: int = 0
@@ -211,9 +213,11 @@ class FbWatch:
         if not 0.001 <= self.interval < float("inf"):
             raise ParameterError(f"--interval: expected at least 0.001 s, got {self.interval}")
         if not self.names:
-            raise ParameterError("expected the name of at least one port, e.g. PLANNER.THETA_D1")
+            raise ParameterError("expected the name of at least one port, e.g. CELL.PLANNER.THETA_D1")
         with ManagementClient(parse_stream_address(self.address)) as client:
             ports = [_locate(client, name) for name in self.names]
+            for resource, port in ports:
+                _expect_port(client, resource, port)
             print("\t".join(map(printable, self.names)), flush=True)
             for number in itertools.count(1):
                 print("\t".join(printable(client.read(resource, port)) for resource, port in ports), flush=True)
@@ -236,6 +240,17 @@ class FbStop:
                 refused = client.request(resource.name, "STOP").reason
                 print(printable(f"{resource.name} {f'does not stop: {refused}' if refused else 'stopped'}"))
         return 0
+
+
+def _expect_port(client: ManagementClient, resource: str, port: str) -> None:
+    """Raises ManagementError for a port that is not there; names those that may be meant."""
+    try:
+        client.read(resource, port)
+    except ManagementError as error:
+        block = port.rpartition(".")[0]
+        meant = [known.name for known in client.blocks(resource) if known.name.endswith(f".{block}")]
+        ports = [f"{name}.{port.rpartition('.')[2]}" for name in meant]
+        raise ManagementError(error.reason, f"{error}{f': expected {choices(ports)}' if ports else ''}") from None
 
 
 def _locate(client: ManagementClient, name: str) -> tuple[str, str]:

@@ -23,7 +23,7 @@ from dtwin.iec61499.inspection import SUFFIXES, inspect
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import Command, print_boot_file
 from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.mapping import management_address, resource_network
+from dtwin.iec61499.mapping import device_network, management_address
 from dtwin.iec61499.native.export import c_files
 from dtwin.iec61499.net.address import parse_stream_address
 from dtwin.iec61499.runtime.linking.generic_ports import unconnected
@@ -61,7 +61,6 @@ class FbCheck:
         libraries: dict[Path, Library] = {}
         problems: dict[str, None] = {}
         warnings: dict[str, None] = {}
-        remarks: dict[str, None] = {}
         files = [file for path in self.files for file in _files(path)]
         for file in files:
             folder = self.blocks or file.parent
@@ -69,14 +68,15 @@ class FbCheck:
                 if folder not in libraries:
                     libraries[folder] = Library([folder])
                 found = inspect(file, libraries[folder])
-                remarks |= dict.fromkeys(found.remarks)
                 problems |= dict.fromkeys(map(str, found.problems))
-                warnings |= dict.fromkeys(map(str, found.departures))
+                warnings |= dict.fromkeys(found.warnings)
+                if self.target == "forte":
+                    warnings |= dict.fromkeys(map(str, found.departures))
             except FunctionBlockError as error:
                 problems[str(error)] = None
-        for line in [*remarks, *problems, *(warnings if self.target == "forte" else ())]:
+        for line in [*problems, *warnings]:
             print(printable(line))
-        counted = f", warnings: {len(warnings)}" if self.target == "forte" else ""
+        counted = f", warnings: {len(warnings)}" if warnings or self.target == "forte" else ""
         print(f"files: {len(files)}, problems: {len(problems)}{counted}")
         return 1 if problems else 0
 
@@ -263,7 +263,7 @@ def _planners(library: Library, system: model.System) -> dict[str, list[Planner]
     """For every device of a system what plans its resources."""
 
     def planner(device: model.DeviceDeclaration, resource: model.ResourceDeclaration) -> Planner:
-        network = resource_network(system, f"{device.name}.{resource.name}")
+        network = device_network(system, f"{device.name}.{resource.name}")
         return lambda export: plan_deployment(resource.name, network, library, None, export)
 
     return {device.name: [planner(device, resource) for resource in device.resources] for device in system.devices}

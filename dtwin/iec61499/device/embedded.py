@@ -21,7 +21,7 @@ from dtwin.iec61499.management.protocol import (
     Response,
     Watch,
 )
-from dtwin.iec61499.mapping import resource_network
+from dtwin.iec61499.mapping import device_network
 from dtwin.iec61499.net.address import StreamAddress
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.iec61499.runtime.communication import LocalTransport
@@ -69,7 +69,7 @@ class EmbeddedDevice:
         made = []
         for device in [device for device in system.devices if name in ("", device.name)]:
             for declared in device.resources:
-                network = resource_network(system, f"{device.name}.{declared.name}")
+                network = device_network(system, f"{device.name}.{declared.name}")
                 if declared.name in self._resources:
                     raise FunctionBlockError(
                         f"two resources {declared.name}: expected one device of the system, or all as processes",

@@ -56,10 +56,10 @@ def read_name(element: XmlElement) -> str:
     return name
 
 
-def check_unique(items: Sequence[_N], what: str, file: str) -> None:
-    """Raises FunctionBlockError at the second of two items of one name."""
+def check_unique(items: Sequence[_N], what: str, file: str, *, same_case: bool = False) -> None:
+    """Raises FunctionBlockError at the second of two items of one name, whatever its case unless `same_case`."""
     first: dict[str, _N] = {}
     for item in items:
-        other = first.setdefault(item.name.upper(), item)
+        other = first.setdefault(item.name if same_case else item.name.upper(), item)
         if other is not item:
             raise FunctionBlockError(f"{what} {item.name} is already declared in line {other.line}", file, item.line)

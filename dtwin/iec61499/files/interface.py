@@ -51,8 +51,11 @@ def read_interface(owner: XmlElement, names: Names) -> model.Interface:
         for group in _ADAPTER_GROUPS
         for element in (groups[group].children("AdapterDeclaration") if group in groups else ())
     )
-    ports: list[Named] = [*events[0], *events[1], *inputs, *outputs, *in_outs, *adapters]
-    check_unique(ports, "port", owner.file)
+    data: list[Named] = [*inputs, *outputs, *in_outs, *adapters]
+    check_unique([*events[0], *events[1]], "port", owner.file)
+    check_unique(data, "port", owner.file)
+    # an event and a variable may differ in case alone, as nothing in Structured Text names an event
+    check_unique([*events[0], *events[1], *data], "port", owner.file, same_case=True)
     both = tuple(variable.name for variable in in_outs)
     return with_adapters(model.Interface(*events, (*inputs, *in_outs), (*outputs, *in_outs), (), both), adapters)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import socket
 from collections.abc import Callable, Sequence
@@ -13,8 +12,6 @@ from dtwin.iec61499.net.encoding import Value
 from dtwin.iec61499.net.reactor import WRITE, Reactor, Timer
 from dtwin.iec61499.net.stream import StreamConnection
 from dtwin.iec61499.net.wire import Message, MessageReader, Signature
-
-log = logging.getLogger(__name__)
 
 
 class TcpClient:
@@ -94,8 +91,7 @@ class TcpClient:
 
     def _fail(self, reason: str) -> None:
         self._sock.close()
-        log.warning("%s: cannot connect: %s", self._address, reason)
-        self._opened(reason)
+        self._opened(f"{self._address}: cannot connect: {reason}")
 
     def _received(self, connection: StreamConnection, data: bytes) -> None:
         try:

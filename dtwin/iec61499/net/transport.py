@@ -10,11 +10,11 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.net.address import LOOPBACK, Address, StreamAddress, parse_block_id
-from dtwin.iec61499.net.reactor import Reactor
+from dtwin.iec61499.net.reactor import Reactor, Timer
 from dtwin.iec61499.net.stream import StreamServer
 from dtwin.iec61499.net.tcp import TcpClient
 from dtwin.iec61499.net.udp import UdpPublisher, UdpSubscriber
@@ -22,6 +22,9 @@ from dtwin.iec61499.net.wire import Message, Signature
 from dtwin.iec61499.runtime.communication import Channel, CommunicationPort, LocalTransport, Values
 
 log = logging.getLogger(__name__)
+
+RETRY: Final = 1.0
+"""Time after which a client asks again for a server that does not listen, s."""
 
 Perform = Callable[[Callable[[], None]], None]
 
@@ -124,7 +127,7 @@ class _ReadyChannel:
 
 
 class _ClientChannel:
-    """A client's channel: usable once connected."""
+    """A client's channel: usable once connected. While its server does not listen it asks again every `RETRY`."""
 
     is_ready = False
 
@@ -139,18 +142,41 @@ class _ClientChannel:
     ) -> None:
         self._port = port
         self._perform = perform
-        self._client = TcpClient(
-            reactor, address, receives, sends, opened=self._opened, confirm=self._confirm, lost=self._lost
+        self._reactor = reactor
+        self._refused = False
+        self._timer: Timer | None = None
+        self._make = partial(
+            TcpClient,
+            reactor,
+            address,
+            receives,
+            sends,
+            opened=self._opened,
+            confirm=self._confirm,
+            lost=self._lost,
         )
+        self._client = self._make()
 
     def send(self, values: tuple[Any, ...]) -> None:
         self._client.send(values)
 
     def close(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
         self._client.close()
 
     def _opened(self, problem: str) -> None:
-        self._perform(self._port.refuse_open if problem else self._port.confirm_open)
+        if not problem:
+            self._perform(self._port.confirm_open)
+            return
+        if not self._refused:
+            self._refused = True
+            log.warning("%s: %s: tried again every %g s", self._port.name, problem, RETRY)
+            self._perform(self._port.refuse_open)
+        self._timer = self._reactor.call_at(self._reactor.now() + RETRY, self._again)
+
+    def _again(self) -> None:
+        self._client = self._make()
 
     def _confirm(self, message: Message) -> None:
         self._perform(partial(self._port.deliver, message))

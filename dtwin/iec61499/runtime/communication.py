@@ -47,7 +47,8 @@ class Transport(Protocol):
 
         The transport calls `port.confirm_open()` once the channel is usable, after this call has returned it, then
         `port.deliver` with what arrives, and `port.terminate()` when the channel has ended by itself. A channel that
-        is usable at once says so by `is_ready`.
+        is usable at once says so by `is_ready`. For one that is not usable yet it calls
+        `port.refuse_open()` once, and goes on trying.
 
         Raises:
             CommunicationError: the ID is invalid.
@@ -124,9 +125,9 @@ class CommunicationPort:
             self._report("OK", "to__INITO")
 
     def refuse_open(self) -> None:
-        """The channel will not become usable: INITO with QO = FALSE, as for an invalid ID."""
-        self.close()
-        self._report("INVALID_ID", "to__INITO")
+        """The channel is not usable yet: INITO with QO = FALSE, as for an invalid ID; nothing if it is closed."""
+        if self._channel is not None:
+            self._report("INVALID_ID", "to__INITO")
 
     def terminate(self) -> None:
         """The channel has ended by itself: the block says so, except a server, which goes on listening."""
@@ -142,9 +143,10 @@ class CommunicationPort:
             self._close_channel()
             instance.send__ = None
             self._report("TERMINATED", "to__INITO")
-        elif self._channel is not None:
+        elif instance.send__ is not None:
             self._report("OK", "to__INITO")
         else:
+            self._close_channel()
             self._open()
 
     def _open(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import Final
 
 from dtwin.iec61499 import model
@@ -11,11 +12,14 @@ from dtwin.iec61499.standard.notation import interface
 MAXIMUM_VALUES: Final = 100
 """Most data inputs or outputs of a communication block."""
 
+EVENT_TYPES: Final = {"INIT": "EInit"}
+"""Types of event inputs that are not `Event`, as in 4diac; E_TRIG triggers all inputs of a type."""
 COMMUNICATION: Final = re.compile(r"(SERVER|CLIENT)_(\d{1,3})(?:_(\d{1,3}))?|(PUBLISH|SUBSCRIBE|PUBL|SUBL)_(\d{1,3})")
 
 
 def _service(name: str, comment: str, ports: model.Interface) -> model.ServiceInterfaceFBType:
-    return model.ServiceInterfaceFBType(model.TypeHeader(name, comment=comment), ports)
+    events = tuple(replace(e, type=EVENT_TYPES.get(e.name, e.type)) for e in ports.event_inputs)
+    return model.ServiceInterfaceFBType(model.TypeHeader(name, comment=comment), replace(ports, event_inputs=events))
 
 
 def _channels() -> dict[str, model.ServiceInterfaceFBType]:

@@ -15,7 +15,7 @@ from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import Command
 from dtwin.iec61499.management.protocol import ManagedBlock, ManagedConnection, ManagementError, Request
-from dtwin.iec61499.mapping import resource_network
+from dtwin.iec61499.mapping import device_network
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.parameters import ROOT
 from tests.support.iec61499.served_device import PATIENCE, ServedDevice, samples
@@ -31,7 +31,7 @@ def library(tmp_path: Path) -> Library:
 def plan(library: Library, text: str, tmp_path: Path) -> Deployment:
     file = tmp_path / "cell.sys"
     file.write_text(text)
-    return plan_deployment("CELL", resource_network(library.load_system(file)), library, PORTS)
+    return plan_deployment("CELL", device_network(library.load_system(file)), library, PORTS)
 
 
 def test_the_smallest_change_is_made_while_the_cell_runs(served: ServedDevice, tmp_path: Path) -> None:
@@ -52,43 +52,43 @@ def test_the_smallest_change_is_made_while_the_cell_runs(served: ServedDevice, t
             difference(client, before)
         deploy(client, before)
         assert not difference(client, before)
-        where = served.device.addresses()["EMULATOR"]
+        where = served.device.addresses()["CELL.EMULATOR"]
         with BlockingClient(where, EMULATOR.receives, EMULATOR.sends, PATIENCE) as peer:
             for sample in samples(50):
                 peer.exchange(sample)
             found = difference(client, after)
-            assert sorted(found.lines()) == ["+ EXTRA: E_CTU", "~ CONTROLLER.KP1 is 200.0, shall be 201.0"]
+            assert sorted(found.lines()) == ["+ CELL.EXTRA: E_CTU", "~ CELL.CONTROLLER.KP1 is 200.0, shall be 201.0"]
             assert change(client, after) == found
             assert not difference(client, after)
             for sample in samples(50):
                 peer.exchange(sample)
-        assert client.read("CELL", "EXTRA.PV") == "7"
-        client.connect("CELL", "SEQUENCE.CNF", "EXTRA.CU")
+        assert client.read("CELL", "CELL.EXTRA.PV") == "7"
+        client.connect("CELL", "CELL.SEQUENCE.CNF", "CELL.EXTRA.CU")
         assert change(client, before).lines() == [
-            "- EXTRA: E_CTU",
-            "~ CONTROLLER.KP1 is 201.0, shall be 200.0",
+            "- CELL.EXTRA: E_CTU",
+            "~ CELL.CONTROLLER.KP1 is 201.0, shall be 200.0",
         ]
         links = client.demand("CELL", "QUERY", ManagedConnection("*", "*")).connections or ()
-        assert all("EXTRA" not in link.destination for link in links)
+        assert all("CELL.EXTRA" not in link.destination for link in links)
 
 
-@pytest.mark.parametrize("lost", ["", "; SELECTOR begins anew"])
+@pytest.mark.parametrize("lost", ["", "; CELL.SELECTOR begins anew"])
 def test_a_refused_change_is_undone(served: ServedDevice, tmp_path: Path, lost: str) -> None:
     text = (ROOT / "fb" / "dtwin.sys").read_text()
     before = plan(served.library, text, tmp_path)
-    block = Command("CELL", Request("1", "CREATE", ManagedBlock("EXTRA", "E_CTU")))
-    value = Command("CELL", Request("1", "WRITE", ManagedConnection("7", "EXTRA.PV")))
-    first = Command("CELL", Request("1", "CREATE", ManagedConnection("SEQUENCE.CNF", "EXTRA.CU")))
-    wrong = Command("CELL", Request("1", "CREATE", ManagedConnection("SEQUENCE.CNF", "EXTRA.NONE")))
+    block = Command("CELL", Request("1", "CREATE", ManagedBlock("CELL.EXTRA", "E_CTU")))
+    value = Command("CELL", Request("1", "WRITE", ManagedConnection("7", "CELL.EXTRA.PV")))
+    first = Command("CELL", Request("1", "CREATE", ManagedConnection("CELL.SEQUENCE.CNF", "CELL.EXTRA.CU")))
+    wrong = Command("CELL", Request("1", "CREATE", ManagedConnection("CELL.SEQUENCE.CNF", "CELL.EXTRA.NONE")))
     commands = []
     for command in before.commands:
         subject = command.request.subject
-        if isinstance(subject, ManagedBlock) and lost and subject.name == "SELECTOR":
-            command = Command("CELL", Request("1", "CREATE", ManagedBlock("SELECTOR", "E_SELECT")))
-        if subject == ManagedConnection("200.0", "CONTROLLER.KP1") and not lost:
-            command = Command("CELL", Request("1", "WRITE", ManagedConnection("201.0", "CONTROLLER.KP1")))
+        if isinstance(subject, ManagedBlock) and lost and subject.name == "CELL.SELECTOR":
+            command = Command("CELL", Request("1", "CREATE", ManagedBlock("CELL.SELECTOR", "E_SELECT")))
+        if subject == ManagedConnection("200.0", "CELL.CONTROLLER.KP1") and not lost:
+            command = Command("CELL", Request("1", "WRITE", ManagedConnection("201.0", "CELL.CONTROLLER.KP1")))
         ends = (subject.source, subject.destination) if isinstance(subject, ManagedConnection) else ()
-        if not (lost and any("SELECTOR." in end for end in ends)):
+        if not (lost and any("CELL.SELECTOR." in end for end in ends)):
             commands.append(command)
     after = replace(before, commands=(*commands, block, value, first, wrong))
     with served.client() as client:
@@ -96,8 +96,8 @@ def test_a_refused_change_is_undone(served: ServedDevice, tmp_path: Path, lost: 
         with pytest.raises(ManagementError, match=f"the change before it was undone{lost}$"):
             change(client, after)
         assert difference(client, before).lines() == []
-        assert all(found.name != "EXTRA" for found in client.blocks("CELL"))
-        where = served.device.addresses()["EMULATOR"]
+        assert all(found.name != "CELL.EXTRA" for found in client.blocks("CELL"))
+        where = served.device.addresses()["CELL.EMULATOR"]
         with BlockingClient(where, EMULATOR.receives, EMULATOR.sends, PATIENCE) as peer:
             for sample in samples(3):
                 peer.exchange(sample)

@@ -150,6 +150,8 @@ def test_served_answers_are_those_of_the_resource_in_process(cell: ServedDevice)
     resource = Resource(resource_network(system), cell.library)
     server = resource.server("EMULATOR")
     resource.start()
-    with BlockingClient(cell.device.addresses()["EMULATOR"], EMULATOR.receives, EMULATOR.sends, PATIENCE) as peer:
+    with BlockingClient(
+        cell.device.addresses()["CELL.EMULATOR"], EMULATOR.receives, EMULATOR.sends, PATIENCE
+    ) as peer:
         for sample in samples(2000):
             assert peer.exchange(sample) == server.exchange(sample)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.controller.ports import BLOCKS, EMULATOR, SYSTEM
+from dtwin.controller.ports import BLOCKS, EMULATOR, SYSTEM, on_device
 from dtwin.controller.remote import RemoteController, Shadow
 from dtwin.experiments.blocks_benchmark import neutral_change
 from dtwin.iec61499 import model
@@ -196,7 +196,7 @@ def test_a_neutral_change_of_the_cell_changes_no_byte_of_its_log(cell: ServedDev
     settings = CellSettings(duration=8.0, seed=2, noise=0.002)
     shadow = EmbeddedController(settings.control, settings.blocks, sequence_of(settings))
     name = cell.library.load_system(BLOCKS / SYSTEM).devices[0].resources[0].name
-    address = cell.device.addresses()[EMULATOR.block]
+    address = cell.device.addresses()[on_device(EMULATOR.block)]
     with cell.client() as client, closing(Changed(address, shadow, client, name)) as controller:
         runs = {"changed": Cell(settings, controller), "plain": Cell(settings)}
         for file, run in runs.items():

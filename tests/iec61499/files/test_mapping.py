@@ -104,16 +104,23 @@ def test_connections_to_blocks_without_a_place_are_left_out_and_said(write: Writ
     path = write("test.sys", SYSTEM, ('<Mapping From="APP.LATCH" To="FORTE_PC.RES.LATCH"/>', ""))
     library = Library()
     system = library.load_system(path)
+    unmapped = [
+        f"{path}:{line}: block {name} of APP, as it is mapped to no resource"
+        for line, name in ((7, "LATCH"), (8, "ELSEWHERE"))
+    ]
     assert system.left_out == (
+        *unmapped,
         f"{path}:{line_of('LATCH.CLK', path)}: COUNT.CUO -> LATCH.CLK, as LATCH is mapped to no resource",
         f"{path}:{line_of('LATCH.D', path)}: COUNT.Q -> LATCH.D, as LATCH is mapped to no resource",
     )
-    assert inspect(path, library).remarks == tuple(f"left out: {line}" for line in system.left_out)
+    assert inspect(path, library).warnings == tuple(f"left out: {line}" for line in system.left_out)
     resource = Resource(resource_network(system, "RES"), library)
     resource.start()
     resource.advance(20_000_000)
     assert (resource.read("COUNT.Q"), resource.read("INNER.N.CV")) == (True, 2)
-    assert library.load_system(write("test.sys", SYSTEM)).left_out == ()
+    assert library.load_system(write("test.sys", SYSTEM)).left_out == (
+        f"{path}:8: block ELSEWHERE of APP, as it is mapped to no resource",
+    )
 
 
 def test_connections_between_resources_are_refused_without_communication_blocks(write: Write) -> None:

@@ -32,7 +32,7 @@ def test_fuzzed_management_does_no_harm(cell: ServedDevice) -> None:
                 sock.shutdown(socket.SHUT_WR)
             drain(sock)
     with cell.client() as client:
-        assert client.read("EMB_RES", "EMULATOR.STATUS") == "OK"
+        assert client.read("EMB_RES", "CELL.EMULATOR.STATUS") == "OK"
 
 
 XML_BOMB = (
@@ -65,14 +65,14 @@ def test_hostile_xml_is_refused(served: ServedDevice, request_: bytes, caplog: p
 def test_a_hundred_silent_clients_on_every_port_keep_nobody_out(
     cell: ServedDevice, caplog: pytest.LogCaptureFixture
 ) -> None:
-    emulator = cell.device.addresses()["EMULATOR"]
+    emulator = cell.device.addresses()["CELL.EMULATOR"]
     with hostile(cell.management.address, 100) as managers, hostile(emulator, 100) as clients:
         for sock in managers[:50] + clients[:50]:
             send(sock, b"\x50")
         with cell.client() as client, BlockingClient(emulator, EMULATOR.receives, EMULATOR.sends, PATIENCE) as peer:
             for sample in samples(50):
                 assert len(peer.exchange(sample)) == 5
-            assert client.read("EMB_RES", "EMULATOR.STATUS") == "OK"
+            assert client.read("EMB_RES", "CELL.EMULATOR.STATUS") == "OK"
         for sock in clients:
             drain(sock)
         for sock in managers[: 100 - CLIENTS]:

@@ -355,7 +355,7 @@ def test_client_says_why_it_cannot_connect(reactor: Reactor) -> None:
     opened: list[str] = []
     TcpClient(reactor, address, NUMBER, NUMBER, opened=opened.append, confirm=print, lost=print)
     pump(reactor, lambda: opened)
-    assert opened == ["Connection refused"]
+    assert opened == [f"{address}: cannot connect: Connection refused"]
 
 
 def test_blocking_client_names_late_and_lost_answers(reactor: Reactor, stream_address: StreamAddress) -> None:

@@ -60,7 +60,7 @@ def test_hardware_of_a_system_is_in_the_remarks_of_its_check(tmp_path: Path) -> 
     )
     found = inspect(tmp_path / "io.sys", Library([tmp_path]))
     assert found.problems == ()
-    (remark,) = found.remarks
+    (remark,) = found.warnings
     assert "io.sys:1: LAMP is a QX, a service that this device does not have" in remark
 
 

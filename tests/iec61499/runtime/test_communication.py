@@ -274,7 +274,11 @@ def test_a_channel_that_cannot_be_opened() -> None:
     )
     resource.start()
     transport.ports[0].refuse_open()
-    assert (resource.read("C.QO"), resource.read("C.STATUS"), transport.closed) == (False, "INVALID_ID", 1)
+    assert (resource.read("C.QO"), resource.read("C.STATUS"), transport.closed) == (False, "INVALID_ID", 0)
+    resource.run_until_idle()
+    # its peer is there at last
+    transport.ports[0].confirm_open()
+    assert (resource.read("C.QO"), resource.read("C.STATUS")) == (True, "OK")
     resource.stop()
     resource.reset()
     resource.start()

@@ -8,6 +8,7 @@ import pytest
 
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.library import Library
+from dtwin.iec61499.runtime.linking.linker import link
 from dtwin.iec61499.runtime.resource import Resource
 from tests.support.iec61499.networks import network
 
@@ -40,6 +41,13 @@ def test_inputs_of_the_type_that_nothing_is_connected_to_get_the_event(library: 
     resource = Resource(made, library)
     resource.start()
     assert [resource.read(name) for name in ("A.N", "B.N", "C.INNER.N", "LAST.CV")] == [1, 1, 0, 1]
+
+
+@pytest.mark.parametrize("kind", ["SERVER_0_1", "CLIENT_1_0", "PUBLISH_1", "SUBSCRIBE_1", "PUBL_1", "IX"])
+def test_services_are_initialised_by_the_event_of_that_type(kind: str) -> None:
+    made = network(f"START: E_RESTART; T: E_TRIG; S: {kind}; N: E_CTU", "START.COLD -> T.REQ; S.INITO -> N.CU")
+    found = link(made, Library().find)
+    assert [port.name for port in (wire.destination for wire in found.events)] == ["INIT", "REQ", "CU"]
 
 
 def test_other_types_are_triggered_by_their_name(library: Library) -> None:
