@@ -125,7 +125,7 @@ class _ResourceNetwork:
         own = self.resource.network
         blocks = [block for block in own.blocks if block.name not in self.copies]
         subapplications = [sub for sub in own.subapplications if sub.name not in self.copies]
-        self.own = {element.name for element in (*blocks, *subapplications)} | {"START"}
+        self.own = {"START", *(block.name for block in blocks), *(sub.name for sub in subapplications)}
         events = [self._plain(connection) for connection in own.events]
         data = [self._plain(connection) for connection in own.data]
         adapters = [self._plain(connection) for connection in own.adapters]
@@ -222,7 +222,7 @@ def _splits(end: str) -> list[tuple[str, str]]:
 
 
 def _without_application(network: FBNetwork, applications: list[str]) -> FBNetwork:
-    elements = [element.name for element in (*network.blocks, *network.subapplications)]
+    elements = [element.name for element in _elements(network)]
     short = {name: name.partition(".")[2] for name in elements if name.partition(".")[0] in applications}
     counted = Counter(short.get(name) or name for name in elements)
     names = {name: plain for name, plain in short.items() if plain and counted[plain] == 1}

@@ -22,6 +22,7 @@ from dtwin.commands.blocks.library import print_changes
 from dtwin.controller.sequence import SequenceName, with_sequence
 from dtwin.errors import FunctionBlockError, ParameterError, choices
 from dtwin.iec61499 import model
+from dtwin.iec61499.deploy.listing import listed
 from dtwin.iec61499.device.embedded import EmbeddedDevice
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import load_boot_file
@@ -248,7 +249,7 @@ def _expect_port(client: ManagementClient, resource: str, port: str) -> None:
         client.read(resource, port)
     except ManagementError as error:
         block = port.rpartition(".")[0]
-        meant = [known.name for known in client.blocks(resource) if known.name.endswith(f".{block}")]
+        meant = [name for name, _ in listed(client, resource).blocks if name.endswith(f".{block}")]
         ports = [f"{name}.{port.rpartition('.')[2]}" for name in meant]
         raise ManagementError(error.reason, f"{error}{f': expected {choices(ports)}' if ports else ''}") from None
 

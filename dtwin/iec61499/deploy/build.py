@@ -8,11 +8,19 @@ from typing import Protocol
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.deploy.cpp_export import built_in_type
 from dtwin.iec61499.deploy.device_type import TypeExport, is_built_in, original_name
+from dtwin.iec61499.deploy.listing import Listing, write_note
 from dtwin.iec61499.deploy.lua_export import export_type
 from dtwin.iec61499.deploy.plan import Deployment
 from dtwin.iec61499.management.bootfile import Command
 from dtwin.iec61499.management.client import ManagementClient, Step
-from dtwin.iec61499.management.protocol import ManagedBlock, ManagedType, ManagementError, Reason, Request
+from dtwin.iec61499.management.protocol import (
+    ManagedBlock,
+    ManagedConnection,
+    ManagedType,
+    ManagementError,
+    Reason,
+    Request,
+)
 
 Planner = Callable[[TypeExport], Deployment]
 """Plans a resource for devices that get the types of its blocks in one way."""
@@ -58,9 +66,22 @@ def deploy(client: ManagementClient, deployment: Deployment) -> None:
     remove(client, deployment.resource)
     try:
         _demand_all(client, deployment, deployment.commands[len(types) :])
+        note(client, deployment)
     except ManagementError:
         remove(client, deployment.resource)
         raise
+
+
+def note(client: ManagementClient, deployment: Deployment) -> None:
+    """Leaves on a device what has been built there, if it does not list that. Raises as `deploy`."""
+    subjects = [c.request.subject for c in deployment.commands if c.resource == deployment.resource]
+    actions = [c.request.action for c in deployment.commands if c.resource == deployment.resource]
+    made = [subject for subject, action in zip(subjects, actions, strict=True) if action == "CREATE"]
+    built = Listing(
+        tuple((s.name, s.type_name) for s in made if isinstance(s, ManagedBlock)),
+        tuple((s.source, s.destination) for s in made if isinstance(s, ManagedConnection)),
+    )
+    write_note(client, deployment.resource, built, short=not any(kind.text for kind in deployment.types))
 
 
 def remove(client: ManagementClient, resource: str) -> None:

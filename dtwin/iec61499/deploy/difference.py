@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from dtwin.errors import CommunicationError
+from dtwin.iec61499.deploy.build import note
+from dtwin.iec61499.deploy.listing import listed
 from dtwin.iec61499.deploy.plan import Deployment
 from dtwin.iec61499.literals import parse_duration
 from dtwin.iec61499.management.client import ManagementClient, Step
@@ -17,6 +20,9 @@ from dtwin.iec61499.management.protocol import (
     Request,
     RequestAction,
 )
+
+_DIGITS: Final = 15
+"""Digits of a number that a FORTE 2 prints at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +82,9 @@ def difference(client: ManagementClient, deployment: Deployment) -> Difference:
     wanted = {s.name: s for a, s in subjects if a == "CREATE" and isinstance(s, ManagedBlock)}
     wires = {(s.source, s.destination): s for a, s in subjects if a == "CREATE" and isinstance(s, ManagedConnection)}
     values = [s for a, s in subjects if a == "WRITE" and isinstance(s, ManagedConnection)]
-    there = {block.name: block for block in client.blocks(resource) if block.name != "START"}
-    links = client.demand(resource, "QUERY", ManagedConnection(ANY, ANY)).connections or ()
+    found_there = listed(client, resource)
+    there = {name: ManagedBlock(name, kind) for name, kind in found_there.blocks}
+    links = [ManagedConnection(source, destination) for source, destination in found_there.connections]
     removed = tuple(block for name, block in there.items() if wanted.get(name) != block)
     added = tuple(block for name, block in wanted.items() if there.get(name) != block)
     gone = {block.name for block in removed}
@@ -138,6 +145,7 @@ def change(client: ManagementClient, deployment: Deployment) -> Difference:
     except CommunicationError as error:
         text = f"{error}; at least {count} of {len(steps)} requests were fulfilled and stay so"
         raise CommunicationError(text) from None
+    note(client, deployment)
     left = difference(client, deployment)
     if left:
         raise ManagementError(
@@ -161,8 +169,11 @@ def _restoring(client: ManagementClient, deployment: Deployment, found: Differen
             # the block that is there may be of another type, without this port
             text = client.request(resource, "READ", ManagedConnection(port, ANY)).value
         if text:
-            values.append((resource, "WRITE", ManagedConnection(_literal(text, subject.source), port)))
-    links = client.demand(resource, "QUERY", ManagedConnection(ANY, ANY)).connections or ()
+            # a FORTE prints 15 digits of a number, which may have more
+            literal = subject.source if _is_same(subject.source, text) else _literal(text, subject.source)
+            values.append((resource, "WRITE", ManagedConnection(literal, port)))
+    ends = listed(client, resource).connections
+    links = [ManagedConnection(source, destination) for source, destination in ends]
     return [
         *values,
         *(
@@ -216,6 +227,7 @@ def _is_same(literal: str, printed: str) -> bool:
     if len(durations) == 2 and None not in durations:
         return durations[0] == durations[1]
     try:
-        return float(bare) == float(printed.rpartition("#")[2])
+        wanted, found = float(bare), float(printed.rpartition("#")[2])
+        return wanted == found or (len(printed) > _DIGITS and float(f"{wanted:.{_DIGITS}g}") == found)
     except ValueError:
         return bare.upper() == printed.upper()

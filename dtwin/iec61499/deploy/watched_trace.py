@@ -14,6 +14,7 @@ from typing import Any, Final
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.device_type import original_name
+from dtwin.iec61499.deploy.listing import listed
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.protocol import Watch
@@ -80,8 +81,8 @@ def resource_blocks(client: ManagementClient, resource: str, library: Library) -
         for block in found.network.blocks if isinstance(found, model.CompositeFBType) else ():
             add(f"{name}.{block.name}", block.type_name)
 
-    for block in client.blocks(resource):
-        add(block.name, block.type_name)
+    for name, type_name in (("START", "E_RESTART"), *listed(client, resource).blocks):
+        add(name, type_name)
     return ResourceBlocks(known, tuple(unknown))
 
 
