@@ -34,7 +34,7 @@ SUBROOMS = [
     {f"{ALONE}.types"},
     {f"{ALONE}.literals"},
     {f"{ALONE}.model", f"{ALONE}.st"},
-    {f"{ALONE}.mapping", f"{ALONE}.files"},
+    {f"{ALONE}.mapping", f"{ALONE}.opening", f"{ALONE}.files"},
     {f"{ALONE}.standard"},
     {f"{ALONE}.acknowledged"},
     {f"{ALONE}.distribution"},
