@@ -56,6 +56,13 @@ def print_table(table: Table) -> None:
     console.print(folding(table))
 
 
+def alarm(text: str) -> None:
+    """Prints in red on standard error what needs somebody's attention at once."""
+    from rich.console import Console
+
+    Console(stderr=True).print(as_text(f"dtwin: {text}", "bold red"), soft_wrap=True)
+
+
 def print_json(value: Any) -> None:
     """Prints one JSON value in one line on standard output, at once."""
     print(printable(msgspec.json.encode(value).decode()), flush=True)

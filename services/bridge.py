@@ -124,7 +124,7 @@ class Bridge:
         bus.subscribe(EVENTS, Event, self._note)
         bus.subscribe(ACTED, Acted, self._note_acted)
         self._settings_lock = threading.Lock()
-        bus.answer(SETTINGS, SettingsRequest, self._set, self._in_force, trusted=True)
+        bus.answer(SETTINGS, SettingsRequest, self._set, self._in_force)
         bus.answer(SIGNAL, SignalRequest, self._play, self._signal)
         self._stops = Stops(bus, self._publish.sender, self._safe_stop, self._time)
 
@@ -312,6 +312,8 @@ class Bridge:
             return
         self._limp = self._limp + 1 if acted.sequence == self._limp_at + 1 else 1
         self._limp_at = acted.sequence
+        if self._limp == GAP:
+            self._stops.renewed()  # Somebody may have told the latch alone of a stop.
 
     def _has_fallen(self, sensors: Sensors) -> bool:
         """Whether the arm has been without voltage for so long that it is not where its path is."""

@@ -137,7 +137,6 @@ class Emulator:
             LatchRequest,
             lambda request: self._between_ticks(lambda: self._latch(request)),
             self._latched,
-            trusted=True,
         )
 
     def run(self, ticks: int | None) -> bool:

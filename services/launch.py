@@ -324,6 +324,7 @@ def launched(options: CellOptions) -> Iterator[Launched]:
         _own_folder(runfile.sockets_of(file.path)),
         held_port() as console,
     ):
+        file.write_key(key)
         journal, state = runfile.journal_of(file.path), runfile.state_of(file.path)
         carry_over(journal, options.seed)
         state.unlink(missing_ok=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import stat
 import tempfile
 import time
 from pathlib import Path
@@ -14,6 +15,7 @@ import msgspec
 
 from dtwin.bus.opening import open_configured, open_peer
 from dtwin.bus.session import Bus
+from dtwin.bus.signature import KEY, read_key
 from dtwin.errors import CommunicationError
 
 OPERATOR: Final = "operator"
@@ -47,8 +49,11 @@ def folder() -> Path:
     base = os.environ.get("XDG_RUNTIME_DIR")
     path = Path(base) / "dtwin" if base else Path(tempfile.gettempdir()) / f"dtwin-{os.getuid()}"
     path.mkdir(mode=0o700, parents=True, exist_ok=True)
-    if path.stat().st_uid != os.getuid():
+    found = path.lstat()
+    if found.st_uid != os.getuid() or not stat.S_ISDIR(found.st_mode):
         raise CommunicationError(f"{path}: belongs to another user; set XDG_RUNTIME_DIR to a folder of your own")
+    if found.st_mode & 0o077:
+        path.chmod(0o700)
     return path
 
 
@@ -71,8 +76,17 @@ class RunFile:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        key_of(self.path).unlink(missing_ok=True)
         self.path.unlink(missing_ok=True)
         self._file.close()
+
+    def write_key(self, key: bytes) -> None:
+        """Keeps the cell's key in a file of its own, which nobody but this user can read."""
+        path = key_of(self.path)
+        path.unlink(missing_ok=True)
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(descriptor, "w") as file:
+            file.write(f"{key.hex()}\n")
 
     def write(self, content: Up) -> None:
         """Tells where the cell is."""
@@ -152,14 +166,35 @@ def join(cell: str, zenoh: Path | None = None, name: str = OPERATOR) -> Bus:
         zenoh: Zenoh configuration file, or a folder with one for each name; None for a cell on this machine.
         name: name of the configuration file in such a folder.
 
+    The bus has the cell's key if this user has: from the environment variable DTWIN_KEY, or from the file that
+    `dtwin up` keeps on this machine.
+
     Raises:
         CommunicationError: it is not up, or its bus cannot be joined.
+        ParameterError: what should be the key is none.
     """
     if zenoh is not None:
-        return Bus(open_configured(zenoh, name), cell)
+        return Bus(open_configured(zenoh, name), cell, key=_key(cell))
     up = require(cell)
     session = open_configured(Path(up.zenoh), name) if up.zenoh else open_peer(up.meet)
-    return Bus(session, cell, up.arm)
+    return Bus(session, cell, up.arm, _key(cell))
+
+
+def _key(cell: str) -> bytes | None:
+    """The key of a cell: from the environment, or of one that is up on this machine; None if this user has none."""
+    digits = os.environ.get(KEY)
+    if digits is not None:
+        return read_key(digits, KEY)
+    path = key_of(_path(cell))
+    try:
+        return read_key(path.read_text().strip(), str(path)) if find(cell) is not None else None
+    except OSError:
+        return None
+
+
+def key_of(file: Path) -> Path:
+    """The file beside the cell's run file with the key of the cell."""
+    return file.with_suffix(".key")
 
 
 def journal_of(file: Path) -> Path:

@@ -26,10 +26,10 @@ from typing import Any, Final, Protocol
 from dtwin.bus.messages import STATUS, State, Status
 from dtwin.bus.opening import RENDEZVOUS, open_configured, open_peer
 from dtwin.bus.session import Bus
-from dtwin.bus.signature import KEY_SIZE
-from dtwin.errors import CommunicationError, DtwinError, ParameterError
+from dtwin.bus.signature import KEY, read_key
+from dtwin.errors import CommunicationError, DtwinError
 from dtwin.options import parse_apart
-from dtwin.services.supervisor import KEY, LIFELINE
+from dtwin.services.supervisor import LIFELINE
 from dtwin.terminal import LineFormatter
 
 REPORT_PERIOD: Final = 1.0
@@ -298,15 +298,7 @@ def cell_key() -> bytes | None:
         ParameterError: The environment variable holds no key.
     """
     digits = os.environ.pop(KEY, None)
-    if digits is None:
-        return None
-    try:
-        key = bytes.fromhex(digits)
-    except ValueError:
-        key = b""
-    if len(key) != KEY_SIZE:
-        raise ParameterError(f"{KEY}: expected {2 * KEY_SIZE} hexadecimal digits")
-    return key
+    return None if digits is None else read_key(digits, KEY)
 
 
 def watch_lifeline() -> None:

@@ -133,6 +133,7 @@ class Stops:
 
     def _release(self, asked: ReleaseRequest) -> StopState:
         with self.answering, self._lock:
+            self.known = False  # Somebody may have told the latch alone of a stop.
             self._remind()
             stop = self._blocks().release()
             if stop == "none":

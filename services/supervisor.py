@@ -18,6 +18,7 @@ from typing import Final
 
 from dtwin.bus.messages import EVENTS, MONITORING, STATUS, SUMMARY, ServiceSummary, Status, Summary, SummaryRequest
 from dtwin.bus.session import Bus
+from dtwin.bus.signature import KEY
 from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.errors import CommunicationError
 from dtwin.parameters import SOURCE
@@ -25,8 +26,6 @@ from dtwin.signals import Event
 
 LIFELINE: Final = "DTWIN_LIFELINE"
 """Environment variable of the children: the descriptor that is at its end when the supervisor has gone."""
-KEY: Final = "DTWIN_KEY"
-"""Environment variable of the children: the secret with which services of one cell sign, in hexadecimal digits."""
 FIRST_DELAY: Final = 0.1
 """s before the first restart; every further one waits twice as long"""
 LAST_DELAY: Final = 8.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import getpass
 import itertools
+import logging
 from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +16,6 @@ from dtwin.bus.messages import (
     RELEASE,
     ROLL_BACK,
     SENSORS,
-    STOP,
     SUMMARY,
     UPLOAD,
     ReleaseRequest,
@@ -25,11 +25,14 @@ from dtwin.bus.messages import (
     Topic,
 )
 from dtwin.bus.session import Bus
+from dtwin.bus.stopping import Stopped, stop
 from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
 from dtwin.errors import CommunicationError, ParameterError, UnansweredError
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.services.runfile import join
 from dtwin.signals import Sensors
+
+log = logging.getLogger(__name__)
 
 _WHY = "by hand"
 
@@ -121,14 +124,28 @@ class LiveCell:
     def stop(self, why: str = _WHY, *, who: str | None = None) -> StopState:
         """Stops the arm: it brakes and is held until `release`. This is no emergency stop.
 
+        Returns once what the cell publishes shows the stop. If the function blocks cannot be asked, the emulator is
+        told to take the torque off, which a warning of the log says.
+
         Args:
             why: reason, for the events.
             who: name, for the events; None for the login name.
 
         Raises:
-            CommunicationError: nobody answers.
+            CommunicationError: the arm may not be stopped: nobody answers, or nothing shows the stop.
         """
-        return self.bus.ask(STOP, StopRequest(who or getpass.getuser(), why), StopState)
+        stopped = self.stop_by_any_way(why, who=who)
+        if stopped.trouble:
+            log.warning("the torque is off, because: %s", stopped.trouble)
+        return stopped.state
+
+    def stop_by_any_way(self, why: str = _WHY, *, who: str | None = None) -> Stopped:
+        """Stops the arm as `stop` does, and tells why the first way did not do, if it did not.
+
+        Raises:
+            CommunicationError: the arm may not be stopped: nobody answers, or nothing shows the stop.
+        """
+        return stop(self.bus, StopRequest(who or getpass.getuser(), why))
 
     @checked
     def release(self, why: str = _WHY, *, who: str | None = None) -> StopState:

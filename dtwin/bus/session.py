@@ -13,19 +13,17 @@ import msgspec
 import zenoh
 from zenoh.handlers import Callback
 
+from dtwin.bus.answering import JSON, Answerer
+from dtwin.bus.asking import Question
 from dtwin.bus.codec import M, MessageError, Reader, encode
+from dtwin.bus.exchange import Answering, Asking
 from dtwin.bus.messages import ALIVE, Topic
+from dtwin.bus.presence import Presence, token
 from dtwin.bus.signature import FORGED, UNSIGNED, Signer, Verifier
-from dtwin.errors import CommunicationError, DtwinError, UnansweredError
 from dtwin.terminal import printable
 
 log = logging.getLogger(__name__)
 
-TIMEOUT: Final = 5.0
-"""Longest wait for somebody who answers a query, s."""
-_ZENOH_TIMEOUT: Final = "Timeout"
-"""What Zenoh itself answers to a query whose time is over."""
-_JSON: Final = zenoh.Encoding.APPLICATION_JSON
 _SAID: Final = 3
 """Number of refusals for one reason that are logged one by one; further ones are only counted."""
 
@@ -104,7 +102,6 @@ class Bus:
         self._lock = threading.Lock()
         self._session = session
         self._key = key
-        self._signers: dict[str, Signer] = {}
         self._declared: list[Any] = []
 
     def __enter__(self) -> Bus:
@@ -139,7 +136,8 @@ class Bus:
 
     def announce(self, service: str) -> None:
         """Declares the liveliness token of a service, which lasts as long as the session."""
-        self._declared.append(self._session.liveliness().declare_token(self.key(ALIVE, service)))
+        key = token(self.key(ALIVE, service), self._key)
+        self._declared.append(self._session.liveliness().declare_token(key))
 
     def publisher(self, topic: Topic, part: str = "*", *, lossless: bool = False) -> Publisher:
         """A publisher of a topic.
@@ -155,7 +153,7 @@ class Bus:
         control = zenoh.CongestionControl
         publisher = self._session.declare_publisher(
             self.key(topic, part),
-            encoding=_JSON,
+            encoding=JSON,
             congestion_control=control.BLOCK if lossless else control.DROP,
             priority=zenoh.Priority.REAL_TIME if topic.urgent else zenoh.Priority.INTERACTIVE_HIGH,
             express=topic.urgent,
@@ -220,15 +218,23 @@ class Bus:
         self._declare(self._session.declare_subscriber, self._prefix + expression, take)
 
     def watch_alive(self, receive: Callable[[str, bool], Any]) -> None:
-        """Calls `receive` with the name of a service and whether its liveliness token exists, now and on changes."""
+        """Calls `receive` with the name of a service and whether its liveliness token exists, now and on changes.
+
+        A service that starts again may be told to be there twice. In a cell with a key tokens count that were made
+        with it.
+        """
+        presence = Presence(self.key(ALIVE, ""), self._key, receive)
 
         def take(sample: zenoh.Sample) -> None:
-            receive(str(sample.key_expr).rpartition("/")[2], sample.kind == zenoh.SampleKind.PUT)
+            try:
+                presence.take(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+            except MessageError as error:
+                self.refuse(error.reason, str(error))
 
         def declare(key: str, handler: Callback) -> Any:
             return self._session.liveliness().declare_subscriber(key, handler, history=True)
 
-        self._declare(declare, self.key(ALIVE), take)
+        self._declare(declare, self.key(ALIVE, "*" if self._key is None else "**"), take)
 
     def answer(
         self,
@@ -236,58 +242,27 @@ class Bus:
         message: type[M],
         act: Callable[[M], Any] | None,
         read: Callable[[], Any] | None = None,
-        *,
-        trusted: bool = False,
     ) -> None:
         """Answers the queries of a topic.
 
-        A query that carries a message acts, and must name the exact key for that. A query without one only reads,
-        also when its key expression has wildcards. The text of a DtwinError is sent as the answer. Both functions
-        run on a thread of their own.
+        A query that carries a message acts, and must name the exact key for that, and in a cell with a key be signed
+        with it and come in time; it acts once. A query without one only reads, also when its key expression has
+        wildcards. The text of a DtwinError is sent as the answer. Both functions run on a thread of their own.
 
         Args:
             topic: Topic of the queries.
             message: Type of the message that a query may carry.
             act: Function that returns the answer to a message; without it, a message only reads.
             read: Function that returns the answer to a query without message; without it, such a query is refused.
-            trusted: Whether only the services of a cell with a key may act.
         """
-        reader = Reader(message)
         key = self.key(topic)
-        verify = Verifier(self._key, key) if self._key and trusted else None
-
-        def found(query: zenoh.Query) -> Any:
-            payload = _bytes(query.payload) if query.payload else b""
-            if payload and str(query.key_expr) != key:
-                raise MessageError("inexact", f"expected the exact key {key} for a message that acts")
-            if payload and verify is not None:
-                verify(payload, _attached(query))
-            asked = reader(payload) if payload else None
-            if asked is not None and act is not None:
-                return act(asked)
-            if read is None:
-                raise MessageError("empty", f"expected a {message.__name__}, without which there is nothing to do")
-            return read()
-
-        def take(query: zenoh.Query) -> None:
-            with query:
-                try:
-                    query.reply(key, encode(found(query)), encoding=_JSON)
-                except MessageError as error:
-                    self.refuse(error.reason, f"{query.key_expr}: {error}")
-                    query.reply_err(str(error))
-                except DtwinError as error:
-                    query.reply_err(str(error))
-                except Exception as error:  # The thread answers everybody: no query of one may end it.
-                    self.refuse("failed", f"{query.key_expr}: {type(error).__name__}: {error}")
-                    query.reply_err(f"failed: {type(error).__name__}")
-
-        # A thread of its own: what is asked for may take a while, and signals come in on Zenoh's own thread.
-        handler = Callback(take, lambda: None, indirect=True)
+        answering = Answering(self._key, key) if self._key else None
+        answerer = Answerer(key, message, act, read, topic.patience, answering, self.refuse)
+        handler = Callback(answerer.take, answerer.end, indirect=False)
         self._declared.append(self._session.declare_queryable(key, handler))
 
     def ask(self, topic: Topic, message: msgspec.Struct | None, reply: type[M], timeout: float | None = None) -> M:
-        """Sends a query and returns its answer.
+        """Sends a query and returns its answer, in a cell with a key the one that the cell has signed.
 
         Args:
             topic: topic of the query.
@@ -296,49 +271,14 @@ class Bus:
             timeout: longest wait for the answer, s; None for the patience of the topic.
 
         Raises:
-            UnansweredError: no answer comes in time.
+            UnansweredError: no answer comes in time, or none that can be believed.
             CommunicationError: the answer is a refusal or no valid message.
         """
         key = self.key(topic)
-        timeout = topic.patience if timeout is None else timeout
-        joining = min(timeout, TIMEOUT)
-        hint = f"is the service {topic.sender} there, and may this session ask it?"
-        nobody = f"{key}: nobody answered within {joining:g} s; {hint}"
-        there = threading.Event()
-        querier = self._session.declare_querier(key, timeout=timeout)
-
-        def note(status: Any) -> None:
-            if status.matching:
-                there.set()
-
-        listener = querier.declare_matching_listener(Callback(note, lambda: None))
-        try:
-            # A session that has just joined does not know the others yet.
-            if not (_matching(querier.matching_status) or there.wait(joining)):
-                raise UnansweredError(nobody)
-            payload = b"" if message is None else encode(message)
-            attachment = self._signed(key, payload)
-            for answer in querier.get(payload=payload, encoding=_JSON, attachment=attachment):
-                if answer.err is not None:
-                    said = _bytes(answer.err.payload).decode(errors="replace")
-                    if said == _ZENOH_TIMEOUT:
-                        raise UnansweredError(f"{key}: {topic.sender} did not answer within {timeout:g} s")
-                    raise CommunicationError(f"{key}: {said}")
-                if answer.ok is not None:
-                    return Reader(reply)(_bytes(answer.ok.payload))
-            raise UnansweredError(nobody)
-        finally:
-            listener.undeclare()
-            querier.undeclare()
-
-    def _signed(self, key: str, payload: bytes) -> bytes | None:
-        """The attachment of a query; all queries of a topic have one sender."""
-        if self._key is None:
-            return None
-        with self._lock:
-            if key not in self._signers:
-                self._signers[key] = Signer(self._key, key)
-            return self._signers[key](payload)
+        patience = topic.patience if timeout is None else timeout
+        asking = Asking(self._key, key) if self._key else None
+        question = Question(self._session, key, topic.sender, patience, asking, self.refuse)
+        return Reader(reply)(question.answer(b"" if message is None else encode(message)))
 
     def _declare(self, declare: Callable[[str, Any], Any], key: str, take: Callable[[Any], None]) -> Any:
         # Direct: a hand-over to another thread would cost as much as the way over the wire.
@@ -356,6 +296,6 @@ def _bytes(payload: zenoh.ZBytes) -> bytes:
     return payload.to_bytes()
 
 
-def _attached(received: zenoh.Sample | zenoh.Query) -> bytes | None:
+def _attached(received: zenoh.Sample) -> bytes | None:
     attachment = received.attachment
     return None if attachment is None else _bytes(attachment)

@@ -176,9 +176,9 @@ def test_refused_messages_are_counted_by_reason(join: Join, caplog: pytest.LogCa
 class Counter:
     """Answers queries, and counts what acted."""
 
-    def __init__(self, bus: Bus, *, trusted: bool = False) -> None:
+    def __init__(self, bus: Bus) -> None:
         self.acted: list[ResetRequest] = []
-        bus.answer(RESET, ResetRequest, self._act, self._read, trusted=trusted)
+        bus.answer(RESET, ResetRequest, self._act, self._read)
 
     def _act(self, asked: ResetRequest) -> Done:
         self.acted.append(asked)
@@ -222,16 +222,15 @@ def test_an_empty_query_for_an_action_is_refused(join: Join) -> None:
     assert answerer.refused == {"empty": 1}
 
 
-def test_only_services_with_the_key_may_do_what_is_trusted_to_them(rendezvous: str, join: Join) -> None:
+def test_only_who_has_the_key_of_a_cell_may_do_anything(rendezvous: str, join: Join) -> None:
     key = new_key()
     with Bus(open_peer(rendezvous), key=key) as answerer, Bus(open_peer(rendezvous), key=key) as service:
-        counter = Counter(answerer, trusted=True)
+        counter = Counter(answerer)
         with pytest.raises(CommunicationError, match="unsigned"):
             join().ask(RESET, ResetRequest(1), Done)
-        with Bus(open_peer(rendezvous), key=new_key()) as stranger:
-            with pytest.raises(CommunicationError, match="forged"):
-                stranger.ask(RESET, ResetRequest(2), Done)
-            assert stranger.ask(RESET, None, Done).text == "0 actions"
+        with Bus(open_peer(rendezvous), key=new_key()) as stranger, pytest.raises(UnansweredError, match="forged"):
+            stranger.ask(RESET, ResetRequest(2), Done, 0.5)
+        assert join().ask(RESET, None, Done).text == "0 actions"
         assert service.ask(RESET, ResetRequest(3), Done).text == "1 actions"
         assert counter.acted == [ResetRequest(3)]
 

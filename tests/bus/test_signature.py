@@ -48,3 +48,22 @@ def test_two_publishers_are_two_senders() -> None:
     verify = Verifier(KEY, EXPRESSION)
     first, second = (verify(b"a", Signer(KEY, EXPRESSION)(b"a")) for _ in range(2))
     assert first != second
+
+
+def test_a_sender_is_met_by_what_it_says_now() -> None:
+    """Whoever has kept old messages of a service cannot introduce it to a subscriber who comes later."""
+    now = 10**18
+    sign = Signer(KEY, EXPRESSION, lambda: now)
+    kept, later = sign(b"a"), sign(b"b")
+    verify = Verifier(KEY, EXPRESSION, lambda: now + 31 * 10**9)
+    assert refusal(verify, b"a", kept) == "stale"
+    assert refusal(Verifier(KEY, EXPRESSION, lambda: now - 31 * 10**9), b"a", kept) == "stale"
+    soon = Verifier(KEY, EXPRESSION, lambda: now + 29 * 10**9)
+    assert soon(b"a", kept) == soon(b"b", later) == sign.sender
+
+
+def test_a_clock_that_is_set_back_silences_nobody() -> None:
+    times = iter((10**18, 10**18 - 10**10, 10**18 - 10**10))
+    sign = Signer(KEY, EXPRESSION, lambda: next(times))
+    verify = Verifier(KEY, EXPRESSION, lambda: 10**18)
+    assert [verify(b"a", sign(b"a")) for _ in range(3)] == 3 * [sign.sender]

@@ -92,7 +92,7 @@ def test_a_forte_that_starts_again_gets_application_and_settings_before_the_arm_
     with ExitStack() as life:
         address = life.enter_context(forte(tmp_path))
         desk.detach("--controller", f"forte://{address}", "--pace", "lockstep", "--seed", "2")
-        with join("cell") as bus, desk.join_as_service() as service:
+        with join("cell") as bus, join("cell") as service:
             bus.subscribe(EVENTS, Event, events.append)
             bus.subscribe(VOLTAGES, Voltages, volts.append)
             service.ask(SETTINGS, SettingsRequest(gains, 3.0), SettingsInForce)
@@ -222,7 +222,7 @@ def test_sending_the_same_settings_again_changes_no_voltage(controller: str, des
     sent = 0
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL)
     until(lambda: (up := runfile.find("cell")) is not None and up.ready, "the cell is up")
-    with desk.join_as_service() as bus, suppress(CommunicationError):  # at its end nobody answers
+    with join("cell") as bus, suppress(CommunicationError):  # at its end nobody answers
         while process.poll() is None:
             bus.ask(SETTINGS, SettingsRequest(control.gains, control.target_time), SettingsInForce, 1.0)
             bus.ask(SETTINGS, SettingsRequest(model=control.model), SettingsInForce, 1.0)

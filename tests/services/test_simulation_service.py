@@ -187,17 +187,17 @@ def test_what_is_refused_changes_nothing(cell: Desk, history: History) -> None:
 
 def test_nobody_sets_anything_past_the_checks(cell: Desk, history: History) -> None:
     """The bridge takes settings from the services of the cell alone."""
-    with join("cell") as bus:
+    with join("cell") as bus, cell.join_as_stranger() as stranger:
         before, count = bus.ask(SETTINGS, None, SettingsInForce), len(history.entries())
-        with pytest.raises(CommunicationError, match="unsigned: expected the signature of a service of this cell"):
-            bus.ask(SETTINGS, SettingsRequest(Gains(kp=(220.0, 500.0, 300.0)), 2.0), SettingsInForce)
+        with pytest.raises(CommunicationError, match="unsigned: expected the signature of this cell"):
+            stranger.ask(SETTINGS, SettingsRequest(Gains(kp=(220.0, 500.0, 300.0)), 2.0), SettingsInForce)
         assert bus.ask(SETTINGS, None, SettingsInForce) == before
     assert len(history.entries()) == count
 
 
 def test_an_upload_by_somebody_unaware_of_another_one_is_refused(cell: Desk, history: History) -> None:
     """Gains set by another service are found to be in force, as a version of their own."""
-    with join("cell") as bus, cell.join_as_service() as service:
+    with join("cell") as bus, join("cell") as service:
         before, count = now(bus).version, len(history.entries())
         service.ask(SETTINGS, SettingsRequest(Gains(kp=(220.0, 500.0, 300.0)), 2.0), SettingsInForce)
         with pytest.raises(CommunicationError, match=f"expected version {before + 1}, got {before}"):
@@ -241,7 +241,7 @@ def test_numbers_that_no_arm_can_have_are_refused_with_the_range(cell: Desk) -> 
     """Finite numbers that no arm can have are refused with the range, by the service and by the bridge."""
     heavy = scaled(ArmParameters(), "m", 1e300)
     wild = Gains(kp=(1e308, 500.0, 300.0))
-    with join("cell") as bus, cell.join_as_service() as service:
+    with join("cell") as bus, join("cell") as service:
         before = bus.ask(SETTINGS, None, SettingsInForce)
         asked = UploadRequest("bob", "wild", now(bus).version)
         for upload, request, reason in (

@@ -8,7 +8,9 @@ from typing import Final
 
 from dtwin.api.live import connect
 from dtwin.bus.messages import StopState
+from dtwin.errors import CommunicationError
 from dtwin.signals import Stop
+from dtwin.terminal import alarm
 
 MEANING: Final[dict[Stop, str]] = {
     "none": "the arm moves",
@@ -36,14 +38,21 @@ class _Word:
 class StopCommand(_Word):
     """Stop the arm: it brakes and is held until `dtwin release`. Not an emergency stop: see docs/monitoring.md.
 
-    The exit status is 1 when the function blocks do not stop it.
+    It is reported once what the cell publishes shows it. When the function blocks cannot be asked, the emulator is told
+    to take the torque off, and the exit status is 1; it is 2 when the arm may not be stopped.
     """
 
     def execute(self) -> int:
-        with connect(self.cell, zenoh=self.zenoh) as cell:
-            answer = cell.stop(self.why, who=self.who or None)
-        _print(answer)
-        return int(answer.stop == "none")
+        try:
+            with connect(self.cell, zenoh=self.zenoh) as cell:
+                stopped = cell.stop_by_any_way(self.why, who=self.who or None)
+        except CommunicationError as error:
+            alarm(f"NOT STOPPED: {error}")
+            return 2
+        _print(stopped.state)
+        if stopped.trouble:
+            alarm(f"the torque was taken off at the emulator, because {stopped.trouble}")
+        return int(bool(stopped.trouble))
 
 
 @dataclass(frozen=True, kw_only=True)
