@@ -1,8 +1,8 @@
 """Who is there: liveliness tokens, which in a cell with a key carry a proof in their own key.
 
-A token has no payload. With the cell's key, `/` and a proof follow its key: a nonce (8 bytes) and a keyed BLAKE2b hash
-of the key expression and the nonce (16 bytes), in hexadecimal digits. Whoever copies a token can keep it alive after
-its service has gone; nobody can announce a service that was never there.
+A token has no payload. With the cell's key, `/` and a proof follow its key: a nonce (8 bytes) and a keyed BLAKE2b
+hash of the key expression and the nonce (16 bytes), in hexadecimal digits. Whoever copies a token can keep it alive
+after its service has gone; nobody can announce a service that was never there.
 """
 
 from __future__ import annotations

@@ -38,8 +38,8 @@ class _Word:
 class StopCommand(_Word):
     """Stop the arm: it brakes and is held until `dtwin release`. Not an emergency stop: see docs/monitoring.md.
 
-    It is reported once what the cell publishes shows it. When the function blocks cannot be asked, the emulator is told
-    to take the torque off, and the exit status is 1; it is 2 when the arm may not be stopped.
+    It is reported once what the cell publishes shows it. When the function blocks cannot be asked, the emulator is
+    told to take the torque off, and the exit status is 1; it is 2 when the arm may not be stopped.
     """
 
     def execute(self) -> int:
