@@ -2,14 +2,17 @@
 
 import json
 import os
+import re
 import shutil
 import signal
+import subprocess
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
+import zenoh
 
 from dtwin.bus.messages import (
     DECIDE,
@@ -20,6 +23,7 @@ from dtwin.bus.messages import (
     LATCH,
     MONITORING,
     RELEASE,
+    RESET,
     RESIDUALS,
     ROLL_BACK,
     SENSORS,
@@ -34,6 +38,7 @@ from dtwin.bus.messages import (
     LatchRequest,
     LatchState,
     ReleaseRequest,
+    ResetRequest,
     SettingsInForce,
     SettingsRequest,
     SignalRequest,
@@ -52,12 +57,13 @@ from dtwin.bus.twin_messages import (
     UploadRequest,
 )
 from dtwin.errors import CommunicationError
-from dtwin.parameters import ArmParameters, Gains
+from dtwin.parameters import ROOT, ArmParameters, Gains
 from dtwin.services.runfile import join
 from dtwin.signals import Event, Sensors, Voltages
 from tests.support.bus import noting
 from tests.support.desk import Desk
-from tests.support.secured import SECURED
+from tests.support.ports import free_port
+from tests.support.secured import SECURED, certify
 from tests.support.waiting import until
 
 pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="needs the openssl command: install it")
@@ -207,15 +213,96 @@ def test_only_operators_may_inject_faults(secured: Path) -> None:
                 other.bus.ask(FAULT, fault, Done, 0.5)
 
 
-def test_the_bridge_alone_tells_the_latch_of_a_stop(secured: Path) -> None:
+def test_the_bridge_and_those_who_stop_tell_the_latch_of_a_stop(secured: Path) -> None:
     kept = LatchState(0.0, 1, "braking")
     with Probe(secured, "emulator") as emulator:
         emulator.bus.answer(LATCH, LatchRequest, lambda asked: kept)
-        with Probe(secured, "bridge") as bridge:
-            assert bridge.bus.ask(LATCH, LatchRequest("braking"), LatchState) == kept
-        for name in ("operator", "monitoring", "simulation"):
+        for name in ("bridge", "operator", "console"):
+            with Probe(secured, name) as other:
+                assert other.bus.ask(LATCH, LatchRequest("braking"), LatchState) == kept
+        for name in ("recorder", "monitoring", "simulation"):
             with Probe(secured, name) as other, pytest.raises(CommunicationError, match="may this session ask"):
                 other.bus.ask(LATCH, LatchRequest("none", 1), LatchState, 0.5)
+
+
+def rogue(secured: Path, certificate: str, **changes: object) -> zenoh.Config:
+    """A router's configuration with somebody else's certificate, at a port of its own, without access control."""
+    folder = secured / "certificates"
+    settings = {
+        "mode": "router",
+        "listen": {"endpoints": []},
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "transport/link/tls": {
+            "root_ca_certificate": str(folder / "ca.pem"),
+            "enable_mtls": True,
+            **{
+                f"{side}_{what}": str(folder / f"{certificate}.{ending}")
+                for side in ("listen", "connect")
+                for what, ending in (("certificate", "pem"), ("private_key", "key"))
+            },
+        },
+        **changes,
+    }
+    configuration = zenoh.Config()
+    for key, value in settings.items():
+        configuration.insert_json5(key, json.dumps(value))
+    return configuration
+
+
+@pytest.mark.parametrize("certificate", ["recorder", "bridge", "operator"])
+def test_nobody_joins_a_router_that_shows_a_services_certificate(secured: Path, certificate: str) -> None:
+    port = free_port()
+    with zenoh.open(rogue(secured, certificate, listen={"endpoints": [f"tls/127.0.0.1:{port}"]})):
+        text = (secured / "router.json5").read_text()
+        (own,) = re.findall(r"tls/127.0.0.1:(\d+)", text)
+        for name in ("operator", "emulator"):
+            with pytest.raises(CommunicationError):
+                open_configured(variant(secured, name, own, str(port)), name).close()
+
+
+def test_the_routers_certificate_is_no_clients(secured: Path) -> None:
+    with pytest.raises(CommunicationError):
+        open_configured(variant(secured, "operator", "certificates/operator", "certificates/router"), "").close()
+
+
+def test_a_router_that_joins_with_a_services_certificate_has_its_rights_alone(secured: Path) -> None:
+    """Whatever a session calls itself, the certificate counts."""
+    text = (secured / "router.json5").read_text()
+    (port,) = re.findall(r"tls/127.0.0.1:(\d+)", text)
+    connect = {"endpoints": [f"tls/localhost:{port}"], "exit_on_failure": True, "timeout_ms": 5000}
+    acted: list[object] = []
+    with (
+        Probe(secured, "emulator") as emulator,
+        Probe(secured, "operator") as operator,
+        Bus(zenoh.open(rogue(secured, "recorder", connect=connect))) as joined,
+    ):
+        emulator.bus.answer(RESET, ResetRequest, noting(acted, Done(0.0, "done")), lambda: Done(0.0, "read"))
+        until(lambda: operator.bus.ask(RESET, None, Done).text == "read", "the operator is answered")
+        with pytest.raises(CommunicationError):
+            joined.ask(RESET, ResetRequest(5), Done, 0.5)
+    assert acted == []
+
+
+def test_rights_and_certificates_are_those_of_one_cell(tmp_path: Path, secured: Path) -> None:
+    script = ROOT / "scripts" / "secured-cell"
+    subprocess.run([script, tmp_path / "blue", "blue", "left"], check=True, timeout=60)
+    text = (tmp_path / "blue" / "router.json5").read_text()
+    assert set(re.findall(r'"(dtwin/[^"]*?/[^"]*?)/', text)) == {"dtwin/blue/left"}
+    certificates = tmp_path / "blue" / "certificates"
+    assert not [file.name for file in certificates.iterdir() if file.name.startswith("ca.") and file.suffix != ".pem"]
+    shutil.copytree(certificates, secured / "blue")
+    with pytest.raises(CommunicationError):
+        open_configured(variant(secured, "operator", "certificates/operator", "blue/operator"), "").close()
+    assert (
+        subprocess.run([script, tmp_path / "x", "a/b"], capture_output=True, timeout=60, check=False).returncode == 2
+    )
+
+
+def test_renewed_certificates_count_when_a_session_joins_again(secured: Path) -> None:
+    """Nobody else needs to stop: the old ones hold as long as they last."""
+    file = variant(secured, "recorder", "", "")
+    certify(secured / "certificates", "recorder")
+    open_configured(file, "").close()
 
 
 def test_each_may_ask_the_controller_what_it_needs_and_no_more(secured: Path) -> None:
