@@ -121,6 +121,24 @@ def may_divide_by_zero(use: Use) -> bool:
         return use.has("real")
 
 
+def divisor_may_be_zero(use: Use) -> bool:
+    return "IN2" not in use.literals or number(use, "IN2") == 0
+
+
+def divides_by_zero(use: Use) -> bool:
+    return not use.has("real") and number(use, "IN2") == 0
+
+
+def may_have_none(use: Use) -> bool:
+    return number(use, "N") <= 0
+
+
+def may_have_no_time(use: Use) -> bool:
+    literal = use.literals.get("PT")
+    duration = parse_duration(literal.rpartition("#")[2]) if literal else None
+    return duration is None or duration <= 0
+
+
 def may_be_shorter_than_a_tick(use: Use) -> bool:
     literal = use.literals.get("DT")
     duration = parse_duration(literal.rpartition("#")[2]) if literal else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from struct import Struct
@@ -27,7 +28,8 @@ from dtwin.iec61499.types import LREAL, DataType, ElementaryType
 
 NAME: Final = "unit"
 _FAULT: Final = Struct("iiqqqi")
-_FINE, _INDEX, _LOOP, _STEP, _TEXT, _CHART, _EVENTS, _QUEUE, _CLOSED, _ANSWER = range(10)
+_CLOCK: Final = Struct("iiqqqi0q").size
+_FINE, _INDEX, _LOOP, _STEP, _TEXT, _CHART, _EVENTS, _QUEUE, _CLOSED, _ANSWER, _CHARACTER = range(11)
 
 
 class NativeResource:
@@ -105,6 +107,11 @@ class NativeResource:
         """Issues STOP of every E_RESTART and runs until idle."""
         self._issue("stop")
         self._stopped = True
+
+    def advance(self, duration: int) -> None:
+        """Moves the clock of the timers on by ns."""
+        now = int.from_bytes(self._view[_CLOCK : _CLOCK + 8], sys.byteorder, signed=True)
+        self._view[_CLOCK : _CLOCK + 8] = (now + duration).to_bytes(8, sys.byteorder, signed=True)
 
     def trigger(self, event: str) -> None:
         """Delivers an event to a block, `BLOCK.EVENT`, and runs until idle. Raises FunctionBlockError."""
@@ -236,6 +243,7 @@ class NativeResource:
             raise CommunicationError(f"{server} answered {value} times to one request: expected one RSP")
         what = {
             _INDEX: f"index {value}: expected {low} to {high}",
+            _CHARACTER: f"character {value}: {f'expected {low} to {high}' if high else 'the text is empty'}",
             _LOOP: "loop did not end within 10000000 iterations",
             _STEP: "BY 0 never ends: expected another step",
             _TEXT: "text of more than 254 bytes, which machine code cannot hold",

@@ -197,13 +197,15 @@ class ExpressionChecker:
     def _date_sum(
         self, at: ast.Position, operator: str, left: typed.Expression, right: typed.Expression
     ) -> typed.Expression:
-        """`DATE - DATE` is a TIME, `DT + TIME` a DT."""
+        """`DATE - DATE` is a TIME, `DT + TIME` a DT; a TOD goes on from midnight, and a DATE has no time of day."""
         first, second = self._elementary(left), self._elementary(right)
         if operator == "-" and first == second:
             return typed.Binary(at, TIME, operator, left, right)
         if (first.kind, second.kind) != ("date", "time"):
             fail(at, f"{operator} cannot combine {first} and {second}: expected a date and a TIME")
-        return typed.Binary(at, first, operator, left, right)
+        moment = ELEMENTARY["LDT" if first.name.startswith("L") else "DT"]
+        moved = typed.Binary(at, moment, operator, left, right)
+        return moved if first == moment else typed.Cast(at, first, moved, "to")
 
     def _fold(
         self, at: ast.Position, operator: str, left: typed.Expression, right: typed.Expression

@@ -151,14 +151,26 @@ _BLOCKS: Final = (
         "-> Q: BOOL",
         [("S[NOT Q]", "Q := TRUE;", "EO"), ("R[Q]", "Q := FALSE;", "EO"), ("CLK", "Q := NOT Q;", "EO")],
     ),
+    basic(
+        "E_TRAIN_CTRL",
+        "Counts the events of an E_TRAIN",
+        "INIT(N), CLK -> CLKO(CV), END(CV)",
+        "N: UINT -> CV: UINT",
+        [
+            ("INIT[N > 0]", "CV := 0;", "CLKO"),
+            ("INIT", "CV := 0;", "END"),
+            ("CLK[CV + 1 < N]", "CV := CV + 1;", "CLKO"),
+            ("CLK[CV < N]", "CV := CV + 1;", "END"),
+        ],
+    ),
     composite(
         "E_TRAIN",
         "Issues N events, DT apart",
         interface("START(DT N), STOP -> EO(CV)", "DT: TIME; N: UINT -> CV: UINT"),
-        "CTR: E_CTU; GATE: E_SWITCH; DLY: E_DELAY",
-        "CTR.CUO -> GATE.EI; CTR.RO -> GATE.EI; START -> CTR.R; GATE.EO0 -> DLY.START; STOP -> DLY.STOP;"
-        "DLY.EO -> EO; DLY.EO -> CTR.CU",
-        "N -> CTR.PV; CTR.CV -> CV; DT -> DLY.DT; CTR.Q -> GATE.G",
+        "CTRL: E_TRAIN_CTRL; DLY: E_DELAY",
+        "START -> CTRL.INIT; CTRL.CLKO -> DLY.START; CTRL.END -> DLY.STOP; STOP -> DLY.STOP;"
+        "DLY.EO -> EO; DLY.EO -> CTRL.CLK",
+        "N -> CTRL.N; CTRL.CV -> CV; DT -> DLY.DT",
     ),
     composite(
         "E_TABLE",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 import shutil
 import subprocess
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from dtwin.controller.ports import BLOCKS, EMULATOR, SYSTEM
 from dtwin.errors import CommunicationError, FunctionBlockError
 from dtwin.iec61499.library import Library
+from dtwin.iec61499.literals import parse_literal
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.model import FBNetwork
 from dtwin.iec61499.native.build import unit_files
@@ -20,6 +22,7 @@ from dtwin.iec61499.native.layout import network_layout
 from dtwin.iec61499.native.resource import NativeResource
 from dtwin.iec61499.native.unit import unit_of
 from dtwin.iec61499.runtime.resource import Resource
+from dtwin.iec61499.types import TIME
 from tests.support.iec61499.c_harness import needs_compiler
 from tests.support.iec61499.networks import Types, chart, network
 
@@ -182,6 +185,28 @@ def test_a_server_that_does_not_answer_is_a_fault_of_communication() -> None:
             server.exchange((1,))
         with pytest.raises(CommunicationError, match="got 2 values"):
             server.exchange((1, 2))
+
+
+@needs_compiler
+def test_timers_are_those_of_python() -> None:
+    kinds = ("FB_TON", "FB_TOF", "FB_TP")
+    net = network("; ".join(f"{kind[3:]}: {kind}; COUNT_{kind}: E_CTU" for kind in kinds),
+                  "; ".join(f"{kind[3:]}.CNF -> COUNT_{kind}.CU" for kind in kinds))  # fmt: skip
+    rng = random.Random(46)
+    for time in ("1s", "0s", "-1ms"):
+        native, python = both(net, Types())
+        for _ in range(200):
+            step = rng.choice((0, 1, 250, 999, 1000, 2500)) * 1_000_000
+            given = rng.random() < 0.5
+            native.advance(step)
+            python.advance(step)
+            for resource in (native, python):
+                for kind in kinds:
+                    resource.write(f"{kind[3:]}.IN", given)
+                    resource.write(f"{kind[3:]}.PT", parse_literal(f"T#{time}", TIME))
+                    resource.trigger(f"{kind[3:]}.REQ")
+                resource.run_until_idle()
+            assert native.states() == python.states()
 
 
 def test_blocks_that_c_does_not_have_are_refused() -> None:

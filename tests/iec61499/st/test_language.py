@@ -38,7 +38,7 @@ IN_LUA = [
     ("VAR M: ARRAY [0..1, 0..2] OF INT := [1, 2, 3, 2(9)]; END_VAR A := M;", {"A": [[1, 2, 3], [9, 9, 0]]}),
     ("VAR M: ARRAY [0..1, 0..2] OF INT := [[1, 2], [3]]; END_VAR A := M;", {"A": [[1, 2, 0], [3, 0, 0]]}),
     ("VAR Q: STRING[3]; END_VAR Q := 'abcdef'; S := CONCAT(Q, 'x');", {"S": "abcx"}),
-    ("R := TO_LREAL(INT#7); I := TO_INT(LREAL#2.5); J := TO_DINT(BYTE#16#FF);", {"R": 7.0, "I": 3, "J": 255}),
+    ("R := TO_LREAL(INT#7); I := TO_INT(LREAL#2.5); J := TO_DINT(BYTE#16#FF);", {"R": 7.0, "I": 2, "J": 255}),
     ("IF X THEN I := 1; ELSE I := 2; END_IF", {"I": 2}),
     ("R := J := I := 4 + 1; I := 2;", {"R": 5.0, "J": 5, "I": 2}),
     ("D := 1; D := D - 2; W := 16#FFFF; W := W + 1;", {"D": 0xFFFFFFFF, "W": 0}),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,9 +12,12 @@ from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.literals import format_literal, parse_literal
 from dtwin.iec61499.net.wire import Signature
 from dtwin.iec61499.types import STRING, WSTRING, bytes_of, text_of
+from tests.support.iec61499.c_harness import needs_compiler, run_c
 from tests.support.iec61499.st_harness import LUA, check, run_lua, run_python, scope_of
 
 TYPES: dict[str, Any] = {"S": "STRING", "W": "WSTRING", "N": "INT"}
+CHARACTER = 10
+"""The fault of C code that a character is not there."""
 
 
 @pytest.mark.parametrize(
@@ -109,6 +113,18 @@ def test_a_character_that_is_not_there(text: str, place: int) -> None:
         run_python(check(text, **TYPES), scope_of(TYPES), values)
     with pytest.raises(LUA["Lua 5.4"].LuaError, match=f"character {place}: expected 1 to 3"):
         run_lua(check(text, **TYPES), scope_of(TYPES), values, "Lua 5.4")
+
+
+@needs_compiler
+def test_characters_in_c(tmp_path: Path) -> None:
+    scope = scope_of({**TYPES, "B": "BOOL"})
+    del scope["W"]
+    text = "S[2] := 'X'; S[N] := S[3]; B := S[1] = 'd'; S[4] := BYTE_TO_CHAR(BYTE#16#E4); S := CONCAT(S, S[1]);"
+    programs = [(check(text, **scope), scope, {"S": "abcd", "N": place}) for place in (1, 0, 5)]
+    good, *faults = run_c(programs, tmp_path)
+    assert isinstance(good, dict)
+    assert (good["S"], good["B"]) == ("cXc\xe4c", False)
+    assert faults == [CHARACTER, CHARACTER]
 
 
 @pytest.mark.parametrize(

@@ -196,6 +196,24 @@ def test_train_counts_its_events() -> None:
     assert seen == [(["EO"], 0), (["EO"], 1), (["EO"], 2), ([], 2), ([], 2)]
 
 
+@pytest.mark.parametrize("kind", ["E_TRAIN", "E_TABLE", "E_N_TABLE"])
+def test_no_events_are_no_event(kind: str) -> None:
+    delays = "T#10ms" if kind == "E_TRAIN" else "[T#10ms, T#10ms, T#10ms, T#10ms]"
+    bench = Bench(kind, parameters={"DT": delays, "N": "0"})
+    bench.fire("START")
+    assert bench.advance(100) == []
+    bench.fire("START", N=1)
+    assert len(bench.advance(100)) == 1
+
+
+def test_a_train_of_none_ends_the_one_that_runs() -> None:
+    bench = Bench("E_TRAIN", parameters={"DT": "T#10ms", "N": "3"})
+    bench.fire("START")
+    assert bench.advance(10) == ["EO"]
+    bench.fire("START", N=0)
+    assert bench.advance(100) == []
+
+
 def test_table_takes_its_delays_in_turn() -> None:
     bench = Bench("E_TABLE", parameters={"DT": "[T#10ms, T#20ms, T#30ms, T#40ms]", "N": "3"})
     bench.fire("START")

@@ -59,11 +59,47 @@ def test_timers_look_at_the_clock_when_they_are_asked() -> None:
     assert seen == [
         (False, True, True),
         (False, True, True),
-        (True, True, True),
+        (True, True, False),
         (False, False, False),
         (False, False, False),
     ]
     assert (off["ET"], on["ET"]) == (50_000_000, 0)
+
+
+PULSES: list[list[tuple[int, bool, bool, int]]] = [
+    # (ms, IN, Q, ET in ms) with PT = 1 s
+    [(0, True, True, 0), (750, True, True, 750), (1250, True, False, 1000), (9000, True, False, 1000)],
+    [(0, True, True, 0), (5000, True, False, 1000)],
+    [(0, True, True, 0), (5000, False, False, 0), (6000, False, False, 0), (6100, True, True, 0)],
+    [(0, True, True, 0), (500, False, True, 500), (5000, True, True, 0), (6000, True, False, 1000)],
+    [(0, True, True, 0), (500, False, True, 500), (700, True, True, 700), (5000, True, False, 1000)],
+    [(0, False, False, 0), (100, True, True, 0), (1100, False, False, 0), (1101, True, True, 0)],
+]
+"""Calls of an FB_TP after the timing diagram of IEC 61131-3, 6.6.3.5.5, table 46."""
+
+
+def called(kind: str, calls: list[tuple[int, bool, bool, int]], pt: str = "T#1s") -> list[tuple[bool, int]]:
+    """Q and ET (ms) after each call."""
+    bench, seen, now = Bench(kind, parameters={"PT": pt}), [], 0
+    for at, given, _, _ in calls:
+        bench.advance(at - now)
+        now = at
+        assert bench.fire("REQ", IN=given) == ["CNF"]
+        seen.append((bench["Q"], bench["ET"] // 1_000_000))
+    return seen
+
+
+@pytest.mark.parametrize("calls", PULSES)
+def test_a_pulse_lasts_pt_and_the_next_edge_begins_another(calls: list[tuple[int, bool, bool, int]]) -> None:
+    assert called("FB_TP", calls) == [(q, et) for _, _, q, et in calls]
+
+
+@pytest.mark.parametrize("pt", ["T#0s", "T#-1s"])
+@pytest.mark.parametrize(("kind", "expected"), [("FB_TON", True), ("FB_TOF", False), ("FB_TP", False)])
+def test_no_time_is_over_at_once(kind: str, expected: bool, pt: str) -> None:
+    edge = kind != "FB_TOF"
+    calls = [(0, not edge, False, 0), (10, edge, False, 0)]
+    assert called(kind, calls, pt)[1] == (expected, 0)
 
 
 def test_elements_of_arrays() -> None:

@@ -130,7 +130,11 @@ class CExpressions:
         source, target = node.operand.type, node.type
         assert isinstance(source, ElementaryType)
         if target.kind == "string":
-            text = self.open(node.operand)
+            text = (
+                self.open(node.operand)
+                if source.kind == "string"
+                else self._to_string(source, self.open(node.operand))
+            )
             if target.limit and not 0 < source.limit <= target.limit:
                 return f"fb_cut({text}, {target.limit})"
             return text
@@ -204,8 +208,8 @@ class CExpressions:
         if right.type.kind == "real":
             function = "fb_time_scale" if operator == "*" else "fb_time_divide_real"
             return f"{function}({self.open(left)}, {self._double(right)})"
-        suffix = "_unsigned" if _signedness(right.type) == "unsigned" else ""
-        return f"fb_time_divide{suffix}({self.open(left)}, {self.open(right)})"
+        function = "fb_time_divide_unsigned" if _signedness(right.type) == "unsigned" else "fb_divide_signed"
+        return f"{function}({self.open(left)}, {self.open(right)})"
 
     def _call(self, node: typed.Call) -> str:
         name, arguments = node.function, node.arguments
@@ -237,6 +241,9 @@ class CExpressions:
             return f"({kind}){self.open(arguments[0])}.length"
         if name == "FIND":
             return f"({kind})fb_find({self.open(arguments[0])}, {self.open(arguments[1])})"
+        if name == "CHARACTER":
+            text, place = arguments
+            return f"fb_character(run, {self.open(text)}, {self.as_signed(place)}, {self.place(node.at)})"
         return self._text_function(node)
 
     def _absolute(self, node: typed.Call) -> str:
@@ -264,10 +271,10 @@ class CExpressions:
 
     def _text_function(self, node: typed.Call) -> str:
         name = node.function.lower()
-        if name not in ("left", "right", "mid", "concat", "insert", "replace", "delete"):
+        if name not in ("left", "right", "mid", "concat", "insert", "replace", "delete", "with_character"):
             refuse(node.at, node.function)
         codes = [
-            self.open(a) if isinstance(a.type, ElementaryType) and a.type.kind == "string" else self.as_signed(a)
+            self.open(a) if isinstance(a.type, ElementaryType) and not a.type.is_integer else self.as_signed(a)
             for a in node.arguments
         ]
         if name in ("left", "right", "mid"):
@@ -309,7 +316,7 @@ class CExpressions:
         if target.kind == "bits":
             return f"fb_bits_of_{c_type(source)}({inner})"
         number_ = self._double(node.operand)
-        whole = number_ if node.how == "trunc" else f"fb_half_away({number_})"
+        whole = number_ if node.how == "trunc" else f"fb_half_even({number_})"
         unsigned = "_unsigned" if target.bits == 64 and target.minimum == 0 else ""
         return f"({c_type(target)})fb_truncate{unsigned}({whole})"
 

@@ -42,13 +42,14 @@ enum fb_problem {
     FB_ENDLESS_EVENTS = 6, /* a chain of events that does not end */
     FB_FULL_QUEUE = 7,     /* more than FB_WAITING events wait */
     FB_NOT_OPEN = 8,       /* a message to a SERVER that is not initialised */
-    FB_NO_ANSWER = 9       /* a message that was not answered exactly once */
+    FB_NO_ANSWER = 9,      /* a message that was not answered exactly once */
+    FB_CHARACTER = 10      /* a character that is not in the text */
 };
 
 struct fb_fault {
     int32_t problem; /* of enum fb_problem */
     int32_t place;   /* number of the place in the source */
-    int64_t value;   /* the index, or the number of answers */
+    int64_t value;   /* the index, the character's place, or the number of answers */
     int64_t low;
     int64_t high;
     int32_t event; /* number of the event that was delivered */
@@ -56,6 +57,7 @@ struct fb_fault {
 
 struct fb_run {
     struct fb_fault fault;
+    int64_t time;        /* the clock of the timers, ns; whoever delivers events moves it on */
     uint32_t iterations; /* of loops that the chain of events may still use */
     uint16_t head;
     uint16_t waiting;
@@ -105,7 +107,9 @@ static inline void fb_fail(struct fb_run *run, enum fb_problem problem, int32_t 
     }
 }
 
-static inline size_t fb_index(struct fb_run *run, int64_t value, int64_t low, int64_t high, int32_t place)
+/* How far a value is from the lowest one of a range; a problem when it is not in the range. */
+static inline size_t fb_within(struct fb_run *run, int64_t value, int64_t low, int64_t high, enum fb_problem problem,
+                               int32_t place)
 {
     if (value >= low && value <= high) {
         return (size_t)(value - low);
@@ -115,8 +119,13 @@ static inline size_t fb_index(struct fb_run *run, int64_t value, int64_t low, in
         run->fault.low = low;
         run->fault.high = high;
     }
-    fb_fail(run, FB_INDEX, place);
+    fb_fail(run, problem, place);
     return 0;
+}
+
+static inline size_t fb_index(struct fb_run *run, int64_t value, int64_t low, int64_t high, int32_t place)
+{
+    return fb_within(run, value, low, high, FB_INDEX, place);
 }
 
 /* Whether a loop may go on. */
@@ -274,25 +283,24 @@ static inline uint64_t fb_truncate_unsigned(double x)
     return x >= 9223372036854775808.0 && x < 18446744073709551616.0 ? (uint64_t)x : (uint64_t)fb_truncate(x);
 }
 
-/* Half toward the sign, then truncated. */
-static inline double fb_half_away(double x)
+/* The nearest integer, of two the even one, whatever the rounding of the processor is set to. */
+static inline double fb_half_even(double x)
 {
-    return x > 0.0 ? x + 0.5 : x < 0.0 ? x - 0.5 : x;
+    const double whole = floor(x), rest = x - whole;
+    return rest < 0.5 || (rest == 0.5 && fmod(whole, 2.0) == 0.0) ? whole : whole + 1.0;
 }
 
-/* A duration by a number; itself when that is 0. */
-static inline int64_t fb_time_divide(int64_t a, int64_t b) { return b == 0 ? a : fb_divide_signed(a, b); }
-
+/* A duration by an unsigned number; 0 when that is 0. */
 static inline int64_t fb_time_divide_unsigned(int64_t a, uint64_t b)
 {
     if (b <= (uint64_t)INT64_MAX) {
-        return fb_time_divide(a, (int64_t)b);
+        return fb_divide_signed(a, (int64_t)b);
     }
     return a == INT64_MIN && b == (uint64_t)1 << 63 ? -1 : 0;
 }
 
 static inline int64_t fb_time_scale(int64_t a, double factor) { return fb_truncate((double)a * factor); }
-static inline int64_t fb_time_divide_real(int64_t a, double b) { return b == 0.0 ? a : fb_truncate((double)a / b); }
+static inline int64_t fb_time_divide_real(int64_t a, double b) { return b == 0.0 ? 0 : fb_truncate((double)a / b); }
 
 /* Since midnight, ns. */
 static inline int64_t fb_time_of_day(int64_t x)
@@ -506,6 +514,27 @@ static inline int32_t fb_find(struct fb_text text, struct fb_text part)
         }
     }
     return 0;
+}
+
+/* The character at a 1-based place. */
+static inline uint8_t fb_character(struct fb_run *run, struct fb_text text, int64_t position, int32_t place)
+{
+    const size_t offset = fb_within(run, position, 1, text.length, FB_CHARACTER, place);
+    return fb_fine(run) ? (uint8_t)text.start[offset] : 0;
+}
+
+/* The text with another character at a 1-based place. */
+static inline struct fb_text fb_with_character(struct fb_run *run, struct fb_string *to, struct fb_text text,
+                                               int64_t position, uint8_t character, int32_t place)
+{
+    const size_t offset = fb_within(run, position, 1, text.length, FB_CHARACTER, place);
+    if (fb_fine(run)) {
+        memcpy(to->text, text.start, text.length);
+        to->text[offset] = (char)character;
+        to->length = text.length;
+        return fb_view(to);
+    }
+    return text;
 }
 
 static inline struct fb_text fb_of_char(struct fb_string *to, uint8_t character)

@@ -241,11 +241,17 @@ class LuaExpressions:
                 return Fragment(self.call(f"_{name.lower()}", *texts, where(node)), ATOM)
             case "FIND":
                 return Fragment(self.call("_find", *texts), ATOM, 0, 1 << 31)
+            case "SEL":
+                # only the selected value is computed, as in the other backends
+                choice, first, second = (value.at_least(COMPARISON) for value in values)
+                if data_type.kind == "bool":  # a value of false would let Lua's `and` go on to the other one
+                    return Fragment(f"({choice} and {{{second}}} or {{{first}}})[1]", ATOM)
+                return Fragment(f"({choice} and {second} or {first})", ATOM, *limits)
             case "SHL" | "SHR" | "ROL" | "ROR":
                 assert isinstance(data_type, ElementaryType)
                 return Fragment(self.call(f"_{name.lower()}", *texts, data_type.bits), ATOM, *limits)
         result = Fragment(self.call(f"_{name.lower()}", *texts), ATOM, *limits)
-        computed = name not in ("MIN", "MAX", "SEL", "MUX")
+        computed = name not in ("MIN", "MAX", "MUX")
         return self._rounded(result) if computed and data_type == REAL else result
 
     def _cast(self, node: typed.Cast) -> Fragment:

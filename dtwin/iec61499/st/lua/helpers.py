@@ -31,7 +31,6 @@ HELPERS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
     "_abs": ("local _abs = math.abs", ()),
     "_min": ("local function _min(a, b) if a < b then return a end return b end", ()),
     "_max": ("local function _max(a, b) if a > b then return a end return b end", ()),
-    "_sel": ("local function _sel(g, a, b) if g then return b end return a end", ()),
     "_mux": (
         "local function _mux(k, ...)\n"
         'local n = select("#", ...)\n'
@@ -59,7 +58,7 @@ HELPERS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
     "_imod": ("local function _imod(a, b) if b == 0 then return 0 end return math.fmod(a, b) + 0 end", ()),
     "_trunc": (
         "local function _trunc(x, low, period)\n"
-        "if not (x > -9.2e18 and x < 9.2e18) then return 0 end\n"
+        "if not (x >= -9223372036854775808.0 and x < 9223372036854775808.0) then return 0 end\n"
         "if x < 0 then x = math.ceil(x) else x = math.floor(x) end\n"
         "x = x % period\n"
         "if x >= period + low then x = x - period end\n"
@@ -69,8 +68,10 @@ HELPERS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
     ),
     "_round": (
         "local function _round(x, low, period)\n"
-        "if x > 0 then x = x + 0.5 elseif x < 0 then x = x - 0.5 end\n"
-        "return _trunc(x, low, period)\n"
+        "local f = math.floor(x)\n"
+        "local d = x - f\n"
+        "if d > 0.5 or d == 0.5 and f % 2 == 1 then f = f + 1 end\n"
+        "return _trunc(f, low, period)\n"
         "end",
         ("_trunc",),
     ),

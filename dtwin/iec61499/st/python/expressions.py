@@ -189,12 +189,11 @@ class PythonExpressions:
             call = f"{name}({self.text(left)}, {self.text(right)}, {node.type.minimum}, {period})"
             return Fragment(call, ATOM, *bounds(node.type))
         if operator in ("+", "-", "*") and is_integral(right.type):
-            a, b = self.raw(left), self.raw(right)
+            # one that is narrower, as the number in TIME * INT, must wrap in its own type first
+            a, b = (self.raw(n) if _bits(n) == node.type.bits else self.value(n) for n in (left, right))
             return self._infix(operator, a, b, *combine(operator, a, b))
-        if node.type.kind == "time":
-            assert isinstance(right.type, ElementaryType)
-            real = "_time_scale" if operator == "*" else "_time_div_real"
-            name = self.helper(real if right.type.kind == "real" else "_time_div")
+        if isinstance(right.type, ElementaryType) and right.type.kind == "real":
+            name = self.helper("_time_scale" if operator == "*" else "_time_div_real")
             return Fragment(f"{name}({self.text(left)}, {self.text(right)})", ATOM, *bounds(node.type))
         return self._division(operator, self.value(left), self.value(right))
 
@@ -388,6 +387,11 @@ class PythonExpressions:
         mask = (1 << target.bits) - 1
         call = f"{self.helper('_string_to_int')}({text}, {target.minimum}, {mask}, {target.name!r})"
         return Fragment(call, ATOM, *bounds(target))
+
+
+def _bits(node: typed.Expression) -> int:
+    assert isinstance(node.type, ElementaryType)
+    return node.type.bits
 
 
 def where(node: typed.Expression | typed.Statement) -> str:

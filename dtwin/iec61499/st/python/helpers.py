@@ -134,19 +134,14 @@ def _nan_outside(function: Callable[[float], float]) -> Callable[[float], float]
     return extended
 
 
-def time_divide(a: int, b: int) -> int:
-    """A duration by an integer, truncated; a itself when b is 0, as FORTE's DIVTIME."""
-    return integer_divide(a, b) if b else a
-
-
 def time_scale(a: int, factor: float) -> int:
     """A duration times a number, truncated."""
     return truncate(a * factor, -_INT64, 2 * _INT64 - 1)
 
 
 def time_divide_real(a: int, b: float) -> int:
-    """A duration by a number, truncated; a itself when b is 0, as FORTE's DIVTIME."""
-    return truncate(a / b, -_INT64, 2 * _INT64 - 1) if b else a
+    """A duration by a number, truncated; 0 when b is 0, as by an integer."""
+    return truncate(a / b, -_INT64, 2 * _INT64 - 1) if b else 0
 
 
 def truncate(x: float, minimum: int, mask: int) -> int:
@@ -157,9 +152,9 @@ def truncate(x: float, minimum: int, mask: int) -> int:
     return (whole - minimum & mask) + minimum
 
 
-def round_half_away(x: float, minimum: int, mask: int) -> int:
-    """FORTE's conversion of reals to integers: adds half toward the sign, then truncates and wraps."""
-    return truncate(x + 0.5 if x > 0 else x - 0.5 if x < 0 else x, minimum, mask)
+def round_half_even(x: float, minimum: int, mask: int) -> int:
+    """The nearest integer, of two the even one (IEC 61131-3, table 22, and IEC 60559), then as `truncate`."""
+    return truncate(float(round(x)) if math.isfinite(x) else x, minimum, mask)
 
 
 def shift_left(x: int, count: int, bits: int) -> int:
@@ -358,11 +353,10 @@ COMMON: Final[dict[str, Any]] = {
     "_ipow": integer_power,
     "_to_bcd": to_decimal,
     "_from_bcd": from_decimal,
-    "_time_div": time_divide,
     "_time_scale": time_scale,
     "_time_div_real": time_divide_real,
     "_trunc": truncate,
-    "_round": round_half_away,
+    "_round": round_half_even,
     "_shl": shift_left,
     "_shr": shift_right,
     "_rol": rotate_left,

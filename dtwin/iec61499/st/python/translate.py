@@ -213,14 +213,19 @@ class _PythonGenerator:
     def _store(self, node: typed.Store) -> list[str]:
         target = self._name(node.name)
         if node.indices:
-            value = self._expressions.value(node.value)
             own = [f"{target} = {self._expressions.helper('_copy')}({target})"] if self._direct else []
-            return [*own, f"{target}{self._expressions.subscripts(node.indices, node.arrays)} = {value.text}"]
+            place = target + self._expressions.subscripts(node.indices, node.arrays)
+            return [*own, f"{place} = {self._own_value(node.value)}"]
         if not isinstance(node.type, ElementaryType):
-            text = self._expressions.text(node.value)
-            copied = text if isinstance(node.value, typed.Const) else f"{self._expressions.helper('_copy')}({text})"
-            return [f"{target} = {copied}"]
+            return [f"{target} = {self._own_value(node.value)}"]
         return self._assign(target, self._expressions.raw(node.value), node.type)
+
+    def _own_value(self, node: typed.Expression) -> str:
+        """The value for a place of its own: of an array or structure a copy, as an assignment makes no reference."""
+        text = self._expressions.text(node)
+        if isinstance(node.type, ElementaryType) or isinstance(node, typed.Const):
+            return text
+        return f"{self._expressions.helper('_copy')}({text})"
 
     def _assign(self, target: str, value: Fragment, data_type: ElementaryType) -> list[str]:
         """The assignment; a value at most one period outside of the range is moved back by a comparison."""
