@@ -334,6 +334,8 @@ def format_string(value: str, quote: str) -> str:
 
 def _escaped(character: str, digits: int, whole: bool) -> str:
     """A character that cannot be printed, as escapes: in the text of a STRING one for every byte."""
+    if ord(character) > 0xFFFF and digits == 4:
+        return character  # no escape of a WSTRING reaches so far
     codes = [ord(c) for c in bytes_of(character)] if digits == 2 and whole else [ord(character)]
     return "".join(f"${code:0{digits}X}" for code in codes)
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from dtwin.errors import CommunicationError
+from dtwin.errors import CommunicationError, FunctionBlockError
 from dtwin.iec61499.deploy.build import note
 from dtwin.iec61499.deploy.listing import listed
 from dtwin.iec61499.deploy.plan import Deployment
-from dtwin.iec61499.literals import parse_duration
+from dtwin.iec61499.literals import parse_duration, parse_string
 from dtwin.iec61499.management.client import ManagementClient, Step
 from dtwin.iec61499.management.protocol import (
     ANY,
@@ -214,12 +214,26 @@ def _undo(client: ManagementClient, done: list[Step], restoring: list[Step]) -> 
 def _literal(printed: str, like: str) -> str:
     """A value that a device has printed as a literal; of a text when it is like one."""
     quote = like[:1] if like[:1] in ("'", '"') else ""
+    if quote and _text(printed) is not None:
+        return printed
     return f"{quote}{printed.replace('$', '$$').replace(quote, '$' + quote)}{quote}" if quote else printed
+
+
+def _text(printed: str) -> str | None:
+    """The text of a literal in quotes, as `fb run` prints one with control characters; None for what is none."""
+    if len(printed) < 2 or printed[0] not in "'\"" or printed[-1] != printed[0]:
+        return None
+    try:
+        return parse_string(printed)
+    except FunctionBlockError:
+        return None
 
 
 def _is_same(literal: str, printed: str) -> bool:
     """Whether a device prints the value of a literal so."""
     quoted = literal[:1] in ("'", '"')
+    if quoted and _text(printed) is not None and _text(printed) == _text(literal):
+        return True
     bare = literal[1:-1] if quoted else literal.rpartition("#")[2] if "#" in literal else literal
     if quoted or bare == printed or literal == printed:
         return bare.replace("$$", "$") == printed or literal == printed

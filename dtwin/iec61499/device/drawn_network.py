@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any, Final, Literal
 
@@ -20,6 +21,8 @@ from dtwin.iec61499.types import (
 
 Side = Literal["inputs", "outputs", "internals"]
 SIDES: Final[tuple[Side, ...]] = ("inputs", "outputs", "internals")
+_UNFIT: Final = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
+"""Characters that an attribute of XML does not hand on as they are: control characters, and what is no character."""
 
 
 class DrawnNetwork:
@@ -226,9 +229,11 @@ def value_of(literal: str, kind: DataType) -> Any:
 
 
 def printed(value: Any, kind: DataType) -> str:
-    """A value as FORTE prints it: strings without quotes."""
+    """A value as FORTE prints it: strings without quotes, but one that would not read back so as a literal."""
     if isinstance(kind, ElementaryType) and kind.kind == "string":
-        return text_of(value) if kind.name == "STRING" else str(value)
+        bare = text_of(value) if kind.name == "STRING" else str(value)
+        if not _UNFIT.search(bare) and value_of(bare, kind) == value:
+            return bare
     try:
         return format_literal(value, kind)
     except FunctionBlockError:

@@ -130,6 +130,34 @@ def test_both_devices_serve_the_same_wire(either: ManagementClient) -> None:
     assert either.read("R", "F.Q") == "TRUE"
 
 
+@pytest.mark.parametrize(
+    ("literal", "shown"),
+    [
+        ("'a$00b'", "'a$00b'"),
+        ("'a$01b'", "'a$01b'"),
+        ("'a$Lb'", "'a$Nb'"),
+        ("'$R$T$P$7F'", "'$R$T$P$7F'"),
+        ("'a$C3$28b'", "'a$C3(b'"),
+        ("'$'a$''", "'$'a$''"),
+        ("'a$$b $'c$' \"d\" <&>'", "a$b 'c' \"d\" <&>"),
+        ("'Größe €'", "Größe €"),
+        ("''", ""),
+    ],
+)
+def test_a_text_reads_back(served: ServedDevice, literal: str, shown: str) -> None:
+    with served.client() as client:
+        build(client, "R", "T STRING2STRING\nW WSTRING2WSTRING\nSTART.COLD -> T.REQ")
+        client.start("R")
+        client.watch("R", "T.IN")
+        for _ in range(2):
+            client.write("R", "T.IN", literal)
+            literal = client.read("R", "T.IN")
+            assert literal == shown
+            assert client.watched("R") == {"T.IN": shown}
+        client.write("R", "W.IN", '"a$000A$0000"')
+        assert client.read("R", "W.IN") == '"a$N$0000"'
+
+
 def test_both_devices_tell_watched_ports_at_once(either: ManagementClient) -> None:
     build(either, "R", "N E_CTU PV=7\nF E_D_FF\nSTART.COLD -> N.CU\nN.Q -> F.D")
     assert either.watched("R") == {}

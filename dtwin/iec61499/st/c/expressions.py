@@ -242,8 +242,8 @@ class CExpressions:
         if name == "FIND":
             return f"({kind})fb_find({self.open(arguments[0])}, {self.open(arguments[1])})"
         if name == "CHARACTER":
-            text, place = arguments
-            return f"fb_character(run, {self.open(text)}, {self.as_signed(place)}, {self.place(node.at)})"
+            whole, position = arguments
+            return f"fb_character(run, {self.open(whole)}, {self.as_signed(position)}, {self.place(node.at)})"
         return self._text_function(node)
 
     def _absolute(self, node: typed.Call) -> str:

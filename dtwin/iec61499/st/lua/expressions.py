@@ -12,6 +12,7 @@ from dtwin.iec61499.st.ast import fail
 from dtwin.iec61499.st.fragment import Fragment, bounds, combine, is_integral, quotient_bounds, remainder_bounds
 from dtwin.iec61499.st.typed import COMPARISONS
 from dtwin.iec61499.types import (
+    BOOL,
     LREAL,
     REAL,
     STRING,
@@ -244,7 +245,7 @@ class LuaExpressions:
             case "SEL":
                 # only the selected value is computed, as in the other backends
                 choice, first, second = (value.at_least(COMPARISON) for value in values)
-                if data_type.kind == "bool":  # a value of false would let Lua's `and` go on to the other one
+                if data_type == BOOL:  # a value of false would let Lua's `and` go on to the other one
                     return Fragment(f"({choice} and {{{second}}} or {{{first}}})[1]", ATOM)
                 return Fragment(f"({choice} and {second} or {first})", ATOM, *limits)
             case "SHL" | "SHR" | "ROL" | "ROR":
