@@ -34,6 +34,7 @@ from dtwin.iec61499.st.functions import (
     common_type,
     conversion,
     in_order,
+    instead_of,
     widens,
 )
 from dtwin.iec61499.st.parts import read_part
@@ -257,10 +258,7 @@ class ExpressionChecker:
             return typed.Cast(at, DWORD, count, "to")
         function = FUNCTIONS.get(name)
         if function is None:
-            known = choices(
-                sorted({*FUNCTIONS, *OPERATOR_FUNCTIONS, CLOCK} | {"TO_Y", "X_TO_Y", "X_TRUNC_Y", "TIME_IN_S_TO_Y"})
-            )
-            fail(at, f"unknown function {name}: expected {known}")
+            fail(at, f"unknown function {name}: expected {instead_of(name)}")
         arguments, result = self._arguments(at, name, function, arguments)
         if name == "MOVE":
             return arguments[0]
@@ -348,7 +346,7 @@ class ExpressionChecker:
             adapted = adapt(value, target)
             if adapted is not None:
                 return adapted
-            if target.is_integer and isinstance(value.value, int):
+            if isinstance(value.value, int) and (target.is_integer or target.kind in ("bits", "bool")):
                 fail(
                     value.at, f"{value.value} is out of range: expected {target} {target.minimum} to {target.maximum}"
                 )

@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
+from dtwin.errors import choices
 from dtwin.iec61499.st.ast import Call, Expression, fail
 from dtwin.iec61499.st.typed import CastKind
 from dtwin.iec61499.types import ELEMENTARY, INT, ElementaryType
@@ -146,6 +147,39 @@ def conversion(name: str) -> tuple[ElementaryType, ElementaryType, CastKind] | N
     if match["how"] == "TRUNC":
         return (source, target, "trunc") if source.kind == "real" and target.is_integer else None
     return (source, target, "to") if _convertible(source, target) else None
+
+
+_OTHERS: Final = {
+    "ROUND": "LREAL_TO_DINT or another conversion, which rounds",
+    "FLOOR": "TRUNC, which cuts toward 0",
+    "CEIL": "TRUNC, which cuts toward 0",
+    "POW": "EXPT, or **",
+    "POWER": "EXPT, or **",
+    "LOG10": "LOG",
+    "STRLEN": "LEN",
+    "RAND": "the block FB_RANDOM",
+    "RANDOM": "the block FB_RANDOM",
+}
+"""What others call functions that are here, or that are not."""
+_OF_TIME: Final = re.compile(r"(?P<source>[A-Z]+)_TO_(?P<target>[A-Z]+)")
+
+
+def instead_of(name: str) -> str:
+    """What to write instead of a function that there is none of."""
+    if name in _OTHERS:
+        return _OTHERS[name]
+    match = _OF_TIME.fullmatch(name)
+    source = ELEMENTARY.get(match["source"]) if match else None
+    target = ELEMENTARY.get(match["target"]) if match else None
+    if source is not None and source == target:
+        return f"the {source} as it is"
+    if source is not None and target is not None and source.kind == "time" and target.is_number:
+        return f"TIME_IN_S_TO_{target}, or of MS, US or NS"
+    if source is not None and target is not None and source.is_number and target.kind == "time":
+        return "a product with a unit, such as T#1ms * N"
+    return choices(
+        sorted({*FUNCTIONS, *OPERATOR_FUNCTIONS, CLOCK} | {"TO_Y", "X_TO_Y", "X_TRUNC_Y", "TIME_IN_S_TO_Y"})
+    )
 
 
 def _convertible(source: ElementaryType, target: ElementaryType) -> bool:

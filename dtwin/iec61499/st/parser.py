@@ -139,8 +139,28 @@ def _comment_end(text: str, start: int, mark: str, origin: ast.Position) -> int:
     )
 
 
+_SLIPS: Final = {
+    "==": "= to compare, := to assign",
+    "!=": "<>",
+    "&&": "AND",
+    "||": "OR",
+    "+=": "X := X + ...",
+    "-=": "X := X - ...",
+    "++": "X := X + 1",
+    "--": "X := X - 1",
+    "!": "NOT",
+    "=": ":= to assign",
+}
+"""What is meant by signs of other languages."""
+_ASSIGNED: Final = re.compile(r"(^|[;]|\b(THEN|ELSE|DO|REPEAT|OF))\s*[\w.\[\], ]+$", re.I)
+"""A text that ends with what stands to the left of an assignment."""
+
+
 def _syntax_error(error: UnexpectedInput, text: str, origin: ast.Position) -> FunctionBlockError:
     at = _shift(origin, max(error.line, 1), max(error.column, 1))
+    slip = _slip(text, error.pos_in_stream)
+    if slip is not None:
+        return FunctionBlockError(f"unexpected {slip!r}: expected {_SLIPS[slip]}", *at)
     if isinstance(error, UnexpectedCharacters):
         return FunctionBlockError(f"unexpected character {text[error.pos_in_stream]!r}", *at)
     if isinstance(error, UnexpectedEOF) or (isinstance(error, UnexpectedToken) and error.token.type == "$END"):
@@ -150,6 +170,17 @@ def _syntax_error(error: UnexpectedInput, text: str, origin: ast.Position) -> Fu
         found = repr(str(error.token)) if isinstance(error, UnexpectedToken) else "text"
     expected = set(getattr(error, "accepts", None) or getattr(error, "expected", None) or ())
     return FunctionBlockError(f"unexpected {found}: expected {_describe(expected)}", *at)
+
+
+def _slip(text: str, place: int | None) -> str | None:
+    """The sign of another language that an error is about; None for another error."""
+    if place is None or place < 0:
+        return None
+    before = text[max(place - 200, 0) : place].rstrip()
+    around = (text[place - 1 : place + 1], text[place : place + 2], before[-2:], text[place : place + 1])
+    if text[place : place + 1] == "=" and not re.search(r"[<>:=]$", before) and _ASSIGNED.search(before):
+        return "="
+    return next((part for part in around if part in _SLIPS and part != "="), None)
 
 
 def _describe(terminals: set[str]) -> str:

@@ -148,7 +148,7 @@ END_ALGORITHM
         ("x := ;", "f.fbt:3:10: unexpected ';': expected an expression"),
         ("x := 1", "f.fbt:3:11: unexpected end of text: expected an operator or ;"),
         ("x := 1;\nIF x y := 2;", "f.fbt:4:6: unexpected 'y': expected an operator, (, ., THEN or ["),
-        ("x = 1;", "f.fbt:3:7: unexpected '=': expected (, ., := or ["),
+        ("x = 1;", "f.fbt:3:7: unexpected '=': expected := to assign"),
         ("x := 'a", 'f.fbt:3:10: unexpected character "\'"'),
         ("x := a ? b;", "f.fbt:3:12: unexpected character '?'"),
         ("x := 2#12;", "f.fbt:3:10: 2#12 has a digit beyond base 2"),
