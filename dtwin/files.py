@@ -43,15 +43,55 @@ def replacing(path: Path) -> Iterator[Path]:
         raise RecordingError(f"{path}: expected the path of a file, this is {kind}")
     temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
-        temporary.touch()
-        yield temporary
-        os.replace(temporary, target)
-    except OSError as error:
-        failure = NoSpaceError if error.errno in NO_SPACE else RecordingError
-        raise failure(f"{path}: cannot be written: {reason_of(error)}") from None
+        with writing(path):
+            temporary.touch()
+            yield temporary
+            os.replace(temporary, target)
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Tells of the system's errors meanwhile as of a file that cannot be written.
+
+    Raises:
+        NoSpaceError: there is no room for the file.
+        RecordingError: it cannot be written.
+    """
+    try:
+        yield
+    except OSError as error:
+        failure = NoSpaceError if error.errno in NO_SPACE else RecordingError
+        raise failure(f"{path}: cannot be written: {reason_of(error)}") from None
+
+
+def append_whole(file: int, data: bytes, *, sync: bool = False) -> None:
+    """Appends all of `data` to a file, or nothing: the system may take a part of it, and none of the rest.
+
+    Args:
+        file: descriptor of the file, which nobody else writes meanwhile.
+        data: what is appended.
+        sync: whether it shall be on disk, and not only in the system's memory, in the end.
+
+    Raises:
+        OSError: it cannot be written; the file is as it was.
+    """
+    end = os.lseek(file, 0, os.SEEK_END)
+    rest = memoryview(data)
+    try:
+        while rest:
+            written = os.write(file, rest)
+            if not written:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            rest = rest[written:]
+        if sync:
+            os.fsync(file)
+    except BaseException:
+        os.ftruncate(file, end)
+        os.lseek(file, end, os.SEEK_SET)
+        raise
 
 
 def reason_of(error: OSError) -> str:

@@ -82,7 +82,8 @@ def parse_apart(options: type[T], prog: str, arguments: Sequence[str]) -> T:
     if child == 0:
         status = 1
         try:
-            os.write(sender, _outcome(options, prog, arguments))
+            with open(sender, "wb") as pipe:
+                pipe.write(_outcome(options, prog, arguments))
             status = 0
         finally:
             os._exit(status)

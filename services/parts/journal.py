@@ -2,9 +2,10 @@
 
 The emulation is a function of its settings and its commands: a journal holds the seed, then every tick's command and
 every fault in the order they came, and replaying it gives the same cell to the bit. Beside them it holds the latched
-stop, which outlives the cell: a journal that begins anew keeps it. A record is written whole with one system call;
+stop, which outlives the cell: a journal that begins anew keeps it. A record is written whole or not at all;
 what a kill leaves of the last one is cut off. So that neither the file nor the replay grows with the
-run, the journal begins anew with a checkpoint, the state of the cell, from time to time.
+run, the journal begins anew with a checkpoint, the state of the cell, from time to time. Hundreds of records a
+second would be too many lines of text for a `LineFile`; both append with `append_whole`.
 
     journal = MAGIC, seed, stop, [ "C" length state ], { "V" volts[4] gripped | "F" length text | stop }
     stop = "S" number stop
@@ -24,7 +25,7 @@ from pathlib import Path
 from typing import Final
 
 from dtwin.errors import RecordingError
-from dtwin.files import NO_SPACE, replacing
+from dtwin.files import NO_SPACE, append_whole, reason_of, replacing
 from dtwin.services.parts.latch import Latched
 from dtwin.signals import STOPS, Quad
 
@@ -72,7 +73,6 @@ class Journal:
         self._ticks = 0
         self._complete = True
         self._failing = False
-        self._end = 0
         self._file: io.FileIO | None = None
         try:
             self._file = io.FileIO(path, "r+" if path.exists() else "w+")
@@ -152,16 +152,12 @@ class Journal:
         if self._file is None:
             return False
         try:
-            written, reason = self._file.write(record), None
+            append_whole(self._file.fileno(), record)
         except OSError as error:
-            written, reason = 0, error.strerror
-        if written == len(record):
-            self._end += written
-            return True
-        self._cut(self._end)
-        self._complete = False
-        self._fail(reason or os.strerror(min(NO_SPACE)))
-        return False
+            self._complete = False
+            self._fail(reason_of(error))
+            return False
+        return True
 
     def _keep_stop_alone(self) -> None:
         """Leaves nothing but the stop in the file, which even a full disk takes: it needs less room than before."""
@@ -191,8 +187,6 @@ class Journal:
     def _cut(self, end: int) -> None:
         assert self._file is not None
         self._file.truncate(end)
-        self._file.seek(end)
-        self._end = end
 
     def _fail(self, reason: str) -> None:
         if not self._failing:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from dtwin.bus.codec import MessageError, Reader, encode
 from dtwin.bus.messages import SettingsInForce
 from dtwin.controller.settings import Compensation, ControlSettings
 from dtwin.errors import ParameterError, RecordingError
+from dtwin.files import replacing
 
 
 class StateFile:
@@ -55,12 +55,8 @@ class StateFile:
             RecordingError: the file cannot be written.
         """
         if self._path is not None and self.settings is not None and not self.saved:
-            fresh = self._path.with_name(f"{self._path.name}.new")
-            try:
-                fresh.write_bytes(encode(to_message(self.settings)))
-                os.replace(fresh, self._path)
-            except OSError as error:
-                raise RecordingError(f"{self._path}: cannot be written: {error.strerror}") from None
+            with replacing(self._path) as temporary:
+                temporary.write_bytes(encode(to_message(self.settings)))
         self.saved = True
 
 

@@ -1,15 +1,13 @@
-"""The audit file: one JSON line for every command, which is only ever appended to."""
+"""The audit file: one JSON line for every command, chained to the one before, which is only ever appended to."""
 
 from __future__ import annotations
 
-import os
-import threading
 from pathlib import Path
 from typing import Any, Final
 
 import msgspec
 
-from dtwin.errors import RecordingError
+from dtwin.line_file import LineFile
 
 AUDIT: Final = Path("console-audit.jsonl")
 """Default file, in the working directory."""
@@ -43,30 +41,12 @@ class AuditEntry(msgspec.Struct, frozen=True, tag_field="schema", tag=1):
     answer: str
 
 
-class Audit:
-    """Appends entries to the audit file.
+class Audit(LineFile[AuditEntry]):
+    """The entries of an audit file, which nobody but its owner may read.
 
     Args:
         path: path of the file, which is made with the first entry.
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self._lock = threading.Lock()
-
-    def append(self, entry: AuditEntry) -> None:
-        """Appends an entry, which is on disk when the call returns.
-
-        Raises:
-            RecordingError: the file cannot be written.
-        """
-        try:
-            with self._lock:
-                file = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
-                try:
-                    os.write(file, msgspec.json.encode(entry) + b"\n")
-                    os.fsync(file)
-                finally:
-                    os.close(file)
-        except OSError as error:
-            raise RecordingError(f"{self.path}: cannot be written: {error.strerror}") from None
+        super().__init__(path, AuditEntry, "an entry of the audit", mode=0o600, marked=True)
