@@ -21,7 +21,7 @@ from dtwin.run.options import CellFileOption
 from dtwin.services.service import Link, Service, main
 
 if TYPE_CHECKING:
-    from dtwin.console.web.listening import Web
+    from dtwin.console.web.listening import Bound, Web
 
 log = logging.getLogger(__name__)
 
@@ -57,27 +57,39 @@ class ConsoleOptions(CellFileOption):
     """Address of the Rerun viewer that shows the arm in 3D, as a page."""
 
     @contextmanager
-    def serving(self, bus: Bus, cell: str, arm: str) -> Iterator[Web]:
+    def bound(self) -> Iterator[Bound]:
+        """The port, which is taken before the bus is joined.
+
+        Raises:
+            DtwinError: an option cannot be used, the port cannot be had, or a package is missing.
+        """
+        try:
+            from dtwin.console.web.listening import Listening  # the packages of the web server are an extra
+        except ImportError:
+            raise ParameterError(MISSING) from None
+        listening = Listening(
+            host=self.listen, port=self.port, certificate=self.certificate, key=self.key, viewer=self.viewer
+        )
+        listening.check(self.users is not None)
+        bound = listening.bind()
+        with bound.sock:
+            yield bound
+
+    @contextmanager
+    def serving(self, bound: Bound, bus: Bus, cell: str, arm: str) -> Iterator[Web]:
         """The web server while it listens.
 
         Raises:
-            DtwinError: an option cannot be used, or a package is missing.
+            DtwinError: an option cannot be used.
         """
-        try:
-            from dtwin.console.web.listening import Listening, Web  # the packages of the web server are an extra
-        except ImportError:
-            raise ParameterError(MISSING) from None
         from dtwin.console.annunciator import Annunciator
         from dtwin.console.commands import Files
         from dtwin.console.console import Console
         from dtwin.console.hub import Clocks, Hub
         from dtwin.console.people.audit import Audit
         from dtwin.console.people.users import Users
+        from dtwin.console.web.listening import Web
 
-        listening = Listening(
-            host=self.listen, port=self.port, certificate=self.certificate, key=self.key, viewer=self.viewer
-        )
-        listening.check(self.users is not None)
         users = None if self.users is None else Users(self.users)
         if users is not None:
             users.read()
@@ -86,7 +98,7 @@ class ConsoleOptions(CellFileOption):
         files = Files(self.store, self.history, self.recordings)
         annunciator = Annunciator(self.alarms)
         user = getpass.getuser()
-        web = Web(Console(bus, hub, clocks, Audit(self.audit), files, users, user, annunciator), listening)
+        web = Web(Console(bus, hub, clocks, Audit(self.audit), files, users, user, annunciator), bound)
         hub.listen()
         try:
             yield web
@@ -100,7 +112,11 @@ class Options(ConsoleOptions, Link):
     """Show a running cell to its operators on a web page."""
 
     def run(self) -> int:
-        with Service(NAME, self) as service, self.serving(service.bus, self.cell, self.arm) as web:
+        with (
+            self.bound() as bound,
+            Service(NAME, self) as service,
+            self.serving(bound, service.bus, self.cell, self.arm) as web,
+        ):
             log.info("the console is at %s", web.address)
             service.ready()
             while not service.stopping:

@@ -31,6 +31,7 @@ from dtwin.errors import CommunicationError, ParameterError
 from dtwin.files import ensure_writable
 from dtwin.identification.store import STORE, ModelStore, model_path
 from dtwin.iec61499.net.address import LocalAddress, parse_address
+from dtwin.names import check_name
 from dtwin.options import arguments
 from dtwin.parameters import SOURCE
 from dtwin.run.loop import tick_count
@@ -109,6 +110,8 @@ class CellOptions(PlantOptions, ControlOptions):
         Raises:
             DtwinError: an option is out of range or cannot be read.
         """
+        check_name(self.cell, "cell")
+        check_name(self.arm, "arm")
         if self.duration is not None:
             tick_count(self.duration)
         self._check_plant()

@@ -17,6 +17,7 @@ from dtwin.bus.opening import open_configured, open_peer
 from dtwin.bus.session import Bus
 from dtwin.bus.signature import KEY, read_key
 from dtwin.errors import CommunicationError
+from dtwin.names import check_name
 
 OPERATOR: Final = "operator"
 """Name of the configuration file of those who command and watch."""
@@ -134,7 +135,12 @@ def wait_down(cell: str, timeout: float) -> bool:
 
 
 def _path(cell: str) -> Path:
-    return folder() / f"{cell}.json"
+    """The run file of a cell.
+
+    Raises:
+        ParameterError: the cell cannot have this name.
+    """
+    return folder() / f"{check_name(cell, 'cell')}.json"
 
 
 def _lock(file: IO[str]) -> bool:
@@ -158,23 +164,26 @@ def kept(cell: str, what: Literal["history", "store"], otherwise: Path) -> Path:
     return Path(getattr(up, what)) if up is not None and getattr(up, what) else otherwise
 
 
-def join(cell: str, zenoh: Path | None = None, name: str = OPERATOR) -> Bus:
+def join(cell: str, zenoh: Path | None = None, name: str = OPERATOR, arm: str = "arm") -> Bus:
     """The bus of a cell: as a configuration file says, or of one that is up on this machine.
+
+    The bus has the cell's key if this user has: from the environment variable DTWIN_KEY, or from the file that
+    `dtwin up` keeps on this machine.
 
     Args:
         cell: name of the cell.
         zenoh: Zenoh configuration file, or a folder with one for each name; None for a cell on this machine.
         name: name of the configuration file in such a folder.
-
-    The bus has the cell's key if this user has: from the environment variable DTWIN_KEY, or from the file that
-    `dtwin up` keeps on this machine.
+        arm: name of the arm, for a cell elsewhere.
 
     Raises:
+        ParameterError: cell or arm cannot have this name, or what should be the key is none.
         CommunicationError: it is not up, or its bus cannot be joined.
-        ParameterError: what should be the key is none.
     """
     if zenoh is not None:
-        return Bus(open_configured(zenoh, name), cell, key=_key(cell))
+        check_name(cell, "cell")
+        check_name(arm, "arm")
+        return Bus(open_configured(zenoh, name), cell, arm, _key(cell))
     up = require(cell)
     session = open_configured(Path(up.zenoh), name) if up.zenoh else open_peer(up.meet)
     return Bus(session, cell, up.arm, _key(cell))
@@ -195,6 +204,11 @@ def _key(cell: str) -> bytes | None:
 def key_of(file: Path) -> Path:
     """The file beside the cell's run file with the key of the cell."""
     return file.with_suffix(".key")
+
+
+def output_of(cell: str) -> Path:
+    """The file of what a cell in the background says."""
+    return _path(cell).with_suffix(".log")
 
 
 def journal_of(file: Path) -> Path:

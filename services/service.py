@@ -28,6 +28,7 @@ from dtwin.bus.opening import RENDEZVOUS, open_configured, open_peer
 from dtwin.bus.session import Bus
 from dtwin.bus.signature import KEY, read_key
 from dtwin.errors import CommunicationError, DtwinError
+from dtwin.names import check_name
 from dtwin.options import parse_apart
 from dtwin.services.supervisor import LIFELINE
 from dtwin.terminal import LineFormatter
@@ -70,8 +71,11 @@ class Link:
         """A session for the service of that name.
 
         Raises:
+            ParameterError: cell or arm cannot have this name.
             CommunicationError: the configuration or the session cannot be opened.
         """
+        check_name(self.cell, "cell")
+        check_name(self.arm, "arm")
         session = open_configured(self.zenoh, name) if self.zenoh else open_peer(self.meet)
         return Bus(session, self.cell, self.arm, cell_key())
 

@@ -11,8 +11,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 FLOORS = [
     {"dtwin.errors", "dtwin.optional"},
-    {"dtwin.files", "dtwin.options", "dtwin.parameters", "dtwin.terminal", "dtwin.iec61499"},
-    {"dtwin.signals", "dtwin.task"},
+    {"dtwin.files", "dtwin.names", "dtwin.options", "dtwin.parameters", "dtwin.terminal", "dtwin.iec61499"},
+    {"dtwin.signals", "dtwin.task", "dtwin.line_file"},
     {"dtwin.bus", "dtwin.emulation", "dtwin.twin", "dtwin.controller"},
     {"dtwin.logs"},
     {"dtwin.run", "dtwin.fmu", "dtwin.campaign"},

@@ -20,6 +20,8 @@ from dtwin.bus.exchange import Answering, Asking
 from dtwin.bus.messages import ALIVE, Topic
 from dtwin.bus.presence import Presence, token
 from dtwin.bus.signature import FORGED, UNSIGNED, Signer, Verifier
+from dtwin.errors import ParameterError
+from dtwin.names import check_name
 from dtwin.terminal import printable
 
 log = logging.getLogger(__name__)
@@ -91,6 +93,9 @@ class Bus:
     Attributes:
         refused: number of messages refused since the start, by reason; read and written from several threads.
         last_refusal: the last refusal in words.
+
+    Raises:
+        ParameterError: cell or arm cannot be part of a key; the session is closed.
     """
 
     def __init__(
@@ -98,7 +103,11 @@ class Bus:
     ) -> None:
         self.refused: Counter[str] = Counter()
         self.last_refusal = ""
-        self._prefix = f"dtwin/{cell}/{arm}/"
+        try:
+            self._prefix = f"dtwin/{check_name(cell, 'cell')}/{check_name(arm, 'arm')}/"
+        except ParameterError:
+            session.close()
+            raise
         self._lock = threading.Lock()
         self._session = session
         self._key = key
@@ -210,12 +219,20 @@ class Bus:
         return Subscription(self._declare(self._session.declare_subscriber, self.key(topic, part), take))
 
     def watch_raw(self, expression: str, receive: Callable[[str, bytes], Any]) -> None:
-        """Calls `receive` with key and payload of all messages of the arm whose key matches an expression."""
+        """Calls `receive` with key and payload of all messages of the arm whose key matches an expression.
+
+        Raises:
+            ParameterError: it is no key expression.
+        """
 
         def take(sample: zenoh.Sample) -> None:
             receive(str(sample.key_expr), _bytes(sample.payload))
 
-        self._declare(self._session.declare_subscriber, self._prefix + expression, take)
+        try:
+            key = zenoh.KeyExpr(self._prefix + expression)
+        except zenoh.ZError:
+            raise ParameterError(f"{expression!r}: expected a key expression such as sensors or status/*") from None
+        self._declare(self._session.declare_subscriber, str(key), take)
 
     def watch_alive(self, receive: Callable[[str, bool], Any]) -> None:
         """Calls `receive` with the name of a service and whether its liveliness token exists, now and on changes.

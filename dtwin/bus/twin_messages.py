@@ -9,6 +9,7 @@ from typing import Annotated, Final, Literal
 
 import msgspec
 
+from dtwin.names import Name
 from dtwin.parameters import ArmParameters, Gains, Law, Triple
 from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
@@ -16,7 +17,6 @@ HEAVIEST: Final = 1.0
 """Greatest mass of a box in a request, kg: far more than the arm can lift."""
 Ticks = Annotated[float, msgspec.Meta(ge=0.0, le=2.0)]
 Kilograms = Annotated[float, msgspec.Meta(ge=0.0, le=HEAVIEST)]
-Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}$")]
 
 
 DataSource = Literal["signal", "motion"]

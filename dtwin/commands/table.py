@@ -87,6 +87,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "target set": Subcommand("live.settings", "TargetSet", "set how long the motions take"),
         "console": Subcommand("live.console", "ConsoleCommandLine", "show a cell to its operators on a web page"),
         "console user": Subcommand("live.console", "ConsoleUser", "let somebody log in at consoles"),
+        "console audit": Subcommand(
+            "live.console", "ConsoleAudit", "show and check what was commanded from consoles"
+        ),
         "stop": Subcommand("live.stop", "StopCommand", "let the function blocks stop the arm", parse_apart),
         "release": Subcommand("live.stop", "ReleaseCommand", "let a stopped arm move again", parse_apart),
         "bench start": Subcommand("live.bench", "BenchStart", "time the start of a cell with all services"),

@@ -12,10 +12,10 @@ from typing import Final
 
 from dtwin.errors import ModelError, choices
 from dtwin.identification.model import IdentifiedModel, encode, read_model
+from dtwin.names import PATTERN, check_name
 
 STORE: Final = Path("identified")
 """Default folder of the models, in the working directory."""
-_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class ModelStore:
         Raises:
             ModelError: the name cannot be the name of a file, or the folder cannot be written.
         """
-        check_name(name)
+        check_name(name, "model name", ModelError)
         folder = self.folder / name
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -83,7 +83,7 @@ class ModelStore:
             ModelError: there is no such model; the message lists those there are.
         """
         name, at, revision = reference.partition("@")
-        history = self.history(name) if _NAME.fullmatch(name) else []
+        history = self.history(name) if re.match(PATTERN, name) else []
         if not history:
             names = self.names()
             known = f"expected {choices(names)}" if names else "it is empty; dtwin identify --save NAME stores one"
@@ -106,16 +106,6 @@ class ModelStore:
 
     def _entry(self, name: str, revision: int) -> StoredModel:
         return StoredModel(name, revision, self.folder / name / f"{revision:04d}.json")
-
-
-def check_name(name: str) -> None:
-    """Checks that a name can be the name of a folder.
-
-    Raises:
-        ModelError: it cannot.
-    """
-    if not _NAME.fullmatch(name):
-        raise ModelError(f"model name {name!r}: expected letters, digits, '_', '-' and '.', first a letter or digit")
 
 
 def open_model(reference: str, store: ModelStore) -> IdentifiedModel:

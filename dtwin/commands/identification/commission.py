@@ -27,6 +27,7 @@ from dtwin.identification.machine.record import MachineRecord, write_record
 from dtwin.logs.log import Log
 from dtwin.logs.reading import read_log
 from dtwin.monitoring.calibration import LEAST
+from dtwin.names import check_name
 from dtwin.parameters import ArmParameters, load_arm
 from dtwin.services.runfile import join
 from dtwin.terminal import as_text, print_json, print_table
@@ -109,6 +110,7 @@ class Commission:
             raise ParameterError("expected either a log or --live")
         if self.live and self.out is None:
             raise ParameterError("--live: expected --out, beside which the collected work is kept")
+        check_name(self.cell, "cell")
         at_least("--motion", self.motion, SHORTEST)
         at_least("--watch", self.watch, LEAST)
         for path in (self.out, self.report):

@@ -16,7 +16,7 @@ from rich.table import Table
 from dtwin.api.identification import Identified, Measured, fitted, measured
 from dtwin.controller.excitation import ExcitationController
 from dtwin.emulation.machine.files import machine_of
-from dtwin.errors import ParameterError
+from dtwin.errors import ModelError, ParameterError
 from dtwin.files import ensure_writable
 from dtwin.identification.data import Start
 from dtwin.identification.estimation.estimate import NINETY_FIVE, Estimate, EstimationSettings, load_kernels
@@ -24,8 +24,9 @@ from dtwin.identification.excitation.design import optimise
 from dtwin.identification.excitation.plan import HELD_OUT, PLAIN, Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.identification.parsing import settings_for
-from dtwin.identification.store import STORE, ModelStore, check_name
+from dtwin.identification.store import STORE, ModelStore
 from dtwin.logs.reading import read_log
+from dtwin.names import check_name
 from dtwin.parameters import PERIOD, ArmParameters, assignment, load_arm, unit_of
 from dtwin.pictures import save as save_figure
 from dtwin.run.options import MachineOption
@@ -88,7 +89,7 @@ class Identify(MachineOption):
         if self.seed < 0:
             raise ParameterError(f"--seed: expected a whole number of at least 0, got {self.seed}")
         if self.save is not None:
-            check_name(self.save)
+            check_name(self.save, "model name", ModelError)
         for path in (self.plot, self.record):
             if path is not None:
                 ensure_writable(path)

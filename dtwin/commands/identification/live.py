@@ -16,6 +16,7 @@ from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import DataSource, IdentificationDecision, IdentificationRequest, IdentificationState
 from dtwin.errors import CommunicationError, IdentificationError
 from dtwin.identification.estimation.estimate import NINETY_FIVE
+from dtwin.names import check_name
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
 from dtwin.services.runfile import join
 from dtwin.terminal import as_text, print_json, print_table, printable
@@ -60,6 +61,7 @@ class IdentifyLive:
     """Print one JSON object on standard output and nothing else; without --accept the model is rejected."""
 
     def execute(self) -> int:
+        check_name(self.name, "model name")
         with join(self.cell, self.zenoh) as bus:
             request = IdentificationRequest(self.free, self.box_mass, self.source, self.since, self.anew)
             bus.ask(IDENTIFY, request, IdentificationState)

@@ -113,7 +113,7 @@ class UpCommand(CellOptions):
     def _detach(self) -> int:
         """Starts the same command, which shows nothing, in a session of its own and waits until it is ready."""
         words = [word for word in sys.argv[1:] if word not in ("--detach", "--json")]
-        output = runfile.folder() / f"{self.cell}.log"
+        output = runfile.output_of(self.cell)
         if runfile.find(self.cell) is not None:
             raise CommunicationError(f"cell {self.cell!r} is up already: stop it with `dtwin down`")
         with output.open("wb") as sink:

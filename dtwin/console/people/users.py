@@ -7,12 +7,13 @@ import hmac
 import os
 from base64 import b64decode, b64encode
 from pathlib import Path
-from typing import Annotated, Final, Literal, get_args
+from typing import Final, Literal, get_args
 
 import msgspec
 
 from dtwin.errors import ParameterError, choices
 from dtwin.files import replacing
+from dtwin.names import Name, check_name
 
 Role = Literal["viewer", "operator", "engineer"]
 ROLES: Final[tuple[Role, ...]] = get_args(Role)
@@ -21,7 +22,6 @@ SHORTEST: Final = 10
 """Least length of a password, characters."""
 LONGEST: Final = 1000
 """Greatest length of a password, characters."""
-Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{1,32}$")]
 _COST, _BLOCK, _LANES = 2**15, 8, 1
 _MEMORY: Final = 64 * 1024 * 1024
 
@@ -44,7 +44,7 @@ _NOBODY: Final = User("viewer", b64encode(bytes(16)).decode(), b64encode(bytes(3
 
 
 class Users:
-    """The users of a file, which is read at every login, so that a change counts at once.
+    """The users of a file, which is read again whenever it has changed, so that a change counts at once.
 
     Args:
         path: path of the file.
@@ -52,6 +52,7 @@ class Users:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._read: tuple[tuple[int, ...], dict[str, User]] = (), {}
 
     def read(self) -> dict[str, User]:
         """All users by name.
@@ -60,14 +61,18 @@ class Users:
             ParameterError: the file cannot be read or is no file of users.
         """
         try:
-            return msgspec.json.decode(self.path.read_bytes(), type=dict[Name, User])
+            found = self.path.stat()
+            seen = (found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size)
+            if self._read[0] != seen:
+                self._read = seen, msgspec.json.decode(self.path.read_bytes(), type=dict[Name, User])
+            return self._read[1]
         except OSError as error:
             raise ParameterError(f"{self.path}: {error.strerror}; `dtwin console user NAME` makes it") from None
         except msgspec.MsgspecError as error:
             raise ParameterError(f"{self.path}: expected users with roles and hashes: {error}") from None
 
-    def role_of(self, name: str, password: str) -> Role | None:
-        """The role of a user with the right password, otherwise None; it takes as long for an unknown name.
+    def verified(self, name: str, password: str) -> User | None:
+        """The user with the right password, otherwise None; it takes as long for an unknown name.
 
         Raises:
             ParameterError: the file cannot be read or is no file of users.
@@ -75,7 +80,7 @@ class Users:
         user = self.read().get(name)
         candidate = user or _NOBODY
         right = hmac.compare_digest(_hash(password[:LONGEST], b64decode(candidate.salt)), b64decode(candidate.scrypt))
-        return user.role if user is not None and right else None
+        return user if right else None
 
     def set(self, name: str, role: str, password: str) -> None:
         """Adds a user, or gives one another role and password.
@@ -87,11 +92,8 @@ class Users:
             raise ParameterError(f"role {role!r}: expected {choices(ROLES)}")
         if not SHORTEST <= len(password) <= LONGEST:
             raise ParameterError(f"password: expected {SHORTEST} to {LONGEST} characters, got {len(password)}")
-        try:
-            msgspec.convert(name, Name)
-        except msgspec.ValidationError:
-            raise ParameterError(f"user {name!r}: expected 1 to 32 letters, digits, '_', '-' and '.'") from None
-        users = self.read() if self.path.exists() else {}
+        check_name(name, "user")
+        users = dict(self.read()) if self.path.exists() else {}
         salt = os.urandom(16)
         users[name] = User(role, b64encode(salt).decode(), b64encode(_hash(password, salt)).decode())
         with replacing(self.path) as temporary:

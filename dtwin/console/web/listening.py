@@ -23,6 +23,9 @@ log = logging.getLogger(__name__)
 LOOPBACK: Final = "127.0.0.1"
 STARTING: Final = 10.0
 """Longest time that the server may take to listen, s."""
+BACKLOG: Final = 100
+"""Number of connections that may wait to be accepted."""
+_LAST_PORT: Final = 65535
 _LOOK: Final = 0.02
 """Time between two looks at a server that starts, s."""
 
@@ -61,12 +64,39 @@ class Listening:
         for path in (self.certificate, self.key):
             if path is not None and not path.is_file():
                 raise ParameterError(f"{path}: no such file")
+        if not 0 <= self.port <= _LAST_PORT:
+            raise ParameterError(f"--port {self.port}: expected 0 to {_LAST_PORT}")
         if is_loopback(self.host):
             return
         if not self.secure:
             raise ParameterError(f"--listen {self.host}: beyond loopback expected TLS: --certificate and --key")
         if not login:
             raise ParameterError(f"--listen {self.host}: beyond loopback expected users who log in: --users FILE")
+
+    def bind(self) -> Bound:
+        """Takes the port, at which connections wait from now on until a server accepts them.
+
+        Raises:
+            CommunicationError: the port cannot be had.
+        """
+        sock = socket.socket(socket.AF_INET6 if ":" in self.host else socket.AF_INET)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            sock.bind((self.host, self.port))
+            sock.listen(BACKLOG)
+        except OSError as error:
+            sock.close()
+            what = f"--port {self.port}: the console cannot listen at {self.host}"
+            raise CommunicationError(f"{what}: {error.strerror}") from None
+        return Bound(self, sock)
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A port that nobody else can have: where a console listens, and the socket there."""
+
+    listening: Listening
+    sock: socket.socket
 
 
 def is_loopback(host: str) -> bool:
@@ -82,17 +112,17 @@ class Web:
 
     Args:
         console: console that is served.
-        listening: where it listens.
+        bound: where it listens; the server closes the socket.
 
     Attributes:
         address: address to open in a browser.
 
     Raises:
-        CommunicationError: the port cannot be had, or the certificate cannot be used.
+        CommunicationError: the certificate cannot be used.
     """
 
-    def __init__(self, console: Console, listening: Listening) -> None:
-        sock = _bind(listening.host, listening.port)
+    def __init__(self, console: Console, bound: Bound) -> None:
+        listening, sock = bound.listening, bound.sock
         port = sock.getsockname()[1]
         shown = f"[{listening.host}]" if ":" in listening.host else listening.host
         self.address = f"{'https' if listening.secure else 'http'}://{shown}:{port}/"
@@ -131,15 +161,3 @@ class Web:
         self._server.close()
         self._uvicorn.should_exit = True
         self._thread.join()
-
-
-def _bind(host: str, port: int) -> socket.socket:
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    sock = socket.socket(family)
-    sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        sock.bind((host, port))
-    except OSError as error:
-        sock.close()
-        raise CommunicationError(f"{host}:{port}: {error.strerror}") from None
-    return sock
