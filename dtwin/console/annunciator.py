@@ -83,6 +83,8 @@ class Annunciator:
             "alarms": [{**msgspec.to_builtins(each), "state": each.state.value} for each in self.alarms.alarms()],
             "rate": self.alarms.rate(at),
             "flood": self.alarms.flood(at),
+            "floods": self.alarms.floods,
+            "left_out": self.alarms.left_out,
             "trouble": self.alarms.trouble,
         }
 

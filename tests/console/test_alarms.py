@@ -11,9 +11,19 @@ from hypothesis import strategies as st
 
 from dtwin.bus.messages import ServiceSummary
 from dtwin.bus.twin_messages import MonitoredUnit, MonitoringVerdict
-from dtwin.console.alarms.alarm_list import FLOOD, FLOOD_OVER, LONGEST_SHELF, MOST, WINDOW, AlarmList
+from dtwin.console.alarms.alarm_list import (
+    BURST,
+    BURST_OF_ALL,
+    EVERY,
+    FLOOD,
+    FLOOD_OVER,
+    LONGEST_SHELF,
+    MOST,
+    WINDOW,
+    AlarmList,
+)
 from dtwin.console.alarms.export import COLUMNS, found, to_csv
-from dtwin.console.alarms.journal import Journal
+from dtwin.console.alarms.journal import OLDEST, Journal
 from dtwin.console.alarms.sources import EXCITED, FINDING, Sources
 from dtwin.console.alarms.states import AlarmState
 from dtwin.errors import DtwinError, ParameterError, RecordingError
@@ -94,7 +104,7 @@ def test_nothing_is_lost_in_a_restart(actions: list[tuple[str, str]], cut: int) 
                 before = alarms.alarms()
                 alarms = AlarmList(Journal(path, longest=7))
                 assert alarms.alarms() == before
-            at = float(number)
+            at = EVERY * number
             try:
                 if action == "come":
                     alarms.raise_(name, "something", at, at)
@@ -103,7 +113,7 @@ def test_nothing_is_lost_in_a_restart(actions: list[tuple[str, str]], cut: int) 
                 elif action == "acknowledge":
                     alarms.acknowledge(name, at, "ann")
                 elif action == "shelve":
-                    alarms.shelve(name, at + 5.0, at, "ann", "known")
+                    alarms.shelve(name, at + 5 * EVERY, at, "ann", "known")
                 else:
                     alarms.pass_time(at)
             except ParameterError:
@@ -161,6 +171,83 @@ def test_a_flood_begins_above_ten_and_ends_below_five_in_ten_minutes() -> None:
     assert not alarms.flood(at + 10.0)
 
 
+def test_a_condition_that_lasts_is_one_record_whatever_its_words_say(tmp_path: Path) -> None:
+    alarms = AlarmList(Journal(tmp_path / "alarms.jsonl"))
+    sources = Sources(alarms)
+    for second in range(600):
+        silent = ServiceSummary("silent", 0.0, 0, f"no status for {second + 3} s; ")
+        sources.services({"monitoring": silent}, float(second), 0.0)
+        alarms.pass_time(float(second))
+    assert alarms.alarm("service/monitoring").text == "monitoring is silent: no status for 602 s; "
+    assert [change.action for change in Journal(tmp_path / "alarms.jsonl").changes] == ["raised"]
+
+
+def test_a_chattering_alarm_is_counted_and_kept_now_and_then(tmp_path: Path) -> None:
+    path = tmp_path / "alarms.jsonl"
+    alarms = AlarmList(Journal(path))
+    for second in range(600):
+        alarms.raise_("it", "bang", float(second), 0.0)
+        alarms.clear("it", second + 0.5)
+        alarms.pass_time(second + 0.5)
+    assert alarms.alarm("it").count == 600
+    assert alarms.rate(599.5) == 600
+    kept = Journal(path).changes
+    assert BURST < len(kept) <= BURST + 600 / EVERY
+    assert len(kept) + alarms.left_out == 1200 + sum(change.action == "changed" for change in kept)
+    alarms.acknowledge("it", 599.6, "ann")
+    alarms.pass_time(599.6 + EVERY * BURST)
+    kept = Journal(path).changes
+    assert (kept[-1].who, kept[-1].alarm) == ("ann", alarms.alarm("it"))
+    assert sum(change.left_out for change in kept) == alarms.left_out
+    assert AlarmList(Journal(path)).alarms() == alarms.alarms()
+
+
+def test_a_flood_of_many_alarms_is_counted_and_bounded(tmp_path: Path) -> None:
+    path = tmp_path / "alarms.jsonl"
+    alarms = AlarmList(Journal(path))
+    for number in range(MOST):
+        alarms.raise_(f"a{number}", "it", 0.01 * number, 0.0)
+    assert alarms.flood(5.0)
+    assert alarms.floods == 1
+    assert len(Journal(path).changes) <= BURST_OF_ALL + 1
+    assert alarms.left_out >= MOST - BURST_OF_ALL - 1
+    assert len(alarms.alarms()) == MOST
+    alarms.acknowledge("a499", 5.0, "ann")
+    assert Journal(path).changes[-1].who == "ann", "what operators do is always kept"
+    assert not alarms.flood(5.0 + WINDOW)
+    for number in range(FLOOD + 1):
+        alarms.raise_(f"b{number}", "it", 10.0 + WINDOW, 0.0)
+        alarms.clear(f"a{number}", 10.0 + WINDOW)
+    assert alarms.floods == 1, "there is no room for more names"
+
+
+def test_old_records_go_and_what_stands_stays(tmp_path: Path) -> None:
+    path = tmp_path / "alarms.jsonl"
+    alarms = AlarmList(Journal(path))
+    alarms.raise_("standing", "since long ago", 0.0, 0.0)
+    for day in range(400):
+        at = 86400.0 * day
+        alarms.raise_("it", "bang", at, 0.0)
+        alarms.clear("it", at + 1.0)
+        alarms.acknowledge("it", at + 2.0, "ann")
+    for kept in (alarms, AlarmList(Journal(path))):
+        times = [change.at for change in kept.history if change.alarm.name == "it"]
+        assert min(times) >= at - 2.1 * OLDEST
+        assert max(times) == at + 2.0
+        assert kept.alarm("standing").state is U
+
+
+def test_what_stands_for_long_outlives_any_number_of_changes(tmp_path: Path) -> None:
+    path = tmp_path / "alarms.jsonl"
+    alarms = AlarmList(Journal(path, longest=20))
+    alarms.raise_("standing", "since long ago", 0.0, 0.0)
+    for number in range(300):
+        alarms.raise_("it", "bang", EVERY * number, 0.0)
+        alarms.clear("it", EVERY * number + 1.0)
+    assert len(alarms.history) <= 42
+    assert AlarmList(Journal(path, longest=20)).alarm("standing").state is U
+
+
 def test_names_without_end_take_bounded_memory() -> None:
     alarms = AlarmList(Journal(None, longest=100))
     for number in range(2 * MOST):
@@ -185,8 +272,12 @@ def test_an_unfinished_line_is_cut_and_foreign_text_is_refused(tmp_path: Path) -
     AlarmList(Journal(path)).raise_("it", "something", 0.0, 0.0)
     whole = path.read_bytes()
     path.write_bytes(whole + whole[:-5])
-    assert len(Journal(path).changes) == 1
-    assert path.read_bytes() == whole
+    alarms = AlarmList(Journal(path))
+    assert len(alarms.history) == 1
+    alarms.clear("it", 1.0)
+    assert path.read_bytes().startswith(whole)
+    assert len(Journal(path).changes) == 2
+    assert path.with_name("alarms.jsonl.damaged").read_bytes() == whole[:-5] + b"\n"
     path.write_bytes(whole + b'{"schema":1}\n')
     with pytest.raises(RecordingError, match=r"alarms\.jsonl:2: expected a change of an alarm"):
         Journal(path)

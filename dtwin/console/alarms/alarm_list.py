@@ -21,17 +21,58 @@ FLOOD_OVER: Final = 5
 """Number below which it ends."""
 WINDOW: Final = 600.0
 """Time over which annunciations are counted, s."""
+BURST: Final = 10
+"""Number of changes of an alarm that are kept one by one when they come close together; chattering ones have more."""
+EVERY: Final = 60.0
+"""Time after which one more change of an alarm is kept, s."""
+BURST_OF_ALL: Final = 200
+"""Number of changes of all alarms together that are kept one by one when they come close together."""
+EVERY_OF_ALL: Final = 6.0
+"""Time after which one more change of any alarm is kept, s."""
+ANNUNCIATING: Final[frozenset[Action]] = frozenset({"raised", "unshelved", "unsuppressed"})
+"""Changes after which an alarm that is unacknowledged is new to the operator."""
 LONGEST_SHELF: Final = 8 * 3600.0
 """Longest time on the shelf, s: a shift."""
+
+
+class Allowance:
+    """Something that may be done a number of times at once, and then once in a while (a token bucket).
+
+    Args:
+        burst: Number of times at once.
+        every: Time after which it may be done once more, s.
+    """
+
+    def __init__(self, burst: int, every: float) -> None:
+        self._left, self._burst, self._every = float(burst), burst, every
+        self._at = -math.inf
+
+    def has(self, at: float) -> bool:
+        """Whether it may be done now."""
+        self._left = min(self._burst, self._left + max(0.0, at - self._at) / self._every)
+        self._at = at
+        return self._left >= 1.0
+
+    def take(self) -> None:
+        """Takes note that it is done."""
+        self._left -= 1.0
 
 
 class AlarmList:
     """All alarms by name, and their history.
 
+    A condition that lasts is one change of the history, whatever its words say meanwhile. Changes that come too
+    often, of a chattering alarm or in a flood, are counted, and the next one that is kept tells how many there were;
+    what operators do is always kept.
+
     Times `at` are wall time in s since 1970; they may not go back.
 
     Args:
         journal: Journal, from which earlier alarms are taken.
+
+    Attributes:
+        floods: Number of floods since the first change that is kept.
+        left_out: Number of changes that are not in the history one by one, since the list was made.
     """
 
     def __init__(self, journal: Journal) -> None:
@@ -40,10 +81,14 @@ class AlarmList:
         self._suppressing: dict[str, str] = {}
         self._told: deque[float] = deque()
         self._flood = False
+        self.floods = self.left_out = 0
+        self._allowed = Allowance(BURST_OF_ALL, EVERY_OF_ALL)
+        self._allowances: dict[str, Allowance] = {}
+        self._waiting: dict[str, int] = {}
         for change in journal.changes:
             self._alarms[change.alarm.name] = change.alarm
             if _annunciates(change):
-                self._told.append(change.at)
+                self._annunciate(change.at)
 
     @property
     def trouble(self) -> str:
@@ -90,8 +135,10 @@ class AlarmList:
             first = not now.hidden and not any(other.standing for other in self._alarms.values() if other != before)
             raised = states.raised(now, at, plant)
             self._put("raised", msgspec.structs.replace(raised, first_out=first or before.first_out), at)
-        elif now != before:
+        elif now.priority != before.priority:
             self._put("changed", now, at)
+        else:
+            self._alarms[name] = now
 
     def clear(self, name: str, at: float) -> None:
         """Follows a condition that no longer holds; one that did not hold changes nothing."""
@@ -146,10 +193,13 @@ class AlarmList:
             self._put("unsuppressed", states.unsuppressed(alarm), at)
 
     def pass_time(self, at: float) -> None:
-        """Takes off the shelf what has been there for long enough."""
+        """Takes off the shelf what has been there for long enough, and keeps changes that have waited."""
         for name, alarm in list(self._alarms.items()):
             if alarm.shelved_until is not None and at >= alarm.shelved_until:
                 self._put("unshelved", states.unshelved(self._alarms[name]), at, why="its time was over")
+        for name in list(self._waiting):
+            if self._may_keep(name, at):
+                self._keep("changed", self._alarms[name], at)
 
     def rate(self, at: float) -> int:
         """Number of alarms that were annunciated in the last ten minutes."""
@@ -159,27 +209,50 @@ class AlarmList:
 
     def flood(self, at: float) -> bool:
         """Whether there are more alarms than an operator can deal with (ISA-18.2): from 11 to below 5."""
-        self._flood = self.rate(at) > (FLOOD_OVER - 1 if self._flood else FLOOD)
+        before = self._flood
+        self._flood = self.rate(at) > (FLOOD_OVER - 1 if before else FLOOD)
+        self.floods += self._flood and not before
         return self._flood
 
     def _put(self, action: Action, alarm: Alarm, at: float, who: str = "", why: str = "") -> None:
         if alarm.state is AlarmState.NORMAL:
             alarm = msgspec.structs.replace(alarm, first_out=False)
         self._alarms[alarm.name] = alarm
-        change = Change(self._journal.last + 1, at, action, alarm, who[:32], why[:1000])
-        if _annunciates(change):
-            self._told.append(at)
-        self._journal.add(change)
+        if action in ANNUNCIATING and alarm.unacknowledged:
+            self._annunciate(at)
+        if who or self._may_keep(alarm.name, at):
+            self._keep(action, alarm, at, who, why)
+        else:
+            self._waiting[alarm.name] = self._waiting.get(alarm.name, 0) + 1
+            self.left_out += 1
+
+    def _may_keep(self, name: str, at: float) -> bool:
+        """Whether there is room for one more change of an alarm in the history."""
+        own = self._allowances.setdefault(name, Allowance(BURST, EVERY))
+        return own.has(at) and self._allowed.has(at)
+
+    def _keep(self, action: Action, alarm: Alarm, at: float, who: str = "", why: str = "") -> None:
+        left_out = self._waiting.pop(alarm.name, 0)
+        for allowance in (self._allowed, self._allowances.setdefault(alarm.name, Allowance(BURST, EVERY))):
+            allowance.take()
+        self._journal.add(Change(self._journal.last + 1, at, action, alarm, who[:32], why[:1000], left_out))
+
+    def _annunciate(self, at: float) -> None:
+        """Counts an alarm that is shown to the operator as new."""
+        self._told.append(at)
+        self.flood(at)
 
     def _forget(self) -> bool:
         """Makes room for an alarm; returns whether one was normal and could go."""
         for name, alarm in self._alarms.items():
             if alarm.state is AlarmState.NORMAL:
                 del self._alarms[name]
+                self._allowances.pop(name, None)
+                self._waiting.pop(name, None)
                 return True
         return False
 
 
 def _annunciates(change: Change) -> bool:
     """Whether a change shows an alarm to the operator as new."""
-    return change.action in ("raised", "unshelved", "unsuppressed") and change.alarm.unacknowledged
+    return change.action in ANNUNCIATING and change.alarm.unacknowledged

@@ -10,7 +10,19 @@ from typing import Final
 
 from dtwin.console.alarms.journal import Change
 
-COLUMNS: Final = ("number", "time", "plant time (s)", "action", "alarm", "priority", "state", "text", "who", "why")
+COLUMNS: Final = (
+    "number",
+    "time",
+    "plant time (s)",
+    "action",
+    "alarm",
+    "priority",
+    "state",
+    "text",
+    "who",
+    "why",
+    "left out",
+)
 _FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
 """First characters that make a spreadsheet take a text for a formula."""
 
@@ -30,7 +42,7 @@ def cells(change: Change) -> tuple[str, ...]:
     time = datetime.fromtimestamp(change.at, UTC).isoformat(timespec="milliseconds")
     return (
         *(str(change.number), time, f"{alarm.plant:.2f}", change.action, alarm.name, alarm.priority),
-        *(alarm.state, alarm.text, change.who, change.why),
+        *(alarm.state, alarm.text, change.who, change.why, str(change.left_out or "")),
     )
 
 

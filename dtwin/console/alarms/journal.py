@@ -1,12 +1,12 @@
 """The journal of the alarms: every change with the alarm as it was afterwards, so that nothing is lost in a restart.
 
-A line of JSON holds one change. The file grows up to a number of changes; then it becomes the older of two files, and
-a new one begins with the alarms that are not normal. A line that a killed process left unfinished is cut off.
+A line of JSON holds one change. The file grows up to a size; then it becomes the older of two files, and a new one
+begins with the alarms that are not normal.
 """
 
 from __future__ import annotations
 
-import itertools
+import math
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
@@ -14,12 +14,16 @@ import msgspec
 
 from dtwin.console.alarms.states import Alarm, AlarmState
 from dtwin.errors import RecordingError
-from dtwin.files import reason_of, replacing
-from dtwin.signals import Line, Word
+from dtwin.line_file import LineFile
+from dtwin.signals import Count, Line, Word
 
 Action = Literal["raised", "changed", "cleared", "acknowledged", "shelved", "unshelved", "suppressed", "unsuppressed"]
 LONGEST: Final = 20_000
-"""Number of changes in a file."""
+"""Number of changes in a file, if they are of the usual length."""
+OLDEST: Final = 90 * 86400.0
+"""Age from which on changes are given up, s; in a file they may be twice as old."""
+USUAL: Final = 512
+"""Length of a change in a file, bytes."""
 
 
 class Change(msgspec.Struct, frozen=True, tag_field="schema", tag=1):
@@ -32,6 +36,7 @@ class Change(msgspec.Struct, frozen=True, tag_field="schema", tag=1):
         alarm: The alarm afterwards.
         who: Who did it, "" for nobody.
         why: Reason in words, "" for none.
+        left_out: Number of changes of this alarm before it that were too many to be kept one by one.
     """
 
     number: Annotated[int, msgspec.Meta(ge=1)]
@@ -40,6 +45,7 @@ class Change(msgspec.Struct, frozen=True, tag_field="schema", tag=1):
     alarm: Alarm
     who: Word = ""
     why: Line = ""
+    left_out: Count = 0
 
 
 class Journal:
@@ -47,7 +53,7 @@ class Journal:
 
     Args:
         path: Path of the newer file, which need not exist; without it, changes are kept in memory alone.
-        longest: Number of changes in a file.
+        longest: Number of changes in a file, if they are of the usual length.
 
     Attributes:
         changes: Changes that are kept, oldest first, at most twice `longest`.
@@ -58,19 +64,20 @@ class Journal:
     """
 
     def __init__(self, path: Path | None, longest: int = LONGEST) -> None:
-        self._path = path
         self._longest = longest
-        self._unwritten: list[bytes] = []
-        self._encode = msgspec.json.Encoder().encode
+        self._unwritten: list[Change] = []
+        self._file: LineFile[Change] | None = None
         self.trouble = ""
         self.changes: list[Change] = []
-        self._in_file = 0
         if path is not None:
-            by_number = {change.number: change for change in _read(_older(path))}
-            newer = _read(path)
-            by_number.update((change.number, change) for change in newer)
-            self._in_file = len(newer)
+            # What people do is in the audit as well, which is forced to disk; the rest comes again if it still holds.
+            size = USUAL * longest
+            self._file = LineFile(
+                path, Change, "a change of an alarm", largest=size, older=1, sync=False, carry=self._needed
+            )
+            by_number = {change.number: change for change in self._file.entries()}
             self.changes = [by_number[number] for number in sorted(by_number)]
+        self._since = self.changes[0].at if self.changes else math.inf
 
     @property
     def last(self) -> int:
@@ -81,76 +88,38 @@ class Journal:
         """Keeps a change; what cannot be written now is written with a later one, and `trouble` says why."""
         self.changes.append(change)
         if len(self.changes) > 2 * self._longest:
-            del self.changes[: self._longest]
-        if self._path is None:
+            self._give_up(self.changes[: self._longest], self.changes[self._longest :])
+        self._since = min(self._since, change.at)
+        aged = change.at - self._since > OLDEST
+        if aged:
+            self._since = change.at
+            old = [each for each in self.changes if change.at - each.at > OLDEST]
+            self._give_up(old, [each for each in self.changes if change.at - each.at <= OLDEST])
+        if self._file is None:
             return
-        self._unwritten.append(self._encode(change) + b"\n")
+        self._unwritten.append(change)
         del self._unwritten[: -self._longest]
         try:
-            if self._in_file >= self._longest:
-                self._begin_anew(self._path)
-            with self._path.open("ab") as file:
-                file.write(b"".join(self._unwritten))
-        except OSError as error:
-            self._cut(self._path)
-            self.trouble = f"{self._path}: cannot be written: {reason_of(error)}"
-            return
+            if aged:
+                self._file.renew()
+            self._file.append(*self._unwritten)
         except RecordingError as error:
             self.trouble = str(error)
             return
-        self._in_file += len(self._unwritten)
         self._unwritten.clear()
         self.trouble = ""
 
-    def _begin_anew(self, path: Path) -> None:
-        """Makes the file the older one; the new one begins with what is needed of it."""
-        kept = self.changes[: -len(self._unwritten)]
-        alarms = {change.alarm.name: change for change in kept}
-        needed = [change for change in alarms.values() if change.alarm.state is not AlarmState.NORMAL]
-        with replacing(_older(path)) as temporary:
-            temporary.write_bytes(path.read_bytes())
-        with replacing(path) as temporary:
-            temporary.write_bytes(b"".join(self._encode(change) + b"\n" for change in needed))
-        self._in_file = len(needed)
+    def _give_up(self, old: list[Change], others: list[Change]) -> None:
+        """Forgets old changes, except those after which alarms are as they are."""
+        needed = {change.number for change in _last_of(self.changes)}
+        self.changes = [*(change for change in old if change.number in needed), *others]
 
-    @staticmethod
-    def _cut(path: Path) -> None:
-        """Takes away what a failed writing left after the last whole line."""
-        try:
-            content = path.read_bytes()
-            with path.open("r+b") as file:
-                file.truncate(content.rfind(b"\n") + 1)
-        except OSError:
-            return
+    def _needed(self) -> list[Change]:
+        """The changes that a new file begins with, before those that are to be written."""
+        return _last_of(self.changes[: len(self.changes) - len(self._unwritten)])
 
 
-def _older(path: Path) -> Path:
-    return path.with_name(f"{path.name}.1")
-
-
-def _read(path: Path) -> list[Change]:
-    """The changes of a file; an unfinished last line is cut off.
-
-    Raises:
-        RecordingError: The file cannot be read, or a line of it is no change.
-    """
-    if not path.exists():
-        return []
-    decode = msgspec.json.Decoder(Change).decode
-    changes: list[Change] = []
-    try:
-        with path.open("r+b") as file:
-            end = 0
-            for number in itertools.count(1):
-                line = file.readline()
-                if not line.endswith(b"\n"):
-                    break
-                try:
-                    changes.append(decode(line))
-                except msgspec.DecodeError as error:
-                    raise RecordingError(f"{path}:{number}: expected a change of an alarm: {error}") from None
-                end += len(line)
-            file.truncate(end)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {reason_of(error)}") from None
-    return changes
+def _last_of(changes: list[Change]) -> list[Change]:
+    """The last change of every alarm that is not normal."""
+    last = {change.alarm.name: change for change in changes}
+    return [change for change in last.values() if change.alarm.state is not AlarmState.NORMAL]
