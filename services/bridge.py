@@ -46,6 +46,7 @@ from dtwin.errors import CommunicationError, DtwinError, ParameterError, Recordi
 from dtwin.iec61499.net.address import StreamAddress, parse_stream_address
 from dtwin.parameters import PERIOD, ArmParameters, Gains
 from dtwin.run.options import CellFileOption
+from dtwin.services.parts.desk import keep_desk
 from dtwin.services.parts.gate import STALE
 from dtwin.services.parts.recent import Backlog, Recent
 from dtwin.services.parts.state_file import StateFile, to_message
@@ -126,6 +127,7 @@ class Bridge:
         self._settings_lock = threading.Lock()
         bus.answer(SETTINGS, SettingsRequest, self._set, self._in_force)
         bus.answer(SIGNAL, SignalRequest, self._play, self._signal)
+        keep_desk(bus)
         self._stops = Stops(bus, self._publish.sender, self._safe_stop, self._time)
 
     def run(self) -> None:

@@ -10,6 +10,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 
 import msgspec
 
+from dtwin.bus.desk_messages import DeskRequest, DeskState
 from dtwin.bus.twin_messages import (
     AcknowledgeRequest,
     IdentificationDecision,
@@ -324,6 +325,7 @@ SETTINGS: Final = Topic("controller/settings", "query", SettingsRequest, Setting
 SIGNAL: Final = Topic("controller/signal", "query", SignalRequest, IdentificationSignal, "bridge")
 STOP: Final = Topic("controller/stop", "query", StopRequest, StopState, "bridge")
 RELEASE: Final = Topic("controller/release", "query", ReleaseRequest, StopState, "bridge")
+DESK: Final = Topic("controller/desk", "query", DeskRequest, DeskState, "bridge")
 FAULT: Final = Topic("emulator/fault", "query", FaultRequest, Done, "emulator")
 RESET: Final = Topic("emulator/reset", "query", ResetRequest, Done, "emulator")
 LATCH: Final = Topic("emulator/stop", "query", LatchRequest, LatchState, "emulator")
@@ -358,7 +360,7 @@ WATCH: Final = Topic("twin/monitoring/watch", "query", WatchRequest, WatchState,
 RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, ACTED, PATH, TRUTH, EVENTS, STATUS, ALIVE),
-    *(SETTINGS, SIGNAL, STOP, RELEASE, FAULT, RESET, LATCH, SUMMARY),
+    *(SETTINGS, SIGNAL, STOP, RELEASE, DESK, FAULT, RESET, LATCH, SUMMARY),
     *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, MONITORING, RESIDUALS, ACKNOWLEDGE, WATCH),
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""

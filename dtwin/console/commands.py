@@ -33,7 +33,6 @@ from dtwin.bus.twin_messages import (
     IdentificationDecision,
     IdentificationRequest,
     Kilograms,
-    Name,
     RollBackRequest,
     UploadRequest,
     WatchRequest,
@@ -42,6 +41,7 @@ from dtwin.console.people.users import Role
 from dtwin.console.telling import CellState
 from dtwin.errors import ParameterError
 from dtwin.identification.store import STORE, ModelStore
+from dtwin.names import Name
 from dtwin.parameters import Gains
 from dtwin.signals import Count, Line, Seconds
 
@@ -125,7 +125,7 @@ class ConsoleCommand:
         topic: query of the bus.
         message: makes the message of the query from the form, the user's name and the files.
         blocked: says why the command is not possible in a state of the cell, "" when it is.
-        always: whether the command is given with stale values and without room for its audit, too: a stop is.
+        always: whether the command needs no desk, no fresh values and no room for its audit: a stop does not.
     """
 
     name: str
@@ -153,8 +153,8 @@ def _missing(state: CellState, service: str, option: str) -> str:
     return "" if health is not None and health.here else f"no {service} service: `dtwin up {option}` starts one"
 
 
-def _stop_blocked(state: CellState) -> str:
-    return "" if state.stop == "none" else "the arm is stopped already"
+def _never_blocked(state: CellState) -> str:
+    return ""
 
 
 def _release_blocked(state: CellState) -> str:
@@ -247,7 +247,7 @@ COMMANDS: Final = {
             Reasoned,
             STOP,
             lambda form, user, files: StopRequest(user, form.why),
-            _stop_blocked,
+            _never_blocked,
             always=True,
         ),
         ConsoleCommand(

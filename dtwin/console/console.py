@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 from typing import Any, Final
 
 import msgspec
 
+from dtwin.bus.desk_messages import DeskState
 from dtwin.bus.session import Bus
 from dtwin.console.annunciator import Annunciator, Treatment
 from dtwin.console.commands import COMMANDS, ConsoleCommand, Files
 from dtwin.console.conditions import STALE
 from dtwin.console.hub import Clocks, Hub
 from dtwin.console.people.audit import Audit, AuditEntry
-from dtwin.console.people.occupancy import TIME_OUT, Occupancy
+from dtwin.console.people.occupancy import NOBODY_KEEPS
 from dtwin.console.people.sessions import Attempts, Session, Sessions
 from dtwin.console.people.users import Role, Users, may
 from dtwin.console.ring import Ring
@@ -33,7 +35,6 @@ class You(msgspec.Struct, frozen=True, tag_field="tell", tag="you"):
         role: what the person may do.
         desk: name of the person who has the desk, "" when it is free.
         yours: whether this session has the desk.
-        time_out: time without a sign of life after which the desk is free again, s.
         blocked: reason why a command is not possible now, by the name of the command; "" for those that are.
     """
 
@@ -41,7 +42,6 @@ class You(msgspec.Struct, frozen=True, tag_field="tell", tag="you"):
     role: str
     desk: str
     yours: bool
-    time_out: float
     blocked: dict[str, str]
 
 
@@ -86,36 +86,52 @@ class Console:
         self.user = user
         self.sessions = Sessions()
         self.attempts = Attempts()
-        self.desk = Occupancy()
+        self.desk = hub.desk
         self.ring = Ring(hub.task.colours)
         self._bus = bus
         self._audit = audit
 
+    def session(self, key: str | None) -> Session | None:
+        """The session of a cookie with the rights that its person has now; None when it has ended.
+
+        It ends when the person is a user no more, or has another password.
+        """
+        if self.users is None:
+            return self.sessions.visitor(key, self.user)
+        session = self.sessions.find(key, self.clocks.steady())
+        if session is None:
+            return None
+        try:
+            user = self.users.read().get(session.user)
+        except ParameterError as error:  # Who cannot be known has no rights.
+            log.warning("%s", error)
+            return None
+        if user is None or user.scrypt != session.proof:
+            self.sessions.end(session.key)
+            return None
+        return replace(session, role=user.role)
+
     def you(self, session: Session, state: CellState) -> You:
         """What the page of a session is told of itself."""
-        holder = self.desk.holder(self.clocks.steady())
+        desk = self.desk.state or DeskState()
         return You(
             session.user,
             session.role,
-            "" if holder is None else holder.user,
-            holder is not None and holder.session == session.key,
-            TIME_OUT,
+            desk.user,
+            desk.session == session.name,
             {name: self.refusal(command, session, state) for name, command in COMMANDS.items()},
         )
 
     def refusal(self, command: ConsoleCommand, session: Session, state: CellState) -> str:
-        """Why a session cannot give a command now, "" when it can."""
+        """Why a session cannot give a command now, "" when it can; a stop needs nothing but its role."""
         if not may(session.role, command.role):
             return f"needs the role {command.role}, {session.user} is {session.role}"
+        if command.always:
+            return ""
         age = self.hub.age
-        if not command.always and (age is None or age > STALE):
+        if age is None or age > STALE:
             return "the values are older than 1 s"
-        if reason := command.blocked(state):
-            return reason
-        holder = self.desk.holder(self.clocks.steady())
-        if holder is None:
-            return NOT_YOURS
-        return "" if holder.session == session.key else f"{holder.user} has the desk"
+        return command.blocked(state) or _not_at(self.desk.state, session)
 
     def command(self, name: str, content: bytes, session: Session, address: str) -> Answer:
         """Gives a command and notes it; blocks until the bus answers.
@@ -126,6 +142,8 @@ class Console:
         command = COMMANDS[name]
         try:
             form = command.read(content)
+            if not command.always:
+                self.desk.ask("keep", session)
             state = self.hub.state()
             if reason := self.refusal(command, session, state):
                 return self._noted(name, msgspec.to_builtins(form), session, address, Answer(False, reason))
@@ -140,7 +158,6 @@ class Console:
             if not command.always:
                 raise
             log.error("%s", error)
-        self.desk.touch(session.key, self.clocks.steady())
         try:
             assert command.topic.reply is not None
             reply: Any = self._bus.ask(command.topic, message, command.topic.reply)
@@ -150,6 +167,11 @@ class Console:
         self.hub.ask_again()
         return self._noted(name, msgspec.to_builtins(form), session, address, answer)
 
+    def keep_desk(self, session: Session) -> None:
+        """Passes on a sign of life of a session, which keeps the desk if it has it and may command."""
+        if may(session.role, "operator") and self.desk.held == session.name:
+            self.desk.ask("keep", session)
+
     def change_desk(self, action: str, session: Session, address: str) -> tuple[bool, str]:
         """Occupies or leaves the desk for a session, and notes it; returns whether that was done, and words for it.
 
@@ -157,60 +179,80 @@ class Console:
             ParameterError: the action is neither occupy nor leave.
             RecordingError: the audit file cannot be written.
         """
-        now = self.clocks.steady()
-        if action == "occupy":
-            if not may(session.role, "operator"):
-                done, text = False, f"needs the role operator, {session.user} is {session.role}"
-            elif self.desk.occupy(session.key, session.user, now):
-                done, text = True, "you have the desk"
-            else:
-                holder = self.desk.holder(now)
-                done, text = False, f"{'somebody' if holder is None else holder.user} has the desk"
-        elif action == "leave":
-            self.desk.release(session.key)
-            done, text = True, "the desk is free"
-        else:
+        if action not in ("occupy", "leave"):
             raise ParameterError(f"desk: expected occupy or leave, got {action[:50]!r}")
-        self._note(f"desk, {action}", {}, session, address, Answer(done, text))
-        return done, text
+        if action == "leave":
+            return self._leave(session, address)
+        if not may(session.role, "operator"):
+            refusal = f"needs the role operator, {session.user} is {session.role}"
+        else:
+            had = self.desk.ask("keep", session)
+            refusal = _not_at(self.desk.ask("occupy", session), session)
+        try:
+            self._note("desk, occupy", {}, session, address, Answer(not refusal, refusal or "you have the desk"))
+        except RecordingError:
+            # What is not noted is not done.
+            if not refusal and (had is None or had.session != session.name):
+                self.desk.ask("leave", session)
+            raise
+        return not refusal, refusal or "you have the desk"
+
+    def _leave(self, session: Session, address: str) -> tuple[bool, str]:
+        """Leaves the desk, with a full disk, too: who leaves it commands nothing."""
+        before = self.desk.ask("keep", session)
+        done = before is not None and before.session == session.name
+        after = self.desk.ask("leave", session) if done else before
+        if after is None:
+            text = NOBODY_KEEPS
+        elif done:
+            text = "the desk is free"
+        else:
+            text = f"you do not have the desk: {f'{after.user} has it' if after.session else 'it is free'}"
+        answer = self._noted("desk, leave", {}, session, address, Answer(done, text))
+        return answer.done, answer.text
 
     def note_login(self, name: str, address: str, role: Role | None) -> None:
-        """Notes an attempt to log in; role is None when it has failed.
+        """Notes an attempt to log in, if there is room for that: a stop needs somebody who is logged in.
 
-        Raises:
-            RecordingError: the audit file cannot be written.
+        Args:
+            name: name that was given.
+            address: address that it was given from.
+            role: role of the person; None when the attempt has failed.
         """
-        visitor = Session("", "", name[:32], role or "viewer", 0.0)
+        visitor = Session("", "", name[:32], role or "viewer")
         text = "the name or the password is wrong" if role is None else "welcome"
-        self._note("log in", {}, visitor, address, Answer(role is not None, text))
+        self._noted("log in", {}, visitor, address, Answer(role is not None, text))
 
     def treat(self, action: str, treatment: Treatment, session: Session, address: str) -> Answer:
-        """Does something about an alarm, and notes it.
+        """Does something about an alarm, and notes it; who has the desk has been asked for before.
 
         Raises:
-            RecordingError: the audit file cannot be written.
+            RecordingError: the audit file cannot be written; nothing is done then.
         """
-        holder = self.desk.holder(self.clocks.steady())
         if not may(session.role, "operator"):
-            answer = Answer(False, f"needs the role operator, {session.user} is {session.role}")
-        elif holder is None or holder.session != session.key:
-            answer = Answer(False, NOT_YOURS if holder is None else f"{holder.user} has the desk")
+            refusal = f"needs the role operator, {session.user} is {session.role}"
         else:
+            # Where nobody keeps the desk, alarms are treated all the same: one of them may be the bridge's own.
+            desk = self.desk.state
+            refusal = "" if desk is None else _not_at(desk, session)
+        name, content = f"alarm, {action[:50]}", msgspec.to_builtins(treatment)
+        if refusal:
+            answer = Answer(False, refusal)
+        else:
+            self._note(f"{name}, given", content, session, address, Answer(False, ""))
             try:
                 self.annunciator.treat(action, treatment, self.clocks.wall(), session.user)
-                self.desk.touch(session.key, self.clocks.steady())
                 answer = Answer(True, "done")
             except ParameterError as error:
                 answer = Answer(False, str(error))
-        self._note(f"alarm, {action[:50]}", msgspec.to_builtins(treatment), session, address, answer)
-        return answer
+        return self._noted(name, content, session, address, answer)
 
     def _noted(self, name: str, content: Any, session: Session, address: str, answer: Answer) -> Answer:
+        """What became of something, noted; that there is no room for the note is told, and changes nothing."""
         try:
             self._note(name, content, session, address, answer)
         except RecordingError as error:
-            if not COMMANDS[name].always:
-                raise
+            log.error("%s", error)
             return Answer(answer.done, f"{answer.text}; not noted: {error}", answer.reply)
         return answer
 
@@ -228,6 +270,15 @@ class Console:
             answer.text,
         )
         self._audit.append(entry)
+
+
+def _not_at(desk: DeskState | None, session: Session) -> str:
+    """Why a session may not command from a desk, "" when it may."""
+    if desk is None:
+        return NOBODY_KEEPS
+    if desk.session == session.name:
+        return ""
+    return f"{desk.user} has the desk" if desk.session else NOT_YOURS
 
 
 def _words(reply: Any) -> str:

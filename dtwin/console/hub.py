@@ -39,6 +39,7 @@ from dtwin.bus.session import Bus, Subscription
 from dtwin.bus.twin_messages import IdentificationState, MonitoringResiduals, MonitoringVerdict, Upload, WatchState
 from dtwin.console.conditions import conditions, doing
 from dtwin.console.excited import ExcitedMotion
+from dtwin.console.people.occupancy import Occupancy
 from dtwin.console.telling import CellState, Frame, Health, spots
 from dtwin.errors import CommunicationError
 from dtwin.signals import Event, EventKind, Sensors, Stop, Voltages
@@ -94,10 +95,12 @@ class Hub:
     Attributes:
         task: task of the cell.
         excited: motion of the last identification.
+        desk: who has the desk of the cell.
     """
 
     def __init__(self, bus: Bus, cell: str, arm: str, clocks: Clocks, task: Task = DEFAULT_TASK) -> None:
         self.task = task
+        self.desk = Occupancy(bus)
         self._bus = bus
         self._names = (cell, arm)
         self._clocks = clocks
@@ -297,6 +300,7 @@ class Hub:
     def _ask_all(self) -> None:
         while not self._over.is_set():
             self._ask(SUMMARY, Summary)
+            self.desk.look(self.is_here("bridge"))
             if self.is_here("simulation"):
                 self._ask(UPLOAD, Upload)
             if self.is_here("monitoring") and (self._ask_watch or WatchState not in self._last):

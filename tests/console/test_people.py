@@ -9,9 +9,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from websockets.sync.client import connect
+from websockets.typing import Origin
 
+from dtwin.cli import main
 from dtwin.console.commands import COMMANDS
-from dtwin.console.people.sessions import ATTEMPTS, LIFETIME, PAUSE
+from dtwin.console.people.sessions import ATTEMPTS, EACH, LIFETIME, PAUSE, SPRAYED, Attempts
 from dtwin.console.people.users import ROLES, Users, may
 from dtwin.console.web.listening import Listening
 from dtwin.errors import ParameterError
@@ -45,9 +48,11 @@ def test_a_file_of_users_holds_no_password(users: Users) -> None:
 
 
 def test_only_the_right_password_gives_the_role(users: Users) -> None:
-    assert users.role_of("some-engineer", PASSWORD) == "engineer"
+    found = users.verified("some-engineer", PASSWORD)
+    assert found is not None
+    assert found.role == "engineer"
     for name, password in (("some-engineer", "wrong"), ("some-engineer", ""), ("nobody", PASSWORD), ("", "")):
-        assert users.role_of(name, password) is None
+        assert users.verified(name, password) is None
 
 
 @pytest.mark.parametrize(
@@ -91,16 +96,139 @@ def test_an_operator_has_not_the_rights_of_an_engineer(served: Served) -> None:
     assert {entry["user"] for entry in served.entries()} == {"some-operator"}
 
 
-def test_attempts_are_limited_by_name_and_by_address(served: Served) -> None:
+def test_attempts_are_limited_by_name_and_address_and_lock_nobody_else_out(served: Served) -> None:
+    logged_in = served.visitor()
+    assert logged_in.login("some-viewer", PASSWORD) == 200
     for _ in range(ATTEMPTS):
         assert served.visitor().login("some-viewer", "wrong") == 401
     assert served.visitor().login("some-viewer", PASSWORD) == 429
-    assert served.visitor().login("some-engineer", PASSWORD) == 429, "the address is the same"
+    assert served.visitor().login("some-engineer", PASSWORD) == 200, "another name"
+    assert served.visitor("127.0.0.2").login("some-viewer", PASSWORD) == 200, "another address"
+    assert logged_in.ask("GET", "/api/session")[0] == 200
+    assert logged_in.login("some-viewer", PASSWORD) == 200, "who is logged in may log in again"
     served.clock.ahead += PAUSE
-    assert served.visitor().login("some-viewer", PASSWORD) == 200
     noted = [(entry["command"], entry["done"]) for entry in served.entries()]
     assert noted.count(("log in", False)) == ATTEMPTS
-    assert noted.count(("log in", True)) == 1
+    assert noted.count(("log in", True)) == 4
+    assert served.visitor().login("some-viewer", PASSWORD) == 200
+
+
+def test_an_address_that_tries_many_names_waits_alone() -> None:
+    attempts = Attempts()
+    for number in range(SPRAYED):
+        assert attempts.wait("192.0.2.1", f"name{number}", 0.0) == 0.0
+        attempts.fail("192.0.2.1", f"name{number}", 0.0)
+    assert attempts.wait("192.0.2.1", "another", 10.0) == PAUSE - 10.0
+    assert attempts.wait("192.0.2.2", "name0", 10.0) == 0.0
+    assert attempts.wait("192.0.2.1", "another", PAUSE) == 0.0
+
+
+def test_the_addresses_of_one_network_of_ipv6_are_one() -> None:
+    attempts = Attempts()
+    for number in range(ATTEMPTS):
+        attempts.fail(f"2001:db8::{number}", "anna", 0.0)
+    assert attempts.wait("2001:db8::ffff", "anna", 1.0) > 0.0
+    assert attempts.wait("2001:db8:0:1::1", "anna", 1.0) == 0.0
+
+
+def test_visits_cost_nothing_and_throw_nobody_out(tmp_path: Path, users: Users) -> None:
+    with serve(tmp_path) as served:
+        operator = served.visitor()
+        operator.enter()
+        keys = {served.console.sessions.visit("somebody").key for _ in range(2000)}
+        assert len(keys) == 2000
+        served.visitor().enter()
+        assert operator.ask("GET", "/api/session")[0] == 200
+        for cookie in (f"dtwin={sorted(keys)[0]}x", "dtwin=.", "dtwin=a.b", f"dtwin={'a' * 43}.{'0' * 64}"):
+            assert operator.ask("GET", "/api/session", Cookie=cookie)[0] == 401
+        sessions = served.console.sessions
+        first = sessions.begin("anna", "viewer", "", 0.0)
+        other = sessions.begin("bert", "viewer", "", 0.0)
+        for _ in range(EACH):
+            sessions.begin("anna", "viewer", "", 0.0)
+        assert sessions.find(first.key, 1.0) is None
+        assert sessions.find(other.key, 1.0) == other, "nobody's sessions make room for another one's"
+
+
+def test_rights_are_those_of_now(tmp_path: Path) -> None:
+    users = Users(tmp_path / "users.json")
+    for name in ("anna", "bert", "carl"):
+        users.set(name, "engineer", PASSWORD)
+    with serve(tmp_path, users) as served:
+        served.live()
+        visitors = {}
+        for name in ("anna", "bert", "carl"):
+            visitors[name] = served.visitor()
+            assert visitors[name].login(name, PASSWORD) == 200
+        anna = visitors["anna"]
+        assert anna.post("/api/desk/occupy")[0] == 200
+        content = json.loads(users.path.read_bytes())
+        content["anna"]["role"] = "viewer"
+        del content["bert"]
+        users.path.write_text(json.dumps(content))
+        users.set("carl", "engineer", f"another {PASSWORD}")
+        answer = anna.post("/api/command/fault", CONTENT["fault"])[1]
+        assert answer["text"] == "needs the role engineer, anna is viewer"
+        assert "needs the role operator" in anna.post("/api/command/stop")[1]["text"]
+        for name in ("bert", "carl"):
+            assert visitors[name].ask("GET", "/api/session")[0] == 401
+            assert visitors[name].post("/api/command/stop")[0] == 401
+        assert served.cell.asked == []
+        users.path.unlink()
+        assert anna.ask("GET", "/api/session")[0] == 401, "who cannot be known has no rights"
+
+
+def test_a_page_that_is_open_loses_its_rights_too(tmp_path: Path) -> None:
+    users = Users(tmp_path / "users.json")
+    users.set("anna", "operator", PASSWORD)
+    users.set("bert", "operator", PASSWORD)
+    with serve(tmp_path, users) as served:
+        served.live()
+        anna = served.visitor()
+        anna.login("anna", PASSWORD)
+        url, origin = f"ws://{anna.host}/api/stream", Origin(f"http://{anna.host}")
+        with connect(url, origin=origin, additional_headers={"Cookie": anna.cookie}) as socket:
+
+            def role() -> str:
+                while (told := json.loads(socket.recv(20)))["tell"] != "you":
+                    pass
+                return str(told["role"])
+
+            assert role() == "operator"
+            content = json.loads(users.path.read_bytes())
+            content["anna"]["role"] = "viewer"
+            users.path.write_text(json.dumps(content))
+            assert role() == "viewer"
+            del content["anna"]
+            users.path.write_text(json.dumps(content))
+            for _ in socket:
+                pass
+            assert socket.close_code == 1008
+
+
+def test_the_audit_tells_of_a_change_and_of_a_cut(
+    tmp_path: Path, users: Users, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with serve(tmp_path, users) as served:
+        for _ in range(2):
+            assert served.visitor().login("some-viewer", PASSWORD) == 200
+    path = served.audit
+    command = ["console", "audit", str(path)]
+    assert main(command) == 0
+    said = capsys.readouterr().out
+    assert said.count("log in") == 2
+    last = json.loads(path.read_text().splitlines()[-1])["hash"]
+    assert f"2 lines, whole; the last has the hash {last}" in said
+    assert main([*command, "--hash", last]) == 0
+    content = path.read_text()
+    lines = content.splitlines(keepends=True)
+    for changed in (content.replace("welcome", "refused", 1), lines[1], lines[0], ""):
+        path.write_text(changed)
+        capsys.readouterr()
+        assert main(command) == 1
+        assert "audit.jsonl" in capsys.readouterr().out
+    path.write_text(content)
+    assert main([*command, "--hash", "0" * 32]) == 1
 
 
 def test_a_session_ends_with_its_log_out_and_with_time(served: Served) -> None:
@@ -150,4 +278,6 @@ def test_users_are_made_on_the_command_line(tmp_path: Path) -> None:
         [sys.executable, "-m", "dtwin", *command], input=f"{PASSWORD}\n", capture_output=True, text=True, timeout=60
     )
     assert done.returncode == 0, done.stderr
-    assert Users(tmp_path / "users.json").role_of("anna", PASSWORD) == "operator"
+    found = Users(tmp_path / "users.json").verified("anna", PASSWORD)
+    assert found is not None
+    assert found.role == "operator"

@@ -68,7 +68,7 @@ def test_a_recording_stays_on_every_display_until_the_present_is_asked_for(conso
     expect(page.locator("#live")).to_have_text("◷ not live: the past")
     expect(page.locator("h1")).to_contain_text(log)
     expect(page.locator("#doing")).to_contain_text(f"Recording {log}")
-    expect(page.locator("#why-stop-stop-the-arm")).to_contain_text("not live")
+    expect(page.locator("#why-release-release-the-arm")).to_contain_text("not live")
     value = page.locator(".joints .value").first.inner_text()
     page.get_by_role("link", name="Replay").click()
     before = shown_at(page)

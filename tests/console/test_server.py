@@ -10,8 +10,10 @@ from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from dtwin.console.commands import COMMANDS
-from dtwin.console.people.occupancy import TIME_OUT
-from tests.support.console import Served, Visitor, serve
+from dtwin.services.parts.desk import TIME_OUT
+from tests.support.console import Clock, FakeCell, Served, Visitor, joined, serve
+from tests.support.disks import full_disk
+from tests.support.waiting import until
 
 
 @pytest.fixture
@@ -32,18 +34,36 @@ CONTENT = {"fault": {"fault": "K2*=0.1"}, "upload": {"why": "to try", "based_on"
 
 def test_a_command_needs_the_desk_and_is_noted_with_its_answer(served: Served, visitor: Visitor) -> None:
     served.live()
-    assert visitor.post("/api/command/stop") == (409, {"done": False, "text": "occupy the desk first", "reply": None})
+    fault = CONTENT["fault"]
+    refused = {"done": False, "text": "occupy the desk first", "reply": None}
+    assert visitor.post("/api/command/fault", fault) == (409, refused)
     assert visitor.post("/api/desk/occupy")[0] == 200
-    status, answer = visitor.post("/api/command/stop", {"why": "to see"})
-    assert (status, answer["done"], answer["reply"]["stop"]) == (200, True, "standstill")
-    assert [(request.who, request.why) for request in served.cell.asked] == [("somebody", "to see")]
+    status, answer = visitor.post("/api/command/fault", fault)
+    assert (status, answer["done"], answer["text"]) == (200, True, "takes K2*=0.1")
+    assert [request.faults for request in served.cell.asked] == [("K2*=0.1",)]
     noted = [(entry["command"], entry["done"], entry["user"]) for entry in served.entries()]
     assert noted == [
-        ("stop", False, "somebody"),
+        ("fault", False, "somebody"),
         ("desk, occupy", True, "somebody"),
-        ("stop, given", False, "somebody"),
-        ("stop", True, "somebody"),
+        ("fault, given", False, "somebody"),
+        ("fault", True, "somebody"),
     ]
+
+
+def test_a_stop_needs_no_desk_whoever_has_it_and_is_sent_also_to_an_arm_that_stands(
+    served: Served, visitor: Visitor
+) -> None:
+    other = served.visitor()
+    other.enter()
+    served.live()
+    for count in (1, 2):
+        status, answer = visitor.post("/api/command/stop", {"why": "to see"})
+        assert (status, answer["done"], answer["reply"]["stop"]) == (200, True, "standstill")
+        assert [(request.who, request.why) for request in served.cell.asked] == count * [("somebody", "to see")]
+    assert other.post("/api/desk/occupy")[0] == 200
+    assert visitor.post("/api/command/release")[1]["text"] == "somebody has the desk"
+    assert visitor.post("/api/command/stop")[0] == 200
+    assert len(served.cell.asked) == 3
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -58,9 +78,10 @@ def test_every_command_is_refused_without_token_desk_or_own_origin(
     assert visitor.post(path, content, Origin="http://evil.example")[0] == 403
     assert visitor.post(path, content, Origin="null")[0] == 403
     assert visitor.post(path, content, Cookie="")[0] == 401
-    served.clock.ahead = TIME_OUT + 1
-    served.live()
-    assert visitor.post(path, content)[0] == 409
+    if name != "stop":
+        served.clock.ahead = TIME_OUT + 1
+        served.live()
+        assert visitor.post(path, content)[0] == 409
     assert served.cell.asked == []
 
 
@@ -70,11 +91,17 @@ def test_one_has_the_desk_until_it_is_left_or_times_out(served: Served, visitor:
     served.live()
     assert visitor.post("/api/desk/occupy")[0] == 200
     assert other.post("/api/desk/occupy") == (409, {"done": False, "text": "somebody has the desk", "reply": None})
-    assert other.post("/api/command/stop")[1]["text"] == "somebody has the desk"
+    fault = CONTENT["fault"]
+    assert other.post("/api/command/fault", fault)[1]["text"] == "somebody has the desk"
     served.clock.ahead = TIME_OUT + 1
     assert other.post("/api/desk/occupy")[0] == 200
-    assert visitor.post("/api/command/stop")[1]["text"] == "somebody has the desk"
-    assert other.post("/api/desk/leave")[0] == 200
+    served.live()
+    assert visitor.post("/api/command/fault", fault)[1]["text"] == "somebody has the desk"
+    words = {"done": False, "text": "you do not have the desk: somebody has it", "reply": None}
+    assert visitor.post("/api/desk/leave") == (409, words)
+    assert other.post("/api/desk/leave") == (200, {"done": True, "text": "the desk is free", "reply": None})
+    words["text"] = "you do not have the desk: it is free"
+    assert other.post("/api/desk/leave") == (409, words)
     assert visitor.post("/api/desk/occupy")[0] == 200
 
 
@@ -148,8 +175,103 @@ def test_without_room_for_the_audit_nothing_but_a_stop_is_done(served: Served, v
     served.audit.unlink()
     served.audit.mkdir()
     status, answer = visitor.post("/api/command/fault", CONTENT["fault"])
-    assert (status, served.cell.asked) == (500, [])
+    assert (status, served.cell.asked) == (503, [])
     assert "cannot be written" in answer["text"]
     status, answer = visitor.post("/api/command/stop")
     assert (status, len(served.cell.asked)) == (200, 1)
     assert "not noted" in answer["text"]
+
+
+def test_two_consoles_of_a_cell_have_one_desk(tmp_path: Path) -> None:
+    clock = Clock()
+    folders = [tmp_path / name for name in ("one", "other")]
+    for folder in folders:
+        folder.mkdir()
+    with (
+        FakeCell(clock=clock).open() as cell,
+        joined(cell, clock, folders[0]) as one,
+        joined(cell, clock, folders[1]) as other,
+    ):
+        one.live()
+        other.live()
+        first, second = one.visitor(), other.visitor()
+        first.enter()
+        second.enter()
+        assert first.post("/api/desk/occupy")[0] == 200
+        assert second.post("/api/desk/occupy") == (
+            409,
+            {"done": False, "text": "somebody has the desk", "reply": None},
+        )
+        assert second.post("/api/command/fault", CONTENT["fault"])[1]["text"] == "somebody has the desk"
+        until(lambda: (state := other.console.desk.state) is not None and state.user, "the other console is told")
+        assert second.post("/api/command/stop")[0] == 200
+        assert [type(request).__name__ for request in cell.asked] == ["StopRequest"]
+        one.web.close()
+        clock.ahead = TIME_OUT / 2
+        assert second.post("/api/desk/occupy")[0] == 409
+        clock.ahead = TIME_OUT + 0.5
+        assert second.post("/api/desk/occupy")[0] == 200
+
+
+def test_a_page_that_is_open_keeps_the_desk_and_one_that_is_gone_does_not(served: Served, visitor: Visitor) -> None:
+    served.live()
+    assert visitor.post("/api/desk/occupy")[0] == 200
+    cookie = {"Cookie": visitor.cookie}
+    url, origin = f"ws://{visitor.host}/api/stream", Origin(f"http://{visitor.host}")
+
+    def left() -> float:
+        return served.cell.desk.state().left
+
+    with connect(url, origin=origin, additional_headers=cookie) as socket:
+        served.clock.ahead += TIME_OUT - 1
+        assert left() < 1.5
+        socket.send("here")
+        until(lambda: left() > TIME_OUT - 1.5, "the sign of life is passed on")
+    served.clock.ahead += TIME_OUT + 1
+    assert left() == 0.0
+
+
+def test_without_a_bridge_there_is_no_desk(served: Served, visitor: Visitor) -> None:
+    served.live()
+    served.cell.bus.close()
+    until(lambda: served.console.desk.state is None, "the console notices")
+    assert visitor.post("/api/desk/occupy")[1]["text"] == "no bridge service, which keeps the desk"
+
+
+def test_a_desk_on_a_full_disk_is_refused_and_stays_free(served: Served, visitor: Visitor) -> None:
+    served.live()
+    assert visitor.post("/api/desk/occupy")[0] == 200
+    assert visitor.post("/api/desk/leave")[0] == 200
+    before = served.audit.read_bytes()
+    with full_disk(len(before) + 100):
+        status, answer = visitor.post("/api/desk/occupy")
+        assert (status, answer["done"]) == (503, False)
+        assert "cannot be written" in answer["text"]
+        assert served.cell.desk.state().session == ""
+        assert visitor.post("/api/command/fault", CONTENT["fault"])[0] == 409
+        assert served.cell.asked == []
+        assert visitor.post("/api/command/stop")[0] == 200
+    assert served.audit.read_bytes() == before
+    assert visitor.post("/api/desk/occupy")[0] == 200
+
+
+def test_who_has_the_desk_leaves_it_also_on_a_full_disk(served: Served, visitor: Visitor) -> None:
+    served.live()
+    visitor.post("/api/desk/occupy")
+    with full_disk(100):
+        status, answer = visitor.post("/api/desk/leave")
+    assert (status, answer["done"]) == (200, True)
+    assert answer["text"].startswith("the desk is free; not noted: ")
+    assert served.cell.desk.state().session == ""
+
+
+def test_an_alarm_is_treated_whole_or_not_at_all(served: Served, visitor: Visitor) -> None:
+    served.live()
+    visitor.post("/api/desk/occupy")
+    alarms = served.console.annunciator.alarms
+    alarms.raise_("it", "something", 1.0, 1.0)
+    with full_disk(100):
+        assert visitor.post("/api/alarm/acknowledge", {"name": "it"})[0] == 503
+    assert alarms.alarm("it").unacknowledged
+    assert visitor.post("/api/alarm/acknowledge", {"name": "it"})[0] == 200
+    assert not alarms.alarm("it").unacknowledged

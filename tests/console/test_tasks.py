@@ -18,8 +18,7 @@ def pace() -> str:
 
 def test_the_arm_is_stopped_and_released(hand: Hand) -> None:
     page = hand.page
-    hand.press("Stop the arm")
-    hand.confirm()
+    hand.stop()
     answered(page, "stop:")
     expect(page.locator("#doing")).to_contain_text("held", timeout=SLOW)
     expect(page.locator("#alarm-line")).to_contain_text("stopped", timeout=SLOW)
@@ -31,10 +30,31 @@ def test_the_arm_is_stopped_and_released(hand: Hand) -> None:
     assert hand.clicks == listed("Stop and release the arm")
 
 
+def test_the_arm_is_stopped_from_every_display_without_the_desk(console_page: Page, cell: Desk) -> None:
+    page = console_page
+    expect(page.get_by_role("button", name="Occupy the desk")).to_be_visible()
+    for display in ("Overview", "Identification", "Monitoring", "Simulation", "Alarms", "Replay"):
+        page.get_by_role("link", name=display, exact=True).click()
+        stop = page.locator("header [data-command=stop]")
+        stop.click()
+        expect(stop).to_have_text("Stop: click again")
+        stop.click()
+        expect(page.locator("#stop-answer")).to_contain_text("✓ stop:", timeout=SLOW)
+        expect(page.locator("#doing")).to_contain_text("stopped", timeout=SLOW)
+        cell.run("release", "--why", "seen")
+        expect(page.locator("#doing")).not_to_contain_text("stopped", timeout=SLOW)
+
+
 def test_a_confirmation_can_be_declined_with_the_keyboard(hand: Hand) -> None:
     page = hand.page
-    page.locator("[data-command=stop]").focus()
+    stop = page.locator("[data-command=stop]")
+    stop.focus()
     page.keyboard.press("Enter")
+    expect(stop).to_have_text("Stop: click again")
+    page.keyboard.press("Escape")
+    expect(stop).to_have_text("Stop the arm")
+    hand.open("Monitoring")
+    page.get_by_role("button", name="Stop the monitor").click(timeout=SLOW)
     expect(page.locator("dialog")).to_be_visible()
     page.keyboard.press("Escape")
     expect(page.locator("dialog")).to_have_count(0)
@@ -43,8 +63,7 @@ def test_a_confirmation_can_be_declined_with_the_keyboard(hand: Hand) -> None:
 
 def test_an_alarm_is_acknowledged_shelved_and_in_the_history(hand: Hand) -> None:
     page = hand.page
-    hand.press("Stop the arm")
-    hand.confirm()
+    hand.stop()
     hand.open("Alarms")
     row = page.get_by_role("row").filter(has_text="the arm is stopped").first
     # Exactly: a stop that is over may stand as "returned to normal unacknowledged" before this one comes.
@@ -155,7 +174,8 @@ def test_the_past_is_marked_and_takes_no_commands(console_page: Page) -> None:
     page.get_by_role("button", name="◀ 1 s").click()
     page.get_by_role("link", name="Overview").click()
     expect(page.locator("#live")).to_contain_text("not live")
-    expect(page.locator("#why-stop-stop-the-arm")).to_contain_text("not live")
+    expect(page.locator("#why-release-release-the-arm")).to_contain_text("not live")
+    expect(page.locator("[data-command=stop]")).to_have_attribute("aria-disabled", "false")
     page.get_by_role("link", name="Replay").click()
     page.get_by_role("button", name="Back to the present").click()
     expect(page.locator("#live")).to_have_text("● live", timeout=SLOW)

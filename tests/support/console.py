@@ -11,7 +11,9 @@ from typing import Any
 
 import msgspec
 
+from dtwin.bus.desk_messages import DeskRequest
 from dtwin.bus.messages import (
+    DESK,
     FAULT,
     RELEASE,
     SENSORS,
@@ -35,6 +37,7 @@ from dtwin.console.hub import Clocks, Hub
 from dtwin.console.people.audit import Audit
 from dtwin.console.people.users import Users
 from dtwin.console.web.listening import Listening, Web
+from dtwin.services.parts.desk import Desk
 from dtwin.signals import Sensors, Stop
 from dtwin.task import DEFAULT_TASK, Task
 from tests.support.ports import free_port
@@ -59,6 +62,7 @@ class FakeCell:
     asked: list[Any] = field(default_factory=list)
     stop: Stop = "none"
     name: str = "cell"
+    clock: Callable[[], float] = time.monotonic
 
     def __post_init__(self) -> None:
         self.bus = Bus(open_peer(self.meet), self.name)
@@ -66,10 +70,20 @@ class FakeCell:
         self.bus.answer(STOP, StopRequest, self._note("standstill"), lambda: StopState(0.0, self.stop))
         self.bus.answer(RELEASE, ReleaseRequest, self._note("none"), lambda: StopState(0.0, self.stop))
         self.bus.answer(FAULT, FaultRequest, self._fault)
+        self.desk = Desk(self.clock)
+        self.bus.answer(DESK, DeskRequest, self.desk.ask, self.desk.state)
         services = {name: ServiceSummary("running", 100.0, 0, "") for name in ("bridge", "emulator")}
         self.bus.answer(SUMMARY, SummaryRequest, None, lambda: Summary(services))
         for name in services:
             self.bus.announce(name)
+
+    @contextmanager
+    def open(self) -> Iterator["FakeCell"]:
+        """The cell until it ends."""
+        try:
+            yield self
+        finally:
+            self.bus.close()
 
     def _note(self, stop: Stop) -> Callable[[Any], StopState]:
         def answer(request: Any) -> StopState:
@@ -91,14 +105,15 @@ class FakeCell:
 class Visitor:
     """Somebody who speaks HTTP with a console, with a cookie and a token of his own."""
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, source: str = "127.0.0.1") -> None:
+        self.source = source
         self.host = address.split("/")[2]
         self.cookie = ""
         self.token = ""
 
     def ask(self, method: str, path: str, content: Any = None, **headers: str) -> tuple[int, dict[str, str], bytes]:
         """Status, headers and body of the answer; headers with _ for -, replaced by what is given."""
-        connection = http.client.HTTPConnection(self.host, timeout=20)
+        connection = http.client.HTTPConnection(self.host, timeout=20, source_address=(self.source, 0))
         sent = {"Host": self.host, "Origin": f"http://{self.host}", "Cookie": self.cookie, "X-CSRF-Token": self.token}
         sent |= {name.replace("_", "-"): value for name, value in headers.items()}
         body = None if content is None else json.dumps(content)
@@ -140,8 +155,9 @@ class Served:
     clock: Clock
     audit: Path
 
-    def visitor(self) -> Visitor:
-        return Visitor(self.web.address)
+    def visitor(self, source: str = "127.0.0.1") -> Visitor:
+        """Somebody at an address of this machine."""
+        return Visitor(self.web.address, source)
 
     def entries(self) -> list[dict[str, Any]]:
         """The entries of the audit file."""
@@ -164,13 +180,27 @@ def serve(
     folder: Path, users: Users | None = None, listening: Listening | None = None, task: Task = DEFAULT_TASK
 ) -> Iterator[Served]:
     """A console of a made cell while it listens."""
-    cell, clock = FakeCell(), Clock()
+    clock = Clock()
+    with FakeCell(clock=clock).open() as cell, joined(cell, clock, folder, users, listening, task) as served:
+        yield served
+
+
+@contextmanager
+def joined(
+    cell: FakeCell,
+    clock: Clock,
+    folder: Path,
+    users: Users | None = None,
+    listening: Listening | None = None,
+    task: Task = DEFAULT_TASK,
+) -> Iterator[Served]:
+    """A console of a made cell, which may have others."""
     clocks = Clocks(clock, time.time)
     bus = Bus(open_peer(cell.meet), cell.name)
     hub = Hub(bus, cell.name, "arm", clocks, task)
     audit = folder / "audit.jsonl"
     console = Console(bus, hub, clocks, Audit(audit), Files(folder / "store"), users, "somebody", Annunciator(None))
-    web = Web(console, listening or Listening())
+    web = Web(console, (listening or Listening()).bind())
     hub.listen()
     try:
         yield Served(web, console, cell, clock, audit)
@@ -178,7 +208,6 @@ def serve(
         web.close()
         hub.close()
         bus.close()
-        cell.bus.close()
 
 
 def told(message: Any) -> dict[str, Any]:

@@ -1,60 +1,64 @@
-"""Who has the desk: one person at a time may command, the others watch."""
+"""Who has the desk of the cell, as this console knows it; the bridge decides, for all consoles."""
 
 from __future__ import annotations
 
 import threading
 from typing import Final
 
-import msgspec
+from dtwin.bus.desk_messages import DeskAction, DeskRequest, DeskState
+from dtwin.bus.messages import DESK
+from dtwin.bus.session import Bus
+from dtwin.console.people.sessions import Session
+from dtwin.errors import CommunicationError
 
-TIME_OUT: Final = 300.0
-"""Time without a sign of life after which the desk is free again, s."""
-
-
-class Holder(msgspec.Struct, frozen=True):
-    """The holder of the desk.
-
-    Attributes:
-        session: session that has the desk.
-        user: name of the person.
-        seen: time of the last sign of life, s.
-    """
-
-    session: str
-    user: str
-    seen: float
+PATIENCE: Final = 1.0
+"""Longest wait for an answer, s."""
+IDLE: Final = 300.0
+"""Time without an act of its holder after which a page gives no more signs of life for the desk, s."""
+NOBODY_KEEPS: Final = "no bridge service, which keeps the desk"
 
 
 class Occupancy:
-    """The desk of one cell; every call tells the time (s) on a clock that only grows."""
+    """The desk of one cell.
 
-    def __init__(self) -> None:
-        self._holder: Holder | None = None
+    Args:
+        bus: session with which the bridge is asked.
+
+    Attributes:
+        state: who has the desk, as it was told last; None while nobody tells.
+        held: name of the session of this console that has it, as far as is known, "" for none.
+    """
+
+    def __init__(self, bus: Bus) -> None:
+        self.state: DeskState | None = None
+        self.held = ""
+        self._bus = bus
         self._lock = threading.Lock()
 
-    def holder(self, now: float) -> Holder | None:
-        """Who has the desk, or None when it is free."""
-        holder = self._holder
-        return holder if holder is not None and now - holder.seen < TIME_OUT else None
+    def look(self, kept: bool) -> None:
+        """Asks who has the desk.
 
-    def occupy(self, session: str, user: str, now: float) -> bool:
-        """Takes the desk if it is free; returns whether the session has it."""
+        Args:
+            kept: whether the bridge is there, which keeps it.
+        """
         with self._lock:
-            holder = self.holder(now)
-            if holder is None or holder.session == session:
-                self._holder = Holder(session, user, now)
-                return True
-            return False
+            try:
+                self.state = self._bus.ask(DESK, None, DeskState, PATIENCE) if kept else None
+            except CommunicationError:
+                self.state = None
 
-    def release(self, session: str) -> None:
-        """Leaves the desk, if the session has it."""
+    def ask(self, action: DeskAction, session: Session) -> DeskState | None:
+        """Occupies, keeps or leaves the desk for a session; who has it then, or None if nobody answers."""
         with self._lock:
-            if self._holder is not None and self._holder.session == session:
-                self._holder = None
-
-    def touch(self, session: str, now: float) -> None:
-        """Notes a sign of life of a session; a desk that has timed out is not taken again by it."""
-        with self._lock:
-            holder = self.holder(now)
-            if holder is not None and holder.session == session:
-                self._holder = Holder(session, holder.user, now)
+            # Who does not have it asks; a bridge that starts again believes who says to keep it.
+            asks = action == "keep" and self.held != session.name
+            request = None if asks else DeskRequest(session.name, session.user, action)
+            try:
+                self.state = self._bus.ask(DESK, request, DeskState, PATIENCE)
+            except CommunicationError:
+                self.state = None
+            # A bridge that starts again asks for nothing but the next sign of life, so that is not forgotten.
+            if self.state is not None:
+                own = self.state.session == session.name
+                self.held = session.name if own else self.held if self.held != session.name else ""
+            return self.state

@@ -117,6 +117,7 @@ class Inquiries:
             treatment = msgspec.json.decode(content, type=Treatment)
         except msgspec.MsgspecError as error:
             raise ParameterError(f"alarm: {error}") from None
+        await run_in_threadpool(self._console.desk.ask, "keep", session)
         # On the loop's own thread, as everything that the list of alarms is told.
         answer = self._console.treat(request.path_params["action"], treatment, session, address_of(request))
         return told(answer, 200 if answer.done else 409)

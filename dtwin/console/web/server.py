@@ -8,7 +8,7 @@ import math
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 from starlette.applications import Starlette
@@ -112,8 +112,7 @@ class Server:
             self._jobs.close()
 
     def _find(self, connection: Request | WebSocket) -> Session | None:
-        key = connection.cookies.get(self._place.cookie)
-        return self.console.sessions.find(key, self.console.clocks.steady())
+        return self.console.session(connection.cookies.get(self._place.cookie))
 
     def _known(
         self, handle: Callable[[Request, Session], Awaitable[Response]]
@@ -136,7 +135,7 @@ class Server:
             return FileResponse(STATIC / "index.html")
         if self.console.users is not None:
             return RedirectResponse("/login", 303)
-        return self._enter(self.console.user, "engineer", FileResponse(STATIC / "index.html"))
+        return self._enter(self.console.sessions.visit(self.console.user), FileResponse(STATIC / "index.html"))
 
     async def _login_page(self, request: Request) -> Response:
         return FileResponse(STATIC / "login.html")
@@ -149,22 +148,24 @@ class Server:
             given = msgspec.json.decode(await body(request), type=Credentials)
         except (msgspec.MsgspecError, DtwinError):
             return told({"text": "expected a name and a password"}, 400)
-        address = address_of(request)
-        keys = (f"address {address}", f"name {given.name[:100]}")
-        now = console.clocks.steady()
-        if wait := console.attempts.wait(keys, now):
+        address, name = address_of(request), given.name[:100]
+        now, before = console.clocks.steady(), self._find(request)
+        wait = console.attempts.wait(address, name, now)
+        if wait and (before is None or before.user != name):
             return told({"text": f"too many attempts: wait {math.ceil(wait)} s"}, 429)
-        console.attempts.fail(keys, now)  # It counts as failed until it is known to be right, also while others try.
+        # It counts as failed until it is known to be right, also while others try.
+        console.attempts.fail(address, name, now)
         async with self._hashing:
-            role = await run_in_threadpool(console.users.role_of, given.name, given.password)
-        await run_in_threadpool(console.note_login, given.name, address, role)
-        if role is None:
+            user = await run_in_threadpool(console.users.verified, given.name, given.password)
+        await run_in_threadpool(console.note_login, name, address, None if user is None else user.role)
+        if user is None:
             return told({"text": "the name or the password is wrong"}, 401)
-        console.attempts.clear(keys)
-        return self._enter(given.name, role, told({"text": "welcome"}))
+        console.attempts.clear(address, name)
+        session = console.sessions.begin(name, user.role, user.scrypt, console.clocks.steady())
+        return self._enter(session, told({"text": "welcome"}))
 
-    def _enter(self, user: str, role: Any, response: Response) -> Response:
-        session = self.console.sessions.begin(user, role, self.console.clocks.steady())
+    def _enter(self, session: Session, response: Response) -> Response:
+        """Gives the browser the cookie of a session."""
         response.set_cookie(
             self._place.cookie,
             session.key,
@@ -177,7 +178,7 @@ class Server:
         return response
 
     async def _logout(self, request: Request, session: Session) -> Response:
-        self.console.desk.release(session.key)
+        await run_in_threadpool(self.console.desk.ask, "leave", session)
         self.console.sessions.end(session.key)
         return told({"text": "logged out"})
 
@@ -221,7 +222,7 @@ def said(handle: Callable[[Request], Awaitable[Response]]) -> Callable[[Request]
         try:
             return await handle(request)
         except RecordingError as error:
-            return told(Answer(False, str(error)), 500)
+            return told(Answer(False, str(error)), 503)
         except DtwinError as error:
             return told(Answer(False, str(error)), 400)
 

@@ -7,9 +7,11 @@ import logging
 from typing import Final
 
 import msgspec
+from starlette.concurrency import run_in_threadpool
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from dtwin.console.console import Console
+from dtwin.console.people.occupancy import IDLE
 from dtwin.console.people.sessions import Session
 from dtwin.console.telling import CellState
 
@@ -21,6 +23,10 @@ STATE_EVERY: Final = 5
 """Number of frames between two looks at the state."""
 KEEP_EVERY: Final = 2
 """Number of frames of which one is kept for replays."""
+KEEPING: Final = 1.5
+"""Time between two signs of life that are passed on to who keeps the desk, s."""
+ACTED: Final = "acted"
+"""What a page says when its person has done something; anything else is a sign of life of the page alone."""
 MOST: Final = 64
 """Number of pages at one time."""
 
@@ -30,10 +36,20 @@ class Reader:
 
     Args:
         session: session of the page.
+        now: time at which it was opened, s.
+
+    Attributes:
+        session: session of the page, with the rights of now.
+        acted: time at which its person last did something, s.
+        kept: time of the last sign of life that was passed on, s.
+        over: whether the session has ended.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, now: float) -> None:
         self.session = session
+        self.acted = now
+        self.kept = now
+        self.over = False
         self.told: dict[str, bytes] = {}
         self.waiting: dict[str, bytes] = {}
         self.news = asyncio.Event()
@@ -101,6 +117,12 @@ class Stream:
                 reader.put_changed("alarms", alarms)
 
     def _tell_state(self, reader: Reader, state: CellState, told: bytes) -> None:
+        session = self._console.session(reader.session.key)
+        if session is None:
+            reader.over = True
+            reader.news.set()
+            return
+        reader.session = session
         reader.put_changed("state", told)
         reader.put_changed("you", msgspec.json.encode(self._console.you(reader.session, state)))
 
@@ -110,13 +132,13 @@ class Stream:
             await socket.close(1013, "too many pages are open")
             return
         await socket.accept()
-        reader = Reader(session)
+        reader = Reader(session, self._console.clocks.steady())
         state = self._console.hub.state()
         self._tell_state(reader, state, msgspec.json.encode(state))
         self._readers.add(reader)
-        listening = asyncio.create_task(self._listen(socket, session))
+        listening = asyncio.create_task(self._listen(socket, reader))
         try:
-            while not (listening.done() or self._closed or self._ended(session)):
+            while not (listening.done() or self._closed or reader.over):
                 await reader.news.wait()
                 reader.news.clear()
                 waiting, reader.waiting = reader.waiting, {}
@@ -130,14 +152,15 @@ class Stream:
             self._readers.discard(reader)
             listening.cancel()
 
-    def _ended(self, session: Session) -> bool:
-        return not self._console.sessions.holds(session)
-
-    async def _listen(self, socket: WebSocket, session: Session) -> None:
-        """Takes signs of life, the only thing that a page says here."""
+    async def _listen(self, socket: WebSocket, reader: Reader) -> None:
+        """Takes signs of life, the only thing that a page says here: of itself, or that a person has acted."""
         try:
             while True:
-                await socket.receive_text()
-                self._console.desk.touch(session.key, self._console.clocks.steady())
+                said, now = await socket.receive_text(), self._console.clocks.steady()
+                if said == ACTED:
+                    reader.acted = now
+                if now - reader.acted < IDLE and now - reader.kept >= KEEPING:
+                    reader.kept = now
+                    await run_in_threadpool(self._console.keep_desk, reader.session)
         except (WebSocketDisconnect, RuntimeError, KeyError):
             return

@@ -38,6 +38,11 @@ class Hand:
     def confirm(self) -> None:
         self.click(self.page.locator("[data-confirm=yes]"))
 
+    def stop(self) -> None:
+        """Stops the arm from the head of the page, by two clicks."""
+        for _ in range(2):
+            self.click(self.page.locator("header [data-command=stop]"))
+
     def open(self, display: str) -> None:
         self.click(self.page.get_by_role("link", name=display, exact=True))
 

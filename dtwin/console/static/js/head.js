@@ -1,6 +1,7 @@
 // The head of every display: cell, whether it is live, the desk, the theme; and the line of what is abnormal.
 import { el, rebuild, setText } from "./dom.js";
 import { post } from "./api.js";
+import { makeStop } from "./stop.js";
 import { store } from "./store.js";
 import { forgetPalette } from "./canvas.js";
 
@@ -24,7 +25,8 @@ export function makeHead(node) {
     await post("/api/logout");
     location.assign("/login");
   });
-  node.replaceChildren(title, live, doing, desk, occupy, answer, theme, logout);
+  const stop = makeStop();
+  node.replaceChildren(title, live, doing, ...stop.nodes, desk, occupy, answer, theme, logout);
 
   function setTheme(name) {
     document.documentElement.dataset.theme = name;
@@ -45,6 +47,7 @@ export function makeHead(node) {
     setText(live, words);
     live.className = `tag ${kind}`;
     setText(doing, state ? state.doing.charAt(0).toUpperCase() + state.doing.slice(1) : "");
+    stop.refresh();
     const you = store.you;
     setText(desk, you ? `Desk: ${you.yours ? "yours" : you.desk || "free"}; ${you.user}, ${you.role}` : "");
     setText(occupy, you?.yours ? "Leave the desk" : "Occupy the desk");

@@ -54,7 +54,7 @@ export function makeAlarms() {
   function state() {
     const alarms = store.past ? null : store.alarms;
     setText(rate, store.past ? "The alarms of the past are in the history."
-      : `${alarms?.rate ?? 0} alarms in the last 10 minutes${alarms?.flood ? ": ▲ a flood" : ""}${alarms?.trouble ? `; the journal is not written: ${alarms.trouble}` : ""}`);
+      : `${alarms?.rate ?? 0} alarms in the last 10 minutes${alarms?.flood ? ": ▲ a flood" : ""}${alarms?.floods ? `; floods in the history: ${alarms.floods}` : ""}${alarms?.trouble ? `; the journal is not written: ${alarms.trouble}` : ""}`);
     const key = alarms?.alarms ?? [];
     if (now.madeOf !== JSON.stringify(key)) load();
     rebuild(now, key, () => key.length

@@ -20,11 +20,10 @@ export function makeOverview() {
   const boxes = el("div");
   const services = el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Services" });
   const events = el("div", { class: "scroll short", tabindex: "0", role: "region", "aria-label": "Last events" });
-  const stop = commandButton({ name: "stop", title: "Stop the arm", confirm: "The arm brakes and is held until it is released. This is no emergency stop." });
   const release = commandButton({ name: "release", title: "Release the arm", confirm: "The arm moves again, from where it is to where it was going." });
   const node = el(
     "div", { class: "grid" },
-    panel("The arm", "w4", scene, el("div", { class: "row" }, stop.node, release.node)),
+    panel("The arm", "w4", scene, el("div", { class: "row" }, release.node)),
     panel("Joints", "w5",
       el("div", { class: "joints" }, ...[0, 1, 2].map((k) => el("div", {}, el("h3", {}, `Joint ${k + 1}`), indicators[k], values[k]))),
       trend,
@@ -36,7 +35,6 @@ export function makeOverview() {
   let viewer = null;
 
   function state() {
-    stop.refresh();
     release.refresh();
     const now = store.state;
     if (!viewer && store.session?.viewer && webgl()) {
