@@ -38,6 +38,7 @@ from dtwin.bus.messages import (
     SignalRequest,
     State,
 )
+from dtwin.console.people.desk import keep_desk
 from dtwin.controller.device import ControlLoop, Outcome, SafeStop, Settings
 from dtwin.controller.ports import MODEL, OFFSETS, PAYLOAD, TUNING
 from dtwin.controller.sequence import CALLS, SEQUENCES, SequenceName, SequenceSettings
@@ -46,7 +47,6 @@ from dtwin.errors import CommunicationError, DtwinError, ParameterError, Recordi
 from dtwin.iec61499.net.address import StreamAddress, parse_stream_address
 from dtwin.parameters import PERIOD, ArmParameters, Gains
 from dtwin.run.options import CellFileOption
-from dtwin.services.parts.desk import keep_desk
 from dtwin.services.parts.gate import STALE
 from dtwin.services.parts.recent import Backlog, Recent
 from dtwin.services.parts.state_file import StateFile, to_message

@@ -24,6 +24,7 @@ BAD = [
     *("", ".", "..", "../x", "a/b", "a//b", "/a", "a/", "*", "**", "a*", "$*", "a$*b", "#", "?", "a b", " a", "a\n"),
     *("a\0b", "\x1b[2J", "-a", "_a", ".a", "é", "\u202ea", "x" * 33, "x" * 200, "~", "a\\b", "%2e%2e", "a:b"),
 ]
+WHY = ["--why", "to try"]
 WORDS = {
     "bench upload": [],
     "commission": ["--live", "--out", "record.json"],
@@ -35,7 +36,7 @@ WORDS = {
     "model diff": ["a", "b"],
     "model export": ["a", "a.json"],
     "model list": [],
-    "model set": ["a"],
+    "model set": ["--set", "m1=0.1"],
     "model show": ["a"],
     "monitor acknowledge": [],
     "monitor start": [],
@@ -44,13 +45,13 @@ WORDS = {
     "simulate": ["--live"],
     "status": [],
     "stop": [],
-    "target set": ["3"],
+    "target set": ["--time", "3"],
     "up": ["--duration", "1"],
-    "upload gains": ["--kp", "1", "1", "1"],
-    "upload model": ["a"],
-    "upload rollback": [],
-    "upload target": ["3"],
-    "upload version": ["1"],
+    "upload gains": [*WHY, "--kp", "1", "1", "1"],
+    "upload model": [*WHY, "--model", "a"],
+    "upload rollback": WHY,
+    "upload target": [*WHY, "--time", "3"],
+    "upload version": [*WHY, "1"],
     "watch": [],
 }
 """Every command with the name of a cell, and what else it needs."""
@@ -70,7 +71,7 @@ def test_every_command_with_a_cell_is_in_the_table() -> None:
         each.module: ROOT / "dtwin" / "commands" / f"{each.module.replace('.', '/')}.py" for each in COMMANDS.values()
     }
     with_cell = {module for module, file in files.items() if "    cell: str" in file.read_text()}
-    assert with_cell | {"live.up"} == {COMMANDS[command].module for command in WORDS}
+    assert with_cell | {"live.up", "live.settings"} == {COMMANDS[command].module for command in WORDS}
 
 
 @pytest.mark.parametrize("name", BAD)

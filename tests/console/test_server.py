@@ -10,7 +10,7 @@ from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from dtwin.console.commands import COMMANDS
-from dtwin.services.parts.desk import TIME_OUT
+from dtwin.console.people.desk import TIME_OUT
 from tests.support.console import Clock, FakeCell, Served, Visitor, joined, serve
 from tests.support.disks import full_disk
 from tests.support.waiting import until
@@ -223,10 +223,10 @@ def test_a_page_that_is_open_keeps_the_desk_and_one_that_is_gone_does_not(served
         return served.cell.desk.state().left
 
     with connect(url, origin=origin, additional_headers=cookie) as socket:
-        served.clock.ahead += TIME_OUT - 1
-        assert left() < 1.5
+        served.clock.ahead += TIME_OUT / 2
+        assert left() <= TIME_OUT / 2
         socket.send("here")
-        until(lambda: left() > TIME_OUT - 1.5, "the sign of life is passed on")
+        until(lambda: left() > TIME_OUT / 2, "the sign of life is passed on", between=lambda: socket.recv(20))
     served.clock.ahead += TIME_OUT + 1
     assert left() == 0.0
 

@@ -35,9 +35,9 @@ from dtwin.console.commands import Files
 from dtwin.console.console import Console
 from dtwin.console.hub import Clocks, Hub
 from dtwin.console.people.audit import Audit
+from dtwin.console.people.desk import Desk
 from dtwin.console.people.users import Users
 from dtwin.console.web.listening import Listening, Web
-from dtwin.services.parts.desk import Desk
 from dtwin.signals import Sensors, Stop
 from dtwin.task import DEFAULT_TASK, Task
 from tests.support.ports import free_port
