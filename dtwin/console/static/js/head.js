@@ -16,7 +16,8 @@ export function makeHead(node) {
   const occupy = el("button", { type: "button", id: "occupy" });
   occupy.addEventListener("click", async () => {
     const result = await post(`/api/desk/${store.you?.yours ? "leave" : "occupy"}`);
-    setText(answer, result.done ? "" : `✕ ${result.text}`);
+    const unnoted = result.text.includes("not noted");
+    setText(answer, result.done ? (unnoted ? result.text : "") : `✕ ${result.text}`);
   });
   const theme = el("button", { type: "button", id: "theme" });
   theme.addEventListener("click", () => setTheme(THEMES[1 - THEMES.indexOf(document.documentElement.dataset.theme)]));
