@@ -4,7 +4,7 @@ import { post } from "./api.js";
 import { store } from "./store.js";
 
 // Time in which the second click must follow, ms.
-const PATIENCE = 4000;
+const PATIENCE = 20000;
 const STOP = "Stop the arm";
 const AGAIN = "Stop: click again";
 
@@ -25,6 +25,7 @@ export function makeStop() {
   button.addEventListener("keydown", (event) => {
     if (event.key === "Escape") arm(false);
   });
+  button.addEventListener("blur", () => arm(false));
   button.addEventListener("click", async () => {
     const reason = store.you?.blocked.stop;
     if (reason) {
