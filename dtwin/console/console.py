@@ -9,7 +9,9 @@ from typing import Any, Final
 import msgspec
 
 from dtwin.bus.desk_messages import DeskState
+from dtwin.bus.messages import StopRequest
 from dtwin.bus.session import Bus
+from dtwin.bus.stopping import stop
 from dtwin.console.annunciator import Annunciator, Treatment
 from dtwin.console.commands import COMMANDS, ConsoleCommand, Files
 from dtwin.console.conditions import STALE
@@ -159,13 +161,26 @@ class Console:
                 raise
             log.error("%s", error)
         try:
-            assert command.topic.reply is not None
-            reply: Any = self._bus.ask(command.topic, message, command.topic.reply)
-            answer = Answer(True, _words(reply), msgspec.to_builtins(reply))
+            answer = self._give(command, message)
         except CommunicationError as error:
-            answer = Answer(False, str(error).partition(": ")[2] or str(error))
+            key, _, reason = str(error).partition(": ")
+            answer = Answer(False, reason if key.startswith("dtwin/") and reason else str(error))
         self.hub.ask_again()
         return self._noted(name, msgspec.to_builtins(form), session, address, answer)
+
+    def _give(self, command: ConsoleCommand, message: msgspec.Struct) -> Answer:
+        """Gives a command; a stop is done when the cell shows it, in one way or another.
+
+        Raises:
+            CommunicationError: it is refused, or nobody answers.
+        """
+        if isinstance(message, StopRequest):
+            stopped = stop(self._bus, message)
+            trouble = f"; the torque is off, because: {stopped.trouble}" if stopped.trouble else ""
+            return Answer(True, _words(stopped.state) + trouble, msgspec.to_builtins(stopped.state))
+        assert command.topic.reply is not None
+        reply: Any = self._bus.ask(command.topic, message, command.topic.reply)
+        return Answer(True, _words(reply), msgspec.to_builtins(reply))
 
     def keep_desk(self, session: Session) -> None:
         """Passes on a sign of life of a session, which keeps the desk if it has it and may command."""

@@ -13,14 +13,19 @@ import msgspec
 
 from dtwin.bus.desk_messages import DeskRequest
 from dtwin.bus.messages import (
+    ACTED,
     DESK,
     FAULT,
+    LATCH,
     RELEASE,
     SENSORS,
     STOP,
     SUMMARY,
+    Acted,
     Done,
     FaultRequest,
+    LatchRequest,
+    LatchState,
     ReleaseRequest,
     ServiceSummary,
     StopRequest,
@@ -70,6 +75,8 @@ class FakeCell:
         self.bus.answer(STOP, StopRequest, self._note("standstill"), lambda: StopState(0.0, self.stop))
         self.bus.answer(RELEASE, ReleaseRequest, self._note("none"), lambda: StopState(0.0, self.stop))
         self.bus.answer(FAULT, FaultRequest, self._fault)
+        self._act = self.bus.publisher(ACTED)
+        self.bus.answer(LATCH, LatchRequest, None, self._latch)
         self.desk = Desk(self.clock)
         self.bus.answer(DESK, DeskRequest, self.desk.ask, self.desk.state)
         services = {name: ServiceSummary("running", 100.0, 0, "") for name in ("bridge", "emulator")}
@@ -92,6 +99,13 @@ class FakeCell:
             return StopState(0.0, stop)
 
         return answer
+
+    def _latch(self) -> LatchState:
+        """What is latched; an arm that is stopped has no voltage, which is published."""
+        if self.stop == "none":
+            return LatchState(0.0, 0, "none")
+        self._act(Acted(1, 1.0, (0.0, 0.0, 0.0, 0.0), False))
+        return LatchState(1.0, 1, "torque off")
 
     def _fault(self, request: FaultRequest) -> Done:
         self.asked.append(request)
