@@ -10,9 +10,10 @@ from typing import Annotated, Final, Literal, NamedTuple
 
 import msgspec
 
-from dtwin.bus.desk_messages import DeskRequest, DeskState
 from dtwin.bus.twin_messages import (
     AcknowledgeRequest,
+    DeskRequest,
+    DeskState,
     IdentificationDecision,
     IdentificationRequest,
     IdentificationState,

@@ -1,4 +1,4 @@
-"""What the modules of the twin say: identification, simulation and monitoring.
+"""What the modules of the twin say: identification, simulation and monitoring; and consoles, of the desk.
 
 The rules of `dtwin.bus.messages` hold, which has their topics.
 """
@@ -335,3 +335,34 @@ class MonitoringResiduals(msgspec.Struct, frozen=True, gc=False, tag_field="sche
     deviation: Triple
     evidence: float
     threshold: float
+
+
+DeskAction = Literal["occupy", "keep", "leave"]
+
+
+class DeskRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """What a session wants of the desk.
+
+    Attributes:
+        session: name of the session.
+        user: name of the person.
+        action: occupy takes the desk if it is free, keep is a sign of life of who has it, leave frees it.
+    """
+
+    session: Word
+    user: Word
+    action: DeskAction
+
+
+class DeskState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Who has the desk.
+
+    Attributes:
+        session: name of the session, "" when it is free.
+        user: name of the person, "" when it is free.
+        left: time without a sign of life after which it is free, s.
+    """
+
+    session: Word = ""
+    user: Word = ""
+    left: float = 0.0

@@ -8,10 +8,10 @@ from typing import Any, Final
 
 import msgspec
 
-from dtwin.bus.desk_messages import DeskState
 from dtwin.bus.messages import StopRequest
 from dtwin.bus.session import Bus
 from dtwin.bus.stopping import stop
+from dtwin.bus.twin_messages import DeskState
 from dtwin.console.annunciator import Annunciator, Treatment
 from dtwin.console.commands import COMMANDS, ConsoleCommand, Files
 from dtwin.console.conditions import STALE

@@ -258,8 +258,8 @@ def test_beyond_loopback_nobody_listens_without_tls_and_log_in(tmp_path: Path) -
 
 
 def test_over_tls_the_cookie_is_secure(tmp_path: Path, users: Users) -> None:
-    certify(tmp_path / "certificates", "localhost")
-    files = [tmp_path / "certificates" / f"localhost.{end}" for end in ("pem", "key")]
+    certify(tmp_path / "certificates", "router")
+    files = [tmp_path / "certificates" / f"router.{end}" for end in ("pem", "key")]
     with serve(tmp_path, users, listening=Listening(certificate=files[0], key=files[1])) as served:
         assert served.web.address.startswith("https://")
         context = ssl.create_default_context(cafile=str(tmp_path / "certificates" / "ca.pem"))

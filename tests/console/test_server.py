@@ -194,6 +194,7 @@ def test_two_consoles_of_a_cell_have_one_desk(tmp_path: Path) -> None:
     ):
         one.live()
         other.live()
+        clock.stop()
         first, second = one.visitor(), other.visitor()
         first.enter()
         second.enter()
@@ -207,7 +208,7 @@ def test_two_consoles_of_a_cell_have_one_desk(tmp_path: Path) -> None:
         assert second.post("/api/command/stop")[0] == 200
         assert [type(request).__name__ for request in cell.asked] == ["StopRequest"]
         one.web.close()
-        clock.ahead = TIME_OUT / 2
+        clock.ahead = TIME_OUT - 0.5
         assert second.post("/api/desk/occupy")[0] == 409
         clock.ahead = TIME_OUT + 0.5
         assert second.post("/api/desk/occupy")[0] == 200
@@ -215,6 +216,7 @@ def test_two_consoles_of_a_cell_have_one_desk(tmp_path: Path) -> None:
 
 def test_a_page_that_is_open_keeps_the_desk_and_one_that_is_gone_does_not(served: Served, visitor: Visitor) -> None:
     served.live()
+    served.clock.stop()
     assert visitor.post("/api/desk/occupy")[0] == 200
     cookie = {"Cookie": visitor.cookie}
     url, origin = f"ws://{visitor.host}/api/stream", Origin(f"http://{visitor.host}")
@@ -223,10 +225,10 @@ def test_a_page_that_is_open_keeps_the_desk_and_one_that_is_gone_does_not(served
         return served.cell.desk.state().left
 
     with connect(url, origin=origin, additional_headers=cookie) as socket:
-        served.clock.ahead += TIME_OUT / 2
-        assert left() <= TIME_OUT / 2
+        served.clock.ahead += TIME_OUT - 0.5
+        assert left() == pytest.approx(0.5)
         socket.send("here")
-        until(lambda: left() > TIME_OUT / 2, "the sign of life is passed on", between=lambda: socket.recv(20))
+        until(lambda: left() == TIME_OUT, "the sign of life is passed on", between=lambda: socket.recv(20))
     served.clock.ahead += TIME_OUT + 1
     assert left() == 0.0
 

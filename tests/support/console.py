@@ -11,7 +11,6 @@ from typing import Any
 
 import msgspec
 
-from dtwin.bus.desk_messages import DeskRequest
 from dtwin.bus.messages import (
     ACTED,
     DESK,
@@ -35,6 +34,7 @@ from dtwin.bus.messages import (
 )
 from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
+from dtwin.bus.twin_messages import DeskRequest
 from dtwin.console.annunciator import Annunciator
 from dtwin.console.commands import Files
 from dtwin.console.console import Console
@@ -50,13 +50,18 @@ from tests.support.waiting import until
 
 
 class Clock:
-    """A steady clock that a test can put forward."""
+    """A steady clock that a test can put forward, and stop."""
 
     def __init__(self) -> None:
         self.ahead = 0.0
+        self._stopped: float | None = None
 
     def __call__(self) -> float:
-        return time.monotonic() + self.ahead
+        return self.ahead + (time.monotonic() if self._stopped is None else self._stopped)
+
+    def stop(self) -> None:
+        """Lets no time pass from now on but what a test adds: a busy machine changes nothing."""
+        self._stopped = time.monotonic()
 
 
 @dataclass

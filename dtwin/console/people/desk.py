@@ -7,9 +7,9 @@ import time
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from dtwin.bus.desk_messages import DeskRequest, DeskState
 from dtwin.bus.messages import DESK
 from dtwin.bus.session import Bus
+from dtwin.bus.twin_messages import DeskRequest, DeskState
 
 TIME_OUT: Final = 10.0
 """Time without a sign of life of its holder after which the desk is free, s."""

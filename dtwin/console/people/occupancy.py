@@ -5,9 +5,9 @@ from __future__ import annotations
 import threading
 from typing import Final
 
-from dtwin.bus.desk_messages import DeskAction, DeskRequest, DeskState
 from dtwin.bus.messages import DESK
 from dtwin.bus.session import Bus
+from dtwin.bus.twin_messages import DeskAction, DeskRequest, DeskState
 from dtwin.console.people.sessions import Session
 from dtwin.errors import CommunicationError
 
