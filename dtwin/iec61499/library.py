@@ -104,6 +104,15 @@ class Library:
                     self._types[name] = self._load(name, file, line)
         return self._types[name]
 
+    def fresh(self, name: str) -> model.LibraryElement:
+        """The type called name as its file is now; what uses the type that was read before goes on with that.
+
+        Raises:
+            FunctionBlockError: as `find`.
+        """
+        with self._lock:
+            return self._load(name.rpartition("::")[2], "", 0)
+
     def offers(self, name: str) -> bool:
         """Whether there is a type of that name, which may be wrong."""
         plain = name.rpartition("::")[2]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,6 +14,8 @@ from dtwin.iec61499.literals import parse_duration, parse_string
 from dtwin.iec61499.management.client import ManagementClient, Step
 from dtwin.iec61499.management.protocol import (
     ANY,
+    EVENT,
+    Change,
     ManagedBlock,
     ManagedConnection,
     ManagedType,
@@ -21,6 +24,8 @@ from dtwin.iec61499.management.protocol import (
     RequestAction,
 )
 
+_PATIENCE: Final = 10_000
+"""How often the device is asked to put a change in force while event chains run."""
 _DIGITS: Final = 15
 """Digits of a number that a FORTE 2 prints at most."""
 
@@ -113,7 +118,9 @@ def change(client: ManagementClient, deployment: Deployment) -> Difference:
     """Makes a resource that runs what the plan says, with the fewest requests; returns what was changed.
 
     What stays keeps its state. A block that is added begins with its initial values, and gets no event of E_RESTART.
-    When a request is refused, those before it are undone.
+    A device that gathers changes makes all of them between two events, or none, and lets a block that takes the place
+    of another one go on with its values. On others that block gets the event INIT, and when a request is refused,
+    those before it are undone.
 
     Raises:
         ManagementError: the device refuses; names the request and what could not be undone.
@@ -123,28 +130,14 @@ def change(client: ManagementClient, deployment: Deployment) -> Difference:
     resource = deployment.resource
     found = difference(client, deployment)
     restoring = _restoring(client, deployment, found)
-    steps: list[Step] = []
-    needed = {block.type_name for block in found.added}
-    for command in deployment.commands:
-        subject = command.request.subject
-        if isinstance(subject, ManagedType) and subject.name in needed:
-            steps.append(("", "CREATE", subject))
-    for block in found.removed:
-        steps += [(resource, "STOP", block), (resource, "DELETE", block)]
-    steps += [(resource, "DELETE", wire) for wire in found.cut]
-    steps += [(resource, "CREATE", block) for block in found.added]
-    steps += [(resource, "WRITE", value) for value in found.written]
-    steps += [(resource, "CREATE", wire) for wire in found.made]
-    steps += [(resource, "START", block) for block in found.added]
-    count = 0
-    try:
-        for _ in client.demand_all(steps):
-            count += 1
-    except ManagementError as error:
-        raise ManagementError(error.reason, f"{error}; {_undo(client, steps[:count], restoring)}") from None
-    except CommunicationError as error:
-        text = f"{error}; at least {count} of {len(steps)} requests were fulfilled and stay so"
-        raise CommunicationError(text) from None
+    gone = {block.name for block in found.removed}
+    ends = listed(client, resource).connections
+    loose = [ManagedConnection(*pair) for pair in ends if gone & {end.rpartition(".")[0] for end in pair}]
+    if client.request(resource, "CREATE", Change()).reason is None:
+        _change_at_once(client, resource, _steps(deployment, found, loose, ()))
+    else:
+        triggered = _initialised(deployment, found)
+        _change_step_by_step(client, _steps(deployment, found, loose, triggered), restoring)
     note(client, deployment)
     left = difference(client, deployment)
     if left:
@@ -154,8 +147,74 @@ def change(client: ManagementClient, deployment: Deployment) -> Difference:
     return found
 
 
+def _steps(
+    deployment: Deployment, found: Difference, loose: Sequence[ManagedConnection], triggered: Sequence[str]
+) -> list[Step]:
+    """The requests of a change.
+
+    Args:
+        deployment: the plan.
+        found: what is different.
+        loose: the connections of blocks that go, which a FORTE 2 does not delete with them.
+        triggered: events to trigger before what the blocks issue is connected.
+    """
+    resource = deployment.resource
+    steps: list[Step] = []
+    needed = {block.type_name for block in found.added}
+    for command in deployment.commands:
+        subject = command.request.subject
+        if isinstance(subject, ManagedType) and subject.name in needed:
+            steps.append(("", "CREATE", subject))
+    steps += [(resource, "DELETE", wire) for wire in (*loose, *found.cut)]
+    for block in found.removed:
+        steps += [(resource, "STOP", block), (resource, "DELETE", block)]
+    steps += [(resource, "CREATE", block) for block in found.added]
+    steps += [(resource, "WRITE", value) for value in found.written]
+    steps += [(resource, "START", block) for block in found.added]
+    steps += [(resource, "WRITE", ManagedConnection(EVENT, event)) for event in triggered]
+    steps += [(resource, "CREATE", wire) for wire in found.made]
+    return steps
+
+
+def _initialised(deployment: Deployment, found: Difference) -> list[str]:
+    """The event INIT of every block that takes the place of one, where something is connected to it."""
+    replaced = {block.name for block in found.added} & {block.name for block in found.removed}
+    subjects = [command.request.subject for command in deployment.commands]
+    ends = dict.fromkeys(subject.destination for subject in subjects if isinstance(subject, ManagedConnection))
+    return [end for end in ends if end.rpartition(".")[2] == "INIT" and end.rpartition(".")[0] in replaced]
+
+
+def _change_at_once(client: ManagementClient, resource: str, steps: list[Step]) -> None:
+    """Carries out requests that the device has begun to gather, all or none."""
+    try:
+        for _ in client.demand_all(steps):
+            pass
+        for _ in range(_PATIENCE):
+            response = client.request(resource, "START", Change())
+            if response.reason != "NOT_READY":
+                break
+        if response.reason is not None:
+            raise ManagementError(response.reason, f"{client.address}: {response.detail or response.reason}")
+    except ManagementError as error:
+        client.request(resource, "DELETE", Change())
+        raise ManagementError(error.reason, f"{error}; {resource} goes on as before the change") from None
+
+
+def _change_step_by_step(client: ManagementClient, steps: list[Step], restoring: list[Step]) -> None:
+    """Carries out requests one after another, and takes back those before one that is refused."""
+    count = 0
+    try:
+        for _ in client.demand_all(steps):
+            count += 1
+    except ManagementError as error:
+        raise ManagementError(error.reason, f"{error}; {_undo(client, steps[:count], restoring)}") from None
+    except CommunicationError as error:
+        text = f"{error}; at least {count} of {len(steps)} requests were fulfilled and stay so"
+        raise CommunicationError(text) from None
+
+
 def _restoring(client: ManagementClient, deployment: Deployment, found: Difference) -> list[Step]:
-    """What gives the blocks and ports that a change touches the values and connections that they have now."""
+    """What gives the blocks and ports that a change touches the values that they have now."""
     resource = deployment.resource
     gone = {block.name for block in found.removed}
     values: list[Step] = []
@@ -172,16 +231,7 @@ def _restoring(client: ManagementClient, deployment: Deployment, found: Differen
             # a FORTE prints 15 digits of a number, which may have more
             literal = subject.source if _is_same(subject.source, text) else _literal(text, subject.source)
             values.append((resource, "WRITE", ManagedConnection(literal, port)))
-    ends = listed(client, resource).connections
-    links = [ManagedConnection(source, destination) for source, destination in ends]
-    return [
-        *values,
-        *(
-            (resource, "CREATE", link)
-            for link in links
-            if {link.source.rpartition(".")[0], link.destination.rpartition(".")[0]} & gone
-        ),
-    ]
+    return values
 
 
 def _undo(client: ManagementClient, done: list[Step], restoring: list[Step]) -> str:

@@ -46,6 +46,23 @@ class DrawnNetwork:
         self._events = {(c.source, c.destination): c for c in network.events}
         self._data = {c.destination: c for c in network.data}
 
+    def copy(self) -> DrawnNetwork:
+        """The same network, to draw on."""
+        copied = DrawnNetwork(self._owner, self._library, self.network())
+        copied.presets = dict(self.presets)
+        return copied
+
+    def variables(self, block: str) -> tuple[str, ...]:
+        """The names `BLOCK.VARIABLE` of the ports and internal variables of a block."""
+        found = self._type(f"{block}.")[0]
+        known = (*found.interface.inputs, *found.interface.outputs, *getattr(found, "internals", ()))
+        return tuple(dict.fromkeys(f"{block}.{variable.name}" for variable in known))
+
+    def given(self, block: str) -> set[str]:
+        """The variables, `BLOCK.VARIABLE`, of a block that were given a value to begin with."""
+        values = {f"{block}.{parameter.name}" for parameter in self._blocks[block].parameters}
+        return values | {name for name in self.presets if name.rpartition(".")[0] == block}
+
     def __contains__(self, block: str) -> bool:
         return block in self._blocks
 

@@ -7,6 +7,8 @@ event, all at once; blocks that stay keep their state. A block created then wait
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any, Final, Literal, Protocol
 
 from dtwin.errors import DtwinError, FunctionBlockError
@@ -59,6 +61,10 @@ class Running(Protocol):
     def change_soon(self, change: Callable[[Resource], None]) -> None:
         """Changes the network before the next event."""
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether no event chain runs."""
+
     def change_now(self) -> None:
         """Carries out the change that waits. Raises FunctionBlockError when it fails."""
 
@@ -71,9 +77,23 @@ class Running(Protocol):
     def reset_block(self, name: str) -> None:
         """Gives a block its initial values."""
 
+    def enter_state(self, name: str, state: str) -> None:
+        """Lets the chart of a block be in a state. Raises FunctionBlockError when it has none of that name."""
+
     def read(self, name: str) -> Any: ...
     def write(self, name: str, value: Any) -> None: ...
     def type_of(self, name: str) -> DataType: ...
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """What a resource was before a change that is gathered."""
+
+    drawn: DrawnNetwork
+    watched: dict[str, None]
+    forced: dict[str, Any]
+    halted: dict[str, ResourceState]
+    counts: dict[str, int]
 
 
 Launcher = Callable[[model.FBNetwork, Callable[[], None]], Running]
@@ -112,6 +132,8 @@ class ManagedResource:
         self._fresh: set[str] = set()
         self._gone: set[str] = set()
         self._counts = EventCounts()
+        self._before: _Kept | None = None
+        self._writes: dict[str, Any] = {}
         if network is None:
             self._drawn.create_block("START", "E_RESTART")
 
@@ -166,7 +188,11 @@ class ManagedResource:
             self._drawn.write(name, literal)
             return
         value = value_of(literal, _found(lambda: running.type_of(name), name))
-        if name not in self._forced:
+        if name in self._forced:
+            return
+        if self._before is not None:
+            self._writes[name] = value
+        else:
             _found(lambda: running.write(name, value), name)
 
     def read(self, name: str) -> str:
@@ -248,9 +274,81 @@ class ManagedResource:
             self._halted[name] = target
         if action == "RESET":
             self._running.reset_block(name)
-        elif action != "START":
+        elif action != "START" and self._before is None:
             self._running.halt_block(name)
         self._changed()
+
+    def begin_change(self) -> None:
+        """Gathers what is asked for from now on until `commit_change`; what was gathered before is forgotten."""
+        if self._running is None:
+            raise ManagementError("INVALID_STATE", f"{self.name} is {self.state}: nothing runs that could be changed")
+        self.forget_change()
+        if self._fresh or self._gone:
+            raise ManagementError("NOT_READY", f"{self.name} has not taken over an earlier change yet")
+        kept = dict(self._watched), dict(self._forced), dict(self._halted), dict(self._counts.counts)
+        self._before, self._drawn = _Kept(self._drawn, *kept), self._drawn.copy()
+
+    def forget_change(self) -> None:
+        """Forgets what has been gathered."""
+        before, self._before = self._before, None
+        if before is None:
+            return
+        self._drawn, self._watched, self._forced, self._halted = (
+            before.drawn,
+            before.watched,
+            before.forced,
+            before.halted,
+        )
+        self._counts.counts.clear()
+        self._counts.counts.update(before.counts)
+        self._writes.clear()
+        self._fresh.clear()
+        self._gone.clear()
+
+    def commit_change(self) -> None:
+        """Puts in force what has been gathered, between two events; when that fails everything stays as it was.
+
+        A block in place of one of the same name goes on in the state of that name and with the values of variables of
+        the same name and type, unless it was given others. NOT_READY says that an event chain runs: ask again.
+        """
+        if self._before is None or self._running is None:
+            raise ManagementError("INVALID_STATE", f"{self.name} has no change to put in force")
+        if not self._running.is_idle:
+            raise ManagementError("NOT_READY", f"{self.name} is in the middle of an event chain")
+        running, before = self._running, self._before
+        replaced = self._fresh & self._gone & {block.name for block in before.drawn.blocks()}
+        carried, states = self._carried(running, replaced), _states(running, replaced)
+        halted = [name for name in self._halted if name in before.drawn and name not in before.halted]
+        writes = dict(self._writes)
+        try:
+            running.change_soon(self._change)
+            running.change_now()
+        except FunctionBlockError as error:
+            self.forget_change()
+            raise ManagementError("INVALID_OPERATION", str(error)) from None
+        self._before = None
+        self._writes.clear()
+        for name, value in (carried | writes).items():
+            with suppress(FunctionBlockError):
+                running.write(name, value)
+        for name, state in states.items():
+            with suppress(FunctionBlockError):
+                running.enter_state(name, state)
+        for name in halted:
+            if name in self._drawn and name in self._halted:
+                running.halt_block(name)
+
+    def _carried(self, running: Running, replaced: set[str]) -> dict[str, Any]:
+        """What blocks that are replaced have, for those in their place."""
+        assert self._before is not None
+        found: dict[str, Any] = {}
+        for block in replaced:
+            old = set(self._before.drawn.variables(block)) - self._drawn.given(block)
+            for name in self._drawn.variables(block):
+                with suppress(FunctionBlockError, ManagementError):
+                    if name in old and running.type_of(name) == self._drawn.type_of(name):
+                        found[name] = running.read(name)
+        return found
 
     def change_state(self, action: RequestAction) -> None:
         """START, STOP, KILL or RESET."""
@@ -270,6 +368,7 @@ class ManagedResource:
         """Ends what runs."""
         if self._running is not None:
             self._running.close()
+            self.forget_change()
             self._running = None
             self._halted.clear()
             self._fresh.clear()
@@ -313,14 +412,15 @@ class ManagedResource:
         return running
 
     def _ended(self) -> None:
+        self.forget_change()
         self._running = None
         self._halted.clear()
         self._fresh.clear()
         self.state = "KILLED"
 
     def _changed(self) -> None:
-        """Lets what runs follow, before its next event."""
-        if self._running is not None:
+        """Lets what runs follow, before its next event, unless a change is gathered."""
+        if self._running is not None and self._before is None:
             self._running.change_soon(self._change)
 
     def _change(self, resource: Resource) -> None:
@@ -339,6 +439,15 @@ class ManagedResource:
     def _expect_event(self, event: str) -> None:
         if not self._drawn.is_event(event):
             raise ManagementError("NO_SUCH_OBJECT", f"{event} is no event here")
+
+
+def _states(running: Running, blocks: set[str]) -> dict[str, str]:
+    """The states of the charts of blocks, of those that have one."""
+    found = {}
+    for block in blocks:
+        with suppress(FunctionBlockError):
+            found[block] = running.read(f"{block}.$ECC")
+    return found
 
 
 def _found(ask: Callable[[], Any], name: str) -> Any:

@@ -7,7 +7,7 @@ from xml.sax.saxutils import quoteattr
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.deploy.border import border_type
-from dtwin.iec61499.deploy.device_type import original_name
+from dtwin.iec61499.deploy.device_type import DeviceType, original_name
 from dtwin.iec61499.deploy.lua_export import export_type
 from dtwin.iec61499.device.managed_resource import ManagedResource
 from dtwin.iec61499.library import Library
@@ -15,6 +15,7 @@ from dtwin.iec61499.management.protocol import (
     ANY,
     EVENT,
     EVENT_COUNT,
+    Change,
     ManagedBlock,
     ManagedConnection,
     ManagedType,
@@ -48,6 +49,8 @@ def execute(resource: ManagedResource, request: Request, library: Library) -> Re
         return _connections(resource, request, subject)
     if isinstance(subject, Watch):
         return _watches(resource, request, subject)
+    if isinstance(subject, Change):
+        return _change(resource, request)
     if isinstance(subject, Window):
         raise ManagementError("INVALID_OBJECT", f"{request}: expected it over a connection")
     if action == "CREATE":
@@ -82,6 +85,19 @@ def _connections(resource: ManagedResource, request: Request, subject: ManagedCo
         resource.disconnect(given, subject.destination)
     else:
         raise ManagementError("INVALID_OBJECT", f"{action}: expected a block")
+    return Response(request.id)
+
+
+def _change(resource: ManagedResource, request: Request) -> Response:
+    try:
+        if request.action == "CREATE":
+            resource.begin_change()
+        elif request.action == "DELETE":
+            resource.forget_change()
+        else:
+            resource.commit_change()
+    except ManagementError as error:
+        return Response(request.id, error.reason, detail=str(error))
     return Response(request.id)
 
 
@@ -158,6 +174,15 @@ def _variable(variable: model.Variable) -> str:
     return f"<VarDeclaration Name={quoteattr(variable.name)} Type={quoteattr(str(element))}{size}/>"
 
 
+def _exported(original: model.LibraryElement, unknown: FunctionBlockError) -> DeviceType:
+    """A type as it is deployed. Raises the error for one that never is."""
+    if isinstance(original, model.CompositeFBType):
+        original = border_type(original)
+    if not isinstance(original, model.BasicFBType | model.SimpleFBType):
+        raise unknown
+    return export_type(original)
+
+
 def _adopt(library: Library, subject: ManagedType, unknown: FunctionBlockError) -> None:
     """Makes an exported type known: its text is Lua, which only a FORTE runs, so the library must have its original.
 
@@ -168,12 +193,10 @@ def _adopt(library: Library, subject: ManagedType, unknown: FunctionBlockError) 
     try:
         if name is None:
             raise unknown
-        original = library.find(name)
-        if isinstance(original, model.CompositeFBType):
-            original = border_type(original)
-        if not isinstance(original, model.BasicFBType | model.SimpleFBType):
-            raise unknown
-        exported = export_type(original)
+        exported = _exported(library.find(name), unknown)
+        if exported.name != subject.name:
+            # its file has changed since it was read
+            exported = _exported(library.fresh(name), unknown)
     except FunctionBlockError as error:
         raise ManagementError("UNSUPPORTED_TYPE", str(error)) from None
     if exported.name != subject.name:

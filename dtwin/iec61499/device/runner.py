@@ -124,6 +124,11 @@ class Runner:
         """Changes the resource before its next event. A change that fails is an error in the log, and is left out."""
         self._change = change
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether no event chain runs."""
+        return self._resource.is_idle
+
     def change_now(self) -> None:
         """Carries out the change that waits, unless an event chain runs. Raises FunctionBlockError when it fails."""
         if self._change is not None and self._resource.is_idle:
@@ -139,6 +144,9 @@ class Runner:
 
     def reset_block(self, name: str) -> None:
         self._resource.reset_block(name)
+
+    def enter_state(self, name: str, state: str) -> None:
+        self._resource.enter_state(name, state)
 
     def read(self, name: str) -> Any:
         return self._resource.read(name)

@@ -123,7 +123,7 @@ class ManagementClient:
         """The response to a request that the device must fulfil. Raises ManagementError when it refuses."""
         response = self.request(resource, action, subject)
         if response.reason is not None:
-            raise self._refusal((resource, action, subject), response.reason)
+            raise self._refusal((resource, action, subject), response.reason, response.detail)
         return response
 
     def demand_all(self, steps: Sequence[Step]) -> Iterator[Response]:
@@ -169,10 +169,11 @@ class ManagementClient:
             raise CommunicationError(f"{self.address}: response to request {response.id!r}, expected {request.id}")
         return response
 
-    def _refusal(self, step: Step, reason: Reason) -> ManagementError:
+    def _refusal(self, step: Step, reason: Reason, detail: str = "") -> ManagementError:
         resource, action, subject = step
         where = f"resource {resource}" if resource else "device"
-        return ManagementError(reason, f"{self.address}: {where} refused {Request('', action, subject)}: {reason}")
+        text = f"{self.address}: {where} refused {Request('', action, subject)}: {reason}"
+        return ManagementError(reason, f"{text}, {detail}" if detail else text)
 
     def create_block(self, resource: str, name: str, type_name: str) -> None:
         """Creates a block, or with resource "" a resource."""

@@ -149,7 +149,18 @@ class Window:
         return "<Window/>"
 
 
-Subject = ManagedBlock | ManagedConnection | ManagedType | Watch | Window
+@dataclass(frozen=True, slots=True)
+class Change:
+    """`<Change/>`: requests to a resource that take effect all at once, between two events, or not at all.
+
+    CREATE begins to gather them, START puts them in force, DELETE forgets them. A FORTE knows none of this.
+    """
+
+    def xml(self) -> str:
+        return "<Change/>"
+
+
+Subject = ManagedBlock | ManagedConnection | ManagedType | Watch | Window | Change
 _TYPES: Final = ("FBType", "AdapterType", "DataType")
 
 
@@ -182,7 +193,7 @@ class Request:
             return f"{self.action} watch {subject.source}".rstrip()
         if isinstance(subject, ManagedType):
             return f"{self.action} {subject.tag} {subject.name}"
-        return self.action if subject is None else f"{self.action} window"
+        return self.action if subject is None else f"{self.action} {type(subject).__name__.lower()}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,6 +209,7 @@ class Response:
         watches: what is watched, by resource and `BLOCK.PORT`.
         interface: the `<InterfaceList>` of the type that a QUERY asks for, as XML.
         window: how many requests may be under way at once; None when the device does not say.
+        detail: why a change was refused, in words.
     """
 
     id: str
@@ -209,11 +221,13 @@ class Response:
     watches: dict[str, dict[str, Watched]] | None = None
     interface: str = ""
     window: int | None = None
+    detail: str = ""
 
     def xml(self) -> str:
         opening = f'<Response ID="{_escape(self.id)}"'
         if self.reason is not None:
-            return f'{opening} Reason="{self.reason}" />'
+            detail = f' Detail="{_escape(self.detail)}"' if self.detail else ""
+            return f'{opening} Reason="{self.reason}"{detail} />'
         body = self._body()
         return f"{opening}>\n  {body}\n</Response>" if body else f"{opening} />"
 
@@ -303,7 +317,7 @@ def parse_response(text: str) -> Response:
             size = child.get("Size")
             window = int(size) if _SIZE.fullmatch(size) else None
     found_parts = (value, blocks, connections, names, watches)
-    return Response(root.get("ID"), reason, *found_parts, window=window)
+    return Response(root.get("ID"), reason, *found_parts, window=window, detail=root.get("Detail"))
 
 
 def _watched(resource: XmlElement) -> Iterator[tuple[str, Watched]]:
@@ -332,6 +346,8 @@ def _read_subject(action: str, element: XmlElement) -> Subject:
         return Watch(element.get("Source") if element.tag == "Watch" else "")
     if element.tag == "Window" and action == "QUERY":
         return Window()
+    if element.tag == "Change" and action in ("CREATE", "START", "DELETE"):
+        return Change()
     if element.tag in _TYPES:
         return ManagedType(element.get("Name"), element.text.strip(), element.tag)
     expected = choices(("<FB>", "<Connection>", "<Watch>", *(f"<{tag}>" for tag in _TYPES)))

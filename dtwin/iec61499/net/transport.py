@@ -85,7 +85,7 @@ class NetworkTransport:
             return _ClientChannel(self._reactor, address, receives, sends, port, self._perform)
 
         def indicate(message: Message) -> None:
-            perform(partial(port.deliver, message))
+            perform(partial(_deliver, port, message))
 
         if port.kind == "PUBLISH":
             return _ReadyChannel(port, UdpPublisher(address, sends, self._interface), self.addresses)
@@ -100,6 +100,12 @@ class NetworkTransport:
     def _served(self, address: Address) -> StreamAddress:
         """Where the server with the address in its ID listens."""
         return address if isinstance(self._management, Address) else self._management._replace(port=address.port)
+
+
+def _deliver(port: CommunicationPort, message: Message) -> None:
+    """Hands a message over, unless the block has been closed since it came."""
+    if port.is_open:
+        port.deliver(message)
 
 
 class _ReadyChannel:
@@ -179,7 +185,7 @@ class _ClientChannel:
         self._client = self._make()
 
     def _confirm(self, message: Message) -> None:
-        self._perform(partial(self._port.deliver, message))
+        self._perform(partial(_deliver, self._port, message))
 
     def _lost(self) -> None:
         self._perform(self._port.terminate)

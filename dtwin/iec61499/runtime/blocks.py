@@ -113,6 +113,20 @@ class Blocks:
         found: CommunicationPort = instance.port__
         return found
 
+    def enter_state(self, name: str, state: str) -> None:
+        """Lets the chart of a block be in a state, without the state's actions.
+
+        Raises:
+            FunctionBlockError: there is no such block, or its chart has no state of that name.
+        """
+        index = self._find(name)
+        states = [known.name for known in getattr(self._types[index].block, "states", ())]
+        if state not in states or not isinstance(self._types[index].block, model.BasicFBType):
+            raise FunctionBlockError(
+                f"{name} has no state {state!r}: expected {choices(states) if states else 'none'}"
+            )
+        self._instances[index].state__ = states.index(state)
+
     def variable_type(self, name: str) -> DataType:
         """The type of a variable, `BLOCK.VARIABLE`. Raises FunctionBlockError as `read` does."""
         _, variable = self._locate(name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,13 +11,23 @@ import pytest
 from dtwin.controller.ports import EMULATOR
 from dtwin.errors import CommunicationError
 from dtwin.iec61499.deploy.build import deploy
-from dtwin.iec61499.deploy.difference import change, difference
+from dtwin.iec61499.deploy.difference import Difference, change, difference
 from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.bootfile import Command
-from dtwin.iec61499.management.protocol import ManagedBlock, ManagedConnection, ManagementError, Request
-from dtwin.iec61499.mapping import device_network
+from dtwin.iec61499.management.client import ManagementClient
+from dtwin.iec61499.management.protocol import (
+    Change,
+    ManagedBlock,
+    ManagedConnection,
+    ManagementError,
+    Request,
+    Response,
+)
+from dtwin.iec61499.mapping import device_network, resource_network
+from dtwin.iec61499.net.address import LOOPBACK, Address
 from dtwin.iec61499.net.client import BlockingClient
+from dtwin.iec61499.runtime.resource import Resource
 from dtwin.parameters import ROOT
 from tests.support.iec61499.served_device import PATIENCE, ServedDevice, samples
 
@@ -72,8 +83,18 @@ def test_the_smallest_change_is_made_while_the_cell_runs(served: ServedDevice, t
         assert all("CELL.EXTRA" not in link.destination for link in links)
 
 
+class StepByStep(ManagementClient):
+    """A session with a device that gathers no changes, as a FORTE."""
+
+    def request(self, resource: str, action, subject=None) -> Response:  # type: ignore[no-untyped-def]
+        if isinstance(subject, Change):
+            return Response("", "INVALID_OBJECT")
+        return super().request(resource, action, subject)
+
+
 @pytest.mark.parametrize("lost", ["", "; CELL.SELECTOR begins anew"])
-def test_a_refused_change_is_undone(served: ServedDevice, tmp_path: Path, lost: str) -> None:
+@pytest.mark.parametrize("at_once", [True, False])
+def test_a_refused_change_is_undone(served: ServedDevice, tmp_path: Path, lost: str, at_once: bool) -> None:
     text = (ROOT / "fb" / "dtwin.sys").read_text()
     before = plan(served.library, text, tmp_path)
     block = Command("CELL", Request("1", "CREATE", ManagedBlock("CELL.EXTRA", "E_CTU")))
@@ -91,9 +112,11 @@ def test_a_refused_change_is_undone(served: ServedDevice, tmp_path: Path, lost: 
         if not (lost and any("CELL.SELECTOR." in end for end in ends)):
             commands.append(command)
     after = replace(before, commands=(*commands, block, value, first, wrong))
-    with served.client() as client:
+    address = served.management.address
+    said = "CELL goes on as before the change" if at_once else f"the change before it was undone{lost}"
+    with ManagementClient(address, PATIENCE) if at_once else StepByStep(address, PATIENCE) as client:
         deploy(client, before)
-        with pytest.raises(ManagementError, match=f"the change before it was undone{lost}$"):
+        with pytest.raises(ManagementError, match=f"{said}$"):
             change(client, after)
         assert difference(client, before).lines() == []
         assert all(found.name != "CELL.EXTRA" for found in client.blocks("CELL"))
@@ -101,3 +124,62 @@ def test_a_refused_change_is_undone(served: ServedDevice, tmp_path: Path, lost: 
         with BlockingClient(where, EMULATOR.receives, EMULATOR.sends, PATIENCE) as peer:
             for sample in samples(3):
                 peer.exchange(sample)
+
+
+def test_a_type_changes_while_the_cell_runs_at_full_speed(tmp_path: Path) -> None:
+    """The type means the same and is another one; every sample gets the answer that it gets without the change."""
+    blocks = tmp_path / "fb"
+    blocks.mkdir()
+    for file in (ROOT / "fb").glob("*.fbt"):
+        (blocks / file.name).write_text(file.read_text())
+    text = (ROOT / "fb" / "dtwin.sys").read_text()
+    served = ServedDevice(Library([blocks]), Address(LOOPBACK, 0))
+    before = plan(served.library, text, tmp_path)
+    for name in ("COMPUTED_TORQUE_CONTROL_3", "PICK_AND_PLACE"):
+        file = blocks / f"{name}.fbt"
+        source = file.read_text()
+        spare = '<InternalVars><VarDeclaration Name="SPARE" Type="LREAL"/>'
+        changed = source.replace("<InternalVars>", spare)
+        assert changed != source
+        file.write_text(changed)
+    after = plan(Library([blocks]), text, tmp_path)
+    expected = Resource(
+        resource_network(Library([ROOT / "fb"]).load_system(ROOT / "fb" / "dtwin.sys")), served.library
+    )
+    alone = expected.server("EMULATOR")
+    expected.start()
+    served.start()
+    try:
+        with served.client() as client:
+            deploy(client, before)
+            where = served.device.addresses()["CELL.EMULATOR"]
+            with BlockingClient(where, EMULATOR.receives, EMULATOR.sends, PATIENCE) as peer:
+                outcome: list[Difference] = []
+                changing = threading.Thread(target=lambda: outcome.append(change(client, after)))
+                for count, sample in enumerate(samples(3000), 1):
+                    if count == 20:
+                        changing.start()
+                    assert peer.exchange(sample) == alone.exchange(sample)
+                    if count > 100 and not changing.is_alive():
+                        break
+                changing.join(PATIENCE)
+                assert {block.name for block in outcome[0].removed} == {"CELL.CONTROLLER", "CELL.SEQUENCE"}
+                for sample in samples(30):
+                    assert peer.exchange(sample) == alone.exchange(sample)
+            assert not difference(client, after)
+    finally:
+        served.stop()
+
+
+def test_a_change_that_the_network_does_not_bear_changes_nothing(served: ServedDevice, tmp_path: Path) -> None:
+    before = plan(served.library, (ROOT / "fb" / "dtwin.sys").read_text(), tmp_path)
+    with served.client() as client:
+        deploy(client, before)
+        client.demand("CELL", "CREATE", Change())
+        client.create_block("CELL", "ODD", "F_ADD")
+        client.create_block("CELL", "TEXT", "STRING2STRING")
+        client.connect("CELL", "TEXT.OUT", "ODD.IN1")
+        with pytest.raises(ManagementError, match=r"refused START change: INVALID_OPERATION, .*ODD") as refused:
+            client.demand("CELL", "START", Change())
+        assert refused.value.reason == "INVALID_OPERATION"
+        assert not difference(client, before)
