@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Final, Literal, Protocol
+from typing import Any, Final, Literal
 
 from dtwin.errors import DtwinError, FunctionBlockError
 from dtwin.iec61499 import model
+from dtwin.iec61499.device.carrying import carried_values, states_of
 from dtwin.iec61499.device.drawn_network import DrawnNetwork, printed, value_of
+from dtwin.iec61499.device.running import Launcher, Running
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.management.protocol import (
     ManagedBlock,
@@ -25,7 +27,6 @@ from dtwin.iec61499.management.protocol import (
 from dtwin.iec61499.net.address import StreamAddress
 from dtwin.iec61499.runtime.operation import EventCounts, Operation
 from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.types import DataType
 
 ResourceState = Literal["IDLE", "RUNNING", "STOPPED", "KILLED"]
 _MOVES: Final[dict[RequestAction, tuple[tuple[ResourceState, ...], ResourceState]]] = {
@@ -39,52 +40,6 @@ WATCHES: Final = 256
 """Most ports of a resource that are watched at once."""
 
 
-class Running(Protocol):
-    """A network made to run."""
-
-    @property
-    def addresses(self) -> dict[str, StreamAddress]:
-        """Where the open SERVER and SUBSCRIBE blocks listen, by the block's dotted name."""
-
-    def start(self) -> None:
-        """Issues the COLD event of E_RESTART."""
-
-    def pause(self) -> None:
-        """Stops after the STOP event of E_RESTART."""
-
-    def resume(self) -> None:
-        """Starts again with the WARM event of E_RESTART."""
-
-    def close(self) -> None:
-        """Ends it and lets go of its sockets and timers."""
-
-    def change_soon(self, change: Callable[[Resource], None]) -> None:
-        """Changes the network before the next event."""
-
-    @property
-    def is_idle(self) -> bool:
-        """Whether no event chain runs."""
-
-    def change_now(self) -> None:
-        """Carries out the change that waits. Raises FunctionBlockError when it fails."""
-
-    def trigger(self, event: str) -> None:
-        """Lets an event happen, `BLOCK.EVENT`."""
-
-    def halt_block(self, name: str) -> None:
-        """Cancels the timers of a block and closes its channels."""
-
-    def reset_block(self, name: str) -> None:
-        """Gives a block its initial values."""
-
-    def enter_state(self, name: str, state: str) -> None:
-        """Lets the chart of a block be in a state. Raises FunctionBlockError when it has none of that name."""
-
-    def read(self, name: str) -> Any: ...
-    def write(self, name: str, value: Any) -> None: ...
-    def type_of(self, name: str) -> DataType: ...
-
-
 @dataclass(frozen=True, slots=True)
 class _Kept:
     """What a resource was before a change that is gathered."""
@@ -94,10 +49,6 @@ class _Kept:
     forced: dict[str, Any]
     halted: dict[str, ResourceState]
     counts: dict[str, int]
-
-
-Launcher = Callable[[model.FBNetwork, Callable[[], None]], Running]
-"""Makes a network run; calls the function given with it when an error has ended it."""
 
 
 class ManagedResource:
@@ -317,7 +268,7 @@ class ManagedResource:
             raise ManagementError("NOT_READY", f"{self.name} is in the middle of an event chain")
         running, before = self._running, self._before
         replaced = self._fresh & self._gone & {block.name for block in before.drawn.blocks()}
-        carried, states = self._carried(running, replaced), _states(running, replaced)
+        carried, states = carried_values(running, before.drawn, self._drawn, replaced), states_of(running, replaced)
         halted = [name for name in self._halted if name in before.drawn and name not in before.halted]
         writes = dict(self._writes)
         try:
@@ -337,18 +288,6 @@ class ManagedResource:
         for name in halted:
             if name in self._drawn and name in self._halted:
                 running.halt_block(name)
-
-    def _carried(self, running: Running, replaced: set[str]) -> dict[str, Any]:
-        """What blocks that are replaced have, for those in their place."""
-        assert self._before is not None
-        found: dict[str, Any] = {}
-        for block in replaced:
-            old = set(self._before.drawn.variables(block)) - self._drawn.given(block)
-            for name in self._drawn.variables(block):
-                with suppress(FunctionBlockError, ManagementError):
-                    if name in old and running.type_of(name) == self._drawn.type_of(name):
-                        found[name] = running.read(name)
-        return found
 
     def change_state(self, action: RequestAction) -> None:
         """START, STOP, KILL or RESET."""
@@ -439,15 +378,6 @@ class ManagedResource:
     def _expect_event(self, event: str) -> None:
         if not self._drawn.is_event(event):
             raise ManagementError("NO_SUCH_OBJECT", f"{event} is no event here")
-
-
-def _states(running: Running, blocks: set[str]) -> dict[str, str]:
-    """The states of the charts of blocks, of those that have one."""
-    found = {}
-    for block in blocks:
-        with suppress(FunctionBlockError):
-            found[block] = running.read(f"{block}.$ECC")
-    return found
 
 
 def _found(ask: Callable[[], Any], name: str) -> Any:
