@@ -3,8 +3,12 @@ root=$(cd "$(dirname "$0")/.." && pwd)
 python="$root/.venv/bin/python"
 
 prepare() { # $1: an extra of pyproject.toml, or empty
-    stamp=$(cat "$root/pyproject.toml" "$root/constraints.txt" | cksum)
-    if [ "$(cat "$root/.venv/stamp-${1:-run}" 2>/dev/null)" != "$stamp" ]; then
+    stamp="$root $(cat "$root/pyproject.toml" "$root/constraints.txt" | cksum)"
+    if [ "$(cat "$root/.venv/stamp-${1:-run}" 2>/dev/null)" != "$stamp" ] || ! [ -x "$python" ]; then
+        if ! command -v python3 >/dev/null; then
+            echo "dtwin: python3 is not there: it needs python 3.11 or newer, with venv and pip" >&2
+            exit 2
+        fi
         python3 "$root/scripts/environment.py" "$1" "$stamp" || exit $?
     fi
 }
