@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import Any, Final
 
 from dtwin import __version__
@@ -22,6 +23,7 @@ DESCRIPTION: Final = "A digital twin of a box-sorting arm controlled by IEC 6149
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command line; returns the exit status (0 done, 1 a check failed, 2 bad input, 130 interrupted)."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    _open_standard_streams()
     try:
         status = _dispatch(arguments)
         sys.stdout.flush()
@@ -41,6 +43,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _discard_output()
         print(f"dtwin: {error.filename or 'standard output'}: cannot be written: {reason_of(error)}", file=sys.stderr)
         return 2
+
+
+def _open_standard_streams() -> None:
+    """Opens what the caller has closed (`dtwin run >&-`), or the next file would become the standard output."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - it stays open, with the lowest free number
 
 
 def _discard_output() -> None:
@@ -64,9 +73,7 @@ def _dispatch(arguments: list[str]) -> int:
         if name not in COMMANDS:
             return 0
     elif name not in COMMANDS:
-        said = " ".join(arguments[:2]) if under else name
-        what = f"unknown command {said!r}" if said != name or not under else f"{name} needs one word more"
-        raise DtwinError(f"{what}: expected {choices(under or COMMANDS)}")
+        raise DtwinError(_unknown(arguments, name, under))
     entry = COMMANDS[name]
     command = entry.read(entry.kind, f"dtwin {name}", arguments[words:])
     if not hasattr(command, "runtime"):
@@ -75,6 +82,18 @@ def _dispatch(arguments: list[str]) -> int:
 
     with chosen(command.runtime):
         return _executed(command)
+
+
+def _unknown(arguments: Sequence[str], name: str, under: Sequence[str]) -> str:
+    """What is said of words that are no command: the commands that begin with them, or the nearest ones."""
+    said = " ".join(arguments[:2]) if under else name
+    if under:
+        what = f"{name} needs one word more" if said == name else f"unknown command {said!r}"
+        return f"{what}: expected {choices(under)}"
+    near = get_close_matches(" ".join(arguments[:2]), COMMANDS, n=2, cutoff=0.75)
+    near = near or get_close_matches(name, [*COMMANDS, *{command.split()[0] for command in COMMANDS}], n=3)
+    hint = f"perhaps you meant {choices(dict.fromkeys(near))}" if near else "dtwin --help lists them all"
+    return f"unknown command {said!r}; {hint}"
 
 
 def _executed(command: Any) -> int:

@@ -9,19 +9,30 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from dtwin.errors import NoSpaceError, RecordingError
+from dtwin.errors import NoSpaceError, RecordingError, choices
 
 NO_SPACE: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 """Numbers of the system's errors that say that there is no room for a file."""
+LOG: Final = ".parquet"
+"""Ending of the names of logs."""
+RECORDING: Final = ".rrd"
+"""Ending of the names of recordings for the Rerun viewer."""
+PICTURE: Final = ".png"
+"""Ending of the names of pictures."""
 
 
-def ensure_writable(path: Path) -> None:
+def ensure_writable(path: Path, *endings: str) -> None:
     """Checks that a file can be written at `path`, so that a long run does not fail at its end.
 
+    Args:
+        path: file to be written.
+        endings: endings of names for its kind, such as LOG; any name will do where none is given.
+
     Raises:
-        RecordingError: the folder is missing or read-only, or the path is not a regular file.
+        RecordingError: the folder is missing or read-only, the path is not a regular file, or its name ends as those
+            of other kinds of files.
     """
-    with contextlib.suppress(_Checked), replacing(path):
+    with contextlib.suppress(_Checked), replacing(path, *endings):
         raise _Checked
 
 
@@ -30,13 +41,20 @@ class _Checked(Exception):
 
 
 @contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, *endings: str) -> Iterator[Path]:
     """Gives a temporary path beside `path` to write to; the file replaces `path` when the block succeeds.
+
+    Args:
+        path: file to be written.
+        endings: endings of names for its kind, see `ensure_writable`.
 
     Raises:
         NoSpaceError: there is no room for the file.
-        RecordingError: `path` is no path of a file, or it cannot be written.
+        RecordingError: `path` is no path of such a file, or it cannot be written.
     """
+    if endings and path.suffix.lower() not in endings:
+        got = f"{path.suffix!r} for another kind of file" if path.suffix else "no ending"
+        raise RecordingError(f"{path}: expected a name that ends in {choices(endings)}, got {got}")
     target = path.resolve()
     if target.exists() and not target.is_file():
         kind = "a folder" if target.is_dir() else "a device"

@@ -1,16 +1,25 @@
-"""Options that may be left out, as people see them: without the parser's own words for `X | None`."""
+"""Options as people see them: the command's own ones first, without the parser's words for `X | None`."""
 
 from __future__ import annotations
 
 import types
-from typing import Any, Final, Union, get_args, get_origin
+from dataclasses import replace
+from inspect import get_annotations
+from typing import Annotated, Any, Final, Union, get_args, get_origin
 
-from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
+from tyro.conf import arg
+from tyro.constructors import (
+    ConstructorRegistry,
+    PrimitiveConstructorSpec,
+    PrimitiveTypeInfo,
+    StructConstructorSpec,
+    StructTypeInfo,
+)
 
 NONE: Final = "None"
 """Takes back the default of such an option where it has one."""
-NOTHING: Final = "unset"
-"""How the default of such an option is shown."""
+_SEEN: Final = object()
+"""Marks options whose fields the parser has been asked for."""
 
 registry: Final = ConstructorRegistry()
 """Knows how the parser reads an option that is None where it is not given: as if it had to be given."""
@@ -30,6 +39,24 @@ def _optional(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
         metavar=inner.metavar,
         instance_from_str=lambda words: None if words == [NONE] else inner.instance_from_str(words),
         is_instance=lambda value: value is None or inner.is_instance(value),
-        str_from_instance=lambda value: [NOTHING] if value is None else inner.str_from_instance(value),
+        str_from_instance=lambda value: [NONE] if value is None else inner.str_from_instance(value),
         choices=inner.choices,
     )
+
+
+@registry.struct_rule
+def _as_shown(info: StructTypeInfo) -> StructConstructorSpec | None:
+    """Options in the order in which people read them, without a word about a default where there is none.
+
+    What a command declares itself comes before what it shares with others.
+    """
+    if _SEEN in info.markers:
+        return None
+    found = ConstructorRegistry.get_struct_spec(replace(info, markers=(*info.markers, _SEEN)))
+    if not isinstance(found, StructConstructorSpec):
+        return None
+    silent = arg(help_behavior_hint="")
+    shown = [replace(f, type=Annotated[f.type, silent]) if f.default is None else f for f in found.fields]
+    bases = list(enumerate(getattr(info.type, "__mro__", ())))
+    place = {name: rank for rank, base in reversed(bases) for name in get_annotations(base)}
+    return replace(found, fields=tuple(sorted(shown, key=lambda field: place.get(field.name, 0))))

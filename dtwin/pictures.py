@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from dtwin.files import replacing
+from dtwin.files import PICTURE, replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,7 +38,7 @@ def save(figure: Figure, path: Path) -> None:
     Raises:
         RecordingError: the path cannot be written.
     """
-    with replacing(path) as temporary:
+    with replacing(path, PICTURE) as temporary:
         figure.savefig(temporary, format="png", dpi=110, metadata={"Software": None})
 
 

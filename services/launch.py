@@ -28,7 +28,7 @@ from dtwin.bus.signature import new_key
 from dtwin.emulation.encoders import check_noise
 from dtwin.emulation.generators import check_seed
 from dtwin.errors import CommunicationError, ParameterError
-from dtwin.files import ensure_writable
+from dtwin.files import LOG, RECORDING, ensure_writable
 from dtwin.identification.store import STORE, ModelStore, model_path
 from dtwin.iec61499.net.address import LocalAddress, parse_address
 from dtwin.names import check_name
@@ -115,9 +115,9 @@ class CellOptions(PlantOptions, ControlOptions):
         if self.duration is not None:
             tick_count(self.duration)
         self._check_plant()
-        for path in (self.log, self.record):
+        for path, ending in ((self.log, LOG), (self.record, RECORDING)):
             if path is not None:
-                ensure_writable(path)
+                ensure_writable(path, ending)
         if self.model is not None:
             self.model_file()
         if self.safe_stop and not self.monitoring:

@@ -71,7 +71,7 @@ def write_fmu(
     else:
         files["modelDescription.xml"] = model_description_2(model, texts)
     files[f"binaries/{place}/{model.identifier}{suffix}"] = _binary(texts, f"{model.identifier}{suffix}")
-    with replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+    with replacing(path, ".fmu") as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name in sorted(files):
             entry = zipfile.ZipInfo(name, _EPOCH)
             entry.compress_type = zipfile.ZIP_DEFLATED

@@ -17,6 +17,8 @@ from dtwin.signals import Sensors, StepRecord, Truth, Voltages
 
 CHUNK = 100
 """Number of ticks between two calls of `between`: one second of plant time."""
+LONGEST = 864_000.0
+"""Longest plant time of a run, s: ten days, whose log takes 13 GB of memory."""
 
 
 class ControlledPlant(Protocol):
@@ -71,10 +73,11 @@ def tick_count(duration: float, period: float = PERIOD) -> int:
     """Number of whole ticks in a duration (s).
 
     Raises:
-        ParameterError: the duration is not finite, or shorter than one tick.
+        ParameterError: the duration is not finite, shorter than one tick, or longer than LONGEST.
     """
-    if not period <= duration < float("inf"):
-        raise ParameterError(f"duration: expected at least one period of {period} s, got {duration}")
+    if not period <= duration <= LONGEST:
+        allowed = f"at least one period of {period} s and at most {LONGEST:g} s"
+        raise ParameterError(f"duration: expected {allowed}, got {duration:g}")
     return round(duration / period)
 
 

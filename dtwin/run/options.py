@@ -87,7 +87,7 @@ class ArmOptions(CellFileOption):
         Raises:
             DtwinError: the machine or the file of the cell is unknown or out of range.
         """
-        return machine_of(self.machine or self.cell_of_file().machine)
+        return machine_of(self.cell_of_file().machine if self.machine is None else self.machine)
 
     def parameters(self) -> ArmParameters:
         """The parameters of the emulated arm.

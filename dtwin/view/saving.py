@@ -12,7 +12,7 @@ from typing import BinaryIO, Final
 import rerun as rr
 import rerun.blueprint as rrb
 
-from dtwin.files import replacing
+from dtwin.files import RECORDING, replacing
 
 _CHUNK: Final = 1 << 16
 """Bytes that are copied at once."""
@@ -33,7 +33,7 @@ def saving(stream: rr.RecordingStream, path: Path, layout: rrb.Blueprint) -> Ite
         NoSpaceError: There is no room for the file.
         RecordingError: The path cannot be written.
     """
-    with replacing(path) as temporary, temporary.open("wb") as file:
+    with replacing(path, RECORDING) as temporary, temporary.open("wb") as file:
         failures: list[OSError] = []
         source, sink = os.pipe()
         copier = threading.Thread(target=_copy, args=(source, file, failures))

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
+import subprocess
 import sys
 from contextlib import suppress
+from dataclasses import fields
 from pathlib import Path
+from typing import get_type_hints
 
 import pytest
 
@@ -17,6 +21,7 @@ from dtwin.commands.live.watch import describe
 from dtwin.commands.table import COMMANDS
 from dtwin.errors import ModelError
 from dtwin.identification.store import ModelStore, model_path
+from dtwin.options import parser_of
 from dtwin.services.launch import CellOptions
 from dtwin.services.runfile import RunFile, Up, kept
 from dtwin.signals import Sensors
@@ -41,6 +46,20 @@ SENSORS = Sensors(7, 0.07, (0.1, -0.25, 1.5), 0.9, True, "red")
             "model needs one word more: expected model set, model list, model show, model diff or model export",
         ),
         ("cell chek", "unknown command 'cell chek': expected cell show or cell check"),
+        ("rnu", "unknown command 'rnu'; perhaps you meant run"),
+        ("gainz set", "unknown command 'gainz'; perhaps you meant gains set"),
+        ("xyzzy", "unknown command 'xyzzy'; dtwin --help lists them all"),
+        ("run --log x.csv", "x.csv: expected a name that ends in .parquet, got '.csv' for another kind of file"),
+        ("run --record x.zip", "x.zip: expected a name that ends in .rrd, got '.zip' for another kind of file"),
+        ("run --log x", "x: expected a name that ends in .parquet, got no ending"),
+        ("fmu twin x.zip", "x.zip: expected a name that ends in .fmu, got '.zip' for another kind of file"),
+        ("validate --plot x.svg", "x.svg: expected a name that ends in .png, got '.svg' for another kind of file"),
+        ("run --duration 1e12", "duration: expected at least one period of 0.01 s and at most 864000 s, got 1e+12"),
+        ("run --duration nan", "duration: expected at least one period of 0.01 s and at most 864000 s, got nan"),
+        (
+            "run --cell-file=",
+            "cell file '': expected a file (*.toml) or default or four-colours",
+        ),
     ],
 )
 def test_mistakes_are_told_without_words_of_the_parser(
@@ -57,6 +76,40 @@ def test_help_has_no_words_of_the_parser(name: str, capsys: pytest.CaptureFixtur
     shown = capsys.readouterr().out
     assert "{None" not in shown
     assert "default: None" not in shown
+    assert "unset" not in shown
+
+
+def test_help_begins_with_what_the_command_is_for(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["run", "--help"])
+    shown = capsys.readouterr().out
+    options = re.findall(r"^\W*(--[a-z-]+)", shown, re.MULTILINE)
+    assert options[:3] == ["--duration", "--record", "--log"]
+    assert options.index("--seed") < options.index("--delay")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_words_of_a_command_keep_their_order(name: str) -> None:
+    """The order of help is that of no word: `film LOG FILE` stays so."""
+    kind = COMMANDS[name].kind
+    declared = [
+        f.name for f in fields(kind) if "Positional" in str(get_type_hints(kind, include_extras=True)[f.name])
+    ]
+    actions = parser_of(kind, name)._actions
+    assert [a.dest.replace("-", "_") for a in actions if not a.option_strings] == declared
+
+
+def test_a_machine_without_a_name_is_none(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "--machine", ""]) == 2
+    assert capsys.readouterr().err.startswith("dtwin: machine '': expected a file (*.toml, *.json), a number, or ")
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&-", "<&- >&- 2>&-"])
+def test_a_closed_stream_is_no_matter(closed: str, tmp_path: Path) -> None:
+    command = shlex.join([sys.executable, "-m", "dtwin", "machine", "draw", "7"])
+    ran = subprocess.run(["sh", "-c", f"{command} {closed}"], cwd=tmp_path, capture_output=True, text=True)
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert (tmp_path / "machine-7.toml").read_text().startswith("name")
 
 
 @pytest.mark.parametrize("group", sorted({name.split()[0] for name in COMMANDS if " " in name}))

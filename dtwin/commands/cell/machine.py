@@ -67,7 +67,7 @@ class MachineDraw:
 
         machine = draw(self.number)
         path = self.out or Path(f"machine-{self.number}.toml")
-        ensure_writable(path)
+        ensure_writable(path, ".toml")
         with replacing(path) as temporary:
             temporary.write_text(toml(machine))
         print(printable(f"{path}: machine {machine.name}, for dtwin run --machine {path}"))

@@ -18,7 +18,7 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.remote import RemoteController
 from dtwin.controller.runtime import RuntimeOption
-from dtwin.files import ensure_writable
+from dtwin.files import LOG, RECORDING, ensure_writable
 from dtwin.iec61499.net.address import parse_address
 from dtwin.parameters import PERIOD
 from dtwin.run.cell import Cell, RunSummary
@@ -57,9 +57,9 @@ class Run(PlantOptions, ControlOptions, RuntimeOption):
     def execute(self) -> int:
         record = self.record or (None if self.json else Path("run.rrd"))
         earlier = record is not None and record.exists()
-        for path in (record, self.log):
+        for path, ending in ((record, RECORDING), (self.log, LOG)):
             if path is not None:
-                ensure_writable(path)
+                ensure_writable(path, ending)
         settings = self.settings()
         remote = self._remote(settings) if self.controller else None
         hidden = None if record is None or settings.machine.ideal else HiddenLog()

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from dtwin.commands.frame import JsonOption
 from dtwin.experiments.validation import ValidationOutcome, draw, validate
-from dtwin.files import ensure_writable
+from dtwin.files import PICTURE, ensure_writable
 from dtwin.terminal import print_json, print_table
 
 
@@ -25,7 +25,7 @@ class Validate(JsonOption):
 
     def execute(self) -> int:
         if self.plot is not None:
-            ensure_writable(self.plot)
+            ensure_writable(self.plot, PICTURE)
         with Console(stderr=True).status("validating") as status:
             outcomes = validate(lambda case: status.update(f"validating: {case.name}"))
         if self.plot is not None:

@@ -113,9 +113,9 @@ class Commission:
         check_name(self.cell, "cell")
         at_least("--motion", self.motion, SHORTEST)
         at_least("--watch", self.watch, LEAST)
-        for path in (self.out, self.report):
+        for path, ending in ((self.out, ".json"), (self.report, ".html")):
             if path is not None:
-                ensure_writable(path)
+                ensure_writable(path, ending)
 
     def _live(self, stages: Stages, arm: ArmParameters, progress: Progress) -> Commissioned:
         """Commissions the arm of a running cell, whose bus is joined when something is to be collected."""

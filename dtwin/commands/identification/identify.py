@@ -17,7 +17,7 @@ from dtwin.api.identification import Identified, Measured, fitted, measured
 from dtwin.controller.excitation import ExcitationController
 from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import ModelError, ParameterError
-from dtwin.files import ensure_writable
+from dtwin.files import PICTURE, RECORDING, ensure_writable
 from dtwin.identification.data import Start
 from dtwin.identification.estimation.estimate import NINETY_FIVE, Estimate, EstimationSettings, load_kernels
 from dtwin.identification.excitation.design import optimise
@@ -90,9 +90,9 @@ class Identify(MachineOption):
             raise ParameterError(f"--seed: expected a whole number of at least 0, got {self.seed}")
         if self.save is not None:
             check_name(self.save, "model name", ModelError)
-        for path in (self.plot, self.record):
+        for path, ending in ((self.plot, PICTURE), (self.record, RECORDING)):
             if path is not None:
-                ensure_writable(path)
+                ensure_writable(path, ending)
         settings = self._settings()
         with Console(stderr=True).status("measuring") as status:
             data = self._simulated(settings) if self.log is None else self._from_log(self.log)

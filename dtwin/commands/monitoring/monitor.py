@@ -22,7 +22,7 @@ from dtwin.commands.hints import viewer_command
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
 from dtwin.experiments.monitoring.trial import Method
-from dtwin.files import ensure_writable
+from dtwin.files import RECORDING, ensure_writable
 from dtwin.identification.store import STORE
 from dtwin.monitoring.offline import SECOND, stream
 from dtwin.monitoring.settings import ALARMS_PER_HOUR
@@ -79,7 +79,7 @@ class MonitorCommand:
         if self.record is not None:
             if self.method == "thesis":
                 raise ParameterError("--record: expected the default method, the thesis's has nothing to draw")
-            ensure_writable(self.record)
+            ensure_writable(self.record, RECORDING)
         run = load(self.log)
         began = time.process_time()
         with _progress(len(run.log), self.json) as bar:

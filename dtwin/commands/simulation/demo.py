@@ -21,7 +21,7 @@ from dtwin.experiments.recovery.outcome import Recovery, fault_text
 from dtwin.experiments.recovery.picture import draw
 from dtwin.experiments.report import Report
 from dtwin.experiments.untouched import untouched
-from dtwin.files import ensure_writable
+from dtwin.files import LOG, PICTURE, RECORDING, ensure_writable
 from dtwin.run.options import MachineOption
 from dtwin.services.emulator import Pace
 from dtwin.services.launch import CellOptions
@@ -61,9 +61,9 @@ class DemoRecovery(JsonOption, MachineOption):
         at_least("--runs", self.runs, 1)
         at_least("--seed", self.seed, 0)
         parse_faults(self.fault)
-        for path in (self.record, self.log, self.plot):
+        for path, ending in ((self.record, RECORDING), (self.log, LOG), (self.plot, PICTURE)):
             if path is not None:
-                ensure_writable(path)
+                ensure_writable(path, ending)
         runs = [self._run(seed) for seed in range(self.seed, self.seed + self.runs)]
         if self.plot is not None:
             draw(runs[0], self.plot)

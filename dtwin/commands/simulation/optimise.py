@@ -17,7 +17,7 @@ from dtwin.commands.frame import WorkforceOption
 from dtwin.controller.runtime import RuntimeOption
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.errors import ParameterError
-from dtwin.files import ensure_writable, replacing
+from dtwin.files import PICTURE, ensure_writable, replacing
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import Law, Triple
 from dtwin.simulation.objective import Limits, Objective
@@ -82,9 +82,9 @@ class Optimise(RuntimeOption, WorkforceOption):
     """Print one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
-        for path in (self.plot, self.save):
+        for path, ending in ((self.plot, PICTURE), (self.save, ".json")):
             if path is not None:
-                ensure_writable(path)
+                ensure_writable(path, ending)
         workforce = self.workforce()
         check_search(self.target_time, self.candidates)
         objective = self._objective()

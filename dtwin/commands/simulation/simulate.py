@@ -19,7 +19,7 @@ from dtwin.controller.runtime import RuntimeOption
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import ParameterError
-from dtwin.files import ensure_writable
+from dtwin.files import PICTURE, ensure_writable
 from dtwin.identification.machine.record import MachineRecord, read_record
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.logs.log import Log
@@ -102,7 +102,7 @@ class Simulate(CompensationOptions, CellFileOption, RuntimeOption):
 
     def execute(self) -> int:
         if self.plot is not None:
-            ensure_writable(self.plot)
+            ensure_writable(self.plot, PICTURE)
         if self.commissioned is not None and self.model is not None:
             raise ParameterError("--commissioned: expected no --model beside it")
         simulator = Simulator(task=self.task())
@@ -166,7 +166,8 @@ class Simulate(CompensationOptions, CellFileOption, RuntimeOption):
     def _measured(self, log: Log, simulator: Simulator) -> tuple[MotionCase, MotionComparison]:
         settings = settings_of(log)
         arm = self._record.arm if self._record else self._arm(self.model, settings.model)
-        motion, payload = find(log, self.at), self.payload or settings.payload
+        payload = settings.payload if self.payload is None else self.payload
+        motion = find(log, self.at)
         comparison = compare(log, motion, settings, with_set(arm, self.set), payload, simulator, self._effects)
         return comparison.predicted.case, comparison
 

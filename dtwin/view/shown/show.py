@@ -19,7 +19,7 @@ from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 
 from dtwin.errors import CommunicationError, RecordingError
-from dtwin.files import ensure_writable, reason_of, replacing
+from dtwin.files import PICTURE, ensure_writable, reason_of, replacing
 from dtwin.view.series import TIMELINE
 from dtwin.view.story import MARKS
 from dtwin.view.viewer import LOOPBACK, Ports, free_ports, listens
@@ -89,7 +89,7 @@ def show(recording: Path, at: float | None = None, picture: Path | None = None) 
     first = opening(recording)
     moment = first if at is None else at
     if picture is not None:
-        ensure_writable(picture)
+        ensure_writable(picture, PICTURE)
     ports = Ports(data=free_ports().data)
     command = [sys.executable, "-m", "rerun_cli", "--bind", LOOPBACK, "--port", str(ports.data)]
     viewer = subprocess.Popen(
