@@ -16,7 +16,17 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from dtwin.bus.messages import EVENTS, MONITORING, STATUS, SUMMARY, ServiceSummary, Status, Summary, SummaryRequest
+from dtwin.bus.messages import (
+    EVENTS,
+    MONITORING,
+    REMEMBERED,
+    STATUS,
+    SUMMARY,
+    ServiceSummary,
+    Status,
+    Summary,
+    SummaryRequest,
+)
 from dtwin.bus.session import Bus
 from dtwin.bus.signature import KEY
 from dtwin.bus.twin_messages import MonitoringVerdict
@@ -187,7 +197,7 @@ class Supervisor:
         self._children = {program.name: _Child(program, self._lifeline, key) for program in programs}
         bus.watch_alive(self._note_token)
         self._verdict = ""
-        self._event: Event | None = None
+        self._events: deque[Event] = deque(maxlen=REMEMBERED)
         bus.subscribe(STATUS, Status, self._note_status)
         bus.subscribe(EVENTS, Event, self._note_event)
         bus.subscribe(MONITORING, MonitoringVerdict, self._note_verdict)
@@ -234,9 +244,11 @@ class Supervisor:
     def summary(self) -> Summary:
         """How everything does."""
         services = {name: child.summary() for name, child in self._children.items()}
+        events = tuple(self._events)
+        last = events[-1] if events else None
         leading = [child.status for child in self._children.values() if child.program.leading and child.status]
         if not leading:
-            return Summary(services, verdict=self._verdict, last_event=self._event)
+            return Summary(services, verdict=self._verdict, last_event=last, events=events)
         status = leading[0]
         return Summary(
             services,
@@ -246,7 +258,8 @@ class Supervisor:
             status.real_time_factor,
             status.boxes,
             self._verdict,
-            self._event,
+            last,
+            events,
         )
 
     def _note_token(self, name: str, alive: bool) -> None:
@@ -262,7 +275,7 @@ class Supervisor:
             child.heard = time.monotonic()
 
     def _note_event(self, event: Event) -> None:
-        self._event = event
+        self._events.append(event)
 
     def _note_verdict(self, verdict: MonitoringVerdict) -> None:
         self._verdict = in_words(verdict)[:1000]

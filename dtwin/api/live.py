@@ -13,11 +13,14 @@ from types import TracebackType
 
 from dtwin.api.arguments import AnyPath, checked
 from dtwin.bus.messages import (
+    FAULT,
     RELEASE,
     ROLL_BACK,
     SENSORS,
     SUMMARY,
     UPLOAD,
+    Done,
+    FaultRequest,
     ReleaseRequest,
     StopRequest,
     StopState,
@@ -146,6 +149,18 @@ class LiveCell:
             CommunicationError: the arm may not be stopped: nobody answers, or nothing shows the stop.
         """
         return stop(self.bus, StopRequest(who or getpass.getuser(), why))
+
+    @checked
+    def inject(self, fault: str) -> Done:
+        """Lets a fault happen to the emulated arm.
+
+        Args:
+            fault: as for `dtwin run --fault`; without @START it begins now, as one does whose start has passed.
+
+        Raises:
+            CommunicationError: the fault cannot be read or is one too many, or nobody answers.
+        """
+        return self.bus.ask(FAULT, FaultRequest([fault if "@" in fault else f"{fault}@0"]), Done)
 
     @checked
     def release(self, why: str = _WHY, *, who: str | None = None) -> StopState:

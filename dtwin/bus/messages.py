@@ -48,6 +48,9 @@ State = Literal["starting", "running", "waiting", "safe", "stopped", "stopping"]
 """starting: not ready yet; waiting: for a peer; safe: the arm has no voltage because commands stay away; stopped: a
 safe stop is in force."""
 
+REMEMBERED: Final = 20
+"""Events of a run that its supervisor remembers."""
+
 
 class Latency(msgspec.Struct, frozen=True):
     """From a published sample to its command, over the run, ms; trend is the slope of the medians of its minutes."""
@@ -278,7 +281,7 @@ class ServiceSummary(msgspec.Struct, frozen=True):
 
 class Summary(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     """A running cell at a glance: its services by name, what the emulator says of itself, what the monitor thinks of
-    the arm in words, "" before it thinks anything, and the last event."""
+    the arm in words, "" before it thinks anything, the last event, and the last ones, oldest first."""
 
     services: dict[Word, ServiceSummary]
     ticks: Count = 0
@@ -288,6 +291,7 @@ class Summary(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     boxes: BoxCounts | None = None
     verdict: Line = ""
     last_event: Event | None = None
+    events: Annotated[tuple[Event, ...], msgspec.Meta(max_length=REMEMBERED)] = ()
 
 
 class SummaryRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

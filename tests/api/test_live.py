@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 import dtwin
+from dtwin.cli import main
 from tests.support.desk import Desk, new_desk
 from tests.support.waiting import until
 
@@ -63,6 +64,19 @@ def test_an_upload_is_in_force_with_its_reason(cell: dtwin.LiveCell) -> None:
         cell.upload(why="nothing")
     with pytest.raises(dtwin.DtwinError, match="version"):
         cell.upload(target_time=1.8, based_on=before.version)
+
+
+def test_a_fault_is_injected_now_and_told_to_who_comes_later(
+    cell: dtwin.LiveCell, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["fault", "inject", "D2*=1.01"]) == 0
+    assert "injected D2*=1.01@" in capsys.readouterr().out
+    with pytest.raises(dtwin.DtwinError, match="fault 'D9@': expected"):
+        cell.inject("D9@")
+    until(lambda: any("D2*=1.01" in event.text for event in cell.summary().events), "the fault has begun")
+    passed = len(cell.summary().events)
+    assert main(["watch", "events", "--count", str(passed)]) == 0
+    assert "D2*=1.01" in capsys.readouterr().out
 
 
 def test_a_stop_lasts_until_its_release(cell: dtwin.LiveCell) -> None:

@@ -13,7 +13,7 @@ import msgspec
 import tyro
 
 from dtwin.bus.codec import SIZE_LIMIT, MessageError, Reader, encode
-from dtwin.bus.messages import TOPICS
+from dtwin.bus.messages import EVENTS, SUMMARY, TOPICS, Summary
 from dtwin.errors import ParameterError
 from dtwin.services.runfile import join
 from dtwin.terminal import printable
@@ -23,7 +23,8 @@ from dtwin.terminal import printable
 class WatchCommand:
     """Print what is published under a key of a cell, one message a line, until Ctrl-C.
 
-    Valid messages are printed as they were understood, others with what is wrong with them.
+    Valid messages are printed as they were understood, others with what is wrong with them. `watch events` begins with
+    the last ones that have passed.
     """
 
     key: tyro.conf.Positional[str] = "**"
@@ -43,6 +44,11 @@ class WatchCommand:
         inbox: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
         with join(self.cell, self.zenoh) as bus:
             bus.watch_raw(self.key, lambda key, payload: inbox.put((key, payload)))
+            if self.key == EVENTS.name:
+                # Asked for once they are received: what passes meanwhile comes twice rather than never.
+                past = bus.ask(SUMMARY, None, Summary).events
+                for event in past:
+                    inbox.put((bus.key(EVENTS), encode(event)))
             printed = 0
             while not self.count or printed < self.count:
                 try:
