@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
-import msgspec
-
 from dtwin.api.arguments import AnyPath, Texts, checked, texts
 from dtwin.api.run import Run, log_of
-from dtwin.errors import IdentificationError
+from dtwin.errors import DtwinError, IdentificationError
 from dtwin.identification.data import Experiment, from_log
 from dtwin.identification.estimation.estimate import NINETY_FIVE, Estimate, EstimationSettings, Loss
 from dtwin.identification.estimation.estimate import identify as estimated
@@ -22,6 +20,7 @@ from dtwin.identification.parsing import settings_for
 from dtwin.identification.result import from_estimate
 from dtwin.logs.log import Log
 from dtwin.parameters import ArmParameters, load_arm
+from dtwin.run.settings import arm_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -194,7 +193,9 @@ def fitted(data: Measured, settings: EstimationSettings, friction: FrictionChoic
 
 def _truth(log: Log) -> ArmParameters | None:
     """The arm an emulated run was made with, if its log says so."""
+    if "arm" not in log.metadata:
+        return None
     try:
-        return msgspec.convert(log.metadata["arm"], ArmParameters)
-    except (KeyError, msgspec.ValidationError):
+        return arm_of(log.metadata)
+    except DtwinError:
         return None

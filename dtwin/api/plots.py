@@ -10,7 +10,7 @@ import numpy as np
 from dtwin.logs.log import Log
 from dtwin.monitoring.offline import Trace
 from dtwin.parameters import VOLTAGE_LIMIT
-from dtwin.pictures import COLOURS, DARK, RED, new_figure
+from dtwin.pictures import COLOURS, DARK, RED, legend, new_figure
 from dtwin.signals import Event, EventKind
 
 if TYPE_CHECKING:
@@ -91,5 +91,5 @@ def _finish(axes: tuple[Axes, ...], events: Iterable[Event]) -> None:
             )
     for axis in axes:
         axis.grid(alpha=0.3)
-        axis.legend(loc="upper right", fontsize=8, ncols=3)
+        legend(axis)
     axes[-1].set_xlabel("time, s")

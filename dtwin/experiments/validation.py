@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dtwin.emulation.plant import Plant
 from dtwin.parameters import HANGING, HOME, PHYSICS_STEP, ArmParameters, Triple, scaled
-from dtwin.pictures import COLOURS, new_figure, save
+from dtwin.pictures import COLOURS, legend, new_figure, save
 from dtwin.twin.rollout import rollout
 
 Array = NDArray[np.float64]
@@ -217,6 +217,6 @@ def draw(outcomes: Sequence[ValidationOutcome], path: Path) -> None:
         axis.set_title(f"{outcome.case.name}: {difference}{rounding}", fontsize=10)
         axis.set_ylabel("rad")
         axis.grid(alpha=0.3)
-    axes[0].legend(ncols=3, fontsize=8, loc="upper right")
+    legend(axes[0])
     axes[-1].set_xlabel("time, s")
     save(figure, path)

@@ -10,7 +10,7 @@ from dtwin.identification.data import Array
 from dtwin.identification.estimation.estimate import NINETY_FIVE, Estimate
 from dtwin.identification.held_out import Comparison
 from dtwin.parameters import PERIOD, ArmParameters
-from dtwin.pictures import COLOURS, DARK, RED, new_figure
+from dtwin.pictures import COLOURS, DARK, RED, legend, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,7 +60,7 @@ def _motion(axis: Axes, joint: int, old: Comparison, new: Comparison) -> None:
             label=label,
         )
     axis.set_ylabel(f"theta {joint + 1}, rad")
-    axis.legend(fontsize=8)
+    legend(axis)
     axis.grid(alpha=0.3)
     if joint == 0:
         axis.set_title("motion the model was not fitted to", fontsize=10)
@@ -80,8 +80,8 @@ def _intervals(axis: Axes, estimate: Estimate, names: list[str], truth: ArmParam
     )
     axis.axhline(0, color=DARK, lw=1)
     axis.set_xticks(position, names)
-    axis.set_ylabel("%")
-    axis.set_title(f"estimate and 95 % interval, from {'the truth' if truth else 'the start'}", fontsize=10)
+    axis.set_ylabel(f"% from the {'truth' if truth else 'data sheet'}")
+    axis.set_title("estimates with 95 % intervals", fontsize=10)
     axis.grid(alpha=0.3)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from dtwin.pictures import COLOURS, DARK, new_figure, save
+from dtwin.pictures import COLOURS, DARK, legend, new_figure, save
 from dtwin.simulation.optimise import Optimum
 
 _LABELS: Final = {
@@ -39,5 +39,5 @@ def draw_front(found: Optimum, path: Path) -> None:
         axis.set_xlabel(_LABELS[first])
         axis.set_ylabel(_LABELS[second])
         axis.grid(alpha=0.3)
-        axis.legend(fontsize=8)
+        legend(axis)
     save(figure, path)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT
-from dtwin.pictures import COLOURS, DARK, new_figure, save
+from dtwin.pictures import COLOURS, DARK, legend, new_figure, save
 from dtwin.simulation.measured import MotionComparison
 from dtwin.simulation.whatif import Outcome
 
@@ -47,7 +47,7 @@ def draw_motions(outcomes: Mapping[str, Outcome], path: Path, comparison: Motion
             axis.grid(alpha=0.3)
     for axis, label in zip(axes[:, 0], ("angle, rad", "path minus angle, rad", "voltage, V"), strict=True):
         axis.set_ylabel(label)
-    axes[0, 0].legend(fontsize=8)
+    legend(axes[0, -1])
     save(figure, path)
 
 

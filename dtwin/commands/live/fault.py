@@ -16,8 +16,8 @@ class FaultInject:
     """Let a fault happen to the emulated arm of a running cell."""
 
     fault: tyro.conf.Positional[str]
-    """TARGET OP VALUE [@ START[-END]], e.g. K2*=0.1 or freeze3@30-40; without a start, or with one that has passed, it
-    begins now."""
+    """TARGET OP VALUE [@ START[-END]], e.g. K2*=0.1 or freeze3@30-40; without a start, or with one that has passed,
+    it begins now."""
     cell: str = "cell"
     """Name of the cell."""
     zenoh: Path | None = None

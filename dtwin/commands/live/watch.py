@@ -23,8 +23,8 @@ from dtwin.terminal import printable
 class WatchCommand:
     """Print what is published under a key of a cell, one message a line, until Ctrl-C.
 
-    Valid messages are printed as they were understood, others with what is wrong with them. `watch events` begins with
-    the last ones that have passed.
+    Valid messages are printed as they were understood, others with what is wrong with them. `watch events` begins
+    with the last ones that have passed.
     """
 
     key: tyro.conf.Positional[str] = "**"

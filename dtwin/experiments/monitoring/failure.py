@@ -14,7 +14,7 @@ from dtwin.experiments.monitoring.numbers import number, percent
 from dtwin.experiments.monitoring.scorecard import summary
 from dtwin.experiments.monitoring.trial import METHODS, FaultOutcome, FaultTrial, Method, run_trial
 from dtwin.experiments.report import Picture, Report, page, table
-from dtwin.pictures import new_figure
+from dtwin.pictures import legend, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -117,5 +117,5 @@ def _chart(outcomes: Sequence[FaultOutcome]) -> Figure:
     axis.set_xscale("log")
     axis.set(xlabel="time since K2 dropped to 10 %, s", ylabel="runs detected, %", ylim=(0, 103))
     axis.grid(alpha=0.3)
-    axis.legend()
+    legend(axis)
     return figure

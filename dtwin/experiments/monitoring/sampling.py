@@ -20,7 +20,7 @@ from dtwin.experiments.report import Picture, Report, page, table
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
-from dtwin.pictures import new_figure
+from dtwin.pictures import legend, new_figure
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
 
@@ -146,7 +146,7 @@ def _chart(speeds: Sequence[Speed]) -> Figure:
             latency.plot(s.sample_time, s.latency_s or math.nan, "k*", ms=10)
     share.set(xlabel="sample time, s", ylabel="of a core, %", xscale="log", yscale="log")
     latency.set(xlabel="sample time, s", ylabel="K2 to 10 % found after, s", xscale="log", yscale="log")
-    share.legend(fontsize=8)
+    legend(share)
     for axis in (share, latency):
         axis.grid(alpha=0.3)
     return figure

@@ -23,7 +23,7 @@ from dtwin.experiments.report import Picture, Report, page, table
 from dtwin.monitoring.kinds import arm_state
 from dtwin.monitoring.monitor import Monitor
 from dtwin.parameters import PERIOD, Triple
-from dtwin.pictures import new_figure
+from dtwin.pictures import legend, new_figure
 from dtwin.run.loop import run, tick_count
 from dtwin.signals import ARM_STATES, STOPS, StepRecord, Stop
 
@@ -244,7 +244,7 @@ def _chart(outcomes: Sequence[StopOutcome]) -> Figure:
         axis.set_xscale("log")
         axis.set(xlabel="s", title=title)
         axis.grid(alpha=0.3)
-        axis.legend()
+        legend(axis)
     left.set_yticks(range(len(faults)), faults)
     left.invert_yaxis()
     return figure

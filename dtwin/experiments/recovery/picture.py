@@ -10,7 +10,7 @@ import numpy as np
 
 from dtwin.experiments.recovery.demonstration import LIMIT
 from dtwin.experiments.recovery.outcome import Recovery, fault_text
-from dtwin.pictures import COLOURS, RED, new_figure, save
+from dtwin.pictures import COLOURS, RED, legend, new_figure, save
 
 _COLOURS: Final = {
     "cell": RED,
@@ -49,6 +49,6 @@ def draw(run: Recovery, path: Path) -> None:
     above.set_title(f"seed {run.seed}: {fault_text(run)}")
     below.set_xlabel("time since the fault, s")
     below.set_ylabel("distance from the path, mrad")
-    below.legend(loc="upper left", fontsize=8)
+    legend(below)
     below.grid(alpha=0.3)
     save(figure, path)

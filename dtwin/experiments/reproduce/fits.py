@@ -18,7 +18,7 @@ from dtwin.identification.estimation.estimate import Estimate, EstimationSetting
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.parameters import PERIOD, ArmParameters
-from dtwin.pictures import COLOURS, DARK, new_figure
+from dtwin.pictures import COLOURS, DARK, legend, new_figure
 
 DIFFERENCE: Final = np.array([-49 / 20, 6, -15 / 2, 20 / 3, -15 / 4, 6 / 5, -1 / 6])
 """The sixth-order forward difference by which the thesis estimates the speeds at the first sample, times PERIOD."""
@@ -112,7 +112,7 @@ def _tell(numbers: Mapping[str, Any]) -> Chapter:
     for joint in range(3):
         grid[0, joint].set_title(f"link {joint + 1}", fontsize=10)
         grid[-1, joint].set_xlabel("time, s")
-    grid[0, 0].legend(fontsize=8)
+    legend(grid[0, -1])
     bars = new_figure(13, 5)
     for axis, name in zip(bars.subplots(1, 2, sharey=True), ("5.6", "5.9"), strict=True):
         errors = numbers[name]["thesis"]["error"]

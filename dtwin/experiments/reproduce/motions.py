@@ -20,7 +20,7 @@ from dtwin.identification.estimation.estimate import identify
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.parameters import PERIOD
-from dtwin.pictures import COLOURS, DARK, RED, new_figure
+from dtwin.pictures import COLOURS, DARK, RED, legend, new_figure
 
 _WAYS: Final = {"thesis": "18 parameters, as in the thesis", "ours": "12 parameters and offsets"}
 
@@ -74,7 +74,7 @@ def _tell_accuracy(numbers: Mapping[str, Any]) -> Chapter:
         axis.set(xlabel="target time, s", title=words)
         axis.grid(alpha=0.3)
     figure.axes[0].set_ylabel("smallest fit")
-    figure.axes[0].legend(fontsize=8)
+    legend(figure.axes[0])
     motion = new_figure(9, 4)
     axis = motion.subplots()
     time, one, other, path = numbers["curves"]
@@ -83,7 +83,7 @@ def _tell_accuracy(numbers: Mapping[str, Any]) -> Chapter:
     axis.plot(time, path, color=COLOURS[1], lw=1.0, ls=":", label="path")
     axis.set(xlabel="time, s", ylabel="angle of link 1, rad")
     axis.grid(alpha=0.3)
-    axis.legend(fontsize=8)
+    legend(axis)
     return Chapter(
         "Arm and twin move from the pickup point to red under the same function blocks, whose controller has the "
         "identified model; they are compared until both have settled (2 % of the way, links slower than 0.01 "
@@ -148,7 +148,7 @@ def _tell_upload(numbers: Mapping[str, Any]) -> Chapter:
     axis.axvline(MODEL_AT, color=COLOURS[2], ls="--", lw=1.2)
     axis.set(xlabel="time, s", ylabel="angle, path dotted, rad")
     axis.grid(alpha=0.3)
-    axis.legend(fontsize=8)
+    legend(axis)
     waited = ", ".join(f"{1e3 * seconds:.0f}" for seconds in numbers["acknowledged"])
     return Chapter(
         "180 s of work that begin with zero gains and a poor model; gains are uploaded at 60 s, an identified "

@@ -25,7 +25,7 @@ from dtwin.identification.estimation.problem import START
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, symbol_of
-from dtwin.pictures import COLOURS, new_figure
+from dtwin.pictures import COLOURS, legend, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -153,7 +153,7 @@ def _bars(numbers: Mapping[str, Any], labels: Mapping[str, str], what: str, axis
         axis.set_title(_NAMES[way], fontsize=10)
         axis.set_ylabel(axis_label)
         axis.grid(alpha=0.3, axis="y")
-    figure.axes[0].legend(fontsize=8, ncols=len(labels))
+    legend(figure.axes[0])
     return figure
 
 
@@ -319,7 +319,7 @@ def _tell_friction(numbers: Mapping[str, Any]) -> Chapter:
     errors.set_xticks(range(18), EIGHTEEN)
     errors.set_yscale("log")
     errors.set_ylabel("mean error, %")
-    errors.legend(fontsize=8)
+    legend(errors)
     friction.set_xticks(range(3), list(COULOMB))
     friction.set_ylabel("Coulomb friction found, mN m")
     return Chapter(

@@ -9,7 +9,7 @@ from dtwin.campaign.spread import Progress
 from dtwin.experiments.report import Picture
 from dtwin.experiments.reproduce.chapter import Chapter, Line, Part, Scope, curve
 from dtwin.experiments.validation import ValidationOutcome, cases, validate
-from dtwin.pictures import COLOURS, new_figure
+from dtwin.pictures import COLOURS, legend, new_figure
 
 _FIGURES = {"drop": "4.7", "masses x 1.5": "4.8", "inertias x 2": "4.9", "upright": "4.10"}
 
@@ -72,7 +72,7 @@ def _tell(numbers: Mapping[str, Any]) -> Chapter:
         axis.set_title(f"{number}: {name}", fontsize=10)
         axis.set_ylabel("angle, rad")
         axis.grid(alpha=0.3)
-    axes[0].legend(ncols=3, fontsize=8)
+    legend(axes[0])
     axes[-1].set_xlabel("time, s")
     apart = max(numbers[name]["difference"] for name in numbers)
     return Chapter(

@@ -19,7 +19,7 @@ from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.thesis import ABSOLUTE, IN_A_ROW, ThesisMonitor, ThesisSettings
 from dtwin.parameters import PERIOD, ArmParameters
-from dtwin.pictures import COLOURS, DARK, RED, new_figure
+from dtwin.pictures import COLOURS, DARK, RED, legend, new_figure
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
 
@@ -101,7 +101,7 @@ def _tell_limits(numbers: Mapping[str, Any]) -> Chapter:
         axis.set_title(f"step {1e3 * step:g} ms, sample time {1e3 * sample_time:g} ms", fontsize=10)
         axis.set(xlabel="time, s", ylabel="angle of link 1, rad")
         axis.grid(alpha=0.3)
-    figure.axes[0].legend(fontsize=8)
+    legend(figure.axes[0])
     return Chapter(
         "The thesis's monitor simulates the healthy arm beside the measured one, with its own steps and sample "
         "times; the arm is healthy and the model true. Sample times are tried with steps of 5 ms, steps with "
@@ -171,7 +171,7 @@ def _tell_failure(numbers: Mapping[str, Any]) -> Chapter:
             axis.axvline(shown, color=COLOURS[2], ls="--", lw=1.2)
         axis.set_ylabel(f"link {joint + 1}, rad")
         axis.grid(alpha=0.3)
-    figure.axes[0].legend(fontsize=8)
+    legend(figure.axes[0])
     figure.axes[-1].set_xlabel("time, s")
     detected = "not detected in this run" if shown is None else f"detected at {shown:.1f} s (green)"
     return Chapter(

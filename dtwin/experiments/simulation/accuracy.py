@@ -24,7 +24,7 @@ from dtwin.identification.excitation.design import optimise
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.parameters import PERIOD, PICKUP, ArmParameters, Triple
-from dtwin.pictures import COLOURS, DARK, new_figure
+from dtwin.pictures import COLOURS, DARK, legend, new_figure
 from dtwin.simulation.figures import fit
 from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
 
@@ -221,7 +221,7 @@ def _fits(runs: Sequence[Sequence[Pair]]) -> Figure:
         axis.set_xlabel("target time, s")
         axis.grid(alpha=0.3)
     figure.axes[0].set_ylabel(f"smallest fit of {len(runs)} models")
-    figure.axes[0].legend()
+    legend(figure.axes[0])
     return figure
 
 
@@ -241,5 +241,5 @@ def _motion(pair: Pair) -> Figure:
         axis.grid(alpha=0.3)
     axes[0, 0].set_ylabel("angle, rad")
     axes[1, 0].set_ylabel("arm minus twin, mrad")
-    axes[0, 0].legend(fontsize=8)
+    legend(axes[0, -1])
     return figure

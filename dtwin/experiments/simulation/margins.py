@@ -13,7 +13,7 @@ from dtwin.controller.settings import USUAL_GAINS, ControlSettings
 from dtwin.experiments.report import Picture, Report, page, table
 from dtwin.experiments.simulation.injected import frequency, measured_sensitivity
 from dtwin.parameters import PERIOD, ArmParameters, Law
-from dtwin.pictures import COLOURS, RED, new_figure
+from dtwin.pictures import COLOURS, RED, legend, new_figure
 from dtwin.simulation.margins.demands import MARGINS, Case, cases
 from dtwin.simulation.margins.design import LATE, NOISE, RESERVE, Candidate, best_of, design
 from dtwin.simulation.margins.loop import ComplexArray, linear_loop
@@ -175,5 +175,5 @@ def _chart(study: MarginStudy) -> Figure:
     axes[0, 0].set_ylabel("|L|, the other motors in closed loop")
     axes[1, 0].set_ylabel("|S| = 1 / |1 + L|")
     axes[0, 0].set_ylim(1e-2, 1e3)
-    axes[0, 0].legend()
+    legend(axes[0, -1])
     return figure

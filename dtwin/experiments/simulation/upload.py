@@ -18,7 +18,7 @@ from dtwin.experiments.report import Picture, Report, page, table
 from dtwin.identification.estimation.problem import START
 from dtwin.logs.log import Log
 from dtwin.parameters import PERIOD, ArmParameters, Gains, Triple
-from dtwin.pictures import COLOURS, RED, new_figure
+from dtwin.pictures import COLOURS, RED, legend, new_figure
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.signals import BoxCounts
@@ -188,5 +188,5 @@ def _chart(log: Log) -> Figure:
     for axis, label in ((angle, "angle and path, rad"), (error, "distance from path, rad"), (volts, "voltage, V")):
         axis.set_ylabel(label)
     volts.set_xlabel("time, s")
-    angle.legend(fontsize=8)
+    legend(angle)
     return figure
