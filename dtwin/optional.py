@@ -13,6 +13,7 @@ from tyro.constructors import (
     PrimitiveConstructorSpec,
     PrimitiveTypeInfo,
     StructConstructorSpec,
+    StructFieldSpec,
     StructTypeInfo,
 )
 
@@ -44,6 +45,11 @@ def _optional(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
     )
 
 
+def _without_default(field: StructFieldSpec) -> StructFieldSpec:
+    silent: Any = Annotated[field.type, arg(help_behavior_hint="")]
+    return replace(field, type=silent)
+
+
 @registry.struct_rule
 def _as_shown(info: StructTypeInfo) -> StructConstructorSpec | None:
     """Options in the order in which people read them, without a word about a default where there is none.
@@ -55,8 +61,7 @@ def _as_shown(info: StructTypeInfo) -> StructConstructorSpec | None:
     found = ConstructorRegistry.get_struct_spec(replace(info, markers=(*info.markers, _SEEN)))
     if not isinstance(found, StructConstructorSpec):
         return None
-    silent = arg(help_behavior_hint="")
-    shown = [replace(f, type=Annotated[f.type, silent]) if f.default is None else f for f in found.fields]
+    shown = [_without_default(field) if field.default is None else field for field in found.fields]
     bases = list(enumerate(getattr(info.type, "__mro__", ())))
     place = {name: rank for rank, base in reversed(bases) for name in get_annotations(base)}
     return replace(found, fields=tuple(sorted(shown, key=lambda field: place.get(field.name, 0))))

@@ -160,7 +160,7 @@ class LiveCell:
         Raises:
             CommunicationError: the fault cannot be read or is one too many, or nobody answers.
         """
-        return self.bus.ask(FAULT, FaultRequest([fault if "@" in fault else f"{fault}@0"]), Done)
+        return self.bus.ask(FAULT, FaultRequest((fault if "@" in fault else f"{fault}@0",)), Done)
 
     @checked
     def release(self, why: str = _WHY, *, who: str | None = None) -> StopState:

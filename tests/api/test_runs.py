@@ -74,6 +74,24 @@ def test_a_picture_shows_angles_paths_voltages_and_every_event(run: dtwin.Run) -
     assert {f"joint {joint}" for joint in (1, 2, 3)} <= {line.get_label() for line in volts.lines}
 
 
+def test_no_legend_covers_a_curve(run: dtwin.Run) -> None:
+    figure = run.plot()
+    figure.canvas.draw()
+    for axis in figure.axes:
+        legend = axis.get_legend()
+        assert legend is not None
+        assert legend.get_window_extent().x0 > axis.get_window_extent().x1
+
+
+def test_an_estimate_is_compared_with_the_machine_that_was_measured() -> None:
+    run = dtwin.Cell(machine="weak-motor", seed=1).run(20)
+    found = dtwin.identify(run, free="K2")
+    assert found.truth == run.arm
+    assert found.truth is not None
+    assert found.truth.get("K2") == pytest.approx(0.9 * dtwin.ArmParameters().get("K2"))
+    assert found.plot().axes[3].get_ylabel() == "% from the truth"
+
+
 def test_a_saved_run_comes_back(run: dtwin.Run, tmp_path: Path) -> None:
     path = tmp_path / "run.parquet"
     run.save(path)
