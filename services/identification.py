@@ -46,6 +46,7 @@ from dtwin.identification.model import IdentifiedModel, read_model
 from dtwin.identification.operating_data import PIECES, OperatingData
 from dtwin.identification.store import STORE, ModelStore
 from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.run.options import CellFileOption
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors, Voltages
 
@@ -66,7 +67,7 @@ PROGRESS: Final = 50
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options(Link):
+class Options(CellFileOption, Link):
     """Identify the arm of a running cell when an operator asks."""
 
     store: Path = STORE
@@ -77,15 +78,16 @@ class Options(Link):
     def run(self) -> int:
         known = None if self.model is None else read_model(self.model)
         with Service(NAME, self) as service:
-            Identification(service, ModelStore(self.store), known).run()
+            Identification(service, ModelStore(self.store), known, self.task().boxes.middle).run()
         return 0
 
 
 class Identification:
     """One identification after another, each from request to decision."""
 
-    def __init__(self, service: Service, store: ModelStore, known: IdentifiedModel | None) -> None:
+    def __init__(self, service: Service, store: ModelStore, known: IdentifiedModel | None, usual_box: float) -> None:
         self._service = service
+        self._usual_box = usual_box
         self._store = store
         self._known = ArmParameters() if known is None else known.arm
         self._errors = {} if known is None else known.standard_errors
@@ -200,7 +202,7 @@ class Identification:
         bus = self._service.bus
         signal = bus.ask(SIGNAL, None, IdentificationSignal)
         excitation = Excitation(signal.amplitude, signal.unit, signal.delay)
-        self._collector = SignalCollector(excitation, signal.samples, request.box_mass)
+        self._collector = SignalCollector(excitation, signal.samples, self._box_mass(request))
         self._deadline = time.monotonic() + signal.samples * PERIOD + PATIENCE
         bus.ask(SIGNAL, SignalRequest(True), IdentificationSignal)
         self._enter(IdentificationState("measuring", "the arm is excited", 0, signal.samples))
@@ -264,10 +266,13 @@ class Identification:
             )
         )
 
+    def _box_mass(self, request: IdentificationRequest) -> float:
+        return self._usual_box if request.box_mass is None else request.box_mass
+
     def _warning(self, experiment: Experiment) -> str:
         if not experiment.payload.any():
             return ""
-        return f" A box was held and taken for {self._request.box_mass:g} kg; c and I are as wrong as that."
+        return f" A box was held and taken for {self._box_mass(self._request):g} kg; c and I are as wrong as that."
 
     def _enter(self, state: IdentificationState) -> None:
         if state.phase != self._phase:

@@ -203,7 +203,7 @@ class CellOptions(PlantOptions, ControlOptions):
         programs.append(_service("bridge", [*link, *bridge]))
         model = ["--model", str(self.model_file())] if self.model else []
         if self.identification:
-            programs.append(_service("identification", [*link, *model, "--store", str(self.store.resolve())]))
+            programs.append(_service("identification", [*link, *cell, *model, "--store", str(self.store.resolve())]))
         record = ["--commissioned", str(self.commissioned.resolve())] if self.commissioned else []
         if self.monitoring:
             stop = ["--safe-stop"] if self.safe_stop else []

@@ -275,7 +275,8 @@ class Simulation:
             arm = asked.arm or self._arm or settings.model
             check_bounds(settings)
             check_model(arm)
-            found = self._checker.expect(settings, arm, asked.box, asked.late)
+            box = self._checker.task.boxes.middle if asked.box is None else asked.box
+            found = self._checker.expect(settings, arm, box, asked.late)
             version = uploader.version
         return Predicted(
             version,

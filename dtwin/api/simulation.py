@@ -23,7 +23,7 @@ from dtwin.identification.store import STORE
 from dtwin.parameters import ArmParameters, Gains, Law, Triple, assignment
 from dtwin.run.cell_file import cell_of
 from dtwin.simulation import optimise as search
-from dtwin.simulation.checks import MOTIONS, Motion
+from dtwin.simulation.checks import Motion, motions_of
 from dtwin.simulation.objective import Limits, Objective, possible_arms, scenarios_for
 from dtwin.simulation.places import angles_of, parse_goal, parse_start
 from dtwin.simulation.proposal import controllable
@@ -140,7 +140,7 @@ def optimise(
     model: Identified | str | Path | None = None,
     store: AnyPath = STORE,
     arms: int = 2,
-    box: tuple[float, float] = (0.19, 0.21),
+    box: tuple[float, float] | None = None,
     noise: float = 0.001,
     saturated: float = _LIMITS.saturated,
     overshoot: float = _LIMITS.overshoot,
@@ -150,6 +150,7 @@ def optimise(
     workers: int | None = 1,
     scheduler: str | None = None,
     seed: int = 0,
+    cell_file: AnyPath | None = None,
     between: Callable[[int, float], None] = lambda done, best: None,
 ) -> search.Optimum:
     """Searches gains and target time of least cost on the twin, under limits, as `dtwin optimise` does.
@@ -164,7 +165,7 @@ def optimise(
         model: identified model, whose covariance says what arms are possible; None for the data sheet's arm alone.
         store: folder of the kept models.
         arms: number of possible arms, drawn from the covariance, that must keep the limits too.
-        box: least and largest mass of a carried box, kg.
+        box: least and largest mass of a carried box, kg; None for those of the cell.
         noise: standard deviation of the encoder noise, rad.
         saturated: largest share of the samples of a motion that may have a voltage at its limit.
         overshoot: largest distance that a joint may go beyond its target, rad.
@@ -175,6 +176,7 @@ def optimise(
             `if __name__ == "__main__"`.
         scheduler: address of a Dask scheduler whose workers share the work instead, such as `"tcp://127.0.0.1:8786"`.
         seed: number of the random generator of the search; equal numbers give equal settings.
+        cell_file: cell whose motions count, a file or a name of the folder cells; None for the usual one.
         between: called after every generation with the number of candidates judged and the least cost.
 
     Raises:
@@ -183,15 +185,14 @@ def optimise(
     """
     found = None if model is None else model_of(model, store)
     objective = objective_of(
-        ControlSettings(in_use, gains or usual_gains(law), law, payload=(box[0] + box[1]) / 2),
+        ControlSettings(in_use, gains or usual_gains(law), law),
         cost or {"time": 1.0},
         texts(motion),
+        DEFAULT_TASK if cell_file is None else cell_of(str(cell_file)).task,
         box,
         noise,
         Limits(saturated, overshoot, tracking, voltage),
-        found,
-        arms,
-        seed,
+        judging_arms(found, arms, seed),
     )
     return search.optimise(
         objective,
@@ -235,31 +236,52 @@ def objective_of(
     base: ControlSettings,
     cost: Mapping[str, float],
     motions: tuple[str, ...],
-    box: tuple[float, float],
+    task: Task,
+    box: tuple[float, float] | None,
     noise: float,
     limits: Limits,
-    model: IdentifiedModel | None,
-    arms: int,
-    seed: int,
+    arms: tuple[ArmParameters, ...],
 ) -> Objective:
-    """What a search minimises: settings in use, terms and weights, motions FROM:TO, boxes (kg), noise (rad), limits,
-    the arm that is expected, and how many other possible ones of it.
+    """What a search minimises.
+
+    Args:
+        base: settings in use, whose model and mass of a box follow from the other arguments.
+        cost: weights of the terms by name.
+        motions: motions FROM:TO that count; none for all of the task.
+        task: task of the cell.
+        box: least and largest mass of a box, kg; None for those of the task.
+        noise: standard deviation of the encoder noise, rad.
+        limits: limits to keep.
+        arms: the arm that is expected, and others that must keep the limits.
 
     Raises:
         ParameterError: a motion, weight or mass is wrong.
     """
-    arm = ArmParameters() if model is None else model.arm
-    others: tuple[ArmParameters, ...] = ()
-    if model is not None:
-        matrix = np.array(model.covariance.matrix)
-        others = possible_arms(model.arm, model.covariance.names, matrix, arms, np.random.default_rng(seed))
-    chosen = tuple(map(_motion, motions)) or MOTIONS
+    low, high = (task.boxes.lightest, task.boxes.heaviest) if box is None else box
+    arm, *others = arms
+    chosen = tuple(_motion(text, task) for text in motions) or motions_of(task)
     return Objective(
-        base=replace(base, model=arm),
-        scenarios=scenarios_for(chosen, arm, box, others, noise),
+        base=replace(base, model=arm, payload=(low + high) / 2),
+        scenarios=scenarios_for(chosen, arm, (low, high), others, noise),
         weights=dict(cost),
         limits=limits,
+        task=task,
     )
+
+
+def judging_arms(model: IdentifiedModel | None, count: int, seed: int) -> tuple[ArmParameters, ...]:
+    """The arm that a search expects, first, and so many other ones that are as possible.
+
+    Args:
+        model: identified model, whose covariance says what is possible; None for the data sheet's arm alone.
+        count: number of the other ones.
+        seed: number of their random generator.
+    """
+    if model is None:
+        return (ArmParameters(),)
+    matrix = np.array(model.covariance.matrix)
+    others = possible_arms(model.arm, model.covariance.names, matrix, count, np.random.default_rng(seed))
+    return (model.arm, *others)
 
 
 @functools.cache
@@ -274,9 +296,9 @@ def _arm(model: Model | None, store: AnyPath, otherwise: ArmParameters) -> ArmPa
     return model if isinstance(model, ArmParameters) else model_of(model, store).arm
 
 
-def _motion(text: str) -> Motion:
+def _motion(text: str, task: Task) -> Motion:
     start, colon, goal = text.partition(":")
     if not colon:
         raise ParameterError(f"--motion {text}: expected FROM:TO, e.g. pickup:red")
-    angles_of(start), angles_of(goal)
-    return Motion(start, goal, start == "pickup")
+    angles_of(start, task), angles_of(goal, task)
+    return Motion(start, goal, start == PICKUP_NAME and goal in task.colours)

@@ -28,7 +28,7 @@ class IdentificationRequest(msgspec.Struct, frozen=True, tag_field="schema", tag
     Attributes:
         free: what to estimate, as for `dtwin identify --free`. Without a known load nothing sets the scale of the
             forces: by default motor 1 does, by its data sheet.
-        box_mass: kg, taken for a box held meanwhile.
+        box_mass: kg, taken for a box held meanwhile; the middle of the cell's boxes when None.
         source: where the data come from: a signal that the blocks play, or motion of the empty arm as it passes,
             which takes the known model for all that is not free.
         since: plant time from which on the motion counts, s.
@@ -37,7 +37,7 @@ class IdentificationRequest(msgspec.Struct, frozen=True, tag_field="schema", tag
     """
 
     free: Line = "K2,K3,I,c,D"
-    box_mass: Kilograms = 0.2
+    box_mass: Kilograms | None = None
     source: DataSource = "signal"
     since: Seconds = 0.0
     anew: Line = ""
@@ -178,7 +178,7 @@ class PredictionRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCH
         target_time: s; the one in force when None.
         model: arm model of the controller; the one in force when None.
         arm: arm as the twin knows it; that of the cell's record, or the controller's model, when None.
-        box: kg, of a carried box.
+        box: kg, of a carried box; the middle of the cell's when None.
         payload: mass of a box that the controller assumes, kg; the one in force when None.
         late: ticks by which commands act later than they did.
     """
@@ -187,7 +187,7 @@ class PredictionRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCH
     target_time: float | None = None
     model: ArmParameters | None = None
     arm: ArmParameters | None = None
-    box: Kilograms = 0.2
+    box: Kilograms | None = None
     payload: Kilograms | None = None
     late: Ticks = 0.0
 

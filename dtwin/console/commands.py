@@ -68,7 +68,7 @@ class Start(Form, frozen=True):
     """A form that starts an identification, as in `IdentificationRequest`."""
 
     free: Line = IdentificationRequest().free
-    box_mass: Kilograms = IdentificationRequest().box_mass
+    box_mass: Kilograms | None = None
     source: DataSource = "signal"
     since: Seconds = 0.0
     anew: Line = ""

@@ -91,6 +91,7 @@ class Checker:
 
     Attributes:
         motions: motions of the cell.
+        task: task of the cell.
     """
 
     def __init__(
@@ -98,7 +99,7 @@ class Checker:
     ) -> None:
         self._via = via
         self._blocks = blocks
-        self._task = task
+        self.task = task
         self._effects = effects
         self.motions = motions_of(task)
         self._least = 1.0
@@ -106,15 +107,15 @@ class Checker:
 
     @cached_property
     def _simulator(self) -> Simulator:
-        return Simulator(self._blocks, self._task)
+        return Simulator(self._blocks, self.task)
 
     @cached_property
     def _between_bodies(self) -> Simulator:
-        return Simulator(self._blocks, self._task, via=True)
+        return Simulator(self._blocks, self.task, via=True)
 
     @cached_property
     def _legs(self) -> tuple[Leg, ...]:
-        return legs_of(self._task, self._between_bodies.controller.point) if self._via else ()
+        return legs_of(self.task, self._between_bodies.controller.point) if self._via else ()
 
     def load(self) -> None:
         """Loads the function blocks and the compiled twin, so that no check has to wait for them.
@@ -257,7 +258,7 @@ class Checker:
             DivergenceError: the state of the arm is no longer finite.
         """
         chosen, effects = self.motions if motions is None else motions, later(self._effects, late)
-        cases = (motion_case(motion, settings, arm, box, self._task, effects) for motion in chosen)
+        cases = (motion_case(motion, settings, arm, box, self.task, effects) for motion in chosen)
         return [self._simulator.run(case).figures for case in cases]
 
     def expect(
@@ -321,7 +322,7 @@ class Checker:
         begins = [(motion.start, motion.carries) for motion in motions]
         for place, carries in dict.fromkeys(ends + begins):
             payload = settings.payload if carries else 0.0
-            pose = Pose(place, angles_of(place, self._task))
+            pose = Pose(place, angles_of(place, self.task))
             after = lateness(effects)
             loop = linear_loop(self._simulator.controller, settings, arm, payload, pose.theta, after, effects)
             case = Case(pose, payload, margins(loop, demands.delay))

@@ -22,6 +22,7 @@ from dtwin.simulation.margins.demands import DEMANDS, demanded_margins
 from dtwin.simulation.margins.loop import linear_loop
 from dtwin.simulation.places import angles_of
 from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
+from dtwin.task import DEFAULT_TASK, Task
 
 TERMS: Final = ("time", "tracking", "energy", "voltage")
 """Terms of the cost: settling time (s), largest distance from the path (rad), energy (J) and peak voltage (V)."""
@@ -81,6 +82,7 @@ class Objective:
         limits: limits to keep.
         reference: terms of the settings in use, by which the terms are divided; empty for no division.
         blocks: folder of the function-block library.
+        task: task of the cell, whose places the motions join.
 
     Raises:
         ParameterError: a weight has an unknown name or is negative, no weight is above 0, or there is no scenario.
@@ -92,6 +94,7 @@ class Objective:
     limits: Limits = field(default_factory=Limits)
     reference: Mapping[str, float] = field(default_factory=dict)
     blocks: Path = BLOCKS
+    task: Task = DEFAULT_TASK
 
     def __post_init__(self) -> None:
         for name, weight in self.weights.items():
@@ -132,10 +135,10 @@ def score(objective: Objective, target_time: float, gains: Gains) -> CandidateSc
         ParameterError: the target time or a scenario is out of range.
     """
     settings = replace(objective.base, target_time=target_time, gains=gains)
-    simulator = _simulator(objective.blocks)
+    simulator, task = _simulator(objective.blocks, objective.task), objective.task
     demands = DEMANDS[settings.law]
     for scenario in _resting_points(objective.scenarios):
-        theta = angles_of(scenario.motion.goal)
+        theta = angles_of(scenario.motion.goal, task)
         loop = linear_loop(simulator.controller, settings, scenario.arm, scenario.payload, theta)
         found_there = demanded_margins(loop, demands)
         short = demands.shortfall(found_there)
@@ -143,7 +146,7 @@ def score(objective: Objective, target_time: float, gains: Gains) -> CandidateSc
             excess = found_there.spectral_radius if not short.share else 1.0 - short.share
             return CandidateScore(target_time, gains, {}, short.name, UNUSABLE * (_UNSTABLE + excess), 0)
     found: list[tuple[Scenario, Figures]] = []
-    outcomes = simulator.run_all([_case(scenario, settings) for scenario in objective.scenarios])
+    outcomes = simulator.run_all([_case(scenario, settings, task) for scenario in objective.scenarios])
     for done, scenario in enumerate(objective.scenarios, 1):
         try:
             outcome = _judged(next(outcomes), objective.limits)
@@ -217,17 +220,17 @@ def possible_arms(
 
 
 @functools.cache
-def _simulator(blocks: Path) -> Simulator:
+def _simulator(blocks: Path, task: Task) -> Simulator:
     """The simulator of this process, made once: making the blocks takes longer than using them."""
-    return Simulator(blocks)
+    return Simulator(blocks, task)
 
 
-def _case(scenario: Scenario, settings: ControlSettings) -> MotionCase:
+def _case(scenario: Scenario, settings: ControlSettings, task: Task) -> MotionCase:
     motion = scenario.motion
     return MotionCase(
         motion.goal,
         settings,
-        angles_of(motion.start),
+        angles_of(motion.start, task),
         arm=scenario.arm,
         payload=scenario.payload,
         carries=motion.carries,

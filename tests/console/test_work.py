@@ -11,10 +11,14 @@ import numpy as np
 import pytest
 
 from dtwin.console.calculations.excited import find_signal
-from dtwin.console.calculations.tasks import Candidate, Recall, Simulate, Task, Work
+from dtwin.console.calculations.tasks import Candidate, Optimise, Recall, Simulate, Task, Work
 from dtwin.controller.settings import usual_gains
 from dtwin.errors import ParameterError
 from dtwin.parameters import ROOT
+from dtwin.run.cell_file import cell_of
+from dtwin.simulation.places import angles_of
+from dtwin.task import DEFAULT_TASK
+from dtwin.task import Task as CellTask
 
 
 def noise(samples: int) -> Any:
@@ -30,9 +34,9 @@ def test_the_last_signal_is_found_among_other_voltages() -> None:
         find_signal(np.concatenate([noise(300), np.zeros((100, 3))]))
 
 
-def done(task: Task, folder: Path, recordings: str = "") -> dict[str, Any]:
+def done(task: Task, folder: Path, recordings: str = "", cell: CellTask = DEFAULT_TASK) -> dict[str, Any]:
     """The last line that the process of a task says."""
-    work = msgspec.json.encode(Work(task, str(folder / "store"), recordings))
+    work = msgspec.json.encode(Work(task, str(folder / "store"), recordings, cell=cell))
     command = [sys.executable, "-m", "dtwin.console.calculations.work"]
     ended = subprocess.run(command, input=work + b"\n", cwd=ROOT, capture_output=True, timeout=120)
     assert ended.returncode == 0, ended.stderr.decode()
@@ -47,6 +51,18 @@ def test_a_motion_is_simulated_with_every_candidate(tmp_path: Path) -> None:
     assert motions[0]["figures"]["settling_time"] < motions[1]["figures"]["settling_time"]
     assert len(motions[0]["theta"]) == 3
     assert len(motions[0]["theta"][0]) == len(motions[0]["time"])
+
+
+def test_the_places_and_boxes_are_those_of_the_cell(tmp_path: Path) -> None:
+    cell, gains = cell_of("four-colours").task, usual_gains("cascade")
+    candidate = Candidate("one", gains, 2.0)
+    [motion] = done(Simulate("pickup", "yellow", (candidate,)), tmp_path, cell=cell)["result"]["motions"]
+    ends = [path[-1] for path in motion["path"]]
+    assert ends == pytest.approx(angles_of("yellow", cell), abs=1e-4)
+    refused = done(Simulate("pickup", "blue", (candidate,)), tmp_path, cell=cell)["error"]
+    assert refused == "unknown place 'blue': expected pickup, yellow, red, violet, green, home or hanging"
+    found = done(Optimise(gains, 2.0, 2.0, 2.0, 80), tmp_path, cell=cell)["result"]
+    assert found["judged"] == 80
 
 
 def test_what_is_wrong_is_said_in_a_line(tmp_path: Path) -> None:

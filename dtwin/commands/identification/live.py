@@ -34,8 +34,8 @@ class IdentifyLive:
 
     free: str = IdentificationRequest().free
     """What to estimate; without a known load something must set the scale of the forces: by default K1."""
-    box_mass: float = IdentificationRequest().box_mass
-    """Mass that a box in the gripper is taken to have, kg."""
+    box_mass: float | None = None
+    """Mass that a box in the gripper is taken to have, kg; the middle of the cell's boxes if not given."""
     source: DataSource = "signal"
     """signal: the blocks excite the arm; motion: the arm goes on working, and its motions with an empty gripper tell
     what of the known model (dtwin up --model) has changed."""

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from dtwin.api.simulation import objective_of
+from dtwin.api.simulation import judging_arms, objective_of
 from dtwin.commands.frame import WorkforceOption
 from dtwin.controller.runtime import RuntimeOption
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
@@ -20,6 +20,7 @@ from dtwin.errors import ParameterError
 from dtwin.files import PICTURE, ensure_writable, replacing
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import Law, Triple
+from dtwin.run.options import CellFileOption
 from dtwin.simulation.objective import Limits, Objective
 from dtwin.simulation.optimise import Optimum, check_search, optimise
 from dtwin.terminal import print_json, print_table
@@ -27,8 +28,8 @@ from dtwin.terminal import print_json, print_table
 _UNITS = {"time": "s", "tracking": "rad", "energy": "J", "voltage": "V"}
 
 
-@dataclass(frozen=True)
-class Optimise(RuntimeOption, WorkforceOption):
+@dataclass(frozen=True, kw_only=True)
+class Optimise(CellFileOption, RuntimeOption, WorkforceOption):
     """Search gains and target time of least cost on the twin, under limits that must hold for all arms and boxes.
 
     The cost is the weighted mean of settling time, largest distance from the path, energy of a motion and peak
@@ -58,8 +59,8 @@ class Optimise(RuntimeOption, WorkforceOption):
     """Folder of the kept models."""
     arms: int = 2
     """Number of possible arms, drawn from the covariance, that must keep the limits too."""
-    box: tuple[float, float] = (0.19, 0.21)
-    """Least and largest mass of a carried box, kg."""
+    box: tuple[float, float] | None = None
+    """Least and largest mass of a carried box, kg; those of the cell if not given."""
     noise: float = 0.001
     """Standard deviation of the encoder noise, rad."""
     saturated: float = Limits().saturated
@@ -120,15 +121,14 @@ class Optimise(RuntimeOption, WorkforceOption):
         model = open_model(self.model, ModelStore(self.store)) if self.model is not None else None
         gains = usual_gains(self.law, self.kp, self.ki, self.kd)
         return objective_of(
-            ControlSettings(self.in_use, gains, self.law, payload=(self.box[0] + self.box[1]) / 2),
+            ControlSettings(self.in_use, gains, self.law),
             dict(map(_weight, self.cost)),
             self.motion,
+            self.task(),
             self.box,
             self.noise,
             Limits(self.saturated, self.overshoot, self.tracking, self.voltage),
-            model,
-            self.arms,
-            self.seed,
+            judging_arms(model, self.arms, self.seed),
         )
 
 

@@ -12,7 +12,7 @@ from dtwin.console.calculations.tasks import Candidate, Optimise, Simulate, Work
 from dtwin.controller.settings import ControlSettings
 from dtwin.identification.store import ModelStore
 from dtwin.parameters import ArmParameters
-from dtwin.simulation.checks import MOTIONS
+from dtwin.simulation.checks import motions_of
 from dtwin.simulation.figures import Array
 from dtwin.simulation.objective import CandidateScore, Objective, scenarios_for
 from dtwin.simulation.optimise import optimise
@@ -23,16 +23,14 @@ EVERY: Final = 2
 """Number of samples of which one is drawn."""
 NOISE: Final = 0.001
 """Standard deviation of the encoder noise in a search, rad, as for `dtwin optimise`."""
-BOXES: Final = (0.19, 0.21)
-"""Least and greatest mass of a box in a search, kg, as for `dtwin optimise`."""
 
 
 def simulated(task: Simulate, work: Work) -> dict[str, Any]:
     """The motion with every candidate."""
     arm = _arm(work, task.arm)
-    start = parse_start(task.start, arm)
-    goal = parse_goal(task.goal, arm, start)
-    simulator = Simulator()
+    start = parse_start(task.start, arm, work.cell)
+    goal = parse_goal(task.goal, arm, start, work.cell)
+    simulator = Simulator(task=work.cell)
     found = []
     for number, candidate in enumerate(task.candidates, 1):
         case = MotionCase(goal, _settings(work, candidate), start, arm=arm, payload=task.payload)
@@ -53,11 +51,12 @@ def simulated(task: Simulate, work: Work) -> dict[str, Any]:
 
 def optimised(task: Optimise, work: Work) -> dict[str, Any]:
     """The best settings, those that nothing beats, and what became of all."""
-    arm = _arm(work, task.arm)
+    arm, boxes = _arm(work, task.arm), work.cell.boxes
     objective = Objective(
         base=ControlSettings(task.target_time, task.gains, work.law, arm, work.box),
-        scenarios=scenarios_for(MOTIONS, arm, BOXES, (), NOISE),
+        scenarios=scenarios_for(motions_of(work.cell), arm, (boxes.lightest, boxes.heaviest), (), NOISE),
         weights={"time": 1.0, "tracking": task.tracking},
+        task=work.cell,
     )
 
     def between(done: int, best: float) -> None:

@@ -9,6 +9,8 @@ import msgspec
 from dtwin.bus.twin_messages import Kilograms
 from dtwin.parameters import ArmParameters, Gains, Law, Triple
 from dtwin.signals import Line
+from dtwin.task import DEFAULT_TASK
+from dtwin.task import Task as CellTask
 
 Duration = Annotated[float, msgspec.Meta(ge=0.1, le=60.0)]
 
@@ -113,6 +115,7 @@ class Work(msgspec.Struct, frozen=True):
         law: control law in force.
         model: arm model in force.
         box: mass of a box in force, kg.
+        cell: task of the cell.
         excited: last excited motion, for Compare.
     """
 
@@ -123,3 +126,4 @@ class Work(msgspec.Struct, frozen=True):
     model: ArmParameters = ArmParameters()
     box: float = 0.2
     excited: Excited | None = None
+    cell: CellTask = DEFAULT_TASK

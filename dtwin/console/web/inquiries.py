@@ -68,6 +68,8 @@ class Inquiries:
             str(files.store),
             "" if files.recordings is None else str(files.recordings),
             excited=self._console.hub.excited.last if isinstance(task, Compare) else None,
+            box=self._console.hub.task.boxes.middle,
+            cell=self._console.hub.task,
         )
         if settings is not None:
             work = msgspec.structs.replace(work, law=settings.law, model=settings.model, box=settings.payload)

@@ -12,13 +12,13 @@ const VECTOR = { K: "voltage_constant", m: "mass", I: "inertia", l: "length", c:
 
 export function makeIdentification() {
   const free = field("Free parameters", { maxlength: 200 }, "K2,K3,I,c,D");
-  const box = field("Mass of a held box, kg", { type: "number", step: "any", min: 0, max: 1 }, "0.2");
+  const box = field("Mass of a held box, kg", { type: "number", step: "any", min: 0, max: 1, placeholder: "as the cell's" }, "");
   const name = field("Name of the model", { maxlength: 32, pattern: "[A-Za-z0-9_.-]+" }, "arm");
   const upload = el("input", { type: "checkbox", id: "with-upload" });
   const anyway = el("input", { type: "checkbox", id: "anyway" });
   const start = commandButton({
     name: "identify", title: "Excite and identify", confirm: "The blocks play the 3-2-1-1 signal: the arm leaves its work and swings for 3.5 s.",
-    form: () => ({ free: free.input.value, box_mass: numberOf(box.input, "mass") }),
+    form: () => ({ free: free.input.value, box_mass: box.input.value === "" ? null : numberOf(box.input, "mass") }),
   });
   const atWork = {
     free: field("Free parameters of the arm at work", { maxlength: 200 }, "D"),
