@@ -24,6 +24,8 @@ from dtwin.pictures import new_figure, vector_graphics
 
 PARTS: Final = (VERIFICATION, NOISE, MASS, FRICTION, FITS, ACCURACY, UPLOAD, LIMITS, FAILURE)
 """The thesis's tests in its order."""
+THESIS: Final = "J. Lesage, Digital Twins for Distributed Control Systems in IEC 61499, thesis"
+"""What is measured again: author and title."""
 PAGE: Final = "reproduction.html"
 PRINT: Final = "reproduction.pdf"
 NUMBERS: Final = "numbers"
@@ -119,7 +121,7 @@ def _made(scope: Scope) -> str:
         else "as many runs as the thesis, or more"
     )
     return (
-        f"Made with {runs}. Seed {scope.seed}; equal seeds give equal numbers, but for times that are said to be "
+        f"The evaluation of {THESIS}. Made with {runs}. Seed {scope.seed}; equal seeds give equal numbers, but for times that are said to be "
         f"this machine's. {versions()}. Numbers are in the "
         f"folder {NUMBERS} beside this page."
     )
