@@ -121,7 +121,8 @@ def _made(scope: Scope) -> str:
         else "as many runs as the thesis, or more"
     )
     return (
-        f"The evaluation of {THESIS}. Made with {runs}. Seed {scope.seed}; equal seeds give equal numbers, but for times that are said to be "
+        f"The evaluation of {THESIS}. Made with {runs}. "
+        f"Seed {scope.seed}; equal seeds give equal numbers, but for times that are said to be "
         f"this machine's. {versions()}. Numbers are in the "
         f"folder {NUMBERS} beside this page."
     )
