@@ -27,6 +27,11 @@ _UNITS: Final[dict[str, dict[str, int]]] = {
     "N m s/rad": {"kg": 1, "m": 2, "s": -1, "rad": -1},
 }
 """Exponents of the base units."""
+_LOG_CATEGORIES: Final = {
+    "logStatusDiscard": "A number that is out of its range, which changed nothing",
+    "logStatusError": "A call that is not allowed or could not be done, which changed nothing",
+}
+"""The categories of messages, by the names that the standard gives them."""
 _KINDS_2: Final = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean", "String": "String"}
 DURATION: Final = 10.0
 """Duration of a simulation unless another one is asked for, s."""
@@ -68,12 +73,13 @@ def model_description_3(model: Description) -> bytes:
         simulation["fixedInternalStepSize"] = repr(PERIOD)
     etree.SubElement(root, "CoSimulation", simulation)
     _units(root, model.variables)
+    _log_categories(root)
     _experiment(root)
     references = {variable.name: str(k) for k, variable in enumerate(model.variables)}
     listed = etree.SubElement(root, "ModelVariables")
     for variable in model.variables:
         attributes = {"name": variable.name, "valueReference": references[variable.name]}
-        attributes |= _attributes(variable) | _unit(variable)
+        attributes |= _attributes(variable) | _unit(variable) | _range(variable)
         if variable.derivative_of:
             attributes["derivative"] = references[variable.derivative_of]
         if isinstance(variable.start, str):
@@ -91,7 +97,8 @@ def model_description_3(model: Description) -> bytes:
 def model_description_2(model: Description, sources: Iterable[str]) -> bytes:
     """modelDescription.xml of FMI 2.0, which names the source files."""
     root = _root(model, {"fmiVersion": "2.0", "guid": model.token})
-    simulation = {**_simulation(model), "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
+    able = ("canGetAndSetFMUstate", "canSerializeFMUstate", "canNotUseMemoryManagementFunctions")
+    simulation = _simulation(model) | dict.fromkeys(able, "true")
     if model.has_derivatives:
         simulation["providesDirectionalDerivative"] = "true"
     together = etree.SubElement(root, "CoSimulation", simulation)
@@ -99,6 +106,7 @@ def model_description_2(model: Description, sources: Iterable[str]) -> bytes:
     for name in _compiled(sources):
         etree.SubElement(files, "File", name=name)
     _units(root, model.variables)
+    _log_categories(root)
     _experiment(root)
     # time is listed in FMI 3.0 alone; here some importers ask for its start value, which it cannot have
     numbered = [pair for pair in enumerate(model.variables) if pair[1].causality != "independent"]
@@ -107,7 +115,7 @@ def model_description_2(model: Description, sources: Iterable[str]) -> bytes:
     for reference, variable in numbered:
         attributes = {"name": variable.name, "valueReference": str(reference)} | _attributes(variable)
         scalar = etree.SubElement(listed, "ScalarVariable", attributes)
-        value = _unit(variable) | _start(variable)
+        value = _unit(variable) | _range(variable) | _start(variable)
         if variable.derivative_of:
             value["derivative"] = places[variable.derivative_of]
         etree.SubElement(scalar, _KINDS_2[variable.kind], value)
@@ -157,6 +165,12 @@ def _units(root: etree._Element, variables: Sequence[Variable]) -> None:
         etree.SubElement(element, "BaseUnit", {base: str(power) for base, power in _UNITS[unit].items()})
 
 
+def _log_categories(root: etree._Element) -> None:
+    categories = etree.SubElement(root, "LogCategories")
+    for name, text in _LOG_CATEGORIES.items():
+        etree.SubElement(categories, "Category", name=name, description=text)
+
+
 def _experiment(root: etree._Element) -> None:
     etree.SubElement(root, "DefaultExperiment", startTime="0.0", stopTime=repr(DURATION), stepSize=repr(PERIOD))
 
@@ -173,6 +187,10 @@ def _initial(variable: Variable) -> dict[str, str]:
 
 def _unit(variable: Variable) -> dict[str, str]:
     return {"unit": variable.unit} if variable.unit else {}
+
+
+def _range(variable: Variable) -> dict[str, str]:
+    return {} if variable.bounds is None else {"min": str(variable.bounds[0]), "max": str(variable.bounds[1])}
 
 
 def _start(variable: Variable) -> dict[str, str]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, Literal
 
+from dtwin.fmu.ranges import FARTHEST_TIME, LONGEST_DURATION
 from dtwin.fmu.variables import Variable
 from dtwin.iec61499.native.build import unit_files
 from dtwin.iec61499.native.layout import Layout
@@ -30,7 +31,9 @@ _TYPES: Final = {
     "String": "MODEL_TEXTUAL",
 }
 _CLOCK_ROUNDING: Final = 1e-9
-"""Time by which a tick may seem early or late from rounding, s."""
+"""Time by which a tick may seem early or late from rounding near time 0, s."""
+_TIME_ROUNDING: Final = 1e-6
+"""Time by which a simulator's communication points may differ from the sum of its steps near time 0, s."""
 
 
 def source_files(
@@ -48,8 +51,11 @@ def source_files(
     names = [
         f"fmi{number}.h",
         f"fmi{number}.c",
+        "calls.h",
+        "calls.c",
         "instance.h",
         "instance.c",
+        "snapshots.c",
         "model.h",
         f"{subject}.h",
         f"{subject}.c",
@@ -81,6 +87,9 @@ def _constants() -> str:
         "VOLTAGE_LIMIT": VOLTAGE_LIMIT,
         "PERIOD": PERIOD,
         "CLOCK_ROUNDING": _CLOCK_ROUNDING,
+        "TIME_ROUNDING": _TIME_ROUNDING,
+        "LONGEST_DURATION": LONGEST_DURATION,
+        "FARTHEST_TIME": FARTHEST_TIME,
     }
     lines = [f"#define {name} {value!r}" for name, value in values.items()]
     return "\n".join(["/* Numbers of the cell, SI units. */", *lines, ""])
@@ -92,8 +101,9 @@ def _table(subject: Subject, variables: Sequence[Variable], token: str) -> str:
     lines.append("const struct model_variable model_variables[] = {")
     for variable in variables:
         place = f"offsetof(struct model, {variable.member})"
-        row = ", ".join((place, _TYPES[variable.kind], _setting(variable), _event(variable)))
-        lines.append(f"    {{{row}}}, /* {variable.name} */")
+        low, high = variable.bounds or (0.0, 0.0)
+        row = (f'"{variable.name}"', place, _TYPES[variable.kind], _setting(variable), repr(low), repr(high))
+        lines.append(f"    {{{', '.join(row)}}},")
     lines += [
         "};",
         f"const size_t model_count = {len(variables)};",
@@ -106,14 +116,14 @@ def _table(subject: Subject, variables: Sequence[Variable], token: str) -> str:
         elif variable.start is not None:
             value = str(variable.start).lower() if isinstance(variable.start, bool) else repr(variable.start)
             lines.append(f"    model->{variable.member} = {value};")
-    return "\n".join([*lines, "}", ""])
+    lines += ["}", "", "uint64_t model_events(const struct model *model)", "{", "    uint64_t bits = 0;"]
+    for variable in variables:
+        if variable.causality == "output" and variable.kind == "Boolean":
+            lines.append(f"    bits = bits << 1 | (uint64_t)model->{variable.member};")
+    return "\n".join([*lines, "    return bits;", "}", ""])
 
 
 def _setting(variable: Variable) -> str:
     if variable.causality in ("independent", "output"):
         return "MODEL_NEVER"
     return "MODEL_BEFORE_START" if variable.variability == "fixed" else "MODEL_ALWAYS"
-
-
-def _event(variable: Variable) -> str:
-    return str(variable.causality == "output" and variable.kind == "Boolean").lower()

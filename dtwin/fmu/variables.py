@@ -9,7 +9,18 @@ from typing import Final, Literal
 from dtwin.controller.ports import PATH, SYSTEM
 from dtwin.controller.sequence import HELP, STRAIGHT
 from dtwin.controller.settings import ControlSettings
-from dtwin.errors import FunctionBlockError
+from dtwin.errors import FunctionBlockError, ParameterError
+from dtwin.fmu.ranges import (
+    ANGLES,
+    ARM_RANGES,
+    COULOMB_WIDTHS,
+    MASSES,
+    STEPS,
+    VELOCITIES,
+    VOLTAGES,
+    Range,
+    range_of_setting,
+)
 from dtwin.iec61499.native.layout import Layout
 from dtwin.iec61499.runtime.linking.generic_ports import variable_at
 from dtwin.iec61499.types import BOOL, DINT, LREAL
@@ -20,6 +31,7 @@ from dtwin.parameters import (
     PHYSICS_STEP,
     ArmParameters,
     GripperParameters,
+    symbol_of,
     unit_of,
 )
 
@@ -50,6 +62,10 @@ class Variable:
         depends_on: of an output, the inputs and states that it follows at once, within a communication point. By
             these simulators find algebraic loops between FMUs.
         starts_from: of an output, the parameters of which its value at the start is made; None for all knowns.
+        bounds: the range of a number that can be set; None for the others.
+
+    Raises:
+        ParameterError: the start value is out of the range.
     """
 
     name: str
@@ -63,6 +79,14 @@ class Variable:
     derivative_of: str = ""
     depends_on: tuple[str, ...] = ()
     starts_from: tuple[str, ...] | None = ()
+    bounds: Range | None = None
+
+    def __post_init__(self) -> None:
+        if self.bounds is not None and not isinstance(self.start, str | None):
+            low, high = self.bounds
+            if not low <= self.start <= high:
+                unit = f" {self.unit}" if self.unit else ""
+                raise ParameterError(f"{self.name}: an FMU takes {low:g} to {high:g}{unit}, got {self.start:g}")
 
 
 TIME: Final = Variable("time", "Float64", "independent", "continuous", "time", "Time", unit="s")
@@ -75,10 +99,10 @@ def twin_variables(arm: ArmParameters) -> list[Variable]:
         arm: the parameters that it starts with.
     """
     volts = [
-        Variable(f"V{name}", "Float64", "input", "continuous", f"arm.volts[{i}]", text, 0.0, "V")
+        _input(f"V{name}", "continuous", f"arm.volts[{i}]", text, 0.0, "V", VOLTAGES)
         for i, (name, text) in enumerate([*((str(j), f"Voltage of motor {j}") for j in _JOINTS), ("_gripper", _GRIP)])
     ]
-    payload = Variable("payload", "Float64", "input", "continuous", "arm.payload", "Mass at the tip", 0.0, "kg")
+    payload = _input("payload", "continuous", "arm.payload", "Mass at the tip", 0.0, "kg", MASSES)
     acting = (*(f"V{j}" for j in _JOINTS), payload.name)
     return [TIME, *_arm_parameters(arm, ""), *volts, payload, *_arm_outputs("", acting)]
 
@@ -94,10 +118,9 @@ def controller_variables(settings: ControlSettings, layout: Layout) -> list[Vari
         FunctionBlockError: a block has not the variables that the settings name.
     """
     angles = [
-        Variable(f"theta{j}", "Float64", "input", "discrete", f"control.theta[{j - 1}]", f"Angle {j}", 0.0, "rad")
-        for j in _JOINTS
+        _input(f"theta{j}", "discrete", f"control.theta[{j - 1}]", f"Angle {j}", 0.0, "rad", ANGLES) for j in _JOINTS
     ]
-    gripper = Variable("gripper", "Float64", "input", "discrete", "control.gripper", "Gripper", _OPENED, "rad")
+    gripper = _input("gripper", "discrete", "control.gripper", "Gripper", _OPENED, "rad", ANGLES)
     return [TIME, *_settings(settings, layout), *angles, gripper, *_box(waits=False), *_commands(layout)]
 
 
@@ -112,12 +135,17 @@ def cell_variables(arm: ArmParameters, settings: ControlSettings, layout: Layout
     Raises:
         FunctionBlockError: a block has not the variables that the settings name.
     """
-    mass = Variable(
-        "box_mass", "Float64", "input", "discrete", "box_mass", "Mass of the box that waits", BOX_MASS, "kg"
-    )
+    mass = _input("box_mass", "discrete", "box_mass", "Mass of the box that waits", BOX_MASS, "kg", MASSES)
     payload = Variable("payload", "Float64", "output", "discrete", "arm.payload", "Mass at the tip", unit="kg")
     parameters = [*_arm_parameters(arm, "arm."), *_settings(settings, layout)]
     return [TIME, *parameters, *_box(waits=True), mass, *_arm_outputs("arm.", ()), payload, *_commands(layout)]
+
+
+def _input(
+    name: str, variability: Variability, member: str, text: str, start: float, unit: str, bounds: Range
+) -> Variable:
+    """A real input."""
+    return Variable(name, "Float64", "input", variability, member, text, start, unit, bounds=bounds)
 
 
 _GRIP: Final = "Voltage of the gripper, which opens it when above 0"
@@ -134,36 +162,38 @@ _SYMBOLS: Final[Mapping[str, str]] = {
 
 
 def _arm_parameters(arm: ArmParameters, prefix: str) -> Iterator[Variable]:
-    def real(name: str, member: str, text: str, start: float, unit: str, fixed: bool = False) -> Variable:
+    def real(
+        name: str, member: str, text: str, start: float, unit: str, bounds: Range, fixed: bool = False
+    ) -> Variable:
         variability: Variability = "fixed" if fixed else "tunable"
-        return Variable(f"{prefix}{name}", "Float64", "parameter", variability, f"arm.{member}", text, start, unit)
+        full, place = f"{prefix}{name}", f"arm.{member}"
+        return Variable(full, "Float64", "parameter", variability, place, text, start, unit, bounds=bounds)
 
     for i, name in enumerate(PARAMETER_NAMES):
-        text = _SYMBOLS[name.rstrip("123")].format(name[-1])
-        yield real(name, f"p[{i}]", text, arm.get(name), unit_of(name))
-    yield real("coulomb_width", "coulomb_width", "Velocity over which mu changes sign", COULOMB_WIDTH, "rad/s")
-    yield Variable(
-        f"{prefix}weight_only",
-        "Boolean",
-        "parameter",
-        "tunable",
-        "arm.weight_only",
-        "Whether a load has weight without inertia",
-        False,
+        text, bounds = _SYMBOLS[symbol_of(name)].format(name[-1]), ARM_RANGES[symbol_of(name)]
+        yield real(name, f"p[{i}]", text, arm.get(name), unit_of(name), bounds)
+    text = "Velocity over which mu changes sign"
+    yield real("coulomb_width", "coulomb_width", text, COULOMB_WIDTH, "rad/s", COULOMB_WIDTHS)
+    name, text = f"{prefix}weight_only", "Whether a load has weight without inertia"
+    yield Variable(name, "Boolean", "parameter", "tunable", "arm.weight_only", text, False)
+    yield real(
+        "longest_step", "longest_step", "Longest step of the integration", PHYSICS_STEP, "s", STEPS, fixed=True
     )
-    yield real("longest_step", "longest_step", "Longest step of the integration", PHYSICS_STEP, "s", fixed=True)
-    gripper = GripperParameters()
-    yield real("gripper_K", "gripper_K", "Torque of the gripper by its voltage", gripper.voltage_constant, "N m/V")
-    yield real("gripper_D", "gripper_D", "Viscous damping of the gripper", gripper.damping, "N m s/rad")
-    yield real("gripper_I", "gripper_inertia", "Moment of inertia of the gripper", gripper.inertia, "kg m^2")
-    yield real("gripper_closed_at", "gripper_closed", "Stop of the closed gripper", gripper.closed, "rad")
-    yield real("gripper_open_at", "gripper_opened", "Stop of the open gripper", gripper.opened, "rad")
+    gripper, of_arm = GripperParameters(), ARM_RANGES
+    text = "Torque of the gripper by its voltage"
+    yield real("gripper_K", "gripper_K", text, gripper.voltage_constant, "N m/V", of_arm["K"])
+    yield real("gripper_D", "gripper_D", "Viscous damping of the gripper", gripper.damping, "N m s/rad", of_arm["D"])
+    text = "Moment of inertia of the gripper"
+    yield real("gripper_I", "gripper_inertia", text, gripper.inertia, "kg m^2", of_arm["I"])
+    yield real("gripper_closed_at", "gripper_closed", "Stop of the closed gripper", gripper.closed, "rad", ANGLES)
+    yield real("gripper_open_at", "gripper_opened", "Stop of the open gripper", gripper.opened, "rad", ANGLES)
     for i, angle in enumerate(HANGING):
-        yield real(f"theta{i + 1}_start", f"start[{i}]", f"Angle {i + 1} at the start", angle, "rad", fixed=True)
+        name, text = f"theta{i + 1}_start", f"Angle {i + 1} at the start"
+        yield real(name, f"start[{i}]", text, angle, "rad", ANGLES, fixed=True)
     for i in range(3):
         name, text = f"omega{i + 1}_start", f"Velocity of joint {i + 1} at the start"
-        yield real(name, f"start[{3 + i}]", text, 0.0, "rad/s", fixed=True)
-    yield real("gripper_start", "gripper_start", "Gripper at the start", gripper.opened, "rad", fixed=True)
+        yield real(name, f"start[{3 + i}]", text, 0.0, "rad/s", VELOCITIES, fixed=True)
+    yield real("gripper_start", "gripper_start", "Gripper at the start", gripper.opened, "rad", ANGLES, fixed=True)
 
 
 def _arm_outputs(prefix: str, acting: tuple[str, ...]) -> Iterator[Variable]:
@@ -243,7 +273,8 @@ def _settings(settings: ControlSettings, layout: Layout) -> Iterator[Variable]:
             continue  # The colours of the places are those of the application, as a text has no fixed size in C.
         kind, member, text = _of_block(layout, name)
         start = {"Float64": float, "Int32": int, "Boolean": bool}[kind](value)
-        yield Variable(name, kind, "parameter", "tunable", member, text, start)
+        bounds = None if kind == "Boolean" else range_of_setting(name)
+        yield Variable(name, kind, "parameter", "tunable", member, text, start, bounds=bounds)
 
 
 def _of_block(layout: Layout, name: str) -> tuple[Kind, str, str]:

@@ -251,7 +251,9 @@ def test_outputs_start_from_what_they_are_said_to(
     unknowns = {u.variable.name: u.dependencies for u in description.initialUnknowns if u.variable.name in names}
     usual = slave(subject, version).get(*unknowns)
     for known in (v for v in real if v.causality in ("input", "parameter")):
-        other = slave(subject, version, **{known.name.replace(".", "__"): float(known.start) + 0.01}).get(*unknowns)
+        start = float(known.start)
+        value = start + 0.01 if start + 0.01 <= float(known.max) else start - 0.01
+        other = slave(subject, version, **{known.name.replace(".", "__"): value}).get(*unknowns)
         moved = [name for name, old, new in zip(unknowns, usual, other, strict=True) if old != new]
         for name in moved:
             knowns = unknowns[name]

@@ -67,7 +67,7 @@ static void complex_sine_cosine(double complex x, double complex *sine, double c
 /* A share of a step that is rounding alone. */
 #define ROUNDING 1e-9
 
-void arm_begin(struct arm *arm)
+static void put_to_start(struct arm *arm)
 {
     int i;
     for (i = 0; i < 6; ++i) {
@@ -75,6 +75,12 @@ void arm_begin(struct arm *arm)
     }
     arm->gripper = arm->gripper_start;
     arm->gripper_omega = 0.0;
+}
+
+void arm_begin(struct arm *arm)
+{
+    put_to_start(arm);
+    arm->begun = true;
 }
 
 static void motor_torques(const struct arm *arm, const struct real_coefficients *equations, double *torque)
@@ -89,6 +95,9 @@ void arm_refresh(struct arm *arm)
 {
     const struct real_coefficients equations = real_coefficients_of(arm->p, arm->payload, arm->weight_only);
     double torque[3];
+    if (!arm->begun) {
+        put_to_start(arm);
+    }
     motor_torques(arm, &equations, torque);
     real_accelerate(&equations, arm->x, torque, arm->coulomb_width, arm->alpha);
     arm->is_closed = arm->gripper <= arm->gripper_closed;
@@ -144,29 +153,51 @@ static void move_gripper(struct arm *arm, double step)
     arm->gripper_omega += step / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
 }
 
-bool arm_advance(struct arm *arm, double duration)
+const char *arm_check(const struct arm *arm)
+{
+    return arm->gripper_closed <= arm->gripper_opened ? NULL : "expected gripper_closed_at up to gripper_open_at";
+}
+
+static bool is_finite(const struct arm *arm)
+{
+    bool finite = isfinite(arm->gripper) && isfinite(arm->gripper_omega);
+    int i;
+    for (i = 0; i < 6; ++i) {
+        finite = finite && isfinite(arm->x[i]);
+    }
+    return finite;
+}
+
+const char *arm_advance(struct arm *arm, double duration, double rounding)
 {
     const struct real_coefficients equations = real_coefficients_of(arm->p, arm->payload, arm->weight_only);
-    const double steps = fmax(1.0, ceil(duration / arm->longest_step - ROUNDING));
+    const double slack = fmax(ROUNDING * arm->longest_step, rounding);
+    const double steps = fmax(1.0, ceil((duration - slack) / arm->longest_step));
     /* a duration that differs from whole steps by rounding counts as whole steps */
-    const bool is_whole = fabs(steps * arm->longest_step - duration) < ROUNDING * arm->longest_step;
+    const bool is_whole = fabs(steps * arm->longest_step - duration) <= slack;
     const double step = is_whole ? arm->longest_step : duration / steps;
     double torque[3], k;
-    int i;
-    bool finite = isfinite(steps) && isfinite(arm->gripper) && isfinite(arm->gripper_omega);
+    bool finite = true;
     motor_torques(arm, &equations, torque);
     for (k = 0.0; k < steps && finite; k += 1.0) {
         runge_kutta(&equations, torque, arm->coulomb_width, step, arm->x);
         move_gripper(arm, step);
-        for (i = 0; i < 6; ++i) {
-            finite = finite && isfinite(arm->x[i]);
-        }
+        finite = is_finite(arm);
     }
     if (arm->gripper < arm->gripper_closed || arm->gripper > arm->gripper_opened) {
         arm->gripper = arm->gripper < arm->gripper_closed ? arm->gripper_closed : arm->gripper_opened;
         arm->gripper_omega = 0.0;
     }
-    return finite;
+    arm_refresh(arm);
+    finite = finite && isfinite(arm->alpha[0]) && isfinite(arm->alpha[1]) && isfinite(arm->alpha[2]);
+    return finite ? NULL : "the motion of the arm is not finite: expected another longest_step or other parameters";
+}
+
+bool arm_is_sound(const struct arm *arm)
+{
+    unsigned char begun;
+    memcpy(&begun, &arm->begun, sizeof begun);
+    return begun <= 1 && is_finite(arm);
 }
 
 void arm_derivative(const struct arm *arm, const struct arm *direction, double *alpha)

@@ -16,6 +16,7 @@ struct arm {
     /* inputs, held over a step */
     double volts[4]; /* of the joints and the gripper */
     double payload;  /* mass at the tip */
+    bool begun; /* whether the state is another one than the start */
     /* state and outputs */
     double x[6]; /* angles, then velocities */
     double gripper, gripper_omega;
@@ -23,15 +24,21 @@ struct arm {
     bool is_closed, is_open;
 };
 
-/* Puts the state to the start. */
+/* Puts the state to the start, from where it moves. */
 void arm_begin(struct arm *arm);
 
-/* Computes what follows from state and inputs. */
+/* Computes what follows from state and inputs; before the beginning the state is the start. */
 void arm_refresh(struct arm *arm);
 
-/* Integrates over a duration, the inputs held. The gripper meets its stops at the end of it, as in the emulation.
- * Returns whether the state is finite. */
-bool arm_advance(struct arm *arm, double duration);
+/* Whether the parameters fit together; returns what is wrong, or a null pointer. */
+const char *arm_check(const struct arm *arm);
+
+/* Integrates over a duration, whose number has a rounding, the inputs held. The gripper meets its stops at the end of
+ * it, as in the emulation. Returns what is wrong, or a null pointer. */
+const char *arm_advance(struct arm *arm, double duration, double rounding);
+
+/* Whether the state can be used; for bytes that come from somewhere. */
+bool arm_is_sound(const struct arm *arm);
 
 /* How the accelerations move when parameters, inputs and state move in a direction. */
 void arm_derivative(const struct arm *arm, const struct arm *direction, double *alpha);

@@ -1,9 +1,16 @@
 #include "cell.h"
 
-#include <math.h>
 #include <string.h>
 
 #include "constants.h"
+
+void model_copy(struct model *to, const struct model *from)
+{
+    to->time = from->time;
+    to->box_mass = from->box_mass;
+    to->arm = from->arm;
+    control_copy(&to->control, &from->control);
+}
 
 void model_reset(struct model *model)
 {
@@ -12,12 +19,16 @@ void model_reset(struct model *model)
     model_set_start_values(model);
 }
 
+const char *model_check(const struct model *model)
+{
+    return arm_check(&model->arm);
+}
+
 const char *model_begin(struct model *model, double time)
 {
     model->time = time;
-    model->begun = true;
     arm_begin(&model->arm);
-    return control_begin(&model->control, time);
+    return control_begin(&model->control);
 }
 
 /* A sample, its answer, and what the gripper does with the box. */
@@ -37,37 +48,26 @@ static const char *tick(struct model *model)
     return problem;
 }
 
-const char *model_step(struct model *model, double time, double duration)
+const char *model_step(struct model *model, double time, double duration, double rounding)
 {
-    const double end = time + duration;
-    double now = time;
-    while (now < end - CLOCK_ROUNDING) {
-        double until = control_due(&model->control), span;
-        if (until < now + CLOCK_ROUNDING) {
-            const char *problem = tick(model);
-            if (problem != NULL) {
-                return problem;
-            }
-            until = control_due(&model->control);
+    const double before = control_wait(&model->control, rounding);
+    int64_t ticks = control_pass(&model->control, duration, rounding);
+    const double after = control_wait(&model->control, rounding);
+    double span = ticks == 0 ? before - after : before; /* until the next tick or the end */
+    const char *problem = span > 0.0 ? arm_advance(&model->arm, span, rounding) : NULL;
+    for (; problem == NULL && ticks > 0; --ticks) {
+        span = ticks == 1 ? PERIOD - after : PERIOD;
+        problem = tick(model);
+        if (problem == NULL) {
+            problem = arm_advance(&model->arm, span, rounding);
         }
-        if (until > end - CLOCK_ROUNDING) {
-            until = end;
-        }
-        span = until - now;
-        if (!arm_advance(&model->arm, fabs(span - PERIOD) < CLOCK_ROUNDING ? PERIOD : span)) {
-            return "the state of the arm is no longer finite";
-        }
-        now = until;
     }
-    model->time = end;
-    return NULL;
+    model->time = time;
+    return problem;
 }
 
 void model_refresh(struct model *model)
 {
-    if (!model->begun) {
-        arm_begin(&model->arm);
-    }
     arm_refresh(&model->arm);
 }
 
@@ -77,4 +77,9 @@ bool model_derivative(const struct model *model, const struct model *direction, 
     (void)direction;
     (void)moved;
     return false;
+}
+
+bool model_is_sound(const struct model *model)
+{
+    return arm_is_sound(&model->arm) && control_is_sound(&model->control);
 }

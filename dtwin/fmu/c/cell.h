@@ -7,7 +7,6 @@
 
 struct model {
     double time;
-    bool begun;
     double box_mass; /* of the box that waits */
     struct control control;
     struct arm arm;

@@ -1,5 +1,6 @@
 #include "control.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "constants.h"
@@ -17,6 +18,15 @@ static const char *const problems[] = {
     "the function blocks did not answer a sample once",
 };
 
+#define QUEUE offsetof(struct control, program.run.queue)
+#define BEHIND_QUEUE (QUEUE + sizeof((struct control *)NULL)->program.run.queue)
+
+void control_copy(struct control *to, const struct control *from)
+{
+    memcpy(to, from, QUEUE);
+    memcpy((char *)to + BEHIND_QUEUE, (const char *)from + BEHIND_QUEUE, sizeof *to - BEHIND_QUEUE);
+}
+
 void control_reset(struct control *control)
 {
     memset(control, 0, sizeof *control);
@@ -29,21 +39,29 @@ static const char *told(int32_t problem)
     return problem == FB_FINE ? NULL : problems[problem];
 }
 
-const char *control_begin(struct control *control, double time)
+const char *control_begin(struct control *control)
 {
-    control->first = time;
-    control->ticks = 0;
+    control->wait = 0.0;
     return told(program__cold(&control->program));
 }
 
-double control_due(const struct control *control)
+/* The clock counts whole periods from tick to tick, so that no sum of times has to be told from a whole number. */
+double control_wait(const struct control *control, double rounding)
 {
-    return control->first + (double)control->ticks * PERIOD;
+    return fabs(control->wait) <= CLOCK_ROUNDING + rounding ? 0.0 : control->wait;
+}
+
+int64_t control_pass(struct control *control, double duration, double rounding)
+{
+    const double ticks = ceil((duration - control->wait - CLOCK_ROUNDING - rounding) / PERIOD);
+    const double due = ticks > 0.0 ? ticks : 0.0;
+    control->wait = (control->wait - duration) + due * PERIOD;
+    return (int64_t)due;
 }
 
 const char *control_tick(struct control *control)
 {
-    struct program__EMULATOR__request request = {0};
+    struct program__EMULATOR__request request;
     struct program__EMULATOR__answer answer = {0};
     const size_t length = strlen(control->box_colour);
     int32_t problem;
@@ -60,6 +78,25 @@ const char *control_tick(struct control *control)
     control->volts[2] = answer.SD_3;
     control->volts[3] = answer.SD_4;
     control->box_gripped = answer.SD_5;
-    ++control->ticks;
+    if (problem == FB_FINE && !(isfinite(answer.SD_1) && isfinite(answer.SD_2) && isfinite(answer.SD_3))) {
+        return "the function blocks answered with a voltage that is not finite";
+    }
     return told(problem);
+}
+
+bool control_is_sound(const struct control *control)
+{
+    const char *bytes = (const char *)&control->program;
+    struct fb_string text;
+    size_t k;
+    for (k = 0; k < program__count; ++k) {
+        if (strcmp(program__variables[k].type, "STRING") == 0) {
+            memcpy(&text.length, bytes + program__variables[k].offset, sizeof text.length);
+            if (text.length > FB_TEXT) {
+                return false;
+            }
+        }
+    }
+    return control->program.run.head < FB_WAITING && control->program.run.waiting == 0 && isfinite(control->wait) &&
+           fabs(control->wait) <= 2.0 * PERIOD;
 }

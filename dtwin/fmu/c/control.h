@@ -16,20 +16,29 @@ struct control {
     double volts[4];
     bool box_gripped;
     /* the clock */
-    double first; /* time of tick 0 */
-    int64_t ticks;
+    double wait; /* until the next tick is due */
 };
+
+/* Copies all but the queue of events, which is empty between two calls. */
+void control_copy(struct control *to, const struct control *from);
 
 /* Puts the blocks to their beginning. */
 void control_reset(struct control *control);
 
-/* Starts the blocks; the first tick is due at a time. Returns what is wrong, or a null pointer. */
-const char *control_begin(struct control *control, double time);
+/* Starts the blocks; the first tick is due at once. Returns what is wrong, or a null pointer. */
+const char *control_begin(struct control *control);
 
-/* When the next tick is due. */
-double control_due(const struct control *control);
+/* The time until the next tick is due; none where it is within a rounding of the present. */
+double control_wait(const struct control *control, double rounding);
+
+/* Moves the clock on by a duration, a tick that is due at its end being one of what follows. Returns the number of ticks
+ * in it. */
+int64_t control_pass(struct control *control, double duration, double rounding);
 
 /* Lets the blocks answer the sample. Returns what is wrong, or a null pointer. */
 const char *control_tick(struct control *control);
+
+/* Whether texts and queues are within their places; for bytes that come from somewhere. */
+bool control_is_sound(const struct control *control);
 
 #endif

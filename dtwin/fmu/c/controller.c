@@ -2,6 +2,12 @@
 
 #include "constants.h"
 
+void model_copy(struct model *to, const struct model *from)
+{
+    to->time = from->time;
+    control_copy(&to->control, &from->control);
+}
+
 void model_reset(struct model *model)
 {
     control_reset(&model->control);
@@ -9,18 +15,25 @@ void model_reset(struct model *model)
     model_set_start_values(model);
 }
 
+const char *model_check(const struct model *model)
+{
+    (void)model;
+    return NULL;
+}
+
 const char *model_begin(struct model *model, double time)
 {
     model->time = time;
-    return control_begin(&model->control, time);
+    return control_begin(&model->control);
 }
 
 /* Ticks that are due at the beginning of the step or within it answer the sample that is held. */
-const char *model_step(struct model *model, double time, double duration)
+const char *model_step(struct model *model, double time, double duration, double rounding)
 {
     const char *problem = NULL;
-    model->time = time + duration;
-    while (problem == NULL && control_due(&model->control) < model->time - CLOCK_ROUNDING) {
+    int64_t ticks = control_pass(&model->control, duration, rounding);
+    model->time = time;
+    for (; problem == NULL && ticks > 0; --ticks) {
         problem = control_tick(&model->control);
     }
     return problem;
@@ -37,4 +50,9 @@ bool model_derivative(const struct model *model, const struct model *direction, 
     (void)direction;
     (void)moved;
     return false;
+}
+
+bool model_is_sound(const struct model *model)
+{
+    return control_is_sound(&model->control);
 }

@@ -5,22 +5,15 @@
 #include "fmi2.h"
 #endif
 
-#include <stdlib.h>
-#include <string.h>
-
 #include "instance.h"
 
-static void tell(struct instance *instance, const char *message)
-{
-    const fmi2CallbackLogger log = (fmi2CallbackLogger)instance->logger;
-    if (log != NULL) {
-        log(instance->environment, instance->name, fmi2Error, "logStatusError", "%s", message);
-    }
-}
+/* The instance of a call, or a null pointer and an error. */
+#define CALLED(call) instance_called(component, call, __func__)
 
-static fmi2Status status_of(bool good)
+static void tell(struct instance *instance, enum outcome outcome, const char *category, const char *text)
 {
-    return good ? fmi2OK : fmi2Error;
+    const fmi2CallbackLogger log = (fmi2CallbackLogger)instance->wishes.logger;
+    log(instance->wishes.environment, instance->name, (fmi2Status)outcome, category, "%s", text);
 }
 
 const char *fmi2GetTypesPlatform(void)
@@ -35,31 +28,25 @@ const char *fmi2GetVersion(void)
 
 fmi2Status fmi2SetDebugLogging(fmi2Component component, fmi2Boolean on, size_t count, const fmi2String categories[])
 {
-    (void)component;
-    (void)on;
-    (void)count;
-    (void)categories;
-    return fmi2OK;
+    struct instance *self = CALLED(CALL_SET_DEBUG_LOGGING);
+    return self == NULL ? fmi2Error : (fmi2Status)instance_set_logging(self, on != fmi2False, count, categories);
 }
 
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String token, fmi2String resources,
                               const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logging)
 {
-    struct instance *made = type == fmi2CoSimulation ? instance_new(token, name) : NULL;
+    struct wishes wishes = {2, name, token, false, logging != fmi2False, NULL, tell, NULL};
     (void)resources;
     (void)visible;
-    (void)logging;
-    if (made == NULL) {
-        if (functions->logger != NULL) {
-            functions->logger(functions->componentEnvironment, name, fmi2Error, "logStatusError",
-                              "expected a co-simulation with the GUID of modelDescription.xml");
-        }
+    if (functions == NULL) {
         return NULL;
     }
-    made->tell = tell;
-    made->logger = (void (*)(void))functions->logger;
-    made->environment = functions->componentEnvironment;
-    return made;
+    wishes.environment = functions->componentEnvironment;
+    wishes.logger = (void (*)(void))functions->logger;
+    if (type != fmi2CoSimulation) {
+        wishes.token = NULL; /* of which there is no model */
+    }
+    return instance_new(&wishes, __func__);
 }
 
 void fmi2FreeInstance(fmi2Component component)
@@ -70,41 +57,55 @@ void fmi2FreeInstance(fmi2Component component)
 fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean tolerance_defined, fmi2Real tolerance,
                                fmi2Real start, fmi2Boolean stop_defined, fmi2Real stop)
 {
-    (void)tolerance_defined;
-    (void)tolerance;
-    (void)stop_defined;
-    (void)stop;
-    ((struct instance *)component)->start_time = start;
-    return fmi2OK;
+    struct instance *self = CALLED(CALL_SETUP_EXPERIMENT);
+    const double *given_tolerance = tolerance_defined ? &tolerance : NULL, *given_stop = stop_defined ? &stop : NULL;
+    return self == NULL ? fmi2Error : (fmi2Status)instance_set_up(self, given_tolerance, start, given_stop);
 }
 
 fmi2Status fmi2EnterInitializationMode(fmi2Component component)
 {
-    ((struct instance *)component)->mode = MODE_INITIALIZING;
+    struct instance *self = CALLED(CALL_ENTER_INITIALIZATION_MODE);
+    if (self == NULL) {
+        return fmi2Error;
+    }
+    if (!self->at.experiment.is_set) {
+        return (fmi2Status)instance_refuse(self, "expected fmi2SetupExperiment before");
+    }
+    self->at.mode = MODE_INITIALIZING;
     return fmi2OK;
 }
 
 fmi2Status fmi2ExitInitializationMode(fmi2Component component)
 {
-    return status_of(instance_begin(component));
+    struct instance *self = CALLED(CALL_EXIT_INITIALIZATION_MODE);
+    return self == NULL ? fmi2Error : (fmi2Status)instance_begin(self);
 }
 
 fmi2Status fmi2Terminate(fmi2Component component)
 {
-    ((struct instance *)component)->mode = MODE_TERMINATED;
+    struct instance *self = CALLED(CALL_TERMINATE);
+    if (self == NULL) {
+        return fmi2Error;
+    }
+    self->at.mode = MODE_TERMINATED;
     return fmi2OK;
 }
 
 fmi2Status fmi2Reset(fmi2Component component)
 {
-    instance_reset(component);
+    struct instance *self = CALLED(CALL_RESET);
+    if (self == NULL) {
+        return fmi2Error;
+    }
+    instance_reset(self);
     return fmi2OK;
 }
 
 fmi2Status fmi2DoStep(fmi2Component component, fmi2Real time, fmi2Real duration, fmi2Boolean forward)
 {
+    struct instance *self = CALLED(CALL_DO_STEP);
     (void)forward;
-    return status_of(instance_step(component, time, duration));
+    return self == NULL ? fmi2Error : (fmi2Status)instance_step(self, time, duration);
 }
 
 /* ---- values ---- */
@@ -113,16 +114,18 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real time, fmi2Real duration,
     fmi2Status fmi2Get##Name(fmi2Component component, const fmi2ValueReference references[], size_t count,            \
                              fmi2##Name values[])                                                                     \
     {                                                                                                                 \
+        struct instance *self = CALLED(CALL_GET);                                                                     \
         size_t k;                                                                                                     \
-        bool good = true;                                                                                             \
-        for (k = 0; good && k < count; ++k) {                                                                         \
-            type_of_model value;                                                                                      \
-            good = instance_get(component, references[k], type, &value);                                              \
-            if (good) {                                                                                               \
-                values[k] = value;                                                                                    \
-            }                                                                                                         \
+        if (self == NULL || !instance_has_arrays(self, count, references, values) ||                                  \
+            instance_check_get(self, references, count, type) != OUTCOME_OK) {                                        \
+            return fmi2Error;                                                                                         \
         }                                                                                                             \
-        return status_of(good);                                                                                       \
+        for (k = 0; k < count; ++k) {                                                                                 \
+            type_of_model value;                                                                                      \
+            instance_get(self, references[k], &value);                                                                \
+            values[k] = value;                                                                                        \
+        }                                                                                                             \
+        return fmi2OK;                                                                                                \
     }
 
 GET(Real, MODEL_REAL, double)
@@ -134,89 +137,167 @@ GET(String, MODEL_TEXTUAL, const char *)
     fmi2Status fmi2Set##Name(fmi2Component component, const fmi2ValueReference references[], size_t count,            \
                              const fmi2##Name values[])                                                               \
     {                                                                                                                 \
+        struct instance *self = CALLED(CALL_SET);                                                                     \
         size_t k;                                                                                                     \
-        bool good = true;                                                                                             \
-        for (k = 0; good && k < count; ++k) {                                                                         \
-            const type_of_model value = values[k] converted;                                                          \
-            good = instance_set(component, references[k], type, place value);                                         \
+        if (self == NULL || !instance_has_arrays(self, count, references, values)) {                                  \
+            return fmi2Error;                                                                                         \
         }                                                                                                             \
-        return status_of(good);                                                                                       \
+        for (k = 0; k < count; ++k) {                                                                                 \
+            const type_of_model value = converted(values[k]);                                                         \
+            const enum outcome outcome = instance_check_set(self, references[k], type, place value);                  \
+            if (outcome != OUTCOME_OK) {                                                                              \
+                return (fmi2Status)outcome;                                                                           \
+            }                                                                                                         \
+        }                                                                                                             \
+        for (k = 0; k < count; ++k) {                                                                                 \
+            const type_of_model value = converted(values[k]);                                                         \
+            instance_set(self, references[k], place value);                                                           \
+        }                                                                                                             \
+        return fmi2OK;                                                                                                \
     }
 
-SET(Real, MODEL_REAL, double, , &)
-SET(Integer, MODEL_INTEGER, int32_t, , &)
-SET(Boolean, MODEL_BOOLEAN, bool, != 0, &)
-SET(String, MODEL_TEXTUAL, char *, , )
+#define SAME(value) (value)
+/* A Boolean of FMI 2.0 as a byte that is 2 where it is neither false nor true. */
+#define AS_BYTE(value) ((unsigned char)((value) == fmi2False ? 0 : (value) == fmi2True ? 1 : 2))
+
+SET(Real, MODEL_REAL, double, SAME, &)
+SET(Integer, MODEL_INTEGER, int32_t, SAME, &)
+SET(Boolean, MODEL_BOOLEAN, unsigned char, AS_BYTE, &)
+SET(String, MODEL_TEXTUAL, char *, SAME, )
 
 /* ---- the state ---- */
 
 fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state)
 {
-    return status_of(instance_snapshot(component, state));
+    struct instance *self = CALLED(CALL_STATE);
+    return self == NULL ? fmi2Error : (fmi2Status)instance_get_state(self, state);
 }
 
 fmi2Status fmi2SetFMUstate(fmi2Component component, fmi2FMUstate state)
 {
-    return status_of(instance_load(component, state, instance_size()));
+    struct instance *self = CALLED(CALL_STATE);
+    return self == NULL ? fmi2Error : (fmi2Status)instance_set_state(self, state);
 }
 
 fmi2Status fmi2FreeFMUstate(fmi2Component component, fmi2FMUstate *state)
 {
-    (void)component;
-    free(*state);
-    *state = NULL;
-    return fmi2OK;
+    struct instance *self = CALLED(CALL_STATE);
+    return self == NULL ? fmi2Error : (fmi2Status)instance_free_state(self, state);
 }
 
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component component, fmi2FMUstate state, size_t *size)
 {
-    (void)component;
-    (void)state;
-    *size = instance_size();
-    return fmi2OK;
+    struct instance *self = CALLED(CALL_STATE);
+    return self == NULL ? fmi2Error : (fmi2Status)instance_serialized_size(self, state, size);
 }
 
 fmi2Status fmi2SerializeFMUstate(fmi2Component component, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
 {
-    (void)component;
-    if (size < instance_size()) {
-        return fmi2Error;
-    }
-    memcpy(bytes, state, instance_size());
-    return fmi2OK;
+    struct instance *self = CALLED(CALL_STATE);
+    return self == NULL ? fmi2Error : (fmi2Status)instance_serialize(self, state, bytes, size);
 }
 
 fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
 {
-    return status_of(instance_unpack(component, bytes, size, state));
+    struct instance *self = CALLED(CALL_STATE);
+    return self == NULL ? fmi2Error : (fmi2Status)instance_deserialize(self, bytes, size, state);
 }
 
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2ValueReference unknowns[],
                                         size_t unknown_count, const fmi2ValueReference knowns[], size_t known_count,
                                         const fmi2Real seed[], fmi2Real moved[])
 {
-    return status_of(instance_derivative(component, unknowns, unknown_count, knowns, known_count, seed, moved));
+    struct instance *self = CALLED(CALL_GET_DIRECTIONAL_DERIVATIVE);
+    return self == NULL ? fmi2Error
+                        : (fmi2Status)instance_derivative(self, unknowns, unknown_count, knowns, known_count, seed, moved);
 }
 
-/* ---- what these models have not ---- */
+/* ---- the status: a step is over when its function returns ---- */
 
-#if defined(__GNUC__)
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-#endif
-
-#define NONE(function, ...)                                                                                           \
-    fmi2Status function(__VA_ARGS__)                                                                                  \
-    {                                                                                                                 \
-        return fmi2Error;                                                                                             \
+/* The instance where a status and its place are as expected; a null pointer, and the outcome, otherwise. */
+static struct instance *asked(fmi2Component component, const char *function, bool is_known, const void *value,
+                              fmi2Status *outcome)
+{
+    struct instance *self = instance_called(component, CALL_GET_STATUS, function);
+    *outcome = fmi2Error;
+    if (self != NULL && value == NULL) {
+        instance_refuse(self, "expected an address, got a null pointer");
+    } else if (self != NULL) {
+        *outcome = is_known ? fmi2OK : (fmi2Status)instance_discard(self, "there is no such status of a finished step");
     }
+    return *outcome == fmi2OK ? self : NULL;
+}
 
-NONE(fmi2SetRealInputDerivatives, fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Integer o[],
-     const fmi2Real v[])
-NONE(fmi2GetRealOutputDerivatives, fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Integer o[],
-     fmi2Real v[])
-NONE(fmi2CancelStep, fmi2Component c)
-NONE(fmi2GetStatus, fmi2Component c, const fmi2StatusKind s, fmi2Status *v)
-NONE(fmi2GetRealStatus, fmi2Component c, const fmi2StatusKind s, fmi2Real *v)
-NONE(fmi2GetIntegerStatus, fmi2Component c, const fmi2StatusKind s, fmi2Integer *v)
-NONE(fmi2GetBooleanStatus, fmi2Component c, const fmi2StatusKind s, fmi2Boolean *v)
-NONE(fmi2GetStringStatus, fmi2Component c, const fmi2StatusKind s, fmi2String *v)
+fmi2Status fmi2GetStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Status *value)
+{
+    fmi2Status outcome;
+    (void)kind;
+    asked(component, __func__, false, value, &outcome);
+    return outcome;
+}
+
+fmi2Status fmi2GetRealStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Real *value)
+{
+    fmi2Status outcome;
+    const struct instance *self = asked(component, __func__, kind == fmi2LastSuccessfulTime, value, &outcome);
+    if (self != NULL) {
+        *value = self->at.time;
+    }
+    return outcome;
+}
+
+fmi2Status fmi2GetIntegerStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Integer *value)
+{
+    fmi2Status outcome;
+    (void)kind;
+    asked(component, __func__, false, value, &outcome);
+    return outcome;
+}
+
+fmi2Status fmi2GetBooleanStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Boolean *value)
+{
+    fmi2Status outcome;
+    const struct instance *self = asked(component, __func__, kind == fmi2Terminated, value, &outcome);
+    if (self != NULL) {
+        *value = fmi2False;
+    }
+    return outcome;
+}
+
+fmi2Status fmi2GetStringStatus(fmi2Component component, const fmi2StatusKind kind, fmi2String *value)
+{
+    fmi2Status outcome;
+    (void)kind;
+    asked(component, __func__, false, value, &outcome);
+    return outcome;
+}
+
+/* ---- what these models have not: input and output derivatives, and steps that go on after their function ---- */
+
+fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueReference references[], size_t count,
+                                       const fmi2Integer orders[], const fmi2Real values[])
+{
+    (void)references;
+    (void)count;
+    (void)orders;
+    (void)values;
+    CALLED(CALL_NEVER);
+    return fmi2Error;
+}
+
+fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2ValueReference references[], size_t count,
+                                        const fmi2Integer orders[], fmi2Real values[])
+{
+    (void)references;
+    (void)count;
+    (void)orders;
+    (void)values;
+    CALLED(CALL_NEVER);
+    return fmi2Error;
+}
+
+fmi2Status fmi2CancelStep(fmi2Component component)
+{
+    CALLED(CALL_NEVER);
+    return fmi2Error;
+}

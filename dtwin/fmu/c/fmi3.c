@@ -5,22 +5,15 @@
 #include "fmi3.h"
 #endif
 
-#include <stdlib.h>
-#include <string.h>
-
 #include "instance.h"
 
-static void tell(struct instance *instance, const char *message)
-{
-    const fmi3LogMessageCallback log = (fmi3LogMessageCallback)instance->logger;
-    if (log != NULL) {
-        log(instance->environment, fmi3Error, "logStatusError", message);
-    }
-}
+/* The instance of a call, or a null pointer and an error. */
+#define CALLED(call) instance_called(instance, call, __func__)
 
-static fmi3Status status_of(bool good)
+static void tell(struct instance *instance, enum outcome outcome, const char *category, const char *text)
 {
-    return good ? fmi3OK : fmi3Error;
+    const fmi3LogMessageCallback log = (fmi3LogMessageCallback)instance->wishes.logger;
+    log(instance->wishes.environment, (fmi3Status)outcome, category, text);
 }
 
 const char *fmi3GetVersion(void)
@@ -30,11 +23,8 @@ const char *fmi3GetVersion(void)
 
 fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean on, size_t count, const fmi3String categories[])
 {
-    (void)instance;
-    (void)on;
-    (void)count;
-    (void)categories;
-    return fmi3OK;
+    struct instance *self = CALLED(CALL_SET_DEBUG_LOGGING);
+    return self == NULL ? fmi3Error : (fmi3Status)instance_set_logging(self, on, count, categories);
 }
 
 fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
@@ -43,25 +33,14 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                                          fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
                                          fmi3IntermediateUpdateCallback update)
 {
-    struct instance *made = instance_new(token, name);
+    const struct wishes wishes = {3, name, token, events, logging, environment, tell, (void (*)(void))log};
     (void)resources;
     (void)visible;
-    (void)logging;
     (void)early_return;
     (void)intermediate;
     (void)count;
     (void)update;
-    if (made == NULL) {
-        if (log != NULL) {
-            log(environment, fmi3Error, "logStatusError", "expected the instantiation token of modelDescription.xml");
-        }
-        return NULL;
-    }
-    made->tell = tell;
-    made->logger = (void (*)(void))log;
-    made->environment = environment;
-    made->has_event_mode = events;
-    return made;
+    return instance_new(&wishes, __func__);
 }
 
 void fmi3FreeInstance(fmi3Instance instance)
@@ -72,38 +51,51 @@ void fmi3FreeInstance(fmi3Instance instance)
 fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolerance_defined, fmi3Float64 tolerance,
                                        fmi3Float64 start, fmi3Boolean stop_defined, fmi3Float64 stop)
 {
-    struct instance *self = instance;
-    (void)tolerance_defined;
-    (void)tolerance;
-    (void)stop_defined;
-    (void)stop;
-    self->mode = MODE_INITIALIZING;
-    self->start_time = start;
+    struct instance *self = CALLED(CALL_ENTER_INITIALIZATION_MODE);
+    const double *given_tolerance = tolerance_defined ? &tolerance : NULL, *given_stop = stop_defined ? &stop : NULL;
+    if (self == NULL || instance_set_up(self, given_tolerance, start, given_stop) != OUTCOME_OK) {
+        return fmi3Error;
+    }
+    self->at.mode = MODE_INITIALIZING;
     return fmi3OK;
 }
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance instance)
 {
-    struct instance *self = instance;
-    const bool good = instance_begin(self);
-    if (self->has_event_mode) {
-        self->mode = MODE_EVENT;
-    }
-    return status_of(good);
+    struct instance *self = CALLED(CALL_EXIT_INITIALIZATION_MODE);
+    return self == NULL ? fmi3Error : (fmi3Status)instance_begin(self);
 }
 
 /* A change of a discrete output is an event, at the end of the step in which it comes. Nothing is left to do then. */
 fmi3Status fmi3EnterEventMode(fmi3Instance instance)
 {
-    ((struct instance *)instance)->mode = MODE_EVENT;
+    struct instance *self = CALLED(CALL_ENTER_EVENT_MODE);
+    if (self == NULL) {
+        return fmi3Error;
+    }
+    if (!self->wishes.has_event_mode) {
+        return (fmi3Status)instance_refuse(self, "expected an instance that was made with eventModeUsed");
+    }
+    self->at.mode = MODE_EVENT;
     return fmi3OK;
+}
+
+fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance)
+{
+    return CALLED(CALL_EVENT_ITERATION) == NULL ? fmi3Error : fmi3OK;
 }
 
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, fmi3Boolean *terminate,
                                     fmi3Boolean *nominals, fmi3Boolean *states, fmi3Boolean *next_defined,
                                     fmi3Float64 *next)
 {
-    (void)instance;
+    struct instance *self = CALLED(CALL_EVENT_ITERATION);
+    if (self == NULL) {
+        return fmi3Error;
+    }
+    if (again == NULL || terminate == NULL || nominals == NULL || states == NULL || next_defined == NULL || next == NULL) {
+        return (fmi3Status)instance_refuse(self, "expected addresses, got a null pointer");
+    }
     *again = *terminate = *nominals = *states = *next_defined = false;
     *next = 0.0;
     return fmi3OK;
@@ -111,59 +103,102 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, f
 
 fmi3Status fmi3EnterStepMode(fmi3Instance instance)
 {
-    ((struct instance *)instance)->mode = MODE_STEPPING;
+    struct instance *self = CALLED(CALL_ENTER_STEP_MODE);
+    if (self == NULL) {
+        return fmi3Error;
+    }
+    self->at.mode = MODE_STEPPING;
     return fmi3OK;
 }
 
 fmi3Status fmi3Terminate(fmi3Instance instance)
 {
-    ((struct instance *)instance)->mode = MODE_TERMINATED;
+    struct instance *self = CALLED(CALL_TERMINATE);
+    if (self == NULL) {
+        return fmi3Error;
+    }
+    self->at.mode = MODE_TERMINATED;
     return fmi3OK;
 }
 
 fmi3Status fmi3Reset(fmi3Instance instance)
 {
-    instance_reset(instance);
+    struct instance *self = CALLED(CALL_RESET);
+    if (self == NULL) {
+        return fmi3Error;
+    }
+    instance_reset(self);
     return fmi3OK;
 }
 
 fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float64 duration, fmi3Boolean forward,
                       fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *reached)
 {
-    const bool good = instance_step(instance, time, duration);
-    const struct instance *self = instance;
+    struct instance *self = CALLED(CALL_DO_STEP);
+    enum outcome outcome;
     (void)forward;
-    *event = self->has_event_mode && self->event;
+    if (self == NULL) {
+        return fmi3Error;
+    }
+    if (event == NULL || terminate == NULL || early == NULL || reached == NULL) {
+        return (fmi3Status)instance_refuse(self, "expected addresses, got a null pointer");
+    }
+    outcome = instance_step(self, time, duration);
+    *event = outcome == OUTCOME_OK && self->wishes.has_event_mode && self->at.event;
     *terminate = false;
     *early = false;
-    *reached = good ? time + duration : time;
-    return status_of(good);
+    *reached = self->at.time;
+    return (fmi3Status)outcome;
 }
 
 /* ---- values ---- */
+
+static bool has_as_many(struct instance *instance, size_t count, size_t value_count)
+{
+    if (count != value_count) {
+        instance_refuse(instance, "expected as many values as value references, %lu, got %lu", (unsigned long)count,
+                        (unsigned long)value_count);
+    }
+    return count == value_count;
+}
 
 #define GET(Name, type)                                                                                               \
     fmi3Status fmi3Get##Name(fmi3Instance instance, const fmi3ValueReference references[], size_t count,              \
                              fmi3##Name values[], size_t value_count)                                                 \
     {                                                                                                                 \
+        struct instance *self = CALLED(CALL_GET);                                                                     \
         size_t k;                                                                                                     \
-        bool good = count == value_count;                                                                             \
-        for (k = 0; good && k < count; ++k) {                                                                         \
-            good = instance_get(instance, references[k], type, &values[k]);                                           \
+        if (self == NULL || !has_as_many(self, count, value_count) ||                                                 \
+            !instance_has_arrays(self, count, references, values) ||                                                  \
+            instance_check_get(self, references, count, type) != OUTCOME_OK) {                                        \
+            return fmi3Error;                                                                                         \
         }                                                                                                             \
-        return status_of(good);                                                                                       \
+        for (k = 0; k < count; ++k) {                                                                                 \
+            instance_get(self, references[k], &values[k]);                                                            \
+        }                                                                                                             \
+        return fmi3OK;                                                                                                \
     }
 
 #define SET(Name, type, place)                                                                                        \
     fmi3Status fmi3Set##Name(fmi3Instance instance, const fmi3ValueReference references[], size_t count,              \
                              const fmi3##Name values[], size_t value_count)                                           \
     {                                                                                                                 \
+        struct instance *self = CALLED(CALL_SET);                                                                     \
         size_t k;                                                                                                     \
-        bool good = count == value_count;                                                                             \
-        for (k = 0; good && k < count; ++k) {                                                                         \
-            good = instance_set(instance, references[k], type, place values[k]);                                      \
+        if (self == NULL || !has_as_many(self, count, value_count) ||                                                 \
+            !instance_has_arrays(self, count, references, values)) {                                                  \
+            return fmi3Error;                                                                                         \
         }                                                                                                             \
-        return status_of(good);                                                                                       \
+        for (k = 0; k < count; ++k) {                                                                                 \
+            const enum outcome outcome = instance_check_set(self, references[k], type, place values[k]);              \
+            if (outcome != OUTCOME_OK) {                                                                              \
+                return (fmi3Status)outcome;                                                                           \
+            }                                                                                                         \
+        }                                                                                                             \
+        for (k = 0; k < count; ++k) {                                                                                 \
+            instance_set(self, references[k], place values[k]);                                                       \
+        }                                                                                                             \
+        return fmi3OK;                                                                                                \
     }
 
 GET(Float64, MODEL_REAL)
@@ -179,43 +214,38 @@ SET(String, MODEL_TEXTUAL, )
 
 fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *state)
 {
-    return status_of(instance_snapshot(instance, state));
+    struct instance *self = CALLED(CALL_STATE);
+    return self == NULL ? fmi3Error : (fmi3Status)instance_get_state(self, state);
 }
 
 fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState state)
 {
-    return status_of(instance_load(instance, state, instance_size()));
+    struct instance *self = CALLED(CALL_STATE);
+    return self == NULL ? fmi3Error : (fmi3Status)instance_set_state(self, state);
 }
 
 fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *state)
 {
-    (void)instance;
-    free(*state);
-    *state = NULL;
-    return fmi3OK;
+    struct instance *self = CALLED(CALL_STATE);
+    return self == NULL ? fmi3Error : (fmi3Status)instance_free_state(self, state);
 }
 
 fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState state, size_t *size)
 {
-    (void)instance;
-    (void)state;
-    *size = instance_size();
-    return fmi3OK;
+    struct instance *self = CALLED(CALL_STATE);
+    return self == NULL ? fmi3Error : (fmi3Status)instance_serialized_size(self, state, size);
 }
 
 fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState state, fmi3Byte bytes[], size_t size)
 {
-    (void)instance;
-    if (size < instance_size()) {
-        return fmi3Error;
-    }
-    memcpy(bytes, state, instance_size());
-    return fmi3OK;
+    struct instance *self = CALLED(CALL_STATE);
+    return self == NULL ? fmi3Error : (fmi3Status)instance_serialize(self, state, bytes, size);
 }
 
 fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
 {
-    return status_of(instance_unpack(instance, bytes, size, state));
+    struct instance *self = CALLED(CALL_STATE);
+    return self == NULL ? fmi3Error : (fmi3Status)instance_deserialize(self, bytes, size, state);
 }
 
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t unknown_count,
@@ -223,8 +253,11 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueRe
                                         const fmi3Float64 seed[], size_t seed_count, fmi3Float64 moved[],
                                         size_t moved_count)
 {
-    return status_of(seed_count == known_count && moved_count == unknown_count &&
-                     instance_derivative(instance, unknowns, unknown_count, knowns, known_count, seed, moved));
+    struct instance *self = CALLED(CALL_GET_DIRECTIONAL_DERIVATIVE);
+    if (self == NULL || !has_as_many(self, known_count, seed_count) || !has_as_many(self, unknown_count, moved_count)) {
+        return fmi3Error;
+    }
+    return (fmi3Status)instance_derivative(self, unknowns, unknown_count, knowns, known_count, seed, moved);
 }
 
 /* ---- what these models have not ---- */
@@ -236,6 +269,7 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueRe
 #define NONE(function, ...)                                                                                           \
     fmi3Status function(__VA_ARGS__)                                                                                  \
     {                                                                                                                 \
+        CALLED(CALL_NEVER);                                                                                           \
         return fmi3Error;                                                                                             \
     }
 #define WITHOUT(Name)                                                                                                 \
@@ -250,50 +284,51 @@ WITHOUT(UInt16)
 WITHOUT(UInt32)
 WITHOUT(Int64)
 WITHOUT(UInt64)
-NONE(fmi3GetBinary, fmi3Instance i, const fmi3ValueReference r[], size_t n, size_t s[], fmi3Binary v[], size_t m)
-NONE(fmi3SetBinary, fmi3Instance i, const fmi3ValueReference r[], size_t n, const size_t s[], const fmi3Binary v[],
+NONE(fmi3GetBinary, fmi3Instance instance, const fmi3ValueReference r[], size_t n, size_t s[], fmi3Binary v[], size_t m)
+NONE(fmi3SetBinary, fmi3Instance instance, const fmi3ValueReference r[], size_t n, const size_t s[], const fmi3Binary v[],
      size_t m)
-NONE(fmi3GetClock, fmi3Instance i, const fmi3ValueReference r[], size_t n, fmi3Clock v[])
-NONE(fmi3SetClock, fmi3Instance i, const fmi3ValueReference r[], size_t n, const fmi3Clock v[])
-NONE(fmi3GetNumberOfVariableDependencies, fmi3Instance i, fmi3ValueReference r, size_t *n)
-NONE(fmi3GetVariableDependencies, fmi3Instance i, fmi3ValueReference r, size_t a[], fmi3ValueReference b[], size_t c[],
+NONE(fmi3GetClock, fmi3Instance instance, const fmi3ValueReference r[], size_t n, fmi3Clock v[])
+NONE(fmi3SetClock, fmi3Instance instance, const fmi3ValueReference r[], size_t n, const fmi3Clock v[])
+NONE(fmi3GetNumberOfVariableDependencies, fmi3Instance instance, fmi3ValueReference r, size_t *n)
+NONE(fmi3GetVariableDependencies, fmi3Instance instance, fmi3ValueReference r, size_t a[], fmi3ValueReference b[], size_t c[],
      fmi3DependencyKind d[], size_t n)
-NONE(fmi3GetAdjointDerivative, fmi3Instance i, const fmi3ValueReference u[], size_t un, const fmi3ValueReference k[],
+NONE(fmi3GetAdjointDerivative, fmi3Instance instance, const fmi3ValueReference u[], size_t un, const fmi3ValueReference k[],
      size_t kn, const fmi3Float64 s[], size_t sn, fmi3Float64 v[], size_t vn)
-NONE(fmi3EnterConfigurationMode, fmi3Instance i)
-NONE(fmi3ExitConfigurationMode, fmi3Instance i)
-NONE(fmi3GetIntervalDecimal, fmi3Instance i, const fmi3ValueReference r[], size_t n, fmi3Float64 v[],
+NONE(fmi3EnterConfigurationMode, fmi3Instance instance)
+NONE(fmi3ExitConfigurationMode, fmi3Instance instance)
+NONE(fmi3GetIntervalDecimal, fmi3Instance instance, const fmi3ValueReference r[], size_t n, fmi3Float64 v[],
      fmi3IntervalQualifier q[])
-NONE(fmi3GetIntervalFraction, fmi3Instance i, const fmi3ValueReference r[], size_t n, fmi3UInt64 c[], fmi3UInt64 s[],
+NONE(fmi3GetIntervalFraction, fmi3Instance instance, const fmi3ValueReference r[], size_t n, fmi3UInt64 c[], fmi3UInt64 s[],
      fmi3IntervalQualifier q[])
-NONE(fmi3GetShiftDecimal, fmi3Instance i, const fmi3ValueReference r[], size_t n, fmi3Float64 v[])
-NONE(fmi3GetShiftFraction, fmi3Instance i, const fmi3ValueReference r[], size_t n, fmi3UInt64 c[], fmi3UInt64 s[])
-NONE(fmi3SetIntervalDecimal, fmi3Instance i, const fmi3ValueReference r[], size_t n, const fmi3Float64 v[])
-NONE(fmi3SetIntervalFraction, fmi3Instance i, const fmi3ValueReference r[], size_t n, const fmi3UInt64 c[],
+NONE(fmi3GetShiftDecimal, fmi3Instance instance, const fmi3ValueReference r[], size_t n, fmi3Float64 v[])
+NONE(fmi3GetShiftFraction, fmi3Instance instance, const fmi3ValueReference r[], size_t n, fmi3UInt64 c[], fmi3UInt64 s[])
+NONE(fmi3SetIntervalDecimal, fmi3Instance instance, const fmi3ValueReference r[], size_t n, const fmi3Float64 v[])
+NONE(fmi3SetIntervalFraction, fmi3Instance instance, const fmi3ValueReference r[], size_t n, const fmi3UInt64 c[],
      const fmi3UInt64 s[])
-NONE(fmi3SetShiftDecimal, fmi3Instance i, const fmi3ValueReference r[], size_t n, const fmi3Float64 v[])
-NONE(fmi3SetShiftFraction, fmi3Instance i, const fmi3ValueReference r[], size_t n, const fmi3UInt64 c[],
+NONE(fmi3SetShiftDecimal, fmi3Instance instance, const fmi3ValueReference r[], size_t n, const fmi3Float64 v[])
+NONE(fmi3SetShiftFraction, fmi3Instance instance, const fmi3ValueReference r[], size_t n, const fmi3UInt64 c[],
      const fmi3UInt64 s[])
-NONE(fmi3EvaluateDiscreteStates, fmi3Instance i)
-NONE(fmi3GetOutputDerivatives, fmi3Instance i, const fmi3ValueReference r[], size_t n, const fmi3Int32 o[],
+NONE(fmi3GetOutputDerivatives, fmi3Instance instance, const fmi3ValueReference r[], size_t n, const fmi3Int32 o[],
      fmi3Float64 v[], size_t m)
-NONE(fmi3EnterContinuousTimeMode, fmi3Instance i)
-NONE(fmi3CompletedIntegratorStep, fmi3Instance i, fmi3Boolean a, fmi3Boolean *b, fmi3Boolean *c)
-NONE(fmi3SetTime, fmi3Instance i, fmi3Float64 time)
-NONE(fmi3SetContinuousStates, fmi3Instance i, const fmi3Float64 x[], size_t n)
-NONE(fmi3GetContinuousStateDerivatives, fmi3Instance i, fmi3Float64 x[], size_t n)
-NONE(fmi3GetEventIndicators, fmi3Instance i, fmi3Float64 x[], size_t n)
-NONE(fmi3GetContinuousStates, fmi3Instance i, fmi3Float64 x[], size_t n)
-NONE(fmi3GetNominalsOfContinuousStates, fmi3Instance i, fmi3Float64 x[], size_t n)
-NONE(fmi3GetNumberOfEventIndicators, fmi3Instance i, size_t *n)
-NONE(fmi3GetNumberOfContinuousStates, fmi3Instance i, size_t *n)
-NONE(fmi3ActivateModelPartition, fmi3Instance i, fmi3ValueReference r, fmi3Float64 time)
+NONE(fmi3EnterContinuousTimeMode, fmi3Instance instance)
+NONE(fmi3CompletedIntegratorStep, fmi3Instance instance, fmi3Boolean a, fmi3Boolean *b, fmi3Boolean *c)
+NONE(fmi3SetTime, fmi3Instance instance, fmi3Float64 time)
+NONE(fmi3SetContinuousStates, fmi3Instance instance, const fmi3Float64 x[], size_t n)
+NONE(fmi3GetContinuousStateDerivatives, fmi3Instance instance, fmi3Float64 x[], size_t n)
+NONE(fmi3GetEventIndicators, fmi3Instance instance, fmi3Float64 x[], size_t n)
+NONE(fmi3GetContinuousStates, fmi3Instance instance, fmi3Float64 x[], size_t n)
+NONE(fmi3GetNominalsOfContinuousStates, fmi3Instance instance, fmi3Float64 x[], size_t n)
+NONE(fmi3GetNumberOfEventIndicators, fmi3Instance instance, size_t *n)
+NONE(fmi3GetNumberOfContinuousStates, fmi3Instance instance, size_t *n)
+NONE(fmi3ActivateModelPartition, fmi3Instance instance, fmi3ValueReference r, fmi3Float64 time)
 
+/* What is no co-simulation has no token here. */
 fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
                                           fmi3Boolean logging, fmi3InstanceEnvironment environment,
                                           fmi3LogMessageCallback log)
 {
-    return NULL;
+    const struct wishes wishes = {3, name, NULL, false, logging, environment, tell, (void (*)(void))log};
+    return instance_new(&wishes, __func__);
 }
 
 fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resources,
@@ -302,5 +337,6 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token
                                                fmi3ClockUpdateCallback update, fmi3LockPreemptionCallback lock,
                                                fmi3UnlockPreemptionCallback unlock)
 {
-    return NULL;
+    const struct wishes wishes = {3, name, NULL, false, logging, environment, tell, (void (*)(void))log};
+    return instance_new(&wishes, __func__);
 }

@@ -6,7 +6,6 @@
 
 struct model {
     double time;
-    bool begun;
     struct arm arm;
 };
 
