@@ -9,8 +9,9 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
+from dtwin.bus.twin_messages import DeskRequest
 from dtwin.console.commands import COMMANDS
-from dtwin.console.people.desk import TIME_OUT
+from dtwin.console.people.desk import TIME_OUT, Desk
 from tests.support.console import Clock, FakeCell, Served, Visitor, joined, serve
 from tests.support.disks import full_disk
 from tests.support.waiting import until
@@ -277,3 +278,18 @@ def test_an_alarm_is_treated_whole_or_not_at_all(served: Served, visitor: Visito
     assert alarms.alarm("it").unacknowledged
     assert visitor.post("/api/alarm/acknowledge", {"name": "it"})[0] == 200
     assert not alarms.alarm("it").unacknowledged
+
+
+def test_a_desk_that_starts_again_believes_its_holder_and_later_nobody() -> None:
+    clock = Clock()
+    clock.stop()
+    keep, other = DeskRequest("one", "anna", "keep"), DeskRequest("other", "bert", "keep")
+    desk = Desk(clock)
+    assert desk.ask(keep).session == "one"
+    assert desk.ask(other).session == "one"
+    assert desk.ask(DeskRequest("other", "bert", "occupy")).session == "one"
+    assert desk.ask(DeskRequest("other", "bert", "leave")).session == "one"
+    clock.ahead = TIME_OUT
+    assert desk.state().session == ""
+    assert desk.ask(keep).session == "", "who has timed out has it no more"
+    assert desk.ask(DeskRequest("other", "bert", "occupy")).user == "bert"
