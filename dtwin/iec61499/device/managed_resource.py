@@ -113,7 +113,7 @@ class ManagedResource:
     def delete_block(self, name: str) -> None:
         """Deletes a block that does not run, and its connections."""
         self._drawn.expect_block(name)
-        if self.state == "RUNNING" and name not in self._halted:
+        if self._halted.get(name, "RUNNING" if self.state == "RUNNING" else "IDLE") == "RUNNING":
             raise ManagementError("INVALID_STATE", f"{name} of {self.name} is RUNNING: cannot delete it")
         self._drawn.delete_block(name)
         self._halted.pop(name, None)
@@ -211,14 +211,15 @@ class ManagedResource:
         }
 
     def change_block_state(self, name: str, action: RequestAction) -> None:
-        """START, STOP, KILL or RESET of one block of a resource that has been started."""
+        """START, STOP, KILL or RESET of one block; before the resource runs only its state is noted."""
         self._drawn.expect_block(name)
-        if self._running is None:
-            raise ManagementError("INVALID_STATE", f"{self.name} is {self.state}: cannot {action} {name} alone")
         sources, target = _MOVES[action]
-        state = self._halted.get(name, "RUNNING")
+        state = self._halted.get(name, "RUNNING" if self._running is not None else "IDLE")
         if state not in sources:
             raise ManagementError("INVALID_STATE", f"{name} is {state}: cannot {action}")
+        if self._running is None:
+            self._halted[name] = target
+            return
         if action == "START":
             del self._halted[name]
         else:
@@ -332,6 +333,7 @@ class ManagedResource:
         if self._prepared is None:
             self.prepare()
         prepared, self._prepared = self._prepared, None
+        self._halted.clear()
         assert prepared is not None
         if isinstance(prepared, ManagementError):
             raise prepared

@@ -9,6 +9,7 @@ import pytest
 from dtwin.controller.ports import EMULATOR
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499.management.bootfile import parse_boot_file
+from dtwin.iec61499.management.protocol import ManagedBlock
 from dtwin.iec61499.mapping import resource_network
 from dtwin.iec61499.net.client import BlockingClient
 from dtwin.iec61499.runtime.resource import Resource
@@ -115,6 +116,32 @@ def test_a_client_that_cannot_connect_says_so(served: ServedDevice, identifier: 
         client.start("R")
         assert wait_for(client, "R", "C.STATUS", bool) == "INVALID_ID"
         assert client.read("R", "C.QO") == "FALSE"
+
+
+def test_a_client_connects_when_its_server_starts_later(served: ServedDevice) -> None:
+    where = free_address()
+    with served.client() as client:
+        steps = f"C CLIENT_0 QI=1 ID={where}\nS SERVER_0 QI=1 ID={where}\nN E_CTU PV=9"
+        build(client, "R", f"{steps}\nSTART.COLD -> C.INIT\nC.INITO -> N.CU")
+        client.start("R")
+        assert wait_for(client, "R", "C.STATUS", bool) == "INVALID_ID"
+        client.trigger("R", "S.INIT")
+        assert wait_for(client, "R", "C.STATUS", lambda value: value != "INVALID_ID") == "OK"
+        assert client.read("R", "C.QO") == "TRUE"
+        assert wait_for(client, "R", "N.CV", lambda value: value == "2") == "2"
+
+
+def test_a_block_of_a_resource_that_idles_is_started(served: ServedDevice) -> None:
+    with served.client() as client:
+        build(client, "R", "A E_CTU")
+        block = ManagedBlock("A", "")
+        client.demand("R", "START", block)
+        assert client.request("R", "START", block).reason == "INVALID_STATE"
+        assert client.request("R", "DELETE", block).reason == "INVALID_STATE"
+        client.demand("R", "STOP", block)
+        client.start("R")
+        client.demand("R", "STOP", block)
+        client.delete_block("R", "A")
 
 
 def test_an_endless_loop_ends_its_resource_only(served: ServedDevice, caplog: pytest.LogCaptureFixture) -> None:
