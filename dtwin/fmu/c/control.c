@@ -16,6 +16,7 @@ static const char *const problems[] = {
     "the function blocks failed: too many events wait",
     "the function blocks are not initialised",
     "the function blocks did not answer a sample once",
+    "a function block failed: a character is not in the text",
 };
 
 #define QUEUE offsetof(struct control, program.run.queue)
@@ -36,7 +37,8 @@ void control_reset(struct control *control)
 
 static const char *told(int32_t problem)
 {
-    return problem == FB_FINE ? NULL : problems[problem];
+    const bool is_known = problem > 0 && (size_t)problem < sizeof problems / sizeof problems[0];
+    return problem == FB_FINE ? NULL : is_known ? problems[problem] : "a function block failed";
 }
 
 const char *control_begin(struct control *control)
