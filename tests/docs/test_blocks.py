@@ -51,6 +51,7 @@ RUN: Final[dict[str, tuple[str, ...]]] = {
     "fb replay": (),
     "identify": (),
     "model list": (),
+    "model show": (),
     "monitor": (),
     "simulate": (),
     "completion": (),
