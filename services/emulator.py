@@ -26,6 +26,7 @@ from dtwin.bus.messages import (
     LATCH,
     RESET,
     SENSORS,
+    TICKS,
     TRUTH,
     VOLTAGES,
     Acted,
@@ -44,6 +45,7 @@ from dtwin.services.parts.gate import STALE, Gate
 from dtwin.services.parts.journaled import JournaledCell
 from dtwin.services.parts.latencies import Latencies
 from dtwin.services.parts.pace import Pace
+from dtwin.services.parts.passed import Passed
 from dtwin.services.parts.revival import revive
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors, Voltages
@@ -122,6 +124,8 @@ class Emulator:
         self._publish_sensors: Callable[[Sensors], None] = bus.publisher(SENSORS, lossless=lossless)
         self._publish_acted: Callable[[Acted], None] = bus.publisher(ACTED, lossless=lossless)
         self._publish_truth = bus.publisher(TRUTH, lossless=lossless)
+        self._publish_ticks = bus.publisher(TICKS, lossless=lossless)
+        self._passed = Passed(self._publish_ticks)
         self._publish_event: Callable[[Event], None] = bus.publisher(EVENTS, lossless=lossless)
         inbox = service.inbox
         bus.subscribe_senders(
@@ -155,6 +159,7 @@ class Emulator:
             due = self._tick(sensors, due)
         for event in self._cell.emulation.drain_events():
             self._publish_event(event)
+        self._passed.tell()
         self._report("stopping")
         return whole
 
@@ -266,6 +271,8 @@ class Emulator:
     def _tell_what_acts(self, sensors: Sensors) -> None:
         """Publishes what acts in this tick unless that is the command that answers its sample."""
         acts = self._cell.command
+        if self._publish_ticks.wanted:
+            self._passed.add(sensors, acts)
         if acts is not self._obeyed or acts.sequence != sensors.sequence:
             self._publish_acted(Acted(sensors.sequence, sensors.time, acts.volts, acts.box_gripped))
 
@@ -306,6 +313,7 @@ class Emulator:
         self._begin_anew(self._cell.seed)
 
     def _begin_anew(self, seed: int) -> None:
+        self._passed.tell()
         self._cell.restart(seed)
         self._gate.restart(0)
         self._state = "waiting"

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Final
 
 import msgspec
 
-from dtwin.bus.following import Following
+from dtwin.bus.following import Following, following_ticks
 from dtwin.bus.messages import (
     ACTED,
     DECIDE,
@@ -27,12 +27,16 @@ from dtwin.bus.messages import (
     IDENTIFY,
     SENSORS,
     SIGNAL,
+    TICKS,
     UPLOAD,
     VOLTAGES,
     Acted,
     IdentificationSignal,
+    PassedTicks,
     SignalRequest,
 )
+from dtwin.bus.session import Subscription
+from dtwin.bus.ticks import Tick
 from dtwin.bus.twin_messages import (
     Estimated,
     IdentificationDecision,
@@ -104,9 +108,9 @@ class Identification:
         bus = service.bus
         self._publish = bus.publisher(IDENTIFICATION)
         self._tell = bus.publisher(EVENTS)
-        bus.subscribe(SENSORS, Sensors, Following(service.inbox.put, bus.refuse))
-        bus.subscribe(VOLTAGES, Voltages, service.inbox.put)
-        bus.subscribe(ACTED, Acted, service.inbox.put)
+        self._followed: list[Subscription] = []
+        self._heard: set[type] = set()
+        bus.subscribe(TICKS, PassedTicks, following_ticks(service.inbox.put, bus.refuse))
         bus.answer(IDENTIFY, IdentificationRequest, self._ask, lambda: self._state)
         bus.answer(DECIDE, IdentificationDecision, self._decide, lambda: self._state)
 
@@ -120,6 +124,7 @@ class Identification:
                 self._deal_with(item)
             except DtwinError as error:
                 self._collector, self._measuring, self._due = None, False, False
+                self._follow(False)
                 self._enter(IdentificationState("refused", str(error)[:1000]))
             if service.report_due():
                 service.report("running", self._finished)
@@ -167,31 +172,48 @@ class Identification:
             return f"not uploaded: {error}"
         return f"on trial in the controller as version {answer.version} of the settings"
 
-    def _deal_with(self, item: Sensors | Voltages | Acted | IdentificationRequest | None) -> None:
+    def _deal_with(self, item: list[Tick] | Sensors | Voltages | Acted | IdentificationRequest | None) -> None:
         if isinstance(item, IdentificationRequest):
             self._begin(item)
-        elif item is not None:
+        elif isinstance(item, list):
             self._operating.take(item)
-            if isinstance(item, Sensors):
-                self._time = item.time
+            sensors = item[-1][0]
+            self._time = sensors.time
+            if self._measuring and not self._followed and sensors.sequence % PROGRESS == 0:
+                self._look_at_motions()
+        elif item is not None:
+            self._heard.add(type(item))
             if self._collector is not None:
                 self._collect(self._collector, item)
-            elif self._due:
-                if isinstance(item, Voltages) and not item.box_gripped:
-                    self._excite(self._request)
-            elif self._measuring and item.sequence % PROGRESS == 0:
-                self._look_at_motions()
+            elif self._due and isinstance(item, Voltages) and not item.box_gripped and Sensors in self._heard:
+                # What is heard of both senders now is not missed when the signal begins.
+                self._excite(self._request)
         if self._measuring and time.monotonic() > self._deadline:
             raise IdentificationError(f"{self._state.text}, and there it stopped: does the cell run?")
 
     def _begin(self, request: IdentificationRequest) -> None:
         self._request, self._model, self._collector = request, None, None
         self._measuring, self._due = True, request.source == "signal"
+        self._follow(self._due)
         self._deadline = time.monotonic() + MOTION_PATIENCE
         if self._due:
             self._enter(IdentificationState("measuring", "waits for an empty gripper"))
         else:
             self._look_at_motions()
+
+    def _follow(self, wanted: bool) -> None:
+        """Has every sample, command and what acted instead sent at once, or no more."""
+        for subscription in self._followed:
+            subscription.end()
+        self._followed = []
+        self._heard.clear()
+        if wanted:
+            bus, put = self._service.bus, self._service.inbox.put
+            self._followed = [
+                bus.subscribe(ACTED, Acted, put),
+                bus.subscribe(VOLTAGES, Voltages, put),
+                bus.subscribe(SENSORS, Sensors, Following(put, bus.refuse)),
+            ]
 
     def _excite(self, request: IdentificationRequest) -> None:
         """Asks the blocks for the signal."""
@@ -213,6 +235,7 @@ class Identification:
         collector.take(item)
         if collector.complete:
             self._collector = None
+            self._follow(False)
             self._estimate(collector.experiment())
         elif collector.done != before and collector.done % PROGRESS == 0:
             self._enter(IdentificationState("measuring", "the arm is excited", collector.done, collector.samples))

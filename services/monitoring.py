@@ -1,6 +1,6 @@
 """Watches the running arm: samples and commands off the bus in, verdicts and residuals out.
 
-A sample counts once it is known what acted on the arm after it: its command, or what the emulator says acted instead.
+A sample comes with what acted on the arm after it, as soon as the few ticks that are told together have passed.
 What is lost on the way is counted and bridged by the monitor. When the service starts again, it starts from the model
 and learns anew. It may ask the function blocks for a safe stop.
 """
@@ -17,10 +17,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from dtwin.bus.batches import Batches
-from dtwin.bus.following import Following
-from dtwin.bus.messages import ACKNOWLEDGE, ACTED, EVENTS, MONITORING, RESIDUALS, SENSORS, VOLTAGES, WATCH, Acted
-from dtwin.bus.ticks import Tick, Ticks
+from dtwin.bus.following import following_ticks
+from dtwin.bus.messages import ACKNOWLEDGE, EVENTS, MONITORING, RESIDUALS, TICKS, TOGETHER, WATCH, PassedTicks
+from dtwin.bus.ticks import Tick
 from dtwin.bus.twin_messages import (
     AcknowledgeRequest,
     MonitoringResiduals,
@@ -40,19 +39,17 @@ from dtwin.parameters import ArmParameters, Triple
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.demands import Demands
 from dtwin.services.service import Link, Service, main, read_alone
-from dtwin.signals import MONITOR, Event, EventKind, Sensors, Voltages
+from dtwin.signals import MONITOR, Event, EventKind
 
 log = logging.getLogger(__name__)
 
 NAME: Final = "monitoring"
 UNHEARD: Final[Triple] = (0.0, 0.0, 0.0)
 """rad: without a model the monitor judges the noise by the readings alone"""
-RESIDUAL_EVERY: Final = 10
-"""ticks"""
-VERDICT_EVERY: Final = 100
-"""ticks"""
-TOGETHER: Final = 5
-"""Ticks that are dealt with at once while nothing is the matter; a divisor of the two before."""
+RESIDUAL_EVERY: Final = 2 * TOGETHER
+"""ticks, a multiple of those that are told together"""
+VERDICT_EVERY: Final = 20 * TOGETHER
+"""ticks, such a multiple too"""
 PATIENCE: Final = 4.0
 """s that a query waits for the main thread"""
 
@@ -109,7 +106,6 @@ class Monitoring:
         self._model = model
         self._monitor = made()
         self._running = True
-        self._ticks = Ticks()
         self._demands = demands
         self._told = self._confirmed = 0
         self._time = 0.0
@@ -117,10 +113,7 @@ class Monitoring:
         self._tell_event: Callable[[Event], None] = bus.publisher(EVENTS)
         self._tell_verdict: Callable[[MonitoringVerdict], None] = bus.publisher(MONITORING)
         self._tell_residuals: Callable[[MonitoringResiduals], None] = bus.publisher(RESIDUALS)
-        self._batches = Batches(lambda: service.inbox.put(_COME))
-        bus.subscribe(SENSORS, Sensors, Following(self._batches.put, bus.refuse))
-        bus.subscribe(VOLTAGES, Voltages, self._batches.put)
-        bus.subscribe(ACTED, Acted, self._batches.put)
+        bus.subscribe(TICKS, PassedTicks, following_ticks(service.inbox.put, bus.refuse))
         bus.answer(ACKNOWLEDGE, AcknowledgeRequest, self._ask, lambda: self._ask(None))
         bus.answer(WATCH, WatchRequest, self._switch, lambda: WatchState(self._running, self._model))
 
@@ -131,13 +124,12 @@ class Monitoring:
         while not service.stopping:
             item = service.next(0.2)
             before = done
-            ticks = [tick for message in self._batches.take() for tick in self._ticks.take(message)]
-            if ticks:
-                self._time = ticks[-1][0].time
+            if isinstance(item, list):
+                self._time = item[-1][0].time
                 if self._running:
-                    self._watch(ticks)
-                    done += len(ticks)
-            if isinstance(item, _Asked):
+                    self._watch(item)
+                    done += len(item)
+            elif isinstance(item, _Asked):
                 self._acknowledge(item)
             elif isinstance(item, WatchRequest):
                 self._change(item)
@@ -192,7 +184,6 @@ class Monitoring:
                 self._tell_residuals(residuals(sensors.sequence, sensors.theta, monitor))
             if not self._tell_news() and sensors.sequence % VERDICT_EVERY == 0:
                 self._tell_verdict(monitor.verdict())
-        self._batches.size = TOGETHER if monitor.calm else 1
 
     def _tell_news(self) -> bool:
         """Publishes what the monitor has noticed since the last time; whether that was anything."""
@@ -210,10 +201,6 @@ class Monitoring:
                 self._demands.failed(finding)
         self._confirmed = len(monitor.findings.history)
         return bool(news)
-
-
-_COME: Final = object()
-"""Wakes the main thread: a batch is complete."""
 
 
 class _Asked(NamedTuple):

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from dtwin.bus.following import Following
+from dtwin.bus.following import Following, following_ticks
 from dtwin.bus.messages import (
     ACTED,
     EVENTS,
@@ -24,8 +24,10 @@ from dtwin.bus.messages import (
     ROLL_BACK,
     SENSORS,
     SETTINGS,
+    TICKS,
     UPLOAD,
     Acted,
+    PassedTicks,
     SettingsInForce,
     SettingsRequest,
 )
@@ -143,7 +145,7 @@ class Simulation:
         bus = service.bus
         self._publish = bus.publisher(EVENTS)
         self._followed: list[Subscription] = []
-        bus.subscribe(SENSORS, Sensors, Following(service.inbox.put, bus.refuse))
+        bus.subscribe(TICKS, PassedTicks, following_ticks(service.inbox.put, bus.refuse))
         bus.answer(UPLOAD, UploadRequest, self._answer, self._now)
         bus.answer(PREDICT, PredictionRequest, self._predict)
         bus.answer(ROLL_BACK, RollBackRequest, self._roll_back, self._now)
@@ -169,7 +171,10 @@ class Simulation:
         while not service.stopping:
             item = service.next(RETRY)
             pair = None
-            if isinstance(item, Sensors):
+            if isinstance(item, list):
+                if not self._followed:
+                    self._time = item[-1][0].time
+            elif isinstance(item, Sensors):
                 self._time = item.time
                 pair = self._pairs.first(item)
             elif isinstance(item, PathAngles):
@@ -223,12 +228,18 @@ class Simulation:
                 self._uploader.trial.miss(acted.time)
 
     def _follow(self) -> None:
-        """Has the path and what acted sent while there is a trial to judge; the path costs the bridge a look at the
-        device every tick."""
+        """Has samples, path and what acted sent at once while there is a trial to judge.
+
+        This costs all who send them time in every tick, the path a look at the device too.
+        """
         wanted = self._uploader is not None and self._uploader.trial is not None
         if wanted and not self._followed:
             bus, put = self._service.bus, self._service.inbox.put
-            self._followed = [bus.subscribe(ACTED, Acted, put), bus.subscribe(PATH, PathAngles, put)]
+            self._followed = [
+                bus.subscribe(ACTED, Acted, put),
+                bus.subscribe(PATH, PathAngles, put),
+                bus.subscribe(SENSORS, Sensors, Following(put, bus.refuse)),
+            ]
         elif not wanted:
             for subscription in self._followed:
                 subscription.end()

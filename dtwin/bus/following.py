@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final
 
+from dtwin.bus.messages import PassedTicks
+from dtwin.bus.ticks import Tick
 from dtwin.parameters import PERIOD
 from dtwin.signals import Sensors
 
@@ -34,16 +36,41 @@ class Following:
 
     def __call__(self, sample: Sensors) -> None:
         """Takes a sample."""
-        number = sample.sequence
+        if self.counts(sample.sequence):
+            self._take(sample)
+
+    def counts(self, number: int) -> bool:
+        """Whether a sample with this number counts; asked once for every sample, in order."""
         if self._last is not None and number - self._last > AHEAD and not self._was_away(number):
             self._refuse("far ahead", f"sample {number} after {self._last}, expected at most {AHEAD} more")
-            return
+            return False
         self._last = number
         self._strays = 0
-        self._take(sample)
+        return True
 
     def _was_away(self, number: int) -> bool:
         follows = self._strays > 0 and 0 <= number - self._stray <= AHEAD
         self._strays = self._strays + 1 if follows else 1
         self._stray = number
         return self._strays >= AWAY
+
+
+def following_ticks(
+    take: Callable[[list[Tick]], Any], refuse: Callable[[str, str], Any]
+) -> Callable[[PassedTicks], None]:
+    """What takes the ticks of a message whose samples count, as `Following` says, and passes them on together.
+
+    Args:
+        take: Function that is called with ticks, at least one, oldest first.
+        refuse: Function that is told the reason and the details of every refusal.
+    """
+    following = Following(lambda sensors: None, refuse)
+
+    def receive(passed: PassedTicks) -> None:
+        ticks: list[Tick] = [
+            (tick.sensors, tick.acted) for tick in passed.ticks if following.counts(tick.sensors.sequence)
+        ]
+        if ticks:
+            take(ticks)
+
+    return receive

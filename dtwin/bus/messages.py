@@ -44,6 +44,8 @@ from dtwin.signals import (
     Word,
 )
 
+TOGETHER: Final = 5
+"""Number of ticks that are told together once they have passed."""
 State = Literal["starting", "running", "waiting", "safe", "stopped", "stopping"]
 """starting: not ready yet; waiting: for a peer; safe: the arm has no voltage because commands stay away; stopped: a
 safe stop is in force."""
@@ -112,6 +114,27 @@ class Acted(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEM
     time: Seconds
     volts: tuple[Volts, Volts, Volts, Volts]
     box_gripped: bool
+
+
+class PassedTick(msgspec.Struct, frozen=True, gc=False):
+    """A tick that has passed.
+
+    Attributes:
+        sensors: sample with which it began.
+        acted: what acted from then on until the next sample.
+    """
+
+    sensors: Sensors
+    acted: Acted
+
+
+class PassedTicks(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Ticks that have passed, oldest first, for those who need all of them but none at once.
+
+    A message ends with the tick whose number is a multiple of `TOGETHER`, or where the run ends or begins anew.
+    """
+
+    ticks: Annotated[tuple[PassedTick, ...], msgspec.Meta(min_length=1, max_length=TOGETHER)]
 
 
 class Path(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA):
@@ -322,6 +345,7 @@ SENSORS: Final = Topic("sensors", "publication", Sensors, None, "emulator", urge
 VOLTAGES: Final = Topic("voltages", "publication", Voltages, None, "bridge", urgent=True)
 ACTED: Final = Topic("acted", "publication", Acted, None, "emulator", urgent=True)
 TRUTH: Final = Topic("truth", "publication", Truth, None, "emulator", urgent=True)
+TICKS: Final = Topic("ticks", "publication", PassedTicks, None, "emulator")
 EVENTS: Final = Topic("events", "publication", Event, None, "any service")
 STATUS: Final = Topic("status/*", "publication", Status, None, "every service")
 ALIVE: Final = Topic("alive/*", "token", None, None, "every service")
@@ -364,7 +388,7 @@ ACKNOWLEDGE: Final = Topic(
 WATCH: Final = Topic("twin/monitoring/watch", "query", WatchRequest, WatchState, "monitoring")
 RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
 TOPICS: Final = (
-    *(SENSORS, VOLTAGES, ACTED, PATH, TRUTH, EVENTS, STATUS, ALIVE),
+    *(SENSORS, VOLTAGES, ACTED, PATH, TRUTH, TICKS, EVENTS, STATUS, ALIVE),
     *(SETTINGS, SIGNAL, STOP, RELEASE, DESK, FAULT, RESET, LATCH, SUMMARY),
     *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, MONITORING, RESIDUALS, ACKNOWLEDGE, WATCH),
 )

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from collections.abc import Iterable
 from typing import Final
 
-from dtwin.bus.messages import Acted
-from dtwin.bus.ticks import Tick, Ticks
+from dtwin.bus.ticks import Tick
 from dtwin.bus.twin_messages import IdentificationState
 from dtwin.console.calculations.tasks import Excited
-from dtwin.signals import Sensors, Voltages
 
 LONGEST: Final = 6000
 """Number of samples that are remembered, a minute: a service that is behind tells late that the signal is over."""
@@ -26,14 +25,13 @@ class ExcitedMotion:
     def __init__(self) -> None:
         self.last: Excited | None = None
         self._taking = threading.Lock()
-        self._incoming = Ticks()
         self._ticks: deque[Tick] = deque(maxlen=LONGEST)
         self._phase = ""
 
-    def take(self, message: Sensors | Voltages | Acted) -> None:
-        """Takes a sample, a command, or what acted instead of one."""
+    def take(self, ticks: Iterable[Tick]) -> None:
+        """Takes ticks, oldest first."""
         with self._taking:  # Zenoh may call for two topics at once.
-            self._ticks.extend(self._incoming.take(message))
+            self._ticks.extend(ticks)
 
     def take_state(self, state: IdentificationState) -> None:
         """Takes the state of an identification, which says when the excitation has ended."""

@@ -11,7 +11,7 @@ from typing import Any, Final, TypeVar
 
 import msgspec
 
-from dtwin.bus.following import Following
+from dtwin.bus.following import Following, following_ticks
 from dtwin.bus.messages import (
     ACTED,
     EVENTS,
@@ -24,10 +24,12 @@ from dtwin.bus.messages import (
     STATUS,
     STOP,
     SUMMARY,
+    TICKS,
     UPLOAD,
     VOLTAGES,
     WATCH,
     Acted,
+    PassedTicks,
     Path,
     Status,
     StopState,
@@ -36,6 +38,7 @@ from dtwin.bus.messages import (
 )
 from dtwin.bus.pairs import Pairs
 from dtwin.bus.session import Bus, Subscription
+from dtwin.bus.ticks import Tick
 from dtwin.bus.twin_messages import IdentificationState, MonitoringResiduals, MonitoringVerdict, Upload, WatchState
 from dtwin.console.conditions import conditions, doing
 from dtwin.console.excited import ExcitedMotion
@@ -120,7 +123,7 @@ class Hub:
         self._stop: Stop = "none"
         self._ask_stop = self._ask_watch = True
         self._colours = ("", "")
-        self._followed: Subscription | None = None
+        self._followed: list[Subscription] = []
         self._over = threading.Event()
         self._news = threading.Event()
         self._asking = threading.Thread(target=self._ask_all, name="ask", daemon=True)
@@ -128,9 +131,7 @@ class Hub:
     def listen(self) -> None:
         """Subscribes to all that is shown, and begins to ask for what is not published."""
         bus = self._bus
-        bus.subscribe(SENSORS, Sensors, Following(self._take_sensors, bus.refuse))
-        bus.subscribe(VOLTAGES, Voltages, self._take_acted)
-        bus.subscribe(ACTED, Acted, self._take_acted)
+        bus.subscribe(TICKS, PassedTicks, following_ticks(self._take_ticks, bus.refuse))
         bus.subscribe(RESIDUALS, MonitoringResiduals, self._take_residuals)
         bus.subscribe(MONITORING, MonitoringVerdict, self._take_last)
         bus.subscribe(IDENTIFICATION, IdentificationState, self._take_identification)
@@ -146,12 +147,19 @@ class Hub:
         self._asking.join()
 
     def follow_path(self, wanted: bool) -> None:
-        """Has the path sent or not; it costs the bridge a look at the controller in every tick."""
-        if wanted and self._followed is None:
-            self._followed = self._bus.subscribe(PATH, Path, self._take_path)
-        elif not wanted and self._followed is not None:
-            self._followed.end()
-            self._followed = self._on_path = None
+        """Has every sample, its command and the path sent at once or not, which costs all who send them time."""
+        if wanted and not self._followed:
+            bus = self._bus
+            self._followed = [
+                bus.subscribe(PATH, Path, self._take_path),
+                bus.subscribe(VOLTAGES, Voltages, self._take_acted),
+                bus.subscribe(ACTED, Acted, self._take_acted),
+                bus.subscribe(SENSORS, Sensors, Following(self._take_sensors, bus.refuse)),
+            ]
+        elif not wanted and self._followed:
+            for subscription in self._followed:
+                subscription.end()
+            self._followed, self._on_path = [], None
 
     def ask_again(self) -> None:
         """Asks at once for what may have changed by a command."""
@@ -249,15 +257,21 @@ class Hub:
                 found[name] = Health(state, status.last_error, round(status.rate_hz, 1), 0, self.is_here(name))
         return dict(sorted(found.items()))
 
+    def _take_ticks(self, ticks: list[Tick]) -> None:
+        self.excited.take(ticks)
+        if not self._followed:
+            for sensors, acted in ticks:
+                self._take_sensors(sensors)
+                self._take_acted(acted)
+
     def _take_sensors(self, sensors: Sensors) -> None:
         self._sensors, self._heard = sensors, (self._clocks.steady(), self._clocks.wall())
         with self._pairing:
             pair = self._pairs.first(sensors)
-        if pair is not None and self._followed is not None:
+        if pair is not None and self._followed:
             self._on_path = pair
         elif self._on_path is not None and sensors.sequence - self._on_path[0].sequence not in range(BEHIND):
             self._on_path = None
-        self.excited.take(sensors)
         waiting, held = self._colours
         if self._acted is None or not self._acted.box_gripped:
             held = waiting  # A box is held from the tick on in which it no longer waits.
@@ -266,12 +280,11 @@ class Hub:
 
     def _take_acted(self, acted: Voltages | Acted) -> None:
         self._acted = acted
-        self.excited.take(acted)
 
     def _take_path(self, path: Path) -> None:
         with self._pairing:
             pair = self._pairs.second(path)
-        if pair is not None and self._followed is not None:
+        if pair is not None and self._followed:
             self._on_path = pair
 
     def _take_residuals(self, residuals: MonitoringResiduals) -> None:

@@ -7,11 +7,10 @@ without an identification signal. Motions with a box are left out, since the mas
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Final
 
-from dtwin.bus.messages import Acted
-from dtwin.bus.ticks import Tick, Ticks
-from dtwin.signals import Sensors, Voltages
+from dtwin.bus.ticks import Tick
 
 if TYPE_CHECKING:
     from dtwin.identification.data import Experiment
@@ -30,14 +29,14 @@ class OperatingData:
     """The last ticks of a running cell: its samples and what acted on the arm after them."""
 
     def __init__(self) -> None:
-        self._incoming = Ticks()
         self._ticks: deque[Tick] = deque(maxlen=MEMORY)
 
-    def take(self, item: Sensors | Voltages | Acted) -> None:
-        """Takes a sample, a command or what acted instead of one; commands may come before or after their samples."""
-        if isinstance(item, Sensors) and self._ticks and item.sequence <= self._ticks[-1][0].sequence:
-            self._ticks.clear()  # another run has begun
-        self._ticks.extend(self._incoming.take(item))
+    def take(self, ticks: Iterable[Tick]) -> None:
+        """Takes ticks, oldest first."""
+        for tick in ticks:
+            if self._ticks and tick[0].sequence <= self._ticks[-1][0].sequence:
+                self._ticks.clear()  # another run has begun
+            self._ticks.append(tick)
 
     def pieces(self, since: float) -> list[Experiment]:
         """Pieces of motion with an empty gripper that began at a plant time (s) or later, oldest first."""

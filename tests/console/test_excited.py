@@ -11,28 +11,24 @@ from dtwin.console.excited import ExcitedMotion
 from dtwin.errors import ParameterError
 from dtwin.identification.held_out import compare
 from dtwin.parameters import PERIOD, ArmParameters
-from dtwin.signals import Sensors, Voltages
+from dtwin.signals import Sensors
 from tests.support.identification import measured
 
 LOST = {120, 121, 122, 190}
-LATE = {60, 61}
 
 
 def heard() -> Excited:
-    """What is kept of a signal of which samples were lost, and to which commands came late."""
+    """What is kept of a signal of which samples were lost."""
     experiment, motion = measured(payload=0.0), ExcitedMotion()
     motion.take_state(IdentificationState("measuring", ""))
     rows = zip(experiment.measured.tolist(), experiment.volts.tolist(), strict=True)
     for number, (theta, volts) in enumerate(rows):
         time = number * PERIOD
         first, second, third = theta
-        if number not in LOST:
-            motion.take(Sensors(number, time, (first, second, third), 0.9, False, ""))
         one, two, three = volts
-        if number in LATE:
-            motion.take(Acted(number, time, (one, two, three, 0.0), False))
-            one = -one
-        motion.take(Voltages(number, time, (one, two, three, 0.0), False))
+        if number not in LOST:
+            sensors = Sensors(number, time, (first, second, third), 0.9, False, "")
+            motion.take([(sensors, Acted(number, time, (one, two, three, 0.0), False))])
     motion.take_state(IdentificationState("estimating", ""))
     assert motion.last is not None
     return motion.last
@@ -40,7 +36,7 @@ def heard() -> Excited:
 
 def test_the_true_arm_fits_a_signal_of_which_samples_were_lost() -> None:
     experiments = excited_experiments(heard())
-    assert [len(experiment) for experiment in experiments] == [120, 67, 154]
+    assert [len(experiment) for experiment in experiments] == [120, 67, 159]
     assert (compare(experiments, ArmParameters(), np.zeros(3)).fit > 0.999).all()
 
 

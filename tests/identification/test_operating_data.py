@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import pytest
 
-from dtwin.bus.ticks import APART
+from dtwin.bus.ticks import APART, Tick
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.faults import parse_fault
@@ -35,16 +37,16 @@ def traffic() -> list[tuple[Sensors, Voltages]]:
     return passed
 
 
-def heard(items: list[Sensors | Voltages]) -> OperatingData:
+def heard(ticks: Iterable[Tick]) -> OperatingData:
     data = OperatingData()
-    for item in items:
-        data.take(item)
+    for tick in ticks:
+        data.take([tick])
     return data
 
 
 def test_pieces_are_empty_moving_and_whole(traffic: list[tuple[Sensors, Voltages]]) -> None:
     by_time = {sensors.theta: (sensors, command) for sensors, command in traffic}
-    pieces = heard([item for pair in traffic for item in pair]).pieces(5.0)
+    pieces = heard(traffic).pieces(5.0)
     assert len(pieces) >= PIECES
     for piece in pieces:
         ticks = [by_time[tuple(row)] for row in piece.measured.tolist()]
@@ -56,30 +58,26 @@ def test_pieces_are_empty_moving_and_whole(traffic: list[tuple[Sensors, Voltages
         assert [tuple(row) for row in piece.volts.tolist()] == [command.volts[:3] for _, command in ticks]
 
 
-def test_order_does_not_matter_and_gaps_part_pieces(traffic: list[tuple[Sensors, Voltages]]) -> None:
-    in_order = heard([item for pair in traffic for item in pair]).pieces(0.0)
-    blocks = [traffic[k : k + APART // 2] for k in range(0, len(traffic), APART // 2)]
-    jumbled = [item for block in blocks for half in (1, 0) for item in (pair[half] for pair in block)]
-    assert [p.fingerprint for p in heard(jumbled).pieces(0.0)] == [p.fingerprint for p in in_order]
-    lost = [item for k, pair in enumerate(traffic) if k % (PIECE - 1) for item in pair]
-    assert heard(lost).pieces(0.0) == []
+def test_gaps_part_pieces_and_ticks_may_come_together(traffic: list[tuple[Sensors, Voltages]]) -> None:
+    together = OperatingData()
+    together.take(traffic)
+    assert [p.fingerprint for p in together.pieces(0.0)] == [p.fingerprint for p in heard(traffic).pieces(0.0)]
+    assert heard(tick for k, tick in enumerate(traffic) if k % (PIECE - 1)).pieces(0.0) == []
 
 
 def test_memory_is_bounded_and_ends_with_the_run(traffic: list[tuple[Sensors, Voltages]]) -> None:
-    data = heard([item for pair in traffic for item in pair])
-    sensors, command = traffic[0]
-    data.take(sensors)
-    data.take(command)
+    data = heard(traffic)
+    data.take(traffic[:1])
     assert data.pieces(0.0) == []
-    lonely = OperatingData()
+    long = OperatingData()
     for number in range(MEMORY + 2 * APART):
-        lonely.take(Voltages(number, number * PERIOD, (0.0, 0.0, 0.0, 0.0), False))
-        lonely.take(Sensors(number, number * PERIOD, (0.01 * number, 0.0, 0.0), 0.9, False, "none"))
-    assert len(lonely.pieces(0.0)) == MEMORY // PIECE
+        sensors = Sensors(number, number * PERIOD, (0.01 * number, 0.0, 0.0), 0.9, False, "none")
+        long.take([(sensors, Voltages(number, number * PERIOD, (0.0, 0.0, 0.0, 0.0), False))])
+    assert len(long.pieces(0.0)) == MEMORY // PIECE
 
 
 def test_grown_friction_is_found_in_motion_at_work(traffic: list[tuple[Sensors, Voltages]]) -> None:
-    pieces = heard([item for pair in traffic for item in pair]).pieces(FAULT)
+    pieces = heard(traffic).pieces(FAULT)
     settings = renewed(SHEET, ERRORS, ("D1", "D2", "D3"), ("D2",))
     assert settings.free == ("D1", "D2", "D3")
     assert settings.priors["D1"].mean == SHEET.get("D1")
@@ -88,7 +86,7 @@ def test_grown_friction_is_found_in_motion_at_work(traffic: list[tuple[Sensors, 
     assert model.arm.get("D2") == pytest.approx(1.6 * SHEET.get("D2"), rel=0.01)
     assert abs(model.arm.get("D2") - 1.6 * SHEET.get("D2")) < 4.5 * model.standard_errors["D2"]
     assert min(model.validity.fit) > 0.9
-    before = heard([item for pair in traffic for item in pair if pair[0].time < FAULT]).pieces(0.0)
+    before = heard(tick for tick in traffic if tick[0].time < FAULT).pieces(0.0)
     healthy, _ = estimate_from(before, settings, "test")
     assert abs(healthy.values["D2"] - SHEET.get("D2")) < 4.5 * healthy.standard_errors["D2"]
 

@@ -20,6 +20,8 @@ from dtwin.bus.messages import (
     RESET,
     SENSORS,
     STATUS,
+    TICKS,
+    TOGETHER,
     TOPICS,
     TRUTH,
     VOLTAGES,
@@ -27,6 +29,7 @@ from dtwin.bus.messages import (
     FaultRequest,
     LatchRequest,
     LatchState,
+    PassedTicks,
     ResetRequest,
     Status,
 )
@@ -128,6 +131,23 @@ def test_an_arm_without_commands_is_made_safe_and_comes_back(patient: Emulator) 
     until(lambda: patient.kinds()["resumed"] == 1, "the arm obeys again")
     safe, resumed = (next(e.time for e in patient.events if e.kind == kind) for kind in ("safe", "resumed"))
     assert resumed - safe > 0.09
+
+
+def test_every_tick_that_has_passed_is_told_with_what_acted(lockstep: Emulator) -> None:
+    told: list[PassedTicks] = []
+    lockstep.bus.subscribe(TICKS, PassedTicks, told.append)
+    lockstep.answering = True
+    until(lambda: len(told) > 5, "ticks are told together")
+    lockstep.answering = False
+    ticks = [tick for message in told for tick in message.ticks]
+    first = ticks[0].sensors.sequence
+    assert [tick.sensors.sequence for tick in ticks] == list(range(first, first + len(ticks)))
+    assert all(len(message.ticks) == TOGETHER for message in told[1:])
+    samples = {sample.sequence: sample for sample in lockstep.samples}
+    assert all(samples[tick.sensors.sequence] == tick.sensors for tick in ticks)
+    assert {(tick.acted.volts, tick.acted.sequence == tick.sensors.sequence) for tick in ticks} == {
+        (lockstep.volts, True)
+    }
 
 
 def test_safe_means_no_voltage(realtime: Emulator) -> None:

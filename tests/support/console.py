@@ -20,11 +20,14 @@ from dtwin.bus.messages import (
     SENSORS,
     STOP,
     SUMMARY,
+    TICKS,
     Acted,
     Done,
     FaultRequest,
     LatchRequest,
     LatchState,
+    PassedTick,
+    PassedTicks,
     ReleaseRequest,
     ServiceSummary,
     StopRequest,
@@ -77,6 +80,7 @@ class FakeCell:
     def __post_init__(self) -> None:
         self.bus = Bus(open_peer(self.meet), self.name)
         self.publish = self.bus.publisher(SENSORS)
+        self._tell = self.bus.publisher(TICKS)
         self.bus.answer(STOP, StopRequest, self._note("standstill"), lambda: StopState(0.0, self.stop))
         self.bus.answer(RELEASE, ReleaseRequest, self._note("none"), lambda: StopState(0.0, self.stop))
         self.bus.answer(FAULT, FaultRequest, self._fault)
@@ -118,7 +122,10 @@ class FakeCell:
 
     def sample(self, number: int, colour: str = "") -> None:
         """Sends a sample."""
-        self.publish(Sensors(number, 0.01 * number, (0.1, 0.2, 0.3), 0.9, bool(colour), colour))
+        time = 0.01 * number
+        sensors = Sensors(number, time, (0.1, 0.2, 0.3), 0.9, bool(colour), colour)
+        self.publish(sensors)
+        self._tell(PassedTicks((PassedTick(sensors, Acted(number, time, (0.0, 0.0, 0.0, 0.0), False)),)))
 
 
 class Visitor:

@@ -1,0 +1,34 @@
+"""Services that only wait hear nothing every tick: what they are sent costs the senders as much as themselves."""
+
+import time
+from pathlib import Path
+
+from dtwin.bus.messages import ACTED, SENSORS, TICKS, VOLTAGES
+from dtwin.bus.opening import open_peer
+from dtwin.bus.session import Bus
+from dtwin.console.hub import Clocks, Hub
+from dtwin.identification.store import ModelStore
+from dtwin.services.identification import Identification
+from dtwin.services.service import Link, Service
+from tests.support.ports import free_port
+from tests.support.waiting import until
+
+PROMPT = (SENSORS, VOLTAGES, ACTED)
+
+
+def test_an_identification_that_waits_and_a_console_without_readers_hear_of_every_tick_only_afterwards(
+    tmp_path: Path,
+) -> None:
+    meet = f"tcp/127.0.0.1:{free_port()}"
+    with Bus(open_peer(meet)) as cell, Service("identification", Link(meet=meet)) as service:
+        Identification(service, ModelStore(tmp_path), None)
+        after, *prompt = (cell.publisher(topic) for topic in (TICKS, *PROMPT))
+        until(lambda: after.wanted, "the identification follows the cell")
+        hub = Hub(service.bus, "cell", "arm", Clocks(time.monotonic, time.time))
+        hub.listen()
+        assert not any(publisher.wanted for publisher in prompt)
+        hub.follow_path(True)
+        until(lambda: all(publisher.wanted for publisher in prompt), "a reader sees each sample at once")
+        hub.follow_path(False)
+        until(lambda: not any(publisher.wanted for publisher in prompt), "the last reader has gone")
+        hub.close()
