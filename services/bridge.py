@@ -222,8 +222,10 @@ class Bridge:
         return strides(before, to)
 
     def _connect(self) -> ControlLoop | None:
+        if self._controller is not None and not self._controller.lost:
+            return self._controller
         now = time.monotonic()
-        if self._controller is not None and self._controller.lost:
+        if self._controller is not None:
             # a setting has failed: samples may still be answered, but nothing can be set any more
             self._controller.close()
             self._controller = None

@@ -38,7 +38,7 @@ from dtwin.monitoring.tracking.samples import Samples
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.demands import Demands
-from dtwin.services.service import Link, Service, main, read_alone
+from dtwin.services.service import Link, Service, main
 from dtwin.signals import MONITOR, Event, EventKind
 
 log = logging.getLogger(__name__)
@@ -71,7 +71,6 @@ class Options(CellFileOption, Link):
         belief = self._belief()
         settings = MonitorSettings(alarms_per_hour=self.alarms_per_hour, tuning=tuning_for(self.task().boxes))
         warm_up(belief)
-        read_alone()
         with Service(NAME, self) as service:
             demands = Demands(service.bus) if self.safe_stop else None
             Monitoring(service, lambda: Monitor(belief, settings), self._words(), demands).run()

@@ -39,8 +39,11 @@ REPORT_PERIOD: Final = 1.0
 
 _PRIORITY: Final = 10
 """of 1 to 99: before all ordinary processes, after the kernel's own threads"""
-_ONE_READER: Final = "(rx: (worker_threads: 1))"
-"""Zenoh's runtimes with one thread that reads; two would only wake each other where there is little to read."""
+_ONE_THREAD: Final = (
+    "(rx: (handover: app), tx: (handover: app), acc: (handover: app), net: (handover: app), app: (worker_threads: 1))"
+)
+"""Zenoh's runtimes in one thread. By default the thread that finds a message at a socket wakes another one to read it,
+and each of the others holds memory; where messages are few and small that costs more than it gains."""
 GRACE: Final = 5.0
 """s to end in after the parent has gone"""
 _PORTS: Final = range(20_000, 32_000)
@@ -106,6 +109,7 @@ class Service:
         self._last_error = _LastError()
         logging.getLogger().addHandler(self._last_error)
         watch_lifeline()
+        work_alone()
         if link.urgent:
             hurry()
         if link.processor is not None:
@@ -221,19 +225,15 @@ def hurry() -> None:
 
 
 def stay(processor: int) -> None:
-    """Keeps this thread and those it starts on one processor, if the system has it and grants it.
-
-    A session that is opened afterwards reads on one thread.
-    """
-    read_alone()
+    """Keeps this thread and those it starts on one processor, if the system has it and grants it."""
     if hasattr(os, "sched_setaffinity"):
         with contextlib.suppress(OSError, ValueError):
             os.sched_setaffinity(0, {processor})
 
 
-def read_alone() -> None:
-    """Lets a session that is opened afterwards read on one thread, unless the environment says otherwise."""
-    os.environ.setdefault("ZENOH_RUNTIME", _ONE_READER)
+def work_alone() -> None:
+    """Lets the sessions that are opened afterwards work in one thread, unless the environment says otherwise."""
+    os.environ.setdefault("ZENOH_RUNTIME", _ONE_THREAD)
 
 
 def current_processor() -> int | None:

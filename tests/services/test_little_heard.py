@@ -1,5 +1,7 @@
 """Services that only wait hear nothing every tick: what they are sent costs the senders as much as themselves."""
 
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -8,6 +10,7 @@ from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
 from dtwin.console.hub import Clocks, Hub
 from dtwin.identification.store import ModelStore
+from dtwin.parameters import ROOT
 from dtwin.services.identification import Identification
 from dtwin.services.service import Link, Service
 from tests.support.ports import free_port
@@ -32,3 +35,19 @@ def test_an_identification_that_waits_and_a_console_without_readers_hear_of_ever
         hub.follow_path(False)
         until(lambda: not any(publisher.wanted for publisher in prompt), "the last reader has gone")
         hub.close()
+
+
+def test_zenoh_works_in_one_thread_of_a_service() -> None:
+    """By default it has one that waits at sockets, one or two that read, one that writes and one for all else."""
+    code = (
+        "from pathlib import Path\n"
+        "from dtwin.services.service import Link, Service\n"
+        f"with Service('console', Link(meet='tcp/127.0.0.1:{free_port()}')) as service:\n"
+        "    service.ready()\n"
+        "    names = {(task / 'comm').read_text().strip() for task in Path('/proc/self/task').iterdir()}\n"
+        "    print(*sorted(names))\n"
+    )
+    said = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    names = set(said.stdout.split())
+    assert "app-0" in names, said.stderr
+    assert not {name for name in names if name.startswith(("rx-", "tx-", "acc-", "net-"))}

@@ -24,6 +24,9 @@ class BlockingClient:
         receives: the answers' signature.
         timeout: longest time to connect, and for every exchange, s.
 
+    Attributes:
+        lost: whether the connection is closed, by `close` or after an error.
+
     Raises:
         CommunicationError: nobody answers at the address.
     """
@@ -34,6 +37,7 @@ class BlockingClient:
         self._sends = sends
         self._reader = MessageReader(receives)
         self._sock = connected_socket(address, timeout)
+        self.lost = False
 
     def __enter__(self) -> BlockingClient:
         return self
@@ -89,12 +93,8 @@ class BlockingClient:
                 self.close()
 
     def close(self) -> None:
+        self.lost = True
         self._sock.close()
-
-    @property
-    def lost(self) -> bool:
-        """Whether the connection is closed, by `close` or after an error."""
-        return self._sock.fileno() < 0
 
     def _ended(self, error: OSError | CommunicationError) -> CommunicationError:
         """Closes the connection after an error, and says which."""

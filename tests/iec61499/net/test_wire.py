@@ -292,3 +292,25 @@ def test_memory_of_an_unfinished_message_is_bounded() -> None:
 def test_every_fixed_type_is_as_wide_as_its_values() -> None:
     for name, (_, letter) in FIXED.items():
         assert struct.calcsize(f">{letter}") * 8 == elementary(name).bits
+
+
+@given(
+    st.lists(st.sampled_from(["LREAL", "BOOL", "INT", "REAL", "ULINT"]), min_size=1, max_size=8).map(
+        lambda names: signature(*names)
+    ),
+    st.data(),
+)
+def test_what_comes_whole_is_read_and_refused_as_what_comes_in_pieces(kinds: Signature, data: st.DataObject) -> None:
+    values = data.draw(st.tuples(*[values_of(kind) for kind in kinds.types]))
+    sent = bytearray(kinds.encode(values))
+    assert MessageReader(kinds).feed(bytes(sent)) == [values]
+    place = data.draw(st.integers(0, len(sent) - 1))
+    sent[place] = data.draw(st.integers(0, 255))
+    found = []
+    for pieces in ([bytes(sent)], [bytes(sent[:place]), bytes(sent[place:])]):
+        reader = MessageReader(kinds)
+        try:
+            found.append(repr([message for piece in pieces for message in reader.feed(piece)]))
+        except CommunicationError as error:
+            found.append(str(error))
+    assert found[0] == found[1]
