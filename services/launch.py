@@ -46,7 +46,7 @@ from dtwin.services.runfile import OPERATOR, SUPERVISOR, RunFile
 from dtwin.services.service import current_processor, free_port, held_port
 from dtwin.services.supervisor import Program, Supervisor
 from dtwin.simulation.history import HISTORY
-from dtwin.view.viewer import LOOPBACK, Ports, Viewer, free_ports
+from dtwin.view.viewer import LOOPBACK, Detail, Ports, Viewer, free_ports
 
 AUDIT: Final = Path("console-audit.jsonl")
 """Default file of the commands that are given at the console, in the working directory."""
@@ -74,6 +74,8 @@ class CellOptions(PlantOptions, ControlOptions):
     """Parquet log to write."""
     record: Path | None = None
     """Recording for the Rerun viewer to write."""
+    detail: Detail = "screen"
+    """What the recording holds: what a screen can show, or every sample (full), which takes several times as much."""
     viewer: Viewer = "none"
     """Show the run live: in a window of the Rerun viewer, or as a page for browsers on this machine (web)."""
     identification: bool = False
@@ -262,7 +264,7 @@ class CellOptions(PlantOptions, ControlOptions):
 
     def _recorder_options(self, ports: Ports) -> list[str]:
         notes = msgspec.json.encode(metadata(self.settings())).decode()
-        options = ["--viewer", self.viewer, "--notes", notes]
+        options = ["--viewer", self.viewer, "--detail", self.detail, "--notes", notes]
         options += ["--ports.page", str(ports.page), "--ports.data", str(ports.data)]
         options += ["--log", str(self.log.resolve())] if self.log else []
         options += ["--record", str(self.record.resolve())] if self.record else []

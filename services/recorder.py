@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import msgspec
 
@@ -31,7 +31,7 @@ from dtwin.services.parts.part_files import begin, begun, discard_parts, numbere
 from dtwin.services.parts.rows import LOSSLESS_PATIENCE, PATIENCE, Rows
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors, StepRecord, Truth, Voltages
-from dtwin.view.viewer import Ports, Viewer, ViewerProcess, has_gpu
+from dtwin.view.viewer import Detail, Ports, Viewer, ViewerProcess, has_gpu
 
 if TYPE_CHECKING:
     from dtwin.run.prediction import BelievedArm
@@ -65,6 +65,8 @@ class Options(ArmOptions, Link):
     no log, and leave marks for the next recorder."""
     record: Path | None = None
     """Recording for the Rerun viewer to write."""
+    detail: Detail = "screen"
+    """What the recording holds: what a screen can show, or every sample (full), which takes several times as much."""
     viewer: Viewer = "none"
     """Show the run live: in a window of the Rerun viewer, or in a browser (web), on the loopback interface only."""
     lossless: bool = False
@@ -287,11 +289,12 @@ class Recorder:
         options = self._options
         file = None if options.record is None else numbered(options.record, self._runs)
         sparse = file is None and options.viewer == "web" and not has_gpu()
+        detail: Detail | Literal["sparse"] = "sparse" if sparse else options.detail
         url = "" if self._viewer is None else options.ports.data_url
         ghost = self._believed = self._believed or _believed(options.commissioned, self._notes)
         try:
             self._view = LiveView(
-                options.mjcf, self._arm, file, url, options.monitored, sparse, options.task(), ghost
+                options.mjcf, self._arm, file, url, options.monitored, detail, options.task(), ghost
             )
         except NoSpaceError as error:
             self._say_unready(str(error))

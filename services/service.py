@@ -42,8 +42,8 @@ _PRIORITY: Final = 10
 _ONE_THREAD: Final = (
     "(rx: (handover: app), tx: (handover: app), acc: (handover: app), net: (handover: app), app: (worker_threads: 1))"
 )
-"""Zenoh's runtimes in one thread. By default the thread that finds a message at a socket wakes another one to read it,
-and each of the others holds memory; where messages are few and small that costs more than it gains."""
+"""Zenoh's runtimes in one thread: by default the one that finds a message at a socket wakes another one to read it,
+which costs more than it gains where messages are few and small."""
 GRACE: Final = 5.0
 """s to end in after the parent has gone"""
 _PORTS: Final = range(20_000, 32_000)

@@ -94,6 +94,7 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "release": Subcommand("live.stop", "ReleaseCommand", "let a stopped arm move again", parse_apart),
         "fault inject": Subcommand("live.fault", "FaultInject", "let a fault happen to the emulated arm"),
         "bench start": Subcommand("live.bench", "BenchStart", "time the start of a cell with all services"),
+        "bench services": Subcommand("live.bench", "BenchServices", "measure what each service of a cell takes"),
     },
     "identification": {
         "identify": Subcommand(

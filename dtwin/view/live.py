@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 import rerun as rr
@@ -28,13 +28,18 @@ from dtwin.view.monitoring import (
     monitoring_views,
     predictions,
 )
-from dtwin.view.scene import Scene
+from dtwin.view.scene import STRIDE, Scene
 from dtwin.view.series import ERROR, PLOTS, log_events, log_limits, log_plots, log_states, log_styles
 from dtwin.view.story import MOST_MARKS, Story, log_marks, log_story_styles, marks
+from dtwin.view.viewer import Detail
 from dtwin.view.write import APPLICATION
 
 RESERVE: Final = 64 << 20
 """Room on the disk below which no more is sent to a file, bytes: Rerun waits for ever for a disk that is full."""
+SCREEN: Final = 4
+"""Number of ticks of which a recording in the detail of a screen holds one, 25 Hz, and more where a line bends."""
+FILE_TICKS: Final = 1000
+"""Number of ticks that are written to a file at once: every part of it costs as much as a second of one line."""
 SPARSE: Final = 5
 """Number of ticks of which one is sent sparsely: 20 Hz of the error, 10 Hz of poses."""
 SPARSE_TICKS: Final = 200
@@ -50,11 +55,11 @@ class LiveView:
         arm: arm whose link lengths are drawn.
         file: .rrd file to write, which can be read at any time; None for no file.
         url: URL of a viewer that listens; "" for no viewer.
-        sparse: whether a tenth is sent of what moves, and of the plots the tracking error alone, to a viewer that
-            draws without a GPU.
         monitored: whether predictions and verdicts of a monitor are drawn as well.
         task: task of the cell.
         believed: arm that the twin believes in, which is drawn as a ghost.
+        detail: what is sent; with a viewer beside it a file is sent each part at once, and grows by more. Sparsely,
+            a tenth of what moves, and of the plots the tracking error alone, to a viewer that draws without a GPU.
 
     Raises:
         ModelError: the model cannot be drawn.
@@ -69,7 +74,7 @@ class LiveView:
         file: Path | None,
         url: str = "",
         monitored: bool = False,
-        sparse: bool = False,
+        detail: Detail | Literal["sparse"] = "screen",
         task: Task = DEFAULT_TASK,
         believed: BelievedArm = DATA_SHEET,
     ) -> None:
@@ -91,14 +96,18 @@ class LiveView:
             sinks.append(rr.FileSink(self._temporary))
         if url:
             sinks.append(rr.GrpcSink(url))
-        self._monitored, self._sparse = monitored, sparse
+        self._monitored, self._sparse = monitored, detail == "sparse"
+        self._full = detail == "full"
+        self._together = SPARSE_TICKS if self._sparse else 0 if url or self._full else FILE_TICKS
+        self._residuals: list[MonitoringResiduals] = []
+        self._verdicts: list[MonitoringVerdict] = []
         self._collected: list[Log] = []
         self._whole: Log | None = None
         self._units: Mapping[str, MonitoredUnit] = {}
         extent = live_extent(task)
         tabs = [monitoring_views(extent)] if monitored else []
         self._stream.set_sinks(
-            *sinks, default_blueprint=sparse_blueprint(extent) if sparse else live_blueprint(extent, *tabs)
+            *sinks, default_blueprint=sparse_blueprint(extent) if self._sparse else live_blueprint(extent, *tabs)
         )
 
     @property
@@ -107,13 +116,25 @@ class LiveView:
         return self._file is None or has_room(self._file)
 
     def add(self, log: Log) -> None:
-        """Sends ticks and events that follow those sent before, sparsely many at once."""
-        if self._sparse:
-            self._collected.append(log)
-            if sum(map(len, self._collected)) < SPARSE_TICKS:
-                return
+        """Sends ticks and events that follow those sent before, to a file alone or sparsely many at once.
+
+        What is worth a look is in a file at once, and so is its beginning.
+        """
+        self._collected.append(log)
+        at_once = not self._sparse and (self._states is None or bool(marks(log.events)))
+        if at_once or sum(map(len, self._collected)) >= self._together:
+            self._send_collected()
+
+    def _send_collected(self) -> None:
+        if self._collected:
             log, self._collected = concatenate(self._collected, {}), []
-        self._send(log)
+            self._send(log)
+        residuals, self._residuals = self._residuals, []
+        verdicts, self._verdicts = self._verdicts, []
+        if residuals:
+            log_predictions(self._stream, predictions(residuals))
+        if verdicts:
+            log_verdicts(self._stream, self._scene, verdicts)
 
     def _send(self, log: Log) -> None:
         if len(log):
@@ -129,8 +150,9 @@ class LiveView:
                 log_plots(self._stream, part, [plot for plot in PLOTS if plot.entity == ERROR])
             else:
                 log_limits(self._stream, log)
-                self._scene.log_motion(self._stream, log)
-                log_plots(self._stream, log)
+                every = 1 if self._full else SCREEN
+                self._scene.log_motion(self._stream, log, stride=max(STRIDE, every))
+                log_plots(self._stream, log, every=every)
             self._add_states(log)
             self._whole = _widened(self._whole, log)
             self._story.send(self._stream, log)
@@ -145,16 +167,16 @@ class LiveView:
             self._temporary = None
 
     def add_monitoring(self, residuals: Sequence[MonitoringResiduals], verdicts: Sequence[MonitoringVerdict]) -> None:
-        """Sends the new residuals, as predictions, and verdicts of a monitor, if there are any."""
+        """Sends the new residuals, as predictions, and verdicts of a monitor, at once if they say something new."""
+        news = [each for each in verdicts if each.units != self._units]
+        self._units = verdicts[-1].units if verdicts else self._units
         if self._sparse:
             # An opinion a second that says the same takes longer to show than it says.
-            news = [each for each in verdicts if each.units != self._units]
-            self._units = verdicts[-1].units if verdicts else self._units
             residuals, verdicts = (), news
-        if residuals:
-            log_predictions(self._stream, predictions(residuals))
-        if verdicts:
-            log_verdicts(self._stream, self._scene, verdicts)
+        self._residuals += residuals
+        self._verdicts += verdicts
+        if self._states is not None and (news or not self._together or self._sparse):
+            self._send_collected()
 
     def _add_states(self, log: Log) -> None:
         """Draws the boxes again when the state of one of them has changed."""
@@ -170,9 +192,7 @@ class LiveView:
 
     def close(self) -> None:
         """Closes the file, which then opens on the whole run, and the connection to the viewer."""
-        if self._collected:
-            self._send(concatenate(self._collected, {}))
-            self._collected = []
+        self._send_collected()
         if self._file is not None and self._whole is not None and self._temporary is None:
             extent = extent_of(self._whole, self._scene.task)
             tabs = [monitoring_views(extent)] if self._monitored else []

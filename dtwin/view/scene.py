@@ -117,13 +117,13 @@ class Scene:
         """The coordinate frame that moves with a body of the model."""
         return rr.CoordinateFrame(self._logger.paths.body_frame(body))
 
-    def log_motion(self, stream: rr.RecordingStream, log: Log, sparse: bool = False) -> None:
+    def log_motion(self, stream: rr.RecordingStream, log: Log, sparse: bool = False, stride: int = STRIDE) -> None:
         """Sends poses and, unless sparsely, the trail of the tip, what the arm is to do and its ghost.
 
-        The log follows those sent before.
+        The log follows those sent before. One of `stride` ticks is drawn.
         """
-        times = time_column(log.columns["t"][::STRIDE])
-        poses = self._poses(log, slice(None, None, STRIDE))
+        times = time_column(log.columns["t"][::stride])
+        poses = self._poses(log, slice(None, None, stride))
         for name, pose in poses.items():
             columns = rr.Transform3D.columns(
                 translation=pose.position, quaternion=np.roll(pose.quaternion, -1, axis=1)

@@ -41,6 +41,8 @@ _LEVELS: Final[Mapping[str, rr.TextLogLevel]] = {
 _EQUAL: Final = 10
 """Number of ticks of which one is plotted though nothing changes."""
 _NO_BOX: Final = "none"
+_UNSEEN_ANGLE: Final = 5e-3
+"""rad: the plots of angles are some radians high"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +54,7 @@ class Plot:
         names: names of the lines.
         colours: colours of the lines.
         width: width of all lines, in points of the user interface.
+        unseen: distance from a line that does not show where the plot is as high as a screen, in units of the values.
         values: returns the values of the lines for a log, shape (ticks, lines).
     """
 
@@ -59,6 +62,7 @@ class Plot:
     names: Sequence[str]
     colours: Sequence[style.RGB]
     width: float
+    unseen: float
     values: Callable[[Log], NDArray[np.float64]]
 
 
@@ -67,9 +71,16 @@ def _joint_plots(joint: int) -> tuple[Plot, Plot]:
     measured, target = f"measured_{joint}", f"target_{joint}"
     return (
         Plot(
-            f"{path}/measured", [f"theta {joint}"], [style.JOINTS[joint - 1]], 3.5, lambda log: log.columns[measured]
+            f"{path}/measured",
+            [f"theta {joint}"],
+            [style.JOINTS[joint - 1]],
+            3.5,
+            _UNSEEN_ANGLE,
+            lambda log: log.columns[measured],
         ),
-        Plot(f"{path}/target", [f"target {joint}"], [style.TARGET], 1.0, lambda log: log.columns[target]),
+        Plot(
+            f"{path}/target", [f"target {joint}"], [style.TARGET], 1.0, _UNSEEN_ANGLE, lambda log: log.columns[target]
+        ),
     )
 
 
@@ -78,18 +89,24 @@ PLOTS: Final = (
     *_joint_plots(1),
     *_joint_plots(2),
     *_joint_plots(3),
-    Plot(ERROR, _NAMES, style.JOINTS, 1.5, lambda log: 1e3 * (log.stack("target") - log.angles())),
+    Plot(ERROR, _NAMES, style.JOINTS, 1.5, 0.2, lambda log: 1e3 * (log.stack("target") - log.angles())),
     Plot(
-        f"{VOLTS}/motors", (*_NAMES, "gripper"), (*style.JOINTS, style.GRIPPER), 1.5, lambda log: log.stack("volts")
+        f"{VOLTS}/motors",
+        (*_NAMES, "gripper"),
+        (*style.JOINTS, style.GRIPPER),
+        1.5,
+        0.02,
+        lambda log: log.stack("volts"),
     ),
-    Plot(GRIPPER, ["gripper angle"], [style.GRIPPER], 2.0, lambda log: log.columns["gripper"]),
-    Plot(PAYLOAD, ["payload"], [style.PAYLOAD], 2.0, lambda log: log.columns["payload_mass"]),
+    Plot(GRIPPER, ["gripper angle"], [style.GRIPPER], 2.0, _UNSEEN_ANGLE, lambda log: log.columns["gripper"]),
+    Plot(PAYLOAD, ["payload"], [style.PAYLOAD], 2.0, 0.0, lambda log: log.columns["payload_mass"]),
 )
 LIMITS: Final = Plot(
     f"{VOLTS}/limits",
     ["limit", "limit"],
     [style.LIMIT, style.LIMIT],
     1.0,
+    0.0,
     lambda log: np.tile([VOLTAGE_LIMIT, -VOLTAGE_LIMIT], (2, 1)),
 )
 
@@ -113,10 +130,16 @@ def log_limits(stream: rr.RecordingStream, log: Log) -> None:
     stream.send_columns(LIMITS.entity, indexes=[times], columns=rr.Scalars.columns(scalars=LIMITS.values(log)))
 
 
-def log_plots(stream: rr.RecordingStream, log: Log, plots: Sequence[Plot] = PLOTS) -> None:
+def log_plots(stream: rr.RecordingStream, log: Log, plots: Sequence[Plot] = PLOTS, every: int = 1) -> None:
     """Sends the plotted values of a log, or a part of one; of equal ones in a row the outer two and a tenth.
 
     The viewer draws the mean of what falls on a pixel, so that a line has to have values on the next ones, too.
+
+    Args:
+        stream: where they are sent.
+        log: the run.
+        plots: what is plotted.
+        every: number of ticks of which one is sent; between them only what a straight line would show otherwise.
     """
     t = log.columns["t"]
     for plot in plots:
@@ -124,9 +147,31 @@ def log_plots(stream: rr.RecordingStream, log: Log, plots: Sequence[Plot] = PLOT
         differs = np.ones(len(log) + 1, dtype=bool)
         differs[1:-1] = (values[1:] != values[:-1]).any(axis=1)
         kept = differs[1:] | differs[:-1]
+        if every > 1:
+            kept &= bends(values, every, plot.unseen)
         kept[::_EQUAL] = True
         columns = rr.Scalars.columns(scalars=values[kept])
         stream.send_columns(plot.entity, indexes=[time_column(t[kept])], columns=columns)
+
+
+def bends(values: NDArray[np.float64], every: int, unseen: float) -> NDArray[np.bool_]:
+    """The ticks that lines need which go straight from one to the next.
+
+    Args:
+        values: values of the lines, shape (ticks, lines).
+        every: number of ticks of which one is needed at least.
+        unseen: distance from the lines within which the others are.
+
+    Returns:
+        Whether a tick is needed, shape (ticks,); beside a tick that is farther away both neighbours are, too.
+    """
+    ticks = np.arange(len(values))
+    nodes = np.unique([*ticks[::every], len(values) - 1])
+    straight = np.column_stack([np.interp(ticks, nodes, line[nodes]) for line in values.T])
+    away = np.pad((np.abs(values - straight) > unseen).any(axis=1), 1)
+    needed: NDArray[np.bool_] = away[:-2] | away[1:-1] | away[2:]
+    needed[nodes] = True
+    return needed
 
 
 def log_states(

@@ -14,6 +14,8 @@ from urllib.parse import quote
 from dtwin.errors import CommunicationError
 
 Viewer = Literal["none", "window", "web"]
+Detail = Literal["screen", "full"]
+"""What a recording holds: what a screen can show of a run, or every sample."""
 LOOPBACK: Final = "127.0.0.1"
 PAGE, DATA = 9090, 9876
 """Rerun's default TCP ports for web pages and for data."""

@@ -241,7 +241,7 @@ def test_a_viewer_without_a_gpu_is_sent_few_messages(tmp_path: Path) -> None:
     log = replace(work(), events=(Event(1.5, "fault", "K2*=0.1@1.5 began"),))
     counts, found = {}, {}
     for name, sparse in (("all", False), ("sparse", True)):
-        view = LiveView(MODEL, ArmParameters(), tmp_path / name, sparse=sparse)
+        view = LiveView(MODEL, ArmParameters(), tmp_path / name, detail="sparse" if sparse else "full")
         for start in range(0, len(log), 50):
             part = log.part(start, start + 50)
             view.add(part if start == 100 else replace(part, events=()))
