@@ -37,6 +37,7 @@ from dtwin.bus.messages import (
     ResetRequest,
     State,
 )
+from dtwin.bus.passed import Passed
 from dtwin.errors import CommunicationError, DivergenceError, DtwinError
 from dtwin.parameters import PERIOD
 from dtwin.run.loop import tick_count
@@ -45,7 +46,6 @@ from dtwin.services.parts.gate import STALE, Gate
 from dtwin.services.parts.journaled import JournaledCell
 from dtwin.services.parts.latencies import Latencies
 from dtwin.services.parts.pace import Pace
-from dtwin.services.parts.passed import Passed
 from dtwin.services.parts.revival import revive
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors, Voltages

@@ -2,8 +2,8 @@
 
 from dtwin.bus.following import AHEAD, following_ticks
 from dtwin.bus.messages import TOGETHER, PassedTicks
+from dtwin.bus.passed import Passed
 from dtwin.bus.ticks import Tick
-from dtwin.services.parts.passed import Passed
 from dtwin.signals import Sensors, Voltages
 
 
