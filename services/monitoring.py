@@ -1,6 +1,7 @@
 """Watches the running arm: samples and commands off the bus in, verdicts and residuals out.
 
-A sample comes with what acted on the arm after it, as soon as the few ticks that are told together have passed.
+A sample comes with what acted on the arm after it once the few ticks that are told together have passed, or at once
+to a monitor that may stop the arm, as soon as something has begun.
 What is lost on the way is counted and bridged by the monitor. When the service starts again, it starts from the model
 and learns anew. It may ask the function blocks for a safe stop.
 """
@@ -17,8 +18,22 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from dtwin.bus.following import following_ticks
-from dtwin.bus.messages import ACKNOWLEDGE, EVENTS, MONITORING, RESIDUALS, TICKS, TOGETHER, WATCH, PassedTicks
+from dtwin.bus.following import Following, following_ticks
+from dtwin.bus.messages import (
+    ACKNOWLEDGE,
+    ACTED,
+    EVENTS,
+    MONITORING,
+    RESIDUALS,
+    SENSORS,
+    TICKS,
+    TOGETHER,
+    VOLTAGES,
+    WATCH,
+    Acted,
+    PassedTicks,
+)
+from dtwin.bus.passed import Prompt
 from dtwin.bus.ticks import Tick
 from dtwin.bus.twin_messages import (
     AcknowledgeRequest,
@@ -39,7 +54,7 @@ from dtwin.parameters import ArmParameters, Triple
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.demands import Demands
 from dtwin.services.service import Link, Service, main
-from dtwin.signals import MONITOR, Event, EventKind
+from dtwin.signals import MONITOR, Event, EventKind, Sensors, Voltages
 
 log = logging.getLogger(__name__)
 
@@ -112,7 +127,13 @@ class Monitoring:
         self._tell_event: Callable[[Event], None] = bus.publisher(EVENTS)
         self._tell_verdict: Callable[[MonitoringVerdict], None] = bus.publisher(MONITORING)
         self._tell_residuals: Callable[[MonitoringResiduals], None] = bus.publisher(RESIDUALS)
-        bus.subscribe(TICKS, PassedTicks, following_ticks(service.inbox.put, bus.refuse))
+        self._prompt = Prompt(service.inbox.put)
+        if demands is None:
+            bus.subscribe(TICKS, PassedTicks, following_ticks(service.inbox.put, bus.refuse))
+        else:  # Who may stop the arm hears of every tick as soon as it has passed.
+            bus.subscribe(SENSORS, Sensors, Following(self._prompt.put, bus.refuse))
+            bus.subscribe(VOLTAGES, Voltages, self._prompt.put)
+            bus.subscribe(ACTED, Acted, self._prompt.put)
         bus.answer(ACKNOWLEDGE, AcknowledgeRequest, self._ask, lambda: self._ask(None))
         bus.answer(WATCH, WatchRequest, self._switch, lambda: WatchState(self._running, self._model))
 
@@ -183,6 +204,7 @@ class Monitoring:
                 self._tell_residuals(residuals(sensors.sequence, sensors.theta, monitor))
             if not self._tell_news() and sensors.sequence % VERDICT_EVERY == 0:
                 self._tell_verdict(monitor.verdict())
+        self._prompt.size = TOGETHER if monitor.calm else 1
 
     def _tell_news(self) -> bool:
         """Publishes what the monitor has noticed since the last time; whether that was anything."""

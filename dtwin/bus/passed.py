@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
+from typing import Any
 
 from dtwin.bus.messages import TOGETHER, Acted, PassedTick, PassedTicks
+from dtwin.bus.ticks import Tick, Ticks
 from dtwin.signals import Sensors, Voltages
 
 
@@ -31,3 +34,30 @@ class Passed:
         if self._waiting:
             waiting, self._waiting = tuple(self._waiting), []
             self._publish(PassedTicks(waiting))
+
+
+class Prompt:
+    """Puts samples and what acted together for those who may have to know each tick at once.
+
+    Args:
+        take: Function that is called with ticks, at least one, oldest first.
+
+    Attributes:
+        size: number of ticks that may wait for each other, those up to a number that it divides.
+    """
+
+    def __init__(self, take: Callable[[list[Tick]], Any]) -> None:
+        self.size = 1
+        self._take = take
+        self._ticks = Ticks()
+        self._waiting: list[Tick] = []
+        self._taking = threading.Lock()
+
+    def put(self, message: Sensors | Voltages | Acted) -> None:
+        """Takes a message; Zenoh may call for two topics at once."""
+        with self._taking:
+            for tick in self._ticks.take(message):
+                self._waiting.append(tick)
+                if tick[0].sequence % self.size == 0 or len(self._waiting) >= self.size:
+                    waiting, self._waiting = self._waiting, []
+                    self._take(waiting)

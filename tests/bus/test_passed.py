@@ -2,7 +2,7 @@
 
 from dtwin.bus.following import AHEAD, following_ticks
 from dtwin.bus.messages import TOGETHER, PassedTicks
-from dtwin.bus.passed import Passed
+from dtwin.bus.passed import Passed, Prompt
 from dtwin.bus.ticks import Tick
 from dtwin.signals import Sensors, Voltages
 
@@ -41,3 +41,16 @@ def test_ticks_whose_numbers_cannot_follow_are_refused() -> None:
         receive(message)
     assert [sensors.sequence for sensors, _ in taken] == [4, 5, 2 * TOGETHER]
     assert refused == ["far ahead"]
+
+
+def test_one_who_may_have_to_know_at_once_gets_every_tick_once_and_none_waits_for_more_than_the_size() -> None:
+    for size, expected in ((1, [[number] for number in range(1, 12)]), (5, [[1, 2, 3, 4, 5], [6, 7, 8, 9, 10]])):
+        taken: list[list[Tick]] = []
+        prompt = Prompt(taken.append)
+        prompt.size = size
+        for number in range(1, 13):
+            sensors, command = tick(number)
+            prompt.put(sensors)
+            prompt.put(command)
+        assert [[sensors.sequence for sensors, _ in together] for together in taken] == expected
+    assert all(command.volts == (1.0, 2.0, 3.0, 4.0) for together in taken for _, command in together)
