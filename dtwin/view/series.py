@@ -148,7 +148,8 @@ def log_plots(stream: rr.RecordingStream, log: Log, plots: Sequence[Plot] = PLOT
         differs[1:-1] = (values[1:] != values[:-1]).any(axis=1)
         kept = differs[1:] | differs[:-1]
         if every > 1:
-            kept &= bends(values, every, plot.unseen)
+            ends = differs[1:] != differs[:-1]
+            kept &= ends | bends(values, every, plot.unseen)
         kept[::_EQUAL] = True
         columns = rr.Scalars.columns(scalars=values[kept])
         stream.send_columns(plot.entity, indexes=[time_column(t[kept])], columns=columns)
@@ -160,7 +161,8 @@ def bends(values: NDArray[np.float64], every: int, unseen: float) -> NDArray[np.
     Args:
         values: values of the lines, shape (ticks, lines).
         every: number of ticks of which one is needed at least.
-        unseen: distance from the lines within which the others are.
+        unseen: distance from the straight lines within which the others are; from lines through all that are needed
+            they are no more than twice as far.
 
     Returns:
         Whether a tick is needed, shape (ticks,); beside a tick that is farther away both neighbours are, too.

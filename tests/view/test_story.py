@@ -6,6 +6,8 @@ from types import MappingProxyType
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
@@ -24,7 +26,9 @@ from dtwin.twin.kinematics import forward, joint_positions
 from dtwin.view.layout import extent_of, live_extent
 from dtwin.view.live import LiveView
 from dtwin.view.monitoring import write_monitoring
+from dtwin.view.series import PLOTS, bends
 from dtwin.view.story import Story, marks
+from dtwin.view.viewer import Detail
 from dtwin.view.write import write_recording
 from tests.view.test_write import MODEL, at, contents, ranges_of
 
@@ -258,6 +262,44 @@ def test_a_viewer_without_a_gpu_is_sent_few_messages(tmp_path: Path) -> None:
     whole = found["all"]["/cell/bodies/tip"]["Transform3D:translation"]
     for tick in (0, 150, 340):
         np.testing.assert_allclose(at(tips, tick), at(whole, tick), atol=1e-6)
+
+
+def test_a_recording_is_written_in_few_parts_and_shows_what_every_sample_would(tmp_path: Path) -> None:
+    log = replace(work(), events=(Event(1.25, "arrived", "a blue box"), Event(1.55, "fault", "K2*=0.1@1.55 began")))
+    counts, found = {}, {}
+    details: tuple[Detail, ...] = ("full", "screen")
+    for detail in details:
+        view = LiveView(MODEL, ArmParameters(), tmp_path / detail, detail=detail)
+        for start in range(0, len(log), 10):
+            part = log.part(start, start + 10)
+            t = part.columns["t"]
+            view.add(replace(part, events=tuple(e for e in log.events if t[0] <= e.time < t[0] + 0.1)))
+            if start == 150:
+                assert "/marks/0" in contents(tmp_path / detail), "what is worth a look is in the file at once"
+        view.close()
+        chunks = [chunk for chunk in RrdReader(tmp_path / detail).stream().to_chunks() if not chunk.is_static]
+        counts[detail] = len([chunk for chunk in chunks if "visual_geometries" not in chunk.entity_path])
+        found[detail] = contents(tmp_path / detail)
+    assert counts["screen"] < 0.25 * counts["full"]
+    texts = [[value for _, _, value in found[detail]["/events"]["TextLog:text"]] for detail in details]
+    assert texts[0] == texts[1]
+    assert len(texts[0]) == len(log.events)
+    for plot in PLOTS:
+        full, screen = (found[detail][f"/{plot.entity}"]["Scalars:scalars"] for detail in details)
+        times, lines = np.array([time for time, _, _ in screen]), np.array([value for _, _, value in screen])
+        at_all = np.array([time for time, _, _ in full])
+        for number, line in enumerate(np.array([value for _, _, value in full]).T):
+            shown = np.interp(at_all, times, lines[:, number])
+            assert np.abs(shown - line).max() <= 2.0 * plot.unseen + 1e-9
+
+
+@given(st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=60), st.integers(2, 6))
+def test_a_line_through_the_needed_ticks_passes_near_all_others(line: list[float], every: int) -> None:
+    values = np.array(line)
+    needed = np.flatnonzero(bends(values.reshape(-1, 1), every, 0.1))
+    assert needed[0] == 0
+    assert needed[-1] == len(values) - 1
+    assert np.abs(np.interp(np.arange(len(values)), needed, values[needed]) - values).max() <= 0.2 + 1e-9
 
 
 def test_a_recording_that_grew_opens_on_the_whole_run_in_the_end(tmp_path: Path) -> None:
