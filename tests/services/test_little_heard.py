@@ -24,7 +24,7 @@ def test_an_identification_that_waits_and_a_console_without_readers_hear_of_ever
 ) -> None:
     meet = f"tcp/127.0.0.1:{free_port()}"
     with Bus(open_peer(meet)) as cell, Service("identification", Link(meet=meet)) as service:
-        Identification(service, ModelStore(tmp_path), None)
+        Identification(service, ModelStore(tmp_path), None, 0.2)
         after, *prompt = (cell.publisher(topic) for topic in (TICKS, *PROMPT))
         until(lambda: after.wanted, "the identification follows the cell")
         hub = Hub(service.bus, "cell", "arm", Clocks(time.monotonic, time.time))
