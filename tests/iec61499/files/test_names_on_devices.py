@@ -106,7 +106,7 @@ def test_all_mistakes_of_a_system_are_said_at_once(write: Write) -> None:
         ('Destination="TOGGLE.GO"', 'Destination="TOGGLE.GOO"'),
         ('Source="TOGGLE.DONE"', 'Source="TOGGEL.DONE"'),
         ('Name="IN" Value', 'Name="INN" Value'),
-        ('Name="N" Type="E_CTU"/>\n', 'Name="N" Type="E_CTUU"/>\n'),
+        ('"E_CTU"/></SubAppNetwork>', '"E_CTUU"/></SubAppNetwork>'),
         ('"T#1s"', '"soon"'),
         ('"ONE.TEXT" To="D.R.TEXT"', '"ONE.TXT" To="D.R.TEXT"'),
         ('From="TWO.N" To="D.R', 'From="TWO.N" To="D.RR'),
