@@ -66,7 +66,7 @@ class Stops:
         self._wake = threading.Event()
         self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
         threading.Thread(target=self._follow, name="safe stop", daemon=True).start()
-        bus.watch_alive(self._note_token)
+        bus.watch_alive(self._note_token, LATCH.sender)
         bus.answer(STOP, StopRequest, self._judge, self._ask)
         bus.answer(RELEASE, ReleaseRequest, self._release, self._ask)
 
@@ -106,7 +106,7 @@ class Stops:
             raise
 
     def _note_token(self, service: str, alive: bool) -> None:
-        if service == LATCH.sender and (alive or self.stop != "none"):
+        if alive or self.stop != "none":
             self.known = False  # It may keep a stop of an earlier life, and the next one may have forgotten this one.
 
     def _ask(self) -> StopState:

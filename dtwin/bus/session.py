@@ -234,8 +234,9 @@ class Bus:
             raise ParameterError(f"{expression!r}: expected a key expression such as sensors or status/*") from None
         self._declare(self._session.declare_subscriber, str(key), take)
 
-    def watch_alive(self, receive: Callable[[str, bool], Any]) -> None:
-        """Calls `receive` with the name of a service and whether its liveliness token exists, now and on changes.
+    def watch_alive(self, receive: Callable[[str, bool], Any], service: str = "*") -> None:
+        """Calls `receive` with the name of a service, or of that one, and whether its liveliness token exists, now
+        and on changes.
 
         A service that starts again may be told to be there twice. In a cell with a key tokens count that were made
         with it.
@@ -251,7 +252,7 @@ class Bus:
         def declare(key: str, handler: Callback) -> Any:
             return self._session.liveliness().declare_subscriber(key, handler, history=True)
 
-        self._declare(declare, self.key(ALIVE, "*" if self._key is None else "**"), take)
+        self._declare(declare, self.key(ALIVE, service if self._key is None else f"{service}/**"), take)
 
     def answer(
         self,

@@ -16,10 +16,11 @@ from dtwin.experiments.soak.cell import clearing_away
 from dtwin.experiments.soak.chaos import ChaosRun, chaos_run
 from dtwin.experiments.soak.latency import SECONDS, LatencyRun, latency_run
 from dtwin.experiments.soak.memory import HOURS, MemoryRun, memory_run
+from dtwin.experiments.soak.siege import HostileRun, hostile_run
 from dtwin.experiments.soak.storm import EVENTS, StormRun, storm_run
 from dtwin.run.loop import tick_count
 
-Outcome = LatencyRun | ChaosRun | StormRun | MemoryRun
+Outcome = LatencyRun | ChaosRun | StormRun | MemoryRun | HostileRun
 
 
 @dataclass(frozen=True)
@@ -29,12 +30,13 @@ class ExperimentSoak(ExperimentCommand[Outcome], OnMachine):
     latency leaves the cell alone and measures how fast samples are answered. chaos brings one trouble after another:
     kills, freezes, cuts, stops, settings, strangers, a full disk. storm sends signals to services at random on a
     busy machine. After each the cell must work on. memory takes the messages of hours through recorder and journal,
-    faster than in real time, and sees that their memory does not grow.
+    faster than in real time, and sees that their memory does not grow. hostile lets somebody without the cell's key
+    attack it in its default, routed and secured settings: nothing may be believed, and all must be told.
     """
 
     name: ClassVar = "soak"
 
-    run: tyro.conf.Positional[Literal["latency", "chaos", "storm", "memory"]] = "latency"
+    run: tyro.conf.Positional[Literal["latency", "chaos", "storm", "memory", "hostile"]] = "latency"
     """Which run to make."""
     amount: tyro.conf.Positional[float | None] = None
     """Plant time of the latency run, s, 600 if not given; number of signals of the storm, 200 if not given;
@@ -59,7 +61,11 @@ class ExperimentSoak(ExperimentCommand[Outcome], OnMachine):
             seconds = 3600 * HOURS if self.amount is None else self.amount
             return memory_run(seconds, self.seed, machine, progress)
         if self.amount is not None:
-            raise ParameterError(f"chaos: expected no amount, since it brings each trouble once, got {self.amount:g}")
+            raise ParameterError(
+                f"{self.run}: expected no amount, since it brings each trouble once, got {self.amount:g}"
+            )
+        if self.run == "hostile":
+            return hostile_run(progress)
         return chaos_run(self.seed, machine=self.machine, progress=progress)
 
     def report(self, result: Outcome) -> Report:
