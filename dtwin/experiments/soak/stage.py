@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from types import TracebackType
@@ -185,7 +185,7 @@ class Stage:
         return ["ok" if r.ok else "" if r.err is None else r.err.payload.to_string() for r in found]
 
     @contextlib.contextmanager
-    def answering(self, topic: str, reply: Callable[[zenoh.Query], object]) -> contextlib.Iterator[list[bytes]]:
+    def answering(self, topic: str, reply: Callable[[zenoh.Query], object]) -> Iterator[list[bytes]]:
         """While the stranger answers a topic, or `**`, and says that his answers are complete; what he is asked."""
         seen: list[bytes] = []
         key = f"dtwin/{self.name}/**" if topic == "**" else self.key(topic)
