@@ -14,6 +14,7 @@ import logging
 import re
 import socket
 import threading
+from collections.abc import Mapping
 from concurrent.futures import Future
 from pathlib import Path
 from typing import Final
@@ -113,6 +114,21 @@ def open_configured(path: Path, *names: str) -> zenoh.Session:
         return _open_apart(configuration)
     finally:
         opened.set()
+
+
+def open_settings(settings: Mapping[str, object]) -> zenoh.Session:
+    """Opens a session with settings of Zenoh, by their paths.
+
+    Raises:
+        CommunicationError: they are none, or the session cannot be opened.
+    """
+    configuration = zenoh.Config()
+    try:
+        for key, value in settings.items():
+            configuration.insert_json5(key, json.dumps(value))
+    except zenoh.ZError as error:
+        raise CommunicationError(f"no Zenoh configuration: {_line(error)}") from None
+    return _open(configuration)
 
 
 def _open_apart(configuration: zenoh.Config) -> zenoh.Session:

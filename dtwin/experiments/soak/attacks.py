@@ -9,11 +9,9 @@ import contextlib
 import threading
 from collections.abc import Callable
 from functools import partial
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import msgspec
-import zenoh
-from zenoh.handlers import Callback
 
 from dtwin.bus.codec import encode
 from dtwin.bus.messages import (
@@ -48,19 +46,17 @@ from dtwin.bus.signature import Signer, new_key
 from dtwin.bus.stopping import stop
 from dtwin.errors import CommunicationError
 from dtwin.experiments.soak.intruders import INTRUSIONS
+from dtwin.experiments.soak.replies import Reply, answer_often, echo, refuse, say
 from dtwin.experiments.soak.stage import Stage, named_bus, pause
 from dtwin.parameters import VOLTAGE_LIMIT, Gains
 from dtwin.signals import Event, EventKind, Sensors, Voltages
 
-Reply = Callable[[zenoh.Query], object]
 DEEP: Final = 30_000 * b"[" + 30_000 * b"]"
 HUGE: Final = (10_000_000, 900_000)
 """bytes; Zenoh drops the first, which is more than a session takes, and tells nobody"""
 FAR: Final = 10**12
 """Number of a sample that the stranger makes up."""
 DROPPED: Final = "Zenoh drops it"
-FLOOD: Final = 2000
-"""messages"""
 FLAPS: Final = 30
 """times that three tokens come and go; Zenoh itself takes its time for each, and many more take it from the arm"""
 LATE: Final = 6.0
@@ -92,28 +88,7 @@ class Attack(NamedTuple):
     unheard: str = ""
 
 
-def _say(payload: bytes, attachment: bytes | None, query: zenoh.Query) -> None:
-    with query:
-        query.reply(str(query.key_expr), payload, attachment=attachment)
-
-
-def _refuse(query: zenoh.Query) -> None:
-    with query:
-        query.reply_err("not today")
-
-
-def _flood(query: zenoh.Query) -> None:
-    with query:
-        for _ in range(FLOOD):
-            query.reply(str(query.key_expr), encode(StopState(0.0, "standstill")))
-
-
-def _echo(query: zenoh.Query) -> None:
-    with query:
-        query.reply(str(query.key_expr), query.payload or b"", attachment=query.attachment)
-
-
-_KEPT: list[zenoh.Query] = []
+_KEPT: list[Any] = []
 """Queries that a hijacker never ends."""
 _FALSE: Final = encode(StopState(0.0, "standstill"))
 
@@ -137,7 +112,7 @@ def hijack(topic: str, reply: Reply, stage: Stage) -> str:
 def belie(stage: Stage) -> str:
     """The stranger makes up a summary of the cell."""
     false = encode(Summary({}, ticks=10**9))
-    with stage.answering(SUMMARY.name, partial(_say, false, None)):
+    with stage.answering(SUMMARY.name, partial(say, false, None)):
         return "a false summary" if stage.operator.ask(SUMMARY, None, Summary).ticks == 10**9 else ""
 
 
@@ -145,7 +120,7 @@ def replay_answers(stage: Stage) -> str:
     """The stranger passes on answers that belong to other requests."""
     kept: list[tuple[bytes, bytes]] = []
 
-    def pass_on(query: zenoh.Query) -> None:
+    def pass_on(query: Any) -> None:
         with query:
             found = stage.stranger.get(
                 str(query.key_expr), payload=query.payload, attachment=query.attachment, timeout=1.0
@@ -154,7 +129,7 @@ def replay_answers(stage: Stage) -> str:
                 (r.ok.payload.to_bytes(), r.ok.attachment.to_bytes()) for r in found if r.ok and r.ok.attachment
             )
 
-    def replay(query: zenoh.Query) -> None:
+    def replay(query: Any) -> None:
         with query:
             for payload, attachment in kept or [(_FALSE, bytes(33))]:
                 query.reply(str(query.key_expr), payload, attachment=attachment)
@@ -193,18 +168,18 @@ def flood(topic: Topic, payload: bytes, stage: Stage) -> str:
 
     def send() -> None:
         while not over.is_set():
-            stage.stranger.get(stage.key(topic.name), Callback(_ignore, lambda: None), payload=payload, timeout=1.0)
+            stage.stranger.get(stage.key(topic.name), _ignore, payload=payload, timeout=1.0)
 
     thread = threading.Thread(target=send)
     thread.start()
     try:
-        return hijack(topic.name, _refuse, stage)
+        return hijack(topic.name, refuse, stage)
     finally:
         over.set()
         thread.join()
 
 
-def _ignore(reply: zenoh.Reply) -> None:
+def _ignore(reply: Any) -> None:
     """Nobody wants to know."""
 
 
@@ -212,7 +187,7 @@ def _overhear(topic: Topic, act: Callable[[], object], stage: Stage) -> list[tup
     """The requests that an act of the operator sends, as a stranger sees them who answers everything."""
     found: list[tuple[bytes, bytes]] = []
 
-    def keep(query: zenoh.Query) -> None:
+    def keep(query: Any) -> None:
         with query:
             if (
                 query.attachment is not None
@@ -309,28 +284,28 @@ def announce(proof: str, count: int, stage: Stage) -> str:
 
 
 def _hijacks() -> list[Attack]:
-    false = partial(_say, _FALSE, None)
+    false = partial(say, _FALSE, None)
     return [
         Attack("answer controller/stop", partial(hijack, STOP.name, false)),
         Attack("answer emulator/stop", partial(hijack, LATCH.name, false)),
         Attack("answer controller/release", partial(hijack, RELEASE.name, false)),
         Attack("answer everything", partial(hijack, "**", false)),
-        Attack("answer with a made-up signature", partial(hijack, "**", partial(_say, _FALSE, bytes(33)))),
-        Attack("answer 2,000 times", partial(hijack, "**", _flood)),
+        Attack("answer with a made-up signature", partial(hijack, "**", partial(say, _FALSE, bytes(33)))),
+        Attack("answer 2,000 times", partial(hijack, "**", answer_often)),
         *(
             Attack(
                 f"answer with {size / 1e6:g} MB",
-                partial(hijack, "**", partial(_say, bytes(size), None)),
+                partial(hijack, "**", partial(say, bytes(size), None)),
                 DROPPED * (size == HUGE[0]),
             )
             for size in HUGE
         ),
         Attack(
-            "answer with NaN", partial(hijack, "**", partial(_say, b'{"schema":1,"time":NaN,"stop":"none"}', None))
+            "answer with NaN", partial(hijack, "**", partial(say, b'{"schema":1,"time":NaN,"stop":"none"}', None))
         ),
-        Attack("answer with deep nesting", partial(hijack, "**", partial(_say, DEEP, bytes(33)))),
-        Attack("answer with a refusal", partial(hijack, "**", _refuse)),
-        Attack("answer with the request", partial(hijack, "**", _echo)),
+        Attack("answer with deep nesting", partial(hijack, "**", partial(say, DEEP, bytes(33)))),
+        Attack("answer with a refusal", partial(hijack, "**", refuse)),
+        Attack("answer with the request", partial(hijack, "**", echo)),
         Attack("never end an answer", partial(hijack, "**", _KEPT.append), "nothing is said"),
         Attack("answer with answers to others", replay_answers),
         Attack("make up a summary", belie),

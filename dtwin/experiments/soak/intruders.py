@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Final
-
-import zenoh
+from typing import Any, Final
 
 from dtwin.bus.codec import encode
 from dtwin.bus.messages import RESET, ResetRequest
+from dtwin.bus.opening import open_settings
 from dtwin.errors import CommunicationError
 from dtwin.experiments.soak.stage import RECORDER, Stage
 from dtwin.parameters import ROOT
@@ -35,14 +33,11 @@ def _settings(mode: str, folder: Path, certificate: str | None) -> dict[str, obj
     }
 
 
-def _open(settings: dict[str, object]) -> zenoh.Session | None:
+def _open(settings: dict[str, object]) -> Any:
     """The session, None if it cannot be opened."""
-    configuration = zenoh.Config()
     try:
-        for key, value in settings.items():
-            configuration.insert_json5(key, json.dumps(value))
-        return zenoh.open(configuration)
-    except zenoh.ZError:
+        return open_settings(settings)
+    except CommunicationError:
         return None
 
 
