@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from dtwin.experiments.soak.attacks import ATTACKS, INTRUDERS
-from dtwin.experiments.soak.siege import HostileRun, Repelled
+from dtwin.experiments.siege.attacks import ATTACKS, INTRUDERS
+from dtwin.experiments.siege.siege import HostileRun, Repelled
 
 
 def test_there_are_forty_attacks_of_different_names() -> None:

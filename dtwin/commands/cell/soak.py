@@ -12,11 +12,11 @@ from dtwin.commands.frame import ExperimentCommand, OnMachine
 from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import ParameterError
 from dtwin.experiments.report import Report
+from dtwin.experiments.siege.siege import HostileRun, hostile_run
 from dtwin.experiments.soak.cell import clearing_away
 from dtwin.experiments.soak.chaos import ChaosRun, chaos_run
 from dtwin.experiments.soak.latency import SECONDS, LatencyRun, latency_run
 from dtwin.experiments.soak.memory import HOURS, MemoryRun, memory_run
-from dtwin.experiments.soak.siege import HostileRun, hostile_run
 from dtwin.experiments.soak.storm import EVENTS, StormRun, storm_run
 from dtwin.run.loop import tick_count
 

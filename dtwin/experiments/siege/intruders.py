@@ -12,7 +12,7 @@ from dtwin.bus.codec import encode
 from dtwin.bus.messages import RESET, ResetRequest
 from dtwin.bus.opening import open_settings
 from dtwin.errors import CommunicationError
-from dtwin.experiments.soak.stage import RECORDER, Stage
+from dtwin.experiments.siege.stage import RECORDER, Stage
 from dtwin.parameters import ROOT
 from dtwin.services.service import free_port
 

@@ -45,9 +45,9 @@ from dtwin.bus.messages import (
 from dtwin.bus.signature import Signer, new_key
 from dtwin.bus.stopping import stop
 from dtwin.errors import CommunicationError
-from dtwin.experiments.soak.intruders import INTRUSIONS
-from dtwin.experiments.soak.replies import Reply, answer_often, echo, refuse, say
-from dtwin.experiments.soak.stage import Stage, named_bus, pause
+from dtwin.experiments.siege.intruders import INTRUSIONS
+from dtwin.experiments.siege.replies import Reply, answer_often, echo, refuse, say
+from dtwin.experiments.siege.stage import Stage, named_bus, pause
 from dtwin.parameters import VOLTAGE_LIMIT, Gains
 from dtwin.signals import Event, EventKind, Sensors, Voltages
 

@@ -12,9 +12,9 @@ from typing import Any, Final
 from dtwin.campaign.spread import Progress
 from dtwin.errors import CommunicationError
 from dtwin.experiments.report import Report, page, table
-from dtwin.experiments.soak.attacks import ATTACKS, INTRUDERS, Attack
+from dtwin.experiments.siege.attacks import ATTACKS, INTRUDERS, Attack
+from dtwin.experiments.siege.stage import SETTINGS, TOLD, Setting, Stage
 from dtwin.experiments.soak.cell import cell_name, wait
-from dtwin.experiments.soak.stage import SETTINGS, TOLD, Setting, Stage
 
 DENIED: Final = "by the router"
 """Who refuses what never reaches a service of a secured cell; Zenoh tells nobody of it."""

@@ -1,0 +1,1 @@
+"""Attacks on a cell by somebody who does not know its key."""
